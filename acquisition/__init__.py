@@ -1,0 +1,1 @@
+"""Periodic signals, the cyclic task, recording, and the processing of recordings."""

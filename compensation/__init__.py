@@ -1,0 +1,1 @@
+"""Frequency response, velocity loop and feedforward: the path error cut."""

@@ -1,0 +1,137 @@
+"""`CellConfig`: which device on which bus, at which address, within which limits."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from config.model import ConfigModel
+from config.robot import NonNegative, Positive
+
+Milliseconds = Annotated[int, Field(gt=0, le=65535)]
+
+
+class CanBusConfig(ConfigModel):
+    """A CAN bus by python-can's names: any interface that python-can knows."""
+
+    interface: str
+    channel: str
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
+
+
+class DriveAxis(ConfigModel):
+    """One CiA 402 drive and the joint that it moves.
+
+    `direction` is -1 where positive drive counts turn the joint backwards. `velocity_unit` is the
+    vendor's unit of 60FFh and 606Ch. `position_zero_counts` is 6064h at joint position zero.
+    """
+
+    joint: str
+    node_id: Annotated[int, Field(ge=1, le=126)]
+    direction: Literal[1, -1] = 1
+    velocity_unit: Literal["increments_per_s", "rpm", "0.1rpm"] = "increments_per_s"
+    position_zero_counts: Annotated[int, Field(ge=-(2**31), lt=2**31)] = 0
+
+
+class DriveSafety(ConfigModel):
+    """What every drive is told, and read back from it, before motion.
+
+    The heartbeat consumer (1016h) with abort connection (6007h) is what stops the drive when
+    this computer dies; `allow_drive_without_watchdog` names the drives (node ids) that may run
+    without it.
+    """
+
+    master_node_id: Annotated[int, Field(ge=1, le=127)] = 127
+    master_heartbeat_ms: Milliseconds = 25
+    master_heartbeat_timeout_ms: Milliseconds = 80
+    drive_heartbeat_ms: Milliseconds = 50
+    drive_heartbeat_timeout_ms: Milliseconds = 100
+    abort_connection: Literal[1, 2, 3] = 3
+    quick_stop_option: Literal[1, 2, 5, 6] = 2
+    fault_reaction_option: Literal[0, 1, 2] = 2
+    quick_stop_deceleration_rad_s2: Positive
+    following_error_rad: Positive
+    following_error_timeout_ms: Annotated[int, Field(ge=0, le=65535)] = 20
+    torque_limit_fraction: Annotated[float, Field(gt=0.0, le=6.5)] = 3.0
+    allow_drive_without_watchdog: tuple[int, ...] = ()
+
+    @model_validator(mode="after")
+    def _beats_within_timeouts(self) -> DriveSafety:
+        if self.master_heartbeat_ms * 2 > self.master_heartbeat_timeout_ms:
+            raise ValueError("master_heartbeat_ms must be at most half master_heartbeat_timeout_ms")
+        if self.drive_heartbeat_ms >= self.drive_heartbeat_timeout_ms:
+            raise ValueError("drive_heartbeat_ms must be below drive_heartbeat_timeout_ms")
+        return self
+
+
+class Supervision(ConfigModel):
+    """When the cyclic task stops the motion by itself.
+
+    Following error: `following_error_min_rad` at standstill, growing with the commanded speed by
+    `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR).
+    """
+
+    missed_frames_limit: Annotated[int, Field(ge=1)] = 3
+    late_cycles_limit: Annotated[int, Field(ge=1)] = 3
+    late_by_cycles_limit: Annotated[float, Field(gt=0.0)] = 2.0
+    following_error_min_rad: Positive = 0.02
+    following_error_per_velocity_s: NonNegative = 0.1
+    stuck_encoder_cycles: Annotated[int, Field(ge=2)] = 5
+    stuck_encoder_velocity_rad_s: Positive = 0.05
+    limit_margin_fraction: Annotated[float, Field(ge=0.0, le=0.5)] = 0.1
+
+
+class ButterworthFilter(ConfigModel):
+    """The analog anti-alias filter before the drives' torque converters."""
+
+    order: Annotated[int, Field(ge=1, le=12)]
+    cutoff_hz: Positive
+
+
+class CellConfig(ConfigModel):
+    """A cell: one robot, its drives, their bus, the cycle, and the limits held on it.
+
+    `robot` and `plant` name a bundled file or give a path relative to the cell file. A cell with
+    `simulated: true` gets its mock hardware started by the command that needs it.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
+    robot: str
+    simulated: bool = False
+    plant: str | None = None
+    cycle_time_ms: Annotated[int, Field(ge=1, le=100)]
+    can: CanBusConfig
+    axes: tuple[DriveAxis, ...] = Field(min_length=1, max_length=16)
+    position_gain_per_s: Annotated[float, Field(gt=0.0, le=200.0)]
+    drive_safety: DriveSafety
+    supervision: Supervision = Supervision()
+    torque_filter: ButterworthFilter | None = None
+    validation_limits_percent: tuple[Positive, ...] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> CellConfig:
+        nodes = [axis.node_id for axis in self.axes]
+        if len(set(nodes)) != len(nodes):
+            raise ValueError("two axes have the same node_id")
+        if self.drive_safety.master_node_id in nodes:
+            raise ValueError(f"node {self.drive_safety.master_node_id} is the master's own node_id")
+        joints = [axis.joint for axis in self.axes]
+        if len(set(joints)) != len(joints):
+            raise ValueError("two axes move the same joint")
+        if self.simulated and self.plant is None:
+            raise ValueError("a simulated cell needs plant: the file that says what is simulated")
+        limits = self.validation_limits_percent
+        if limits is not None and len(limits) != len(self.axes):
+            raise ValueError(
+                f"validation_limits_percent has {len(limits)} values for {len(self.axes)} axes"
+            )
+        unknown = set(self.drive_safety.allow_drive_without_watchdog) - set(nodes)
+        if unknown:
+            raise ValueError(f"allow_drive_without_watchdog names unknown nodes {sorted(unknown)}")
+        return self
+
+    @property
+    def cycle_time_s(self) -> float:
+        """The control and SYNC period [s]."""
+        return self.cycle_time_ms / 1000.0

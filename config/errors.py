@@ -1,0 +1,59 @@
+"""The error tree: everything that rid-daq raises on purpose.
+
+The program catches `RidDaqError` alone and turns it into one message and an exit code. A message
+says what is wrong, where, and what to do about it.
+"""
+
+from __future__ import annotations
+
+
+class RidDaqError(Exception):
+    """Root of every error that a user may see."""
+
+
+class ConfigError(RidDaqError):
+    """A file or an argument says something that cannot be meant. The text carries its position."""
+
+
+class DriverError(RidDaqError):
+    """Something went wrong between the program and a device."""
+
+
+class TransportError(DriverError):
+    """A bus or port cannot be opened, or was lost."""
+
+
+class DeviceTimeoutError(DriverError):
+    """A device did not answer in time."""
+
+
+class ProtocolError(DriverError):
+    """A device answered what its protocol does not allow, or refused a request."""
+
+
+class DeviceFaultError(DriverError):
+    """A device reported a fault of its own."""
+
+
+class SafetyStop(RidDaqError):  # noqa: N818 - a stop is what happened, not an error of the code
+    """The supervisor stopped the motion; the drives are stopped and disabled."""
+
+
+class PreflightError(RidDaqError):
+    """A check before motion is red."""
+
+
+class LockedError(RidDaqError):
+    """Another session holds the cell."""
+
+
+class RecordingError(RidDaqError):
+    """A recording or run folder cannot be written or read."""
+
+
+class DataQualityError(RidDaqError):
+    """What was recorded is not good enough to go on with."""
+
+
+class EstimationError(RidDaqError):
+    """An estimate cannot be computed from what was given."""

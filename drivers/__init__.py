@@ -1,0 +1,1 @@
+"""Bytes and buses: transport, CANopen, CiA 402 drives; `open_cell`."""

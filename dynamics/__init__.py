@@ -1,0 +1,1 @@
+"""The robot model: kinematics, rigid bodies, rotors, friction, spring, and their sum."""

@@ -1,0 +1,1 @@
+"""Base parameters, experiment design, estimators and validation."""

@@ -1,0 +1,1 @@
+"""Simulated hardware on real byte streams: plant, drives, CAN bus, processes."""
