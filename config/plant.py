@@ -1,4 +1,4 @@
-"""`PlantConfig`: the truth of a simulated robot, known to the mock hardware and to the demo's judge.
+"""`PlantConfig`: the truth of a simulated robot, for the mock hardware and the demo's judge.
 
 What the identification models do not have stands in `unmodelled`, so that it can be switched off.
 """

@@ -134,7 +134,7 @@ class GravitySpring(ConfigModel):
 
 
 class RobotDescription(ConfigModel):
-    """A serial robot: kinematics, joints, rotors, spring, gravity. No inertias: those are measured."""
+    """A serial robot: kinematics, joints, rotors, spring, gravity. Inertias are measured."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
     gravity_m_s2: Vector3 = (0.0, 0.0, -9.81)

@@ -1,0 +1,229 @@
+"""Loading of cell, robot, motion and plant files, with errors that say file, line and column."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import typing
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from config.cell import CellConfig
+from config.errors import ConfigError
+from config.motion import FourierMotion, Motion, MultipointMotion
+from config.plant import PlantConfig
+from config.robot import RobotDescription
+from config.yaml_tree import YamlTree, dump_yaml, parse_yaml
+
+T = TypeVar("T")
+
+_MOTION: TypeAdapter[FourierMotion | MultipointMotion] = TypeAdapter(Motion)
+
+
+@dataclass(frozen=True)
+class LoadedCell:
+    """A cell file with the files that it names, and their bytes as used."""
+
+    config: CellConfig
+    robot: RobotDescription
+    plant: PlantConfig | None
+    files: dict[str, bytes]
+
+
+def load_cell(reference: str) -> LoadedCell:
+    """Load a cell and the robot and plant files that it names.
+
+    Parameters
+    ----------
+    reference
+        The name of a bundled cell, or a path to a cell file.
+
+    Raises
+    ------
+    ConfigError
+        A file is missing or says something that cannot be meant.
+    """
+    text, name, folder = _read(reference, "cells", None)
+    cell_tree = parse_yaml(text, name)
+    cell = validate(cell_tree, CellConfig)
+    robot_text, robot_name, _ = _read(cell.robot, "robots", folder)
+    robot = validate(parse_yaml(robot_text, robot_name), RobotDescription)
+    files = {"cell.yaml": text, "robot.yaml": robot_text}
+    moved = tuple(axis.joint for axis in cell.axes)
+    if moved != robot.joint_names:
+        raise ConfigError(
+            f"{cell_tree.where(('axes',))}: axes move {', '.join(moved)}, but robot {robot.name}"
+            f" has {', '.join(robot.joint_names)}: list one axis a joint, in the robot's order"
+        )
+    plant = None
+    if cell.plant is not None:
+        plant_text, plant_name, _ = _read(cell.plant, "plants", folder)
+        plant_tree = parse_yaml(plant_text, plant_name)
+        plant = validate(plant_tree, PlantConfig)
+        _check_plant(plant_tree, plant, robot)
+        files["plant.yaml"] = plant_text
+    return LoadedCell(cell, robot, plant, files)
+
+
+def load_robot(reference: str) -> RobotDescription:
+    """Load a robot: a bundled name, or a path.
+
+    Raises
+    ------
+    ConfigError
+        The file is missing or says something that cannot be meant.
+    """
+    text, name, _ = _read(reference, "robots", None)
+    return validate(parse_yaml(text, name), RobotDescription)
+
+
+def load_motion(path: str | Path) -> FourierMotion | MultipointMotion:
+    """Load a motion file.
+
+    Raises
+    ------
+    ConfigError
+        The file is missing or says something that cannot be meant.
+    """
+    text, name, _ = _read(str(path), "motions", None)
+    tree = parse_yaml(text, name)
+    return validate(tree, _MOTION)
+
+
+def load_bundled_or_path(reference: str, kind: str, model: type[T]) -> T:
+    """Load any other kind of file: a name bundled under `kind`, or a path.
+
+    Raises
+    ------
+    ConfigError
+        The file is missing or says something that cannot be meant.
+    """
+    text, name, _ = _read(reference, kind, None)
+    return validate(parse_yaml(text, name), model)
+
+
+def bundled_names(kind: str) -> tuple[str, ...]:
+    """Return the names bundled under `kind`: cells, robots, plants, maps."""
+    folder = resources.files("config") / "bundled" / kind
+    if not folder.is_dir():
+        return ()
+    return tuple(sorted(item.name[:-5] for item in folder.iterdir() if item.name.endswith(".yaml")))
+
+
+def to_yaml(model: BaseModel, comment: str = "") -> str:
+    """Return a configuration model as YAML text that loads back to an equal model."""
+    return dump_yaml(model.model_dump(mode="json"), comment)
+
+
+def validate(tree: YamlTree, model: type[T] | TypeAdapter[T]) -> T:
+    """Turn a YAML tree into a validated model, strictly: no value is converted silently.
+
+    Raises
+    ------
+    ConfigError
+        One line an error, each with `file:line:column`, the key, and what is allowed.
+    """
+    adapter = model if isinstance(model, TypeAdapter) else TypeAdapter(model)
+    try:
+        return adapter.validate_json(tree.json())
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+        lines = [_describe(tree, detail, model) for detail in details[:20]]
+        if len(details) > 20:
+            lines.append(f"{tree.name}: … and {len(details) - 20} more")
+        raise ConfigError("\n".join(lines)) from None
+
+
+def _read(reference: str, kind: str, folder: Path | None) -> tuple[bytes, str, Path | None]:
+    looks_like_path = "/" in reference or "\\" in reference or reference.endswith((".yaml", ".yml"))
+    if not looks_like_path and reference in bundled_names(kind):
+        resource = resources.files("config") / "bundled" / kind / f"{reference}.yaml"
+        return resource.read_bytes(), f"{reference}.yaml (bundled)", None
+    path = Path(reference).expanduser()
+    if folder is not None and not path.is_absolute():
+        path = folder / path
+    if not looks_like_path and not path.is_file():
+        names = bundled_names(kind)
+        hint = difflib.get_close_matches(reference, names, n=1)
+        meant = f" Did you mean {hint[0]}?" if hint else ""
+        known = f" Bundled {kind}: {', '.join(names)}." if names else ""
+        raise ConfigError(f"no file and no bundled {kind[:-1]} {reference!r}.{meant}{known}")
+    try:
+        return path.read_bytes(), str(path), path.parent
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
+
+
+def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) -> None:
+    n = len(robot.joints)
+    for key, entries in (("links", plant.links), ("axes", plant.axes)):
+        if len(entries) != n:
+            raise ConfigError(f"{tree.where((key,))}: {len(entries)} {key} for {n} joints")
+    if plant.unmodelled is not None and len(plant.unmodelled.axes) != n:
+        raise ConfigError(
+            f"{tree.where(('unmodelled', 'axes'))}: {len(plant.unmodelled.axes)} axes"
+            f" for {n} joints"
+        )
+    if (plant.spring is None) != (robot.spring is None):
+        raise ConfigError(
+            f"{tree.where(('spring',))}: the plant and the robot must both have a spring or neither"
+        )
+
+
+def _describe(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
+    path = _known_path(tree, detail["loc"])
+    where = tree.where(path)
+    key = ".".join(str(part) for part in path)
+    prefix = f"{where}: {key}: " if key else f"{where}: "
+    if detail["type"] == "extra_forbidden":
+        allowed = sorted(_allowed_keys(model, path[:-1]))
+        close = difflib.get_close_matches(str(path[-1]), allowed, n=1)
+        meant = f"; did you mean {close[0]}?" if close else ""
+        return f"{prefix}unknown key{meant} Allowed: {', '.join(allowed)}"
+    if detail["type"] == "missing":
+        missing = detail["loc"][-1]
+        return f"{prefix}the key {missing!r} is missing"
+    message = detail["msg"].removeprefix("Value error, ")
+    given = detail.get("input")
+    if isinstance(given, (str, int, float, bool)) and detail["type"] != "value_error":
+        return f"{prefix}{message} (got {given!r})"
+    return f"{prefix}{message}"
+
+
+def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    path: tuple[int | str, ...] = ()
+    for part in location:
+        if (*path, part) in tree.positions:
+            path = (*path, part)
+    return path
+
+
+def _allowed_keys(annotation: Any, path: tuple[int | str, ...]) -> set[str]:
+    """Collect the keys allowed at `path` below a model or annotation."""
+    if isinstance(annotation, TypeAdapter):
+        annotation = Motion
+    models = _models_in(annotation)
+    if not path:
+        return {name for model in models for name in model.model_fields}
+    if isinstance(path[0], int):
+        return _allowed_keys(annotation, path[1:])
+    keys: set[str] = set()
+    for model in models:
+        field = model.model_fields.get(path[0])
+        if field is not None:
+            keys |= _allowed_keys(field.annotation, path[1:])
+    return keys
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if inspect.isclass(annotation):
+        return [annotation] if issubclass(annotation, BaseModel) else []
+    arguments = typing.get_args(annotation)
+    if typing.get_origin(annotation) is Annotated:
+        arguments = arguments[:1]
+    return [model for argument in arguments for model in _models_in(argument)]

@@ -1,0 +1,224 @@
+"""YAML text to plain data with positions, without YAML's traps.
+
+The rules are the YAML 1.2 core schema on top of PyYAML's parser: no tags, no duplicate keys, no
+merge keys, bounded size, depth and alias expansion. What YAML 1.1 reads as something else than it
+looks (`010`, `1:30`, `no`) is refused rather than guessed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from config.errors import ConfigError
+
+MAX_BYTES = 1_000_000
+MAX_NODES = 200_000
+MAX_DEPTH = 40
+
+Path = tuple[str | int, ...]
+
+_INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_LEADING_ZERO = re.compile(r"[-+]?0[0-9_]+(\.[0-9_]*)?")
+_OTHER_BASE = re.compile(r"[-+]?0[xobXOB][0-9a-fA-F_]+")
+_GROUPED = re.compile(r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?")
+_SEXAGESIMAL = re.compile(r"[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?")
+_NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF|nan|NaN|NAN)")
+_OLD_BOOLEANS = frozenset({"yes", "no", "on", "off", "y", "n"})
+
+
+@dataclass(frozen=True)
+class YamlTree:
+    """Plain data (dict, list, str, int, float, bool, None) and where each piece stands.
+
+    `positions` maps a path of keys and indices to (line, column), both counted from 1.
+    """
+
+    name: str
+    data: Any
+    positions: dict[Path, tuple[int, int]]
+
+    def where(self, path: Path) -> str:
+        """Return `name:line:column` of the deepest known piece on the way to `path`."""
+        for length in range(len(path), -1, -1):
+            position = self.positions.get(path[:length])
+            if position is not None:
+                return f"{self.name}:{position[0]}:{position[1]}"
+        return self.name
+
+    def json(self) -> str:
+        """Return the data as JSON text, for validators with JSON's strictness."""
+        return json.dumps(self.data)
+
+
+def parse_yaml(text: bytes, name: str) -> YamlTree:
+    """Parse one YAML document.
+
+    Parameters
+    ----------
+    text
+        The file's bytes, UTF-8.
+    name
+        What to call the file in messages.
+
+    Raises
+    ------
+    ConfigError
+        The text is not YAML, or uses a part of YAML that is refused; the message has
+        `name:line:column`.
+    """
+    if len(text) > MAX_BYTES:
+        raise ConfigError(f"{name}: {len(text)} bytes; a file here has at most {MAX_BYTES}")
+    try:
+        root = yaml.compose(text.decode("utf-8-sig"), Loader=yaml.SafeLoader)
+    except UnicodeDecodeError as error:
+        raise ConfigError(
+            f"{name}: not UTF-8 text (byte {error.start}); is it the right file?"
+        ) from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"{name}:{mark.line + 1}:{mark.column + 1}" if mark else name
+        raise ConfigError(f"{where}: not valid YAML: {error.problem or error.context}") from None
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{name}: not valid YAML: {str(error).splitlines()[0]}") from None
+    except (RecursionError, ValueError):
+        raise ConfigError(f"{name}: not valid YAML: nested too deeply or not readable") from None
+    if root is None:
+        raise ConfigError(f"{name}:1:1: the file is empty")
+    positions: dict[Path, tuple[int, int]] = {}
+    data = _Builder(name, positions).build(root, (), 0)
+    return YamlTree(name, data, positions)
+
+
+class _Builder:
+    def __init__(self, name: str, positions: dict[Path, tuple[int, int]]) -> None:
+        self._name = name
+        self._positions = positions
+        self._nodes = 0
+
+    def build(self, node: yaml.Node, path: Path, depth: int) -> Any:
+        self._nodes += 1
+        if self._nodes > MAX_NODES:
+            self._refuse(node, f"more than {MAX_NODES} values after expanding aliases")
+        if depth > MAX_DEPTH:
+            self._refuse(node, f"nested more than {MAX_DEPTH} deep")
+        self._positions.setdefault(path, (node.start_mark.line + 1, node.start_mark.column + 1))
+        if isinstance(node, yaml.MappingNode):
+            self._plain_tag(node, "tag:yaml.org,2002:map")
+            return self._mapping(node, path, depth)
+        if isinstance(node, yaml.SequenceNode):
+            self._plain_tag(node, "tag:yaml.org,2002:seq")
+            return [self.build(item, (*path, i), depth + 1) for i, item in enumerate(node.value)]
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(node)
+        raise ConfigError(f"{self._name}: a YAML node of an unknown kind")
+
+    def _mapping(self, node: yaml.MappingNode, path: Path, depth: int) -> dict[str, Any]:
+        result: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            if not isinstance(key_node, yaml.ScalarNode):
+                self._refuse(key_node, "a key must be a plain word")
+            key = key_node.value
+            if key in result:
+                self._refuse(key_node, f"the key {key!r} stands here a second time; remove one")
+            child = (*path, key)
+            self._positions[child] = (key_node.start_mark.line + 1, key_node.start_mark.column + 1)
+            result[key] = self.build(value_node, child, depth + 1)
+        return result
+
+    def _scalar(self, node: yaml.ScalarNode) -> Any:
+        text: str = node.value
+        if node.style is not None:
+            self._plain_tag(node, "tag:yaml.org,2002:str")
+            return text
+        if node.tag.startswith("!") or "python" in node.tag or node.tag.endswith(":binary"):
+            self._refuse(node, f"the tag {node.tag!r} is not allowed; write the plain value")
+        if text in {"", "~", "null", "Null", "NULL"}:
+            return None
+        if text in {"true", "True", "TRUE"}:
+            return True
+        if text in {"false", "False", "FALSE"}:
+            return False
+        if _INTEGER.fullmatch(text):
+            if len(text) > 20:
+                self._refuse(node, f"the number {text[:20]}… has too many digits")
+            return int(text)
+        if _FLOAT.fullmatch(text):
+            number = float(text)
+            if not math.isfinite(number):
+                self._refuse(node, f"{text} is too large for a number")
+            return number
+        self._traps(node, text)
+        return text
+
+    def _traps(self, node: yaml.Node, text: str) -> None:
+        if text.lower() in _OLD_BOOLEANS:
+            self._refuse(
+                node, f"{text} could mean a word or a boolean; write true, false or '{text}'"
+            )
+        if _LEADING_ZERO.fullmatch(text):
+            self._refuse(node, f"{text} could mean octal; write it without the leading zero")
+        if _SEXAGESIMAL.fullmatch(text):
+            self._refuse(node, f"{text} could mean base 60; write a plain number, or '{text}'")
+        if _OTHER_BASE.fullmatch(text) or _GROUPED.fullmatch(text):
+            self._refuse(node, f"{text}: write the number in plain decimal digits")
+        if _NOT_FINITE.fullmatch(text):
+            self._refuse(node, f"{text} is not a finite number")
+
+    def _plain_tag(self, node: yaml.Node, expected: str) -> None:
+        if node.tag != expected:
+            self._refuse(node, f"the tag {node.tag!r} is not allowed; remove it")
+
+    def _refuse(self, node: yaml.Node, problem: str) -> None:
+        mark = node.start_mark
+        raise ConfigError(f"{self._name}:{mark.line + 1}:{mark.column + 1}: {problem}")
+
+
+def dump_yaml(data: object, comment: str = "") -> str:
+    """Return plain data as YAML text that `parse_yaml` reads back to equal data.
+
+    Parameters
+    ----------
+    data
+        Nested dict, list, str, int, float, bool, None.
+    comment
+        Text put above the data, each line behind `# `.
+    """
+    head = "".join(f"# {line}\n" if line else "#\n" for line in comment.splitlines())
+    return head + yaml.dump(
+        data,
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=None,
+        width=100,
+    )
+
+
+class _Dumper(yaml.SafeDumper):
+    """PyYAML's dumper, quoting every string that another reader could take for something else."""
+
+
+def _dump_string(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    plain = re.fullmatch(r"[A-Za-z_][\w .-]*", text) and text.lower() not in (
+        _OLD_BOOLEANS | {"true", "false", "null"}
+    )
+    style = None if plain and not text.endswith(" ") else '"'
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+def _dump_float(dumper: yaml.SafeDumper, number: float) -> yaml.ScalarNode:
+    text = repr(number)
+    if "." not in text:
+        text = text.replace("e", ".0e")
+    return dumper.represent_scalar("tag:yaml.org,2002:float", text)
+
+
+_Dumper.add_representer(str, _dump_string)
+_Dumper.add_representer(float, _dump_float)

@@ -1,0 +1,105 @@
+"""Bundled files load; mistakes are named with file, line, column and what is allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from config.errors import ConfigError
+from config.load import (
+    bundled_names,
+    load_cell,
+    load_motion,
+    load_robot,
+    to_yaml,
+)
+from config.motion import FourierJoint, FourierMotion
+
+
+def test_every_bundled_cell_and_robot_loads() -> None:
+    assert "ir361" in bundled_names("cells")
+    assert {"ir361", "ur10e"} <= set(bundled_names("robots"))
+    for name in bundled_names("cells"):
+        assert load_cell(name).config.name == name
+    for name in bundled_names("robots"):
+        assert load_robot(name).name == name
+
+
+def test_a_cell_file_finds_the_files_that_it_names_beside_itself(tmp_path: Path) -> None:
+    files = load_cell("ir361").files
+    for name, text in files.items():
+        (tmp_path / name).write_bytes(text)
+    cell = (tmp_path / "cell.yaml").read_text()
+    cell = cell.replace("robot: ir361", "robot: robot.yaml")
+    (tmp_path / "cell.yaml").write_text(cell.replace("plant: ir361", "plant: plant.yaml"))
+    loaded = load_cell(str(tmp_path / "cell.yaml"))
+    assert loaded.robot == load_robot("ir361")
+    assert loaded.files["robot.yaml"] == files["robot.yaml"]
+
+
+def edited(tmp_path: Path, old: str, new: str) -> str:
+    text = load_cell("ir361").files["cell.yaml"].decode()
+    assert old in text
+    path = tmp_path / "cell.yaml"
+    path.write_text(text.replace(old, new, 1))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("cycle_time_ms: 8", "cycle_time_ms: 8.5", r"cycle_time_ms: .*integer.*8\.5"),
+        ("cycle_time_ms: 8", "cycle_time_ms: '8'", r"cycle_time_ms: .*integer.*'8'"),
+        ("cycle_time_ms: 8", "cycle_time_m: 8", "did you mean cycle_time_ms"),
+        ("cycle_time_ms: 8", "cycle_time_ms: 0", "greater than or equal to 1"),
+        ("node_id: 2", "node_id: 200", r"axes\.1\.node_id: .*126.*200"),
+        ("node_id: 2", "node_id: 1", "same node_id"),
+        ("robot: ir361", "robot: ir316", "Did you mean ir361"),
+        ("robot: ir361", "robot: no/such.yaml", "cannot read"),
+        ("plant: ir361", "", "needs plant"),
+    ],
+)
+def test_a_mistake_in_a_cell_is_named(tmp_path: Path, old: str, new: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        load_cell(edited(tmp_path, old, new))
+
+
+def test_the_position_points_at_the_key(tmp_path: Path) -> None:
+    path = edited(tmp_path, "cycle_time_ms: 8", "cycle_time_ms: eight")
+    lines = Path(path).read_text().splitlines()
+    line = next(i for i, text in enumerate(lines, start=1) if text.startswith("cycle_time_ms"))
+    with pytest.raises(ConfigError) as caught:
+        load_cell(path)
+    assert str(caught.value).startswith(f"{path}:{line}:1: cycle_time_ms: ")
+
+
+def test_an_unknown_cell_lists_the_bundled_ones() -> None:
+    with pytest.raises(ConfigError, match="Bundled cells: .*ir361"):
+        load_cell("nothing-like-it")
+
+
+def test_a_motion_written_reads_back_equal(tmp_path: Path) -> None:
+    motion = FourierMotion(
+        kind="fourier",
+        robot="ir361",
+        period_s=10.0,
+        joints=(FourierJoint(joint="A1", sine=(0.1, 1e-7), cosine=(0.0, -0.25)),),
+    )
+    path = tmp_path / "motion.yaml"
+    path.write_text(to_yaml(motion, "An excitation."))
+    assert load_motion(path) == motion
+
+
+def test_a_motion_of_an_unknown_kind_names_the_kinds(tmp_path: Path) -> None:
+    path = tmp_path / "motion.yaml"
+    path.write_text("kind: circle\nrobot: ir361\n")
+    with pytest.raises(ConfigError, match="'fourier', 'multipoint'"):
+        load_motion(path)
+
+
+def test_an_unknown_key_of_a_motion_names_the_allowed_ones(tmp_path: Path) -> None:
+    path = tmp_path / "motion.yaml"
+    path.write_text("kind: multipoint\nrobot: ir361\nseed: 1\nsped_fraction: 0.5\n")
+    with pytest.raises(ConfigError, match="did you mean speed_fraction"):
+        load_motion(path)
