@@ -91,7 +91,8 @@ class Rotor(ConfigModel):
     """Where a motor's rotor sits and which way it spins (physics: section 3).
 
     `link` is the carrying link, 0 for the base; `axis` is the spin axis in that link's frame, in
-    the sense in which a positive `gear_ratio` turns for positive joint velocity.
+    the sense in which a positive `gear_ratio` turns for positive joint velocity. A motor may ride on
+    the very link that it moves (`link` equal to its joint's number): both then turn together.
     """
 
     link: Annotated[int, Field(ge=0)]
@@ -157,10 +158,10 @@ class RobotDescription(ConfigModel):
                 f"spring.joint {self.spring.joint!r} is not a joint; joints are {', '.join(names)}"
             )
         for number, joint in enumerate(self.joints, start=1):
-            if joint.rotor is not None and joint.rotor.link >= number:
+            if joint.rotor is not None and joint.rotor.link > number:
                 raise ValueError(
-                    f"rotor of joint {joint.name!r} sits on link {joint.rotor.link}: it must sit"
-                    f" on the base (0) or on a link before its joint (at most {number - 1})"
+                    f"rotor of joint {joint.name!r} sits on link {joint.rotor.link}: it must sit on"
+                    f" the base (0), on a link before its joint, or on link {number} that it moves"
                 )
         return self
 
