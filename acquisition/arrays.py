@@ -1,0 +1,56 @@
+"""Checked, read-only arrays: what the frozen dataclasses of this package are made of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from config.errors import RidDaqError
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+PhaseArray = NDArray[np.uint8]
+
+
+def read_only(
+    name: str,
+    values: Any,
+    dtype: DTypeLike,
+    shape: tuple[int | None, ...],
+    error: type[RidDaqError],
+) -> NDArray[Any]:
+    """Return a read-only copy of `values` after checking its shape and that it is finite.
+
+    Parameters
+    ----------
+    name : str
+        What the array is called in a message.
+    values : array_like
+        The values.
+    dtype : dtype_like
+        Type of the copy.
+    shape : tuple
+        Wanted shape; None where any length will do.
+    error : type
+        Class of the error raised.
+
+    Raises
+    ------
+    RidDaqError
+        Of class `error`: wrong shape, or a value that is not finite.
+    """
+    array = np.array(values, dtype=dtype, order="C")
+    if len(array.shape) != len(shape) or any(
+        wanted is not None and wanted != found
+        for wanted, found in zip(shape, array.shape, strict=True)
+    ):
+        words = ", ".join("any" if length is None else str(length) for length in shape)
+        raise error(f"{name} must have shape ({words}), it has {array.shape}")
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise error(f"{name} is not finite at index {where}")
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,103 @@
+"""`Recording`: everything measured in one run, or read from someone else's file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from acquisition.arrays import BoolArray, FloatArray, IntArray, PhaseArray, read_only
+from config.cell import ButterworthFilter
+from config.errors import RecordingError
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Measured positions and torques over time, with where they come from.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    time_s : ndarray, shape (samples,)
+        When each row was sampled [s], strictly increasing.
+    position : ndarray, shape (samples, joints)
+        Measured joint positions, link side [rad or m].
+    torque_nm : ndarray, shape (samples, joints)
+        Measured actuator torques, link side [N m or N].
+    valid : ndarray of bool, shape (samples,)
+        False where a device did not deliver and the row holds its last values.
+    phase : ndarray of uint8, shape (samples,)
+        `acquisition.motion_samples.Phase` of each row.
+    sample_index : ndarray of int64, shape (samples,)
+        Row of the motion that was streamed; -1 outside it.
+    target_position : ndarray, shape (samples, joints), or None
+        Commanded joint positions.
+    sample_period_s : float or None
+        Time between rows; None where the stamps are not uniform.
+    samples_per_period : int or None
+        Rows of one period where the motion was periodic.
+    torque_filter : ButterworthFilter or None
+        The analog filter that the measured torques passed.
+    source : "cell" or "import"
+        Measured by this program, or read from a file.
+    cell_name, robot_name, run_id : str
+        Provenance; `cell_name` is empty for an import.
+    """
+
+    joint_names: tuple[str, ...]
+    time_s: FloatArray
+    position: FloatArray
+    torque_nm: FloatArray
+    valid: BoolArray
+    phase: PhaseArray
+    sample_index: IntArray
+    source: Literal["cell", "import"]
+    target_position: FloatArray | None = None
+    sample_period_s: float | None = None
+    samples_per_period: int | None = None
+    torque_filter: ButterworthFilter | None = None
+    cell_name: str = ""
+    robot_name: str = ""
+    run_id: str = ""
+
+    def __post_init__(self) -> None:
+        n = len(self.joint_names)
+        if n == 0:
+            raise RecordingError("recording: no joints")
+        time_s = read_only("recording time_s", self.time_s, float, (None,), RecordingError)
+        samples = len(time_s)
+        rows, table = (samples,), (samples, n)
+        fields = {
+            "time_s": time_s,
+            "position": read_only("position", self.position, float, table, RecordingError),
+            "torque_nm": read_only("torque_nm", self.torque_nm, float, table, RecordingError),
+            "valid": read_only("valid", self.valid, np.bool_, rows, RecordingError),
+            "phase": read_only("phase", self.phase, np.uint8, rows, RecordingError),
+            "sample_index": read_only(
+                "sample_index", self.sample_index, np.int64, rows, RecordingError
+            ),
+        }
+        if self.target_position is not None:
+            fields["target_position"] = read_only(
+                "target_position", self.target_position, float, table, RecordingError
+            )
+        for name, array in fields.items():
+            object.__setattr__(self, name, array)
+        steps = np.diff(time_s)
+        if (steps <= 0.0).any():
+            row = int(np.argmax(steps <= 0.0)) + 1
+            raise RecordingError(
+                f"recording: time stamps must increase; row {row} is at {time_s[row]:.6f} s after"
+                f" {time_s[row - 1]:.6f} s"
+            )
+        if self.sample_period_s is not None and not self.sample_period_s > 0.0:
+            raise RecordingError(
+                f"recording: sample_period_s {self.sample_period_s} is not positive"
+            )
+        if self.samples_per_period is not None and self.sample_period_s is None:
+            raise RecordingError("recording: a periodic recording needs its sample_period_s")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
