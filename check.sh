@@ -1,0 +1,14 @@
+#!/usr/bin/env bash
+# Every check and every test; what CI runs.
+set -euo pipefail
+cd "$(dirname "$0")"
+. ./environment.sh
+rid_daq_environment
+bin=.venv/bin
+step() { printf '\n== %s\n' "$*"; "$@"; }
+step $bin/ruff format --check .
+step $bin/ruff check .
+step $bin/lint-imports --no-cache
+step $bin/mypy
+step $bin/pyright
+step $bin/python -m pytest -q -n 2 --dist loadgroup "$@"
