@@ -1,1 +1,1 @@
-"""A small sans-IO CANopen core (CiA 301, CiA 402), used by the driver and by the simulated drive."""
+"""A small sans-IO CANopen core (CiA 301), used by the driver and by the simulated drive."""

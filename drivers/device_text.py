@@ -1,0 +1,27 @@
+"""Text that a device controls, made safe to show on a terminal and in a report."""
+
+from __future__ import annotations
+
+
+def printable(text: bytes | str, limit: int = 64) -> str:
+    r"""Return `text` with everything but printable characters escaped, cut to `limit` characters.
+
+    Parameters
+    ----------
+    text
+        What the device sent; bytes are read as Latin-1, so that every byte has a character.
+    limit
+        Most characters of `text` that are kept before escaping.
+
+    Examples
+    --------
+    >>> printable(b"servo\x1b[2J")
+    'servo\\x1b[2J'
+    """
+    characters = text.decode("latin-1") if isinstance(text, bytes) else text
+    shown = characters[:limit]
+    escaped = "".join(
+        c if c.isprintable() and c != "\\" else c.encode("unicode_escape").decode("ascii")
+        for c in shown
+    )
+    return escaped if len(characters) <= limit else escaped + "..."

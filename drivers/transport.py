@@ -1,0 +1,173 @@
+"""The one place that opens ports: `CanLink` over python-can, and the `Clock` that goes with it."""
+
+from __future__ import annotations
+
+import socket
+import time
+from types import TracebackType
+from typing import Any, Protocol
+
+import can
+
+from config.cell import CanBusConfig
+from config.errors import TransportError
+from drivers.canopen.frames import Frame
+
+_RECEIVE_BUFFER_BYTES = 4 << 20
+_BUS_OFF = 0x40
+
+
+class Clock(Protocol):
+    """Time as the cell has it: the computer's, or a simulated cell's in lock-step."""
+
+    def now_s(self) -> float:
+        """Return the time since an arbitrary start [s]; never runs backwards."""
+
+    def sleep_until(self, time_s: float) -> None:
+        """Return not before `time_s`, an absolute time of this clock [s]."""
+
+
+class MonotonicClock:
+    """The computer's monotonic clock, untouched by changes of the date."""
+
+    def now_s(self) -> float:
+        """Return CLOCK_MONOTONIC [s]."""
+        return time.monotonic()
+
+    def sleep_until(self, time_s: float) -> None:
+        """Sleep to an absolute deadline; returns at once when it has passed."""
+        while (remaining_s := time_s - time.monotonic()) > 0.0:
+            time.sleep(remaining_s)
+
+
+class CanLink:
+    """A python-can bus with typed errors, absolute receive deadlines and its clock.
+
+    A bus whose attribute `simulated_clock` is not None brings its own time; its receive timeouts
+    and its messages' time stamps are then in that time.
+
+    Attributes
+    ----------
+    clock
+        The time that all deadlines of this link are in.
+    simulated
+        Whether that is a simulated clock.
+    last_time_s
+        When the last received frame arrived, on `clock` [s].
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+        simulated_clock: Clock | None = getattr(bus, "simulated_clock", None)
+        self.simulated = simulated_clock is not None
+        self.clock: Clock = MonotonicClock() if simulated_clock is None else simulated_clock
+        self.last_time_s = self.clock.now_s()
+
+    def send(self, frame: Frame) -> None:
+        """Send a frame; raises `TransportError` when the bus does not take it."""
+        self.send_message(
+            can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
+        )
+
+    def send_message(self, message: can.Message) -> None:
+        """Send a python-can message that the caller reuses: the cyclic path."""
+        try:
+            self._bus.send(message)
+        except (can.CanError, OSError) as error:
+            raise TransportError(
+                f"CAN bus {self._bus.channel_info}: sending failed ({error});"
+                " check the adapter, its cable and the bus termination"
+            ) from error
+
+    def receive_message(self, until_s: float) -> can.Message | None:
+        """Return the next classic data frame, or None when `until_s` [s] comes first.
+
+        A deadline that has passed still takes what is waiting, without waiting.
+
+        Raises
+        ------
+        TransportError
+            The adapter is gone, or reports bus-off.
+        """
+        while True:
+            timeout_s = until_s - self.clock.now_s()
+            try:
+                message = self._bus.recv(timeout_s if timeout_s > 0.0 else 0.0)
+            except (can.CanError, OSError, ValueError) as error:
+                raise TransportError(
+                    f"CAN bus {self._bus.channel_info}: receiving failed ({error});"
+                    " check the adapter and its cable"
+                ) from error
+            if message is None:
+                return None
+            self.last_time_s = message.timestamp if self.simulated else self.clock.now_s()
+            if message.is_error_frame:
+                if message.arbitration_id & _BUS_OFF:
+                    raise TransportError(
+                        f"CAN bus {self._bus.channel_info}: the adapter is bus-off;"
+                        " check bit rate, cable and termination, then restart the interface"
+                    )
+            elif not (message.is_extended_id or message.is_remote_frame or message.is_fd):
+                return message
+
+    def receive(self, until_s: float) -> Frame | None:
+        """Return the next frame, or None when `until_s` [s] comes first (`receive_message`)."""
+        message = self.receive_message(until_s)
+        return None if message is None else Frame(message.arbitration_id, bytes(message.data))
+
+    def close(self) -> None:
+        """Close the bus; raises `TransportError` when even that fails."""
+        try:
+            self._bus.shutdown()
+        except (can.CanError, OSError) as error:
+            raise TransportError(
+                f"CAN bus {self._bus.channel_info}: closing failed ({error})"
+            ) from error
+
+    def __enter__(self) -> CanLink:
+        """Return the link itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the bus."""
+        self.close()
+
+
+def open_can(config: CanBusConfig) -> CanLink:
+    """Open the bus that a cell file names.
+
+    Raises
+    ------
+    TransportError
+        The interface is unknown, its driver is missing or the channel cannot be opened.
+    """
+    options: dict[str, Any] = {"participant": True} if config.interface == "rid_sim" else {}
+    try:
+        bus = can.Bus(
+            interface=config.interface,
+            channel=config.channel,
+            bitrate=config.bitrate,
+            ignore_config=True,
+            **options,
+        )
+    except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+        raise TransportError(
+            f"CAN bus {config.interface}:{config.channel} cannot be opened ({error});"
+            " check can.interface and can.channel in the cell file, and that the adapter is"
+            " plugged in and up"
+        ) from error
+    if config.interface == "socketcan":
+        _widen_receive_buffer(bus)
+    return CanLink(bus)
+
+
+def _widen_receive_buffer(bus: can.BusABC) -> None:
+    """Give SocketCAN room: its default holds 35 ms of a full bus and drops the rest silently."""
+    bus_socket = getattr(bus, "socket", None)
+    if isinstance(bus_socket, socket.socket):
+        bus_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
