@@ -91,8 +91,8 @@ class Rotor(ConfigModel):
     """Where a motor's rotor sits and which way it spins (physics: section 3).
 
     `link` is the carrying link, 0 for the base; `axis` is the spin axis in that link's frame, in
-    the sense in which a positive `gear_ratio` turns for positive joint velocity. A motor may ride on
-    the very link that it moves (`link` equal to its joint's number): both then turn together.
+    the sense in which a positive `gear_ratio` turns for positive joint velocity. A motor may ride
+    on the very link that it moves (`link` equal to its joint's number).
     """
 
     link: Annotated[int, Field(ge=0)]
