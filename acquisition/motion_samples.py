@@ -2,13 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
 from acquisition.arrays import FloatArray, PhaseArray, read_only
+from acquisition.excitation import FourierTrajectory
+from acquisition.multipoint import multipoint_path
+from acquisition.ramp import (
+    Path,
+    join,
+    rest_to_rest,
+    rest_to_rest_duration,
+    run_in,
+    run_out,
+    standstill,
+)
 from config.errors import ConfigError
+from config.motion import FourierMotion, MultipointMotion
+from config.robot import RobotDescription
+
+APPROACH_SPEED_FRACTION = 0.3
+RAMP_GROWTH = 1.25
+RAMP_ATTEMPTS = 20
 
 
 class Phase(IntEnum):
@@ -83,3 +101,239 @@ class MotionSamples:
     def duration_s(self) -> float:
         """Time from the first sample to the last [s]."""
         return (len(self) - 1) * self.sample_period_s
+
+
+def plan_motion(
+    motion: FourierMotion | MultipointMotion, robot: RobotDescription, sample_period_s: float
+) -> MotionSamples:
+    """Return the verified samples of a motion file; they start and end at rest.
+
+    A periodic motion gets a run-in and a run-out along its own path; they are lengthened beyond
+    `ramp_s` where the limits ask for it.
+
+    Parameters
+    ----------
+    motion : FourierMotion or MultipointMotion
+        What the robot is to do.
+    robot : RobotDescription
+        Joints and limits.
+    sample_period_s : float
+        The cell's cycle time [s].
+
+    Raises
+    ------
+    ConfigError
+        The motion does not fit the robot, the cycle time or a limit; the text names the joint, the
+        value and the limit.
+    """
+    if isinstance(motion, FourierMotion):
+        samples = _plan_fourier(motion, robot, sample_period_s)
+    else:
+        path = multipoint_path(motion, robot, sample_period_s)
+        samples = MotionSamples(
+            robot.joint_names, sample_period_s, *path, _phases((Phase.MAIN, len(path.position)))
+        )
+    verify_limits(samples, robot)
+    return samples
+
+
+def approach(
+    from_position: FloatArray,
+    to_position: FloatArray,
+    robot: RobotDescription,
+    sample_period_s: float,
+) -> MotionSamples:
+    """Return a gentle move from rest to rest, at 30 % of the velocity and acceleration limits.
+
+    Parameters
+    ----------
+    from_position, to_position : ndarray, shape (joints,)
+        Poses [rad or m]: where the robot stands, and where the motion starts.
+    robot : RobotDescription
+        Joints and limits.
+    sample_period_s : float
+        The cell's cycle time [s].
+
+    Raises
+    ------
+    ConfigError
+        A pose is outside the position limits.
+    """
+    n = len(robot.joints)
+    start = read_only("pose to start from", from_position, float, (n,), ConfigError)
+    end = read_only("pose to go to", to_position, float, (n,), ConfigError)
+    velocity_limit = np.array([joint.limits.velocity for joint in robot.joints])
+    acceleration_limit = np.array([joint.limits.acceleration for joint in robot.joints])
+    duration_s = rest_to_rest_duration(
+        end - start,
+        APPROACH_SPEED_FRACTION * velocity_limit,
+        APPROACH_SPEED_FRACTION * acceleration_limit,
+    )
+    rows = max(1, math.ceil(duration_s / sample_period_s))
+    path = join([rest_to_rest(start, end, rows, sample_period_s), standstill(end, 1)])
+    samples = MotionSamples(
+        robot.joint_names, sample_period_s, *path, phase=_phases((Phase.APPROACH, rows + 1))
+    )
+    verify_limits(samples, robot)
+    return samples
+
+
+def verify_limits(
+    samples: MotionSamples, robot: RobotDescription, *, oversampling: int = 10
+) -> None:
+    """Check position, velocity and acceleration between the samples, not only at them.
+
+    The motion is rebuilt as the quintic through each pair of neighbouring rows (their positions,
+    velocities and accelerations), so a step in the rows shows up as the speed that it takes.
+
+    Parameters
+    ----------
+    samples : MotionSamples
+        The motion.
+    robot : RobotDescription
+        The limits.
+    oversampling : int
+        Points looked at per sample period.
+
+    Raises
+    ------
+    ConfigError
+        A limit is exceeded; the text names every joint, value and limit.
+    """
+    if samples.joint_names != robot.joint_names:
+        raise ConfigError(
+            f"the motion is for joints {', '.join(samples.joint_names)}, robot {robot.name!r} has"
+            f" {', '.join(robot.joint_names)}"
+        )
+    path = Path(samples.position, samples.velocity, samples.acceleration)
+    _refuse(_violations(path, robot, samples.sample_period_s, oversampling), "the motion")
+
+
+def _plan_fourier(
+    motion: FourierMotion, robot: RobotDescription, sample_period_s: float
+) -> MotionSamples:
+    trajectory = FourierTrajectory.from_motion(motion, robot, sample_period_s)
+    times_s = trajectory.sample_times_s
+    period = Path(
+        trajectory.position(times_s),
+        trajectory.velocity(times_s),
+        trajectory.acceleration(times_s),
+    )
+    first_row = Path(*(values[:1] for values in period))
+    _refuse(_violations(join([period, first_row]), robot, sample_period_s), "the periodic motion")
+    start, end = _ramps(trajectory, motion.ramp_s, robot)
+    repeats = motion.transient_periods + motion.periods
+    path = join([start, *[period] * repeats, end])
+    return MotionSamples(
+        robot.joint_names,
+        sample_period_s,
+        *path,
+        phase=_phases(
+            (Phase.RUN_IN, len(start.position)),
+            (Phase.TRANSIENT, motion.transient_periods * trajectory.samples_per_period),
+            (Phase.MAIN, motion.periods * trajectory.samples_per_period),
+            (Phase.RUN_OUT, len(end.position)),
+        ),
+        samples_per_period=trajectory.samples_per_period,
+        periods=motion.periods,
+    )
+
+
+def _ramps(
+    trajectory: FourierTrajectory, ramp_s: float, robot: RobotDescription
+) -> tuple[Path, Path]:
+    """Return run-in and run-out, as long as asked for or as much longer as the limits need."""
+    sample_period_s = trajectory.sample_period_s
+    rows = max(2, math.ceil(ramp_s / sample_period_s - 1e-6))
+    violations: list[str] = []
+    for _ in range(RAMP_ATTEMPTS):
+        start, end = run_in(trajectory, rows), run_out(trajectory, rows)
+        joined = join([start, Path(*(values[:1] for values in end))])
+        violations = [
+            *_violations(joined, robot, sample_period_s),
+            *_violations(end, robot, sample_period_s),
+        ]
+        if not violations:
+            return start, end
+        rows = math.ceil(rows * RAMP_GROWTH)
+    raise _beyond_limits(violations, f"a ramp of {ramp_s:g} s, and any longer one tried,")
+
+
+def _phases(*counts: tuple[Phase, int]) -> PhaseArray:
+    """Return the phase of each row from (phase, rows) pairs."""
+    return np.concatenate([np.full(rows, phase, dtype=np.uint8) for phase, rows in counts])
+
+
+def _violations(
+    path: Path, robot: RobotDescription, sample_period_s: float, oversampling: int = 10
+) -> list[str]:
+    """Return what exceeds which limit, in words: the worst of each joint and quantity."""
+    position, velocity, acceleration = _between_rows(path, sample_period_s, oversampling)
+    step_s = sample_period_s / oversampling
+    found = []
+    for column, joint in enumerate(robot.joints):
+        limits = joint.limits
+        unit = "rad" if joint.type == "revolute" else "m"
+        checks = (
+            ("position", unit, position, limits.position_min, limits.position_max),
+            ("velocity", f"{unit}/s", velocity, -limits.velocity, limits.velocity),
+            (
+                "acceleration",
+                f"{unit}/s^2",
+                acceleration,
+                -limits.acceleration,
+                limits.acceleration,
+            ),
+        )
+        for quantity, unit_name, values, low, high in checks:
+            slack = 1e-9 * max(abs(low), abs(high))
+            for row, limit, excess in (
+                (int(np.argmax(values[:, column])), high, 1.0),
+                (int(np.argmin(values[:, column])), low, -1.0),
+            ):
+                value = float(values[row, column])
+                if (value - limit) * excess > slack:
+                    found.append(
+                        f"{quantity} of joint {joint.name!r} reaches {value:.6g} {unit_name} at"
+                        f" {row * step_s:.4g} s, its limit is {limit:.6g}"
+                    )
+    return found
+
+
+def _between_rows(path: Path, sample_period_s: float, oversampling: int) -> Path:
+    """Return the quintic through the rows at `oversampling` points per sample period."""
+    h = sample_period_s
+    q0, v0, a0 = path.position[:-1], h * path.velocity[:-1], h**2 * path.acceleration[:-1]
+    q1, v1, a1 = path.position[1:], h * path.velocity[1:], h**2 * path.acceleration[1:]
+    rest = q1 - q0 - v0 - a0 / 2.0
+    slope = v1 - v0 - a0
+    bend = a1 - a0
+    c3 = 10.0 * rest - 4.0 * slope + bend / 2.0
+    c4 = -15.0 * rest + 7.0 * slope - bend
+    c5 = 6.0 * rest - 3.0 * slope + bend / 2.0
+    x = (np.arange(oversampling) / oversampling)[:, np.newaxis]
+
+    def rows(inner: FloatArray, last: FloatArray) -> FloatArray:
+        return np.concatenate([inner.reshape(-1, last.shape[-1]), last[-1:]])
+
+    q0, v0, a0, c3, c4, c5 = (values[:, np.newaxis, :] for values in (q0, v0, a0, c3, c4, c5))
+    position = q0 + x * (v0 + x * (a0 / 2.0 + x * (c3 + x * (c4 + x * c5))))
+    velocity = v0 + x * (a0 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
+    acceleration = a0 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))
+    return Path(
+        rows(position, path.position),
+        rows(velocity / h, path.velocity),
+        rows(acceleration / h**2, path.acceleration),
+    )
+
+
+def _beyond_limits(violations: list[str], what: str) -> ConfigError:
+    return ConfigError(
+        f"{what} exceeds the robot's limits: {'; '.join(violations)}. Reduce the amplitudes or"
+        " speeds, or correct the limits in the robot file"
+    )
+
+
+def _refuse(violations: list[str], what: str) -> None:
+    if violations:
+        raise _beyond_limits(violations, what)
