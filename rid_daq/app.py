@@ -1,0 +1,133 @@
+"""The root of the command line: which commands there are, and how the program ends.
+
+A command's module is imported when it is called, so that `rid-daq --help` and `rid-daq runs` do
+not wait for numerics that they do not use. This is the one place that catches `RidDaqError`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import signal
+import sys
+from collections.abc import Sequence
+from types import FrameType
+from typing import Annotated, Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+from config.errors import RidDaqError
+from rid_daq.exit_codes import ExitCode, exit_code_of
+
+COMMANDS: dict[str, str] = {
+    "demo": "the whole story on the bundled simulated cell, with a report, no hardware",
+    "init": "write a commented cell, robot and motion to start from",
+    "check": "preflight: every device, every safety setting; any red means no motion",
+    "mock": "serve a cell's simulated devices on their bus until stopped",
+    "design": "choose an excitation, verify it against the limits, write the motion file",
+    "record": "run a motion on a cell and record it",
+    "import": "someone else's recording (CSV) into a run folder",
+    "average": "cut a run into periods, reject bad ones, average the rest",
+    "identify": "estimate the robot's parameters from one or more runs",
+    "validate": "predict another run's torques and judge the error",
+    "report": "write a run's report again from its results",
+    "runs": "list the runs, and check that their files are unchanged",
+}
+"""Every command and its one line in the help; the module is `rid_daq.commands.<name>`."""
+
+
+class LazyCommands(TyperGroup):
+    """The root group: imports `rid_daq.commands.<name>` when that command is called."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        names: Any = dict.fromkeys(COMMANDS)
+        self.commands = names  # for lists and "did you mean"; get_command fills them in
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Import and return one command, or None where there is none of that name."""
+        if cmd_name not in COMMANDS:
+            return None
+        # `import` is a word of the language, so its module is import_.
+        module_name = "import_" if cmd_name == "import" else cmd_name
+        module = importlib.import_module(f"rid_daq.commands.{module_name}")
+        single = typer.Typer(add_completion=False, rich_markup_mode=None)
+        single.command(name=cmd_name)(getattr(module, module_name))
+        return typer.main.get_command(single)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the list of commands without importing any of them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+root = typer.Typer(
+    cls=LazyCommands,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+    help="Measure a robot's dynamics: drives, recordings, identification, validation, reports."
+    " CELL is a bundled name (ir361) or a path to a cell file. This program is not a safety"
+    " function: the cell's own emergency stop is required.",
+)
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        from rid_daq.versions import program_version
+
+        typer.echo(program_version())
+        raise typer.Exit
+
+
+@root.callback()
+def _root(
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command line and return its exit code; messages go to stderr.
+
+    Parameters
+    ----------
+    arguments
+        The words after the program's name.
+    """
+    try:
+        typer.main.get_command(root)(args=list(arguments), prog_name="rid-daq")
+    except RidDaqError as error:
+        code = exit_code_of(error)
+        typer.echo(f"rid-daq: {printable(str(error))}", err=True)
+        if "--json" in arguments:
+            problem = {"kind": type(error).__name__, "message": str(error), "exit_code": int(code)}
+            typer.echo(json.dumps({"error": problem}, ensure_ascii=False, indent=2))
+        return code
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else ExitCode.DONE
+    return ExitCode.DONE
+
+
+def printable(text: str) -> str:
+    """Return text with control characters made visible: it may come from a device or a file."""
+    return "".join(c if c.isprintable() or c in "\n\t" else f"\\x{ord(c):02x}" for c in text)
+
+
+def _terminate(_signal: int, _frame: FrameType | None) -> NoReturn:
+    raise SystemExit(ExitCode.TERMINATED)
+
+
+def main() -> None:
+    """Run the program on the process's own arguments: the `rid-daq` script."""
+    # Leaving by an exception closes every `with`: drives disabled, files closed, children joined.
+    signal.signal(signal.SIGTERM, _terminate)
+    signal.signal(signal.SIGHUP, _terminate)
+    sys.exit(run(sys.argv[1:]))

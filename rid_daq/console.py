@@ -1,0 +1,160 @@
+"""What a command says: sentences and tables for people, or one JSON document for programs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any, Protocol
+
+import typer
+
+AsJson = Annotated[
+    bool, typer.Option("--json", help="One JSON document on stdout instead of sentences.")
+]
+"""The `--json` option that every command has."""
+
+
+class Progress(Protocol):
+    """A progress display: how far, and one line about how it goes."""
+
+    def update(self, done: float, line: str) -> None:
+        """Show that `done` of the total is done; `line` says how it goes."""
+
+
+@dataclass(frozen=True)
+class Console:
+    """Writes to people on stdout, or, with `as_json`, to programs.
+
+    Colours, moving bars and wide tables are for terminals only, and never with NO_COLOR's users'
+    colours; what a pipe or a log file gets is plain text.
+    """
+
+    as_json: bool = False
+
+    @property
+    def is_terminal(self) -> bool:
+        """Whether a person sees this as it is written."""
+        return not self.as_json and sys.stdout.isatty()
+
+    def say(self, text: str = "") -> None:
+        """Write a sentence for people; nothing with `--json`."""
+        if not self.as_json:
+            typer.echo(text)
+
+    def verdict(self, passed: bool | None, text: str) -> None:
+        """Write the sentence that matters, green or red on a terminal."""
+        if not self.is_terminal:
+            self.say(text)
+            return
+        from rich.console import Console as RichConsole
+        from rich.text import Text
+
+        style = "bold" if passed is None else "bold green" if passed else "bold red"
+        RichConsole().print(Text(text, style=style))
+
+    def document(self, document: dict[str, Any]) -> None:
+        """Write the command's result for programs; nothing without `--json`."""
+        if self.as_json:
+            typer.echo(json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False))
+
+    def table(
+        self,
+        columns: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        red: Sequence[bool] | None = None,
+    ) -> None:
+        """Write a table for people, rows in red where told.
+
+        Parameters
+        ----------
+        columns
+            The head.
+        rows
+            One sequence of cells a row, as many as `columns`.
+        red
+            One truth value a row.
+        """
+        if self.as_json:
+            return
+        if self.is_terminal:
+            from rich.console import Console as RichConsole
+            from rich.table import Table
+            from rich.text import Text
+
+            table = Table(box=None, pad_edge=False, header_style="bold")
+            for column in columns:
+                table.add_column(column)
+            for number, row in enumerate(rows):
+                style = "red" if red is not None and red[number] else None
+                table.add_row(*[Text(cell) for cell in row], style=style)
+            RichConsole().print(table)
+            return
+        widths = [max(len(row[i]) for row in (columns, *rows)) for i in range(len(columns))]
+        for row in (columns, *rows):
+            cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+            self.say("  ".join(cells).rstrip())
+
+    @contextmanager
+    def progress(self, title: str, total: float, unit: str) -> Iterator[Progress]:
+        """Show how far a long step is, with the time that is left.
+
+        On a terminal a moving bar; elsewhere a line a tenth; with `--json` nothing.
+        """
+        if self.as_json:
+            yield _Silent()
+        elif self.is_terminal:
+            with _bar(title, total, unit) as bar:
+                yield bar
+        else:
+            yield _Lines(title, total, unit)
+
+
+class _Silent:
+    def update(self, done: float, line: str) -> None:
+        """Show nothing."""
+
+
+class _Lines:
+    """A line for each tenth that is done."""
+
+    def __init__(self, title: str, total: float, unit: str) -> None:
+        self._title, self._total, self._unit = title, total, unit
+        self._shown = 0
+
+    def update(self, done: float, line: str) -> None:
+        tenth = int(10.0 * done / self._total) if self._total > 0 else 10
+        if tenth > self._shown:
+            self._shown = tenth
+            typer.echo(
+                f"{self._title}: {_count(done)} of {_count(self._total)} {self._unit}  {line}"
+            )
+
+
+@contextmanager
+def _bar(title: str, total: float, unit: str) -> Iterator[Progress]:
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as RichProgress
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=24),
+        TextColumn("{task.fields[count]}", markup=False),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[line]}", markup=False),
+    )
+    with RichProgress(*columns, refresh_per_second=5) as display:
+        task = display.add_task(title, total=total, count="", line="")
+
+        class Bar:
+            def update(self, done: float, line: str) -> None:
+                count = f"{_count(done)}/{_count(total)} {unit}"
+                display.update(task, completed=done, count=count, line=line)
+
+        yield Bar()
+
+
+def _count(number: float) -> str:
+    return f"{number:.0f}" if number >= 10 or number == int(number) else f"{number:.1f}"
