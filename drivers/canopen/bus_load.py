@@ -1,0 +1,101 @@
+"""How long a frame takes on the wire, bit by bit, and how full a bus becomes (ISO 11898-1).
+
+A stuff bit follows every five equal bits from the start of frame to the end of the CRC; then come
+13 bits that are never stuffed: CRC delimiter, acknowledge slot and delimiter, end of frame and the
+intermission. An 8-byte frame has 111 bits without stuffing and at most 135.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from drivers.canopen.frames import Frame
+
+LOAD_LIMIT = 0.80
+
+_UNSTUFFED_BITS = 13
+_HEADER_BITS = 19
+_CRC_BITS = 15
+_CRC_POLYNOMIAL = 0x4599
+
+
+def frame_bits(frame: Frame) -> int:
+    """Return the exact length of a frame with an 11-bit identifier, intermission included [bit]."""
+    header = frame.cob_id << 7 | len(frame.data)
+    crc = 0
+    for byte in (header >> 16, header >> 8 & 0xFF, header & 0xFF, *frame.data):
+        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
+    length = _HEADER_BITS + 8 * len(frame.data) + _CRC_BITS
+    payload = int.from_bytes(frame.data, "big")
+    bits = (header << 8 * len(frame.data) | payload) << _CRC_BITS | crc
+    return length + _stuff_bits(bits, length) + _UNSTUFFED_BITS
+
+
+def worst_bits(data_bytes: int) -> int:
+    """Return the length of the longest frame with so many data bytes [bit]."""
+    stuffed = _HEADER_BITS + 8 * data_bytes + _CRC_BITS
+    return stuffed + (stuffed - 1) // 4 + _UNSTUFFED_BITS
+
+
+def typical_bits(data_bytes: int) -> int:
+    """Return the usual length [bit]: a third of the worst stuffing, 119 bit for 8 bytes.
+
+    Drive data (runs of zeros in status and position words) take 118 to 120 bits; random bytes
+    fewer.
+    """
+    stuffed = _HEADER_BITS + 8 * data_bytes + _CRC_BITS
+    return stuffed + (stuffed - 1) // 4 // 3 + _UNSTUFFED_BITS
+
+
+def cyclic_load(
+    axes: int,
+    cycle_time_s: float,
+    bitrate: int,
+    *,
+    master_heartbeat_s: float,
+    drive_heartbeat_s: float,
+    worst: bool = False,
+) -> float:
+    """Return the share of a bus that the cyclic exchange takes; 1.0 is a full bus.
+
+    A cycle is SYNC and, for every axis, an RPDO and a TPDO of 8 bytes; the heartbeats come on top.
+    """
+    bits = worst_bits if worst else typical_bits
+    per_cycle = bits(0) + 2 * axes * bits(8)
+    heartbeats = bits(1) / master_heartbeat_s + axes * bits(1) / drive_heartbeat_s
+    return (per_cycle / cycle_time_s + heartbeats) / bitrate
+
+
+def _crc_of_byte(byte: int) -> int:
+    crc = byte << 7
+    for _ in range(8):
+        crc = crc << 1 ^ (_CRC_POLYNOMIAL if crc & 0x4000 else 0)
+        crc &= 0x7FFF
+    return crc
+
+
+_CRC_TABLE = tuple(_crc_of_byte(byte) for byte in range(256))
+
+
+@lru_cache(maxsize=4096)
+def _stuff_byte(bit: int, run: int, byte: int) -> tuple[int, int, int]:
+    """Return (last bit, its run, stuff bits) after a byte that follows `run` bits of `bit`."""
+    added = 0
+    for position in range(7, -1, -1):
+        bit_now = byte >> position & 1
+        run = run + 1 if bit_now == bit else 1
+        bit = bit_now
+        if run == 5:
+            added += 1
+            bit, run = 1 - bit, 1
+    return bit, run, added
+
+
+def _stuff_bits(bits: int, length: int) -> int:
+    """Return how many stuff bits a row of `length` bits takes: whole bytes after its first two."""
+    first, second = bits >> (length - 1) & 1, bits >> (length - 2) & 1
+    bit, run, stuffed = second, 2 if first == second else 1, 0
+    for byte in (bits & (1 << length - 2) - 1).to_bytes((length - 2) // 8, "big"):
+        bit, run, added = _stuff_byte(bit, run, byte)
+        stuffed += added
+    return stuffed

@@ -1,0 +1,68 @@
+"""NMT: the states of a CANopen node and the commands that move it (CiA 301, 7.2.8 and 7.3.2)."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from drivers.canopen.frames import NMT_COB_ID, Frame
+
+ALL_NODES = 0
+
+
+class NmtState(IntEnum):
+    """States by the number that boot-up and heartbeat messages carry."""
+
+    INITIALISING = 0x00
+    STOPPED = 0x04
+    OPERATIONAL = 0x05
+    PRE_OPERATIONAL = 0x7F
+
+
+class NmtCommand(IntEnum):
+    """Commands by their command specifier."""
+
+    START = 0x01
+    STOP = 0x02
+    ENTER_PRE_OPERATIONAL = 0x80
+    RESET_NODE = 0x81
+    RESET_COMMUNICATION = 0x82
+
+
+_AFTER = {
+    NmtCommand.START: NmtState.OPERATIONAL,
+    NmtCommand.STOP: NmtState.STOPPED,
+    NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
+    NmtCommand.RESET_NODE: NmtState.INITIALISING,
+    NmtCommand.RESET_COMMUNICATION: NmtState.INITIALISING,
+}
+
+
+def nmt_frame(command: NmtCommand, node_id: int = ALL_NODES) -> Frame:
+    """Return the master's command to one node, or to all with node id 0."""
+    return Frame(NMT_COB_ID, bytes((command, node_id)))
+
+
+def parse_nmt(frame: Frame, node_id: int) -> NmtCommand | None:
+    """Return the command that a frame carries for a node; None for any other frame."""
+    if frame.cob_id != NMT_COB_ID or len(frame.data) != 2:
+        return None
+    command, addressed = frame.data
+    if addressed not in (ALL_NODES, node_id):
+        return None
+    try:
+        return NmtCommand(command)
+    except ValueError:
+        return None
+
+
+def next_nmt_state(state: NmtState, command: NmtCommand) -> NmtState:
+    """Return the state after a command; a node that initialises takes none (CiA 301, fig. 52)."""
+    return state if state is NmtState.INITIALISING else _AFTER[command]
+
+
+def state_name(number: int) -> str:
+    """Return a state's name from a heartbeat's byte; the toggle bit of node guarding is ignored."""
+    try:
+        return NmtState(number & 0x7F).name.lower().replace("_", "-")
+    except ValueError:
+        return f"unknown state {number & 0x7F:02X}h"

@@ -1,0 +1,233 @@
+"""The CiA 402-2 drive: power state machine, option codes and units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal
+
+from config.errors import ConfigError
+
+CYCLIC_SYNCHRONOUS_VELOCITY = 9
+DRIVE_PROFILE = 402
+FOLLOWS_COMMAND = 0x1000
+VOLTAGE_ENABLED = 0x0010
+
+
+class PowerState(IntEnum):
+    """States of the power drive system (CiA 402-2, figure 9); the value is 6041h masked."""
+
+    NOT_READY_TO_SWITCH_ON = 0x00
+    SWITCH_ON_DISABLED = 0x40
+    READY_TO_SWITCH_ON = 0x21
+    SWITCHED_ON = 0x23
+    OPERATION_ENABLED = 0x27
+    QUICK_STOP_ACTIVE = 0x07
+    FAULT_REACTION_ACTIVE = 0x0F
+    FAULT = 0x08
+
+    @property
+    def words(self) -> str:
+        """The state's name for people."""
+        return self.name.lower().replace("_", " ")
+
+    @property
+    def powered(self) -> bool:
+        """Whether the drive may move its motor in this state."""
+        return self in _POWERED
+
+
+_POWERED = frozenset(
+    (
+        PowerState.OPERATION_ENABLED,
+        PowerState.QUICK_STOP_ACTIVE,
+        PowerState.FAULT_REACTION_ACTIVE,
+    )
+)
+
+
+class ControlWord(IntEnum):
+    """Commands of 6040h (CiA 402-2, table 30)."""
+
+    DISABLE_VOLTAGE = 0x0000
+    QUICK_STOP = 0x0002
+    SHUTDOWN = 0x0006
+    SWITCH_ON = 0x0007
+    ENABLE_OPERATION = 0x000F
+    FAULT_RESET = 0x0080
+
+
+def state_of(statusword: int) -> PowerState:
+    """Return the state that 6041h shows (CiA 402-2, table 31).
+
+    A pattern that the table does not have is read as not ready to switch on: nothing is commanded
+    on the strength of it.
+    """
+    return _STATE_OF[statusword & 0x6F]
+
+
+def _decode(bits: int) -> PowerState:
+    for state in (
+        PowerState.NOT_READY_TO_SWITCH_ON,
+        PowerState.SWITCH_ON_DISABLED,
+        PowerState.FAULT_REACTION_ACTIVE,
+        PowerState.FAULT,
+    ):
+        if bits & 0x4F == state:
+            return state
+    for state in (
+        PowerState.READY_TO_SWITCH_ON,
+        PowerState.SWITCHED_ON,
+        PowerState.OPERATION_ENABLED,
+        PowerState.QUICK_STOP_ACTIVE,
+    ):
+        if bits == state:
+            return state
+    return PowerState.NOT_READY_TO_SWITCH_ON
+
+
+_STATE_OF = tuple(_decode(bits) for bits in range(0x70))
+
+
+def next_controlword(state: PowerState) -> ControlWord:
+    """Return the command that brings a drive one step nearer to Operation Enabled.
+
+    A drive in Fault is left there: nothing resets a fault but a person (`FAULT_RESET`).
+    """
+    return _TOWARDS_ENABLED.get(state, ControlWord.DISABLE_VOLTAGE)
+
+
+_TOWARDS_ENABLED = {
+    PowerState.SWITCH_ON_DISABLED: ControlWord.SHUTDOWN,
+    PowerState.READY_TO_SWITCH_ON: ControlWord.SWITCH_ON,
+    PowerState.SWITCHED_ON: ControlWord.ENABLE_OPERATION,
+    PowerState.OPERATION_ENABLED: ControlWord.ENABLE_OPERATION,
+}
+
+
+def after_controlword(state: PowerState, controlword: int, previous: int) -> PowerState:
+    """Return the state that a controlword takes a drive to (CiA 402-2, figure 9 and table 30).
+
+    Parameters
+    ----------
+    state
+        The state now. `NOT_READY_TO_SWITCH_ON` and `FAULT_REACTION_ACTIVE` are left by the drive
+        itself (T1, T14) and stay here; so does the end of a quick stop (T12).
+    controlword, previous
+        6040h now and before: fault reset acts on a rising edge of bit 7.
+    """
+    if state in (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT_REACTION_ACTIVE):
+        return state
+    if state is PowerState.FAULT:
+        rising = controlword & 0x80 and not previous & 0x80
+        return PowerState.SWITCH_ON_DISABLED if rising else state
+    if controlword & 0x80:
+        return state
+    if not controlword & 0x02:
+        return PowerState.SWITCH_ON_DISABLED
+    if not controlword & 0x04:
+        running = (PowerState.OPERATION_ENABLED, PowerState.QUICK_STOP_ACTIVE)
+        return PowerState.QUICK_STOP_ACTIVE if state in running else PowerState.SWITCH_ON_DISABLED
+    return _after_low_bits(state, controlword & 0x0F)
+
+
+def _after_low_bits(state: PowerState, low: int) -> PowerState:
+    """Apply a command whose enable-voltage and quick-stop bits are both set."""
+    if not low & 0x01:
+        ready = PowerState.READY_TO_SWITCH_ON
+        return state if state is PowerState.QUICK_STOP_ACTIVE else ready
+    if low == ControlWord.ENABLE_OPERATION:
+        enabled = (
+            PowerState.SWITCHED_ON,
+            PowerState.OPERATION_ENABLED,
+            PowerState.QUICK_STOP_ACTIVE,
+        )
+        if state in enabled:
+            return PowerState.OPERATION_ENABLED
+        on = state is PowerState.READY_TO_SWITCH_ON
+        return PowerState.SWITCHED_ON if on else state
+    switched = (PowerState.READY_TO_SWITCH_ON, PowerState.OPERATION_ENABLED)
+    return PowerState.SWITCHED_ON if state in switched else state
+
+
+@dataclass(frozen=True)
+class AxisUnits:
+    """Between a drive's numbers and the joint's: rad (or m), rad/s and N m at the link side.
+
+    Attributes
+    ----------
+    counts_per_rad
+        Encoder increments per radian (or metre) of the joint; negative where they count backwards.
+    velocity_units_per_rad_s
+        Units of 60FFh per rad/s of the joint, same sign.
+    nm_per_permille
+        Joint torque per 0.1 % of the rated motor torque, same sign.
+    zero_counts
+        6064h at joint position zero.
+    """
+
+    counts_per_rad: float
+    velocity_units_per_rad_s: float
+    nm_per_permille: float
+    zero_counts: int = 0
+
+    def __post_init__(self) -> None:
+        factors = (self.counts_per_rad, self.velocity_units_per_rad_s, self.nm_per_permille)
+        if not all(math.isfinite(factor) and factor != 0.0 for factor in factors):
+            raise ConfigError(f"a drive's unit factors are {factors}: all must be finite, not 0")
+
+    @classmethod
+    def from_drive(
+        cls,
+        *,
+        encoder_increments: int,
+        encoder_motor_revolutions: int,
+        gear_ratio: float,
+        rated_torque_mnm: int,
+        direction: Literal[1, -1],
+        velocity_unit: Literal["increments_per_s", "rpm", "0.1rpm"],
+        zero_counts: int,
+    ) -> AxisUnits:
+        """Build the factors from 608Fh:1, 608Fh:2, the gear and 6076h [mN m].
+
+        `gear_ratio` is motor radians per joint radian (6091h:1 / 6091h:2); its sign is `direction`.
+        Velocities in rpm are the motor's. Source: CiA 402-2, 608Fh, 6091h, 6076h.
+        """
+        ratio = direction * abs(gear_ratio)
+        counts_per_motor_rad = encoder_increments / encoder_motor_revolutions / (2.0 * math.pi)
+        velocity_per_motor_rad_s = {
+            "increments_per_s": counts_per_motor_rad,
+            "rpm": 30.0 / math.pi,
+            "0.1rpm": 300.0 / math.pi,
+        }[velocity_unit]
+        return cls(
+            counts_per_rad=counts_per_motor_rad * ratio,
+            velocity_units_per_rad_s=velocity_per_motor_rad_s * ratio,
+            nm_per_permille=rated_torque_mnm * 1e-6 * ratio,
+            zero_counts=zero_counts,
+        )
+
+    def position(self, counts: int) -> float:
+        """Return the joint position of 6064h [rad or m]."""
+        return (counts - self.zero_counts) / self.counts_per_rad
+
+    def counts(self, position: float) -> int:
+        """Return 6064h of a joint position, rounded to the nearest increment."""
+        return round(position * self.counts_per_rad) + self.zero_counts
+
+    def velocity_units(self, velocity: float) -> int:
+        """Return 60FFh of a joint velocity [rad/s], rounded to the nearest unit."""
+        return round(velocity * self.velocity_units_per_rad_s)
+
+    def velocity(self, units: int) -> float:
+        """Return the joint velocity of 60FFh or 606Ch [rad/s]."""
+        return units / self.velocity_units_per_rad_s
+
+    def torque_nm(self, permille: int) -> float:
+        """Return the joint torque of 6077h [N m], without the gear's losses."""
+        return permille * self.nm_per_permille
+
+    def torque_permille(self, torque_nm: float) -> int:
+        """Return 6077h of a joint torque [N m], rounded."""
+        return round(torque_nm / self.nm_per_permille)
