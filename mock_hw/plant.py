@@ -1,0 +1,309 @@
+"""The simulated robot: what moves when its drives are told to, and what they can measure of it.
+
+Pinocchio renews mass matrix and bias at the predicted middle of every outer step; the kernel in
+`mock_hw.servo_loops` fills the steps. Both are of second order, so that the samples obey the
+equations of motion far below the torque noise.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
+from numpy.typing import ArrayLike, NDArray
+
+from config.cell import ButterworthFilter
+from config.errors import ConfigError
+from config.plant import PlantConfig, UnmodelledAxis
+from config.robot import RobotDescription
+from mock_hw import servo_loops as rows
+from mock_hw.rigid_bodies import build_rigid_bodies
+
+Vector = NDArray[np.float64]
+ComplexVector = NDArray[np.complex128]
+
+OUTER_STEP_S = 0.002
+INNER_STEP_S = 0.0001
+TACHOMETER_PERIODS_PER_MOTOR_REV = 11
+_INT16_MAX = 32767
+
+
+class Plant:
+    """A robot with motors, gears, friction, brakes and the sensors of its drives.
+
+    Positions are rad or m and torques N m or N, at the link side; everything is in the order of
+    the robot's joints. The same seed and the same calls give the same numbers, bit for bit.
+
+    Parameters
+    ----------
+    robot, plant
+        The description everyone knows, and the truth. Pass ``plant.without_unmodelled()`` for a
+        robot that obeys the estimators' models.
+    torque_filter
+        Anti-alias filter between the motor's torque and its measurement; None for none.
+    seed
+        Of the torque noise.
+
+    Raises
+    ------
+    ConfigError
+        Where plant and robot do not fit each other.
+    """
+
+    def __init__(
+        self,
+        robot: RobotDescription,
+        plant: PlantConfig,
+        torque_filter: ButterworthFilter | None = None,
+        seed: int = 0,
+    ) -> None:
+        bodies = build_rigid_bodies(robot, plant)
+        count = len(robot.joints)
+        ratio = np.array([abs(joint.gear_ratio) for joint in robot.joints])
+        increments = np.array([axis.encoder_increments_per_motor_rev for axis in plant.axes])
+        rated = np.array([axis.rated_motor_torque_nm for axis in plant.axes])
+        peak = np.array([axis.peak_motor_torque_nm for axis in plant.axes])
+        self._counts_per_position = increments * ratio / (2.0 * math.pi)
+        self._torque_per_permille = 0.001 * rated * ratio
+        self._peak_torque: Vector = peak * ratio
+        self._noise_nm = np.array([axis.torque_noise_nm for axis in plant.axes])
+        self._axes = _axis_rows(plant, ratio)
+        self._spring = _spring_entries(robot, plant)
+
+        self._model = bodies.model
+        self._data: Any = self._model.createData()
+        self._coordinate_joint = bodies.coordinate_joint
+        self._coordinate_ratio = bodies.coordinate_ratio
+        self._full_position = np.zeros(len(bodies.coordinate_joint))
+        self._mass = np.zeros((count, count))
+        self._bias = np.zeros(count)
+
+        self._poles, self._residues, self._weights = _filter_poles(torque_filter)
+        self._filter_gains: dict[float, NDArray[np.complex128]] = {}
+        self._filter_state = np.zeros((len(self._poles), count), dtype=np.complex128)
+
+        self._state: Vector = np.zeros((rows.STATE_ROWS, count))
+        self._state[rows.POSITION] = [axis.initial_position for axis in plant.axes]
+        self._command = np.zeros((rows.COMMAND_ROWS, count))
+        self._random = np.random.default_rng(seed)
+        self._noise = np.zeros(count)
+        self._time_s = 0.0
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the plant began [s]."""
+        return self._time_s
+
+    @property
+    def position(self) -> Vector:
+        """True joint positions, (n,), a copy."""
+        return np.array(self._state[rows.POSITION])
+
+    @property
+    def velocity(self) -> Vector:
+        """True joint velocities, (n,), a copy."""
+        return np.array(self._state[rows.VELOCITY])
+
+    @property
+    def torque(self) -> Vector:
+        """True motor torques at the link side, (n,), a copy."""
+        return np.array(self._state[rows.TORQUE])
+
+    def advance(
+        self,
+        duration_s: float,
+        velocity_start: ArrayLike,
+        velocity_end: ArrayLike,
+        powered: ArrayLike,
+        braked: ArrayLike,
+        torque_limit: ArrayLike | None = None,
+    ) -> None:
+        """Let time pass.
+
+        Parameters
+        ----------
+        duration_s
+            How long [s]; not negative.
+        velocity_start, velocity_end : (n,)
+            Velocity commands at the beginning and the end, linear in between [rad/s or m/s].
+        powered : (n,) bool
+            Whether the drive's velocity loop runs; without it the motor gives no torque.
+        braked : (n,) bool
+            Whether the holding brake is closed.
+        torque_limit : (n,), optional
+            The drives' torque limits at the link side [N m or N], where lower than the motors'
+            peak torques.
+
+        Raises
+        ------
+        ValueError
+            If the duration is negative or not finite.
+        """
+        if not 0.0 <= duration_s < math.inf:
+            raise ValueError(f"duration_s must be finite and not negative, it is {duration_s}")
+        if duration_s == 0.0:
+            return
+        command = self._command
+        command[rows.COMMAND_START] = velocity_start
+        command[rows.COMMAND_SLOPE] = velocity_end
+        command[rows.COMMAND_SLOPE] -= command[rows.COMMAND_START]
+        command[rows.COMMAND_SLOPE] /= duration_s
+        command[rows.POWERED] = powered
+        command[rows.BRAKED] = braked
+        command[rows.TORQUE_LIMIT] = self._peak_torque
+        if torque_limit is not None:
+            np.minimum(torque_limit, self._peak_torque, out=command[rows.TORQUE_LIMIT])
+        outer_steps = max(1, math.ceil(duration_s / OUTER_STEP_S - 1e-9))
+        outer_s = duration_s / outer_steps
+        inner_steps = max(1, math.ceil(outer_s / INNER_STEP_S - 1e-9))
+        inner_s = outer_s / inner_steps
+        gains = self._gains(inner_s)
+        for step in range(outer_steps):
+            self._renew_rigid_bodies(0.5 * outer_s)
+            rows.advance_servo_loops(
+                inner_steps,
+                inner_s,
+                self._time_s + step * outer_s,
+                step * outer_s,
+                self._mass,
+                self._bias,
+                self._axes,
+                command,
+                self._spring,
+                gains,
+                self._state,
+                self._filter_state,
+            )
+        self._time_s += duration_s
+        self._random.standard_normal(out=self._noise)
+
+    def position_counts(self) -> NDArray[np.int64]:
+        """Return what the encoders count, (n,): 0 at joint position zero, upwards with it."""
+        counts: NDArray[np.int64] = np.floor(
+            self._state[rows.POSITION] * self._counts_per_position
+        ).astype(np.int64)
+        return counts
+
+    def measured_torque(self) -> Vector:
+        """Return the motors' torques as measured, (n,): filtered, with noise.
+
+        The noise changes when time passes, not with every call.
+        """
+        torque: Vector = self._state[rows.TORQUE]
+        if len(self._poles):
+            torque = (self._weights @ self._filter_state).real
+        return torque + self._noise_nm * self._noise
+
+    def torque_permille(self) -> NDArray[np.int16]:
+        """Return measured torques as drives report them (6077h), (n,): 0.1 % of rated torque."""
+        permille = np.rint(self.measured_torque() / self._torque_per_permille)
+        clipped: NDArray[np.int16] = np.clip(permille, -_INT16_MAX, _INT16_MAX).astype(np.int16)
+        return clipped
+
+    def _renew_rigid_bodies(self, ahead_s: float) -> None:
+        """Evaluate mass matrix and bias at the state predicted `ahead_s` from now."""
+        state = self._state
+        acceleration = state[rows.ACCELERATION]
+        velocity = state[rows.VELOCITY] + ahead_s * acceleration
+        position = state[rows.POSITION] + 0.5 * ahead_s * (state[rows.VELOCITY] + velocity)
+        self._full_position[: len(position)] = position
+        full_velocity = velocity[self._coordinate_joint] * self._coordinate_ratio
+        rows.reduce_to_joints(
+            pin.crba(self._model, self._data, self._full_position),
+            pin.nonLinearEffects(self._model, self._data, self._full_position, full_velocity),
+            self._coordinate_joint,
+            self._coordinate_ratio,
+            self._mass,
+            self._bias,
+        )
+
+    def _gains(self, step_s: float) -> NDArray[np.complex128]:
+        """Return the filter's exact discretisation for inputs linear over a step."""
+        gains = self._filter_gains.get(step_s)
+        if gains is None:
+            gains = _discretise(self._poles, self._residues, step_s)
+            if len(self._filter_gains) >= 64:
+                self._filter_gains.clear()
+            self._filter_gains[step_s] = gains
+        return gains
+
+
+def _axis_rows(plant: PlantConfig, ratio: Vector) -> Vector:
+    """Return the kernel's table of what the axes are, (AXES_ROWS, n)."""
+    table = np.zeros((rows.AXES_ROWS, len(plant.axes)))
+    extras = (UnmodelledAxis(),) * len(plant.axes)
+    if plant.unmodelled is not None:
+        extras = plant.unmodelled.axes
+    for i, (axis, extra) in enumerate(zip(plant.axes, extras, strict=True)):
+        table[rows.COULOMB, i] = axis.coulomb_nm
+        table[rows.VISCOUS, i] = axis.viscous_nm_s
+        table[rows.GAIN, i] = axis.velocity_gain_nm_s
+        table[rows.INTEGRAL_TIME, i] = axis.velocity_integral_time_s
+        table[rows.CURRENT_BANDWIDTH, i] = 2.0 * math.pi * axis.current_loop_bandwidth_hz
+        table[rows.BRAKE, i] = axis.brake_torque_nm
+        table[rows.STRIBECK, i] = extra.stribeck_nm
+        table[rows.STRIBECK_VELOCITY, i] = extra.stribeck_velocity_rad_s
+        table[rows.LOAD_FRICTION, i] = extra.load_friction
+        table[rows.COGGING, i] = extra.cogging_nm
+        table[rows.COGGING_WAVES, i] = extra.cogging_periods_per_motor_rev * ratio[i]
+        table[rows.RIPPLE, i] = extra.tachometer_ripple
+        table[rows.RIPPLE_WAVES, i] = TACHOMETER_PERIODS_PER_MOTOR_REV * ratio[i]
+        table[rows.FRICTION_DRIFT, i] = extra.friction_drift_per_s
+    return table
+
+
+def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
+    """Return the kernel's spring: its joint, -1 for none, then k, free length, l and r."""
+    if robot.spring is None or plant.spring is None:
+        return np.array([-1.0, 0.0, 0.0, 1.0, 0.5])
+    if plant.spring.free_length_m > robot.spring.l_m + robot.spring.r_m:
+        raise ConfigError(
+            f"plant {plant.name!r}: spring.free_length_m {plant.spring.free_length_m} is longer"
+            f" than the spring ever gets, {robot.spring.l_m + robot.spring.r_m} m"
+        )
+    return np.array(
+        [
+            robot.joint_names.index(robot.spring.joint),
+            plant.spring.stiffness_n_per_m,
+            plant.spring.free_length_m,
+            robot.spring.l_m,
+            robot.spring.r_m,
+        ]
+    )
+
+
+def _filter_poles(
+    torque_filter: ButterworthFilter | None,
+) -> tuple[ComplexVector, ComplexVector, Vector]:
+    """Return a Butterworth filter's partial fractions: poles, residues and output weights, (p,).
+
+    Of each complex pair one pole is kept, with weight 2: the output is the real part of the sum.
+    """
+    if torque_filter is None:
+        none = np.zeros(0, dtype=np.complex128)
+        return none, none, np.zeros(0)
+    order = torque_filter.order
+    angles = np.pi * (2 * np.arange(order) + order + 1) / (2 * order)
+    unit: ComplexVector = np.exp(1j * angles)
+    differences = unit[:, None] - unit[None, :] + np.eye(order)
+    scale = 2.0 * np.pi * torque_filter.cutoff_hz
+    residues: ComplexVector = scale / np.prod(differences, axis=1)
+    kept = unit.imag > -1e-9
+    weights = np.where(unit.imag > 1e-9, 2.0, 1.0)
+    return scale * unit[kept], residues[kept], weights[kept]
+
+
+def _discretise(
+    poles: ComplexVector, residues: ComplexVector, step_s: float
+) -> NDArray[np.complex128]:
+    """Return exp(p h), and the weights of the torque at a step's beginning and end, (3, p)."""
+    growth = np.expm1(poles * step_s)
+    level = growth / poles
+    ramp = (growth - poles * step_s) / (poles * poles * step_s)
+    gains = np.empty((3, len(poles)), dtype=np.complex128)
+    gains[0] = growth + 1.0
+    gains[1] = residues * (level - ramp)
+    gains[2] = residues * ramp
+    return gains

@@ -1,0 +1,135 @@
+"""The simulated robot's rigid bodies in Pinocchio: links, and every rotor as a body of its own.
+
+A rotor turns in the full model of 2n coordinates about its axis on the link that carries it; its
+gear ties it to its joint, q_full = G q with G = [1; diag(mu)] constant. The reduced equations are
+Gᵀ M G and Gᵀ b: the rotors' coupling (physics: section 3) follows without a formula for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
+from numpy.typing import NDArray
+
+from config.errors import ConfigError
+from config.plant import LinkInertia, PlantConfig
+from config.robot import KinematicRow, RobotDescription
+
+Vector = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RigidBodies:
+    """A Pinocchio model of links and rotors, and how its coordinates hang on the joints.
+
+    Attributes
+    ----------
+    model : pinocchio.Model
+        Coordinates 0 .. n-1 are the joints', the rest the rotors'.
+    coordinate_joint : (m,) int64
+        The joint that moves each coordinate.
+    coordinate_ratio : (m,) float64
+        Coordinate velocity over joint velocity: 1 for joints, the gear ratio for rotors.
+    """
+
+    model: Any
+    coordinate_joint: Indices
+    coordinate_ratio: Vector
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return int(self.coordinate_joint.max()) + 1
+
+    def coupling(self) -> Vector:
+        """Return G, (m, n): coordinate velocities are G times joint velocities."""
+        matrix = np.zeros((len(self.coordinate_joint), self.joints))
+        matrix[np.arange(len(self.coordinate_joint)), self.coordinate_joint] = self.coordinate_ratio
+        return matrix
+
+
+def build_rigid_bodies(robot: RobotDescription, plant: PlantConfig) -> RigidBodies:
+    """Build the model of a robot with the plant's inertias and, where given, true kinematics.
+
+    Raises
+    ------
+    ConfigError
+        Where plant and robot disagree on the number of joints, or a rotor has inertia but no place.
+    """
+    count = len(robot.joints)
+    _check_counts(robot, plant)
+    kinematics = robot.kinematics
+    if plant.unmodelled is not None and plant.unmodelled.kinematics is not None:
+        kinematics = plant.unmodelled.kinematics
+    model: Any = pin.Model()
+    model.gravity.linear = np.array(robot.gravity_m_s2)
+    identity = pin.SE3.Identity()
+    link_joint = [0]
+    for joint, row, link in zip(robot.joints, kinematics.modified_rows(), plant.links, strict=True):
+        kind = pin.JointModelRZ() if joint.type == "revolute" else pin.JointModelPZ()
+        number = model.addJoint(link_joint[-1], kind, _placement(row), joint.name)
+        model.appendBodyToJoint(number, _inertia(link), identity)
+        link_joint.append(number)
+    moving = list(range(count))
+    ratios = [1.0] * count
+    for index, (joint, axis) in enumerate(zip(robot.joints, plant.axes, strict=True)):
+        if joint.rotor is None:
+            if axis.rotor_inertia_kg_m2 > 0.0:
+                raise ConfigError(
+                    f"plant {plant.name!r} gives joint {joint.name!r} a rotor inertia, but robot"
+                    f" {robot.name!r} does not say where its rotor sits: add `rotor` to that joint,"
+                    " or set rotor_inertia_kg_m2 to 0"
+                )
+            continue
+        spin = np.array(joint.rotor.axis)
+        number = model.addJoint(
+            link_joint[joint.rotor.link],
+            pin.JointModelRevoluteUnaligned(spin),
+            identity,
+            f"{joint.name}-rotor",
+        )
+        polar = axis.rotor_inertia_kg_m2 * np.outer(spin, spin)
+        model.appendBodyToJoint(number, pin.Inertia(0.0, np.zeros(3), polar), identity)
+        moving.append(index)
+        ratios.append(joint.gear_ratio)
+    return RigidBodies(model, np.array(moving, dtype=np.int64), np.array(ratios))
+
+
+def _check_counts(robot: RobotDescription, plant: PlantConfig) -> None:
+    counts = {"links": len(plant.links), "axes": len(plant.axes)}
+    if plant.unmodelled is not None:
+        counts["unmodelled.axes"] = len(plant.unmodelled.axes)
+        if plant.unmodelled.kinematics is not None:
+            counts["unmodelled.kinematics.rows"] = len(plant.unmodelled.kinematics.rows)
+    for what, number in counts.items():
+        if number != len(robot.joints):
+            raise ConfigError(
+                f"plant {plant.name!r}: {what} has {number} entries, but robot {robot.name!r} has"
+                f" {len(robot.joints)} joints"
+            )
+    if (robot.spring is None) != (plant.spring is None):
+        raise ConfigError(
+            f"plant {plant.name!r} and robot {robot.name!r}: `spring` must stand in both or in"
+            " neither"
+        )
+
+
+def _placement(row: KinematicRow) -> Any:
+    """Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d); the joint is at its end."""
+    turn = (
+        pin.utils.rotate("x", row.alpha_rad)
+        @ pin.utils.rotate("y", row.beta_rad)
+        @ pin.utils.rotate("z", row.theta_rad)
+    )
+    shift = np.array([row.a_m, 0.0, 0.0]) + turn @ np.array([0.0, 0.0, row.d_m])
+    return pin.SE3(turn, shift)
+
+
+def _inertia(link: LinkInertia) -> Any:
+    xx, yy, zz, xy, xz, yz = link.inertia_kg_m2
+    about_centre = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return pin.Inertia(link.mass_kg, np.array(link.centre_m), about_centre)
