@@ -1,0 +1,134 @@
+"""What can be asked of the devices, whatever the bus: `ServoAxes`, its events and its settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class EventKind(IntEnum):
+    """What a drive, or the bus, made known by itself."""
+
+    EMERGENCY = 1
+    EMERGENCY_CLEARED = 2
+    BOOT_UP = 3
+    HEARTBEAT_LOST = 4
+    NOT_OPERATIONAL = 5
+    WRONG_LENGTH = 6
+    UNEXPECTED_FRAME = 7
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether motion must not go on after it."""
+        return self not in (EventKind.EMERGENCY_CLEARED, EventKind.UNEXPECTED_FRAME)
+
+
+@dataclass(frozen=True, slots=True)
+class DriveEvent:
+    """Something that happened outside the cyclic data.
+
+    Attributes
+    ----------
+    kind
+        What it was.
+    joint
+        Name of the joint, empty where the event belongs to none.
+    time_s
+        When it was noticed, on the link's clock [s].
+    text
+        One sentence for people; what a device sent is escaped in it.
+    code
+        Emergency error code, heartbeat state, number of bytes or identifier, by `kind`.
+    """
+
+    kind: EventKind
+    joint: str
+    time_s: float
+    text: str
+    code: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSetting:
+    """One object of a drive as required and as read back.
+
+    Attributes
+    ----------
+    joint, node_id
+        Which drive.
+    object_name
+        The object, as ``6007h:00``.
+    name
+        What it is, in words.
+    required, found
+        Values in words; `required` is empty for an object that is only shown, `found` says why when
+        the object could not be read.
+    verdict
+        ``"ok"``, ``"red"`` (no motion), ``"allowed"`` (would be red; the cell file names this drive
+        in allow_drive_without_watchdog) or ``"shown"``.
+    """
+
+    joint: str
+    node_id: int
+    object_name: str
+    name: str
+    required: str
+    found: str
+    verdict: Literal["ok", "red", "allowed", "shown"]
+
+
+class ServoAxes(Protocol):
+    """All axes of a robot, commanded together, in the cyclic synchronous velocity mode.
+
+    In order: `bring_up`, `start`, `enable`; then, every cycle, `sync`, `collect`, `command`,
+    `beat`; at the end `quick_stop` and `disable`. Arrays have one element a joint, base to flange;
+    they are overwritten by every `collect`.
+    """
+
+    joint_names: tuple[str, ...]
+    received: NDArray[np.bool_]
+    position: NDArray[np.float64]
+    torque_nm: NDArray[np.float64]
+    position_counts: NDArray[np.int32]
+    torque_raw: NDArray[np.int16]
+    statusword: NDArray[np.uint16]
+
+    def bring_up(self) -> None:
+        """Configure every drive and read everything back; no power, no motion."""
+
+    def settings(self) -> tuple[DriveSetting, ...]:
+        """Return what the last `bring_up` required and found."""
+
+    def start(self) -> None:
+        """Begin the cyclic exchange, still without power."""
+
+    def enable(self) -> float:
+        """Switch every drive on, at velocity 0; return the time of the last SYNC [s]."""
+
+    def sync(self) -> float:
+        """Begin a cycle; return its time [s]."""
+
+    def collect(self, deadline_s: float) -> None:
+        """Take the drives' answers of this cycle into the arrays, waiting until `deadline_s`."""
+
+    def command(self, velocity: NDArray[np.float64]) -> bool:
+        """Send velocities [rad/s, joint side]; False: not sent, the axes were stopped instead."""
+
+    def beat(self, now_s: float) -> None:
+        """Send this computer's sign of life when it is due."""
+
+    def take_events(self) -> tuple[DriveEvent, ...]:
+        """Return what happened since the last call."""
+
+    def quick_stop(self) -> None:
+        """Command a quick stop to every axis at once; never raises for one axis alone."""
+
+    def halt(self) -> bool:
+        """Quick stop and wait, a limited time, until no drive moves; return whether all rest."""
+
+    def disable(self) -> tuple[str, ...]:
+        """Take the power away; return the joints that did not confirm it."""
