@@ -4,9 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from acquisition.arrays import FloatArray, read_only
+import numpy as np
+
+from acquisition.arrays import BoolArray, FloatArray, read_only
+from acquisition.motion_samples import Phase
+from acquisition.recording import Recording
 from config.cell import ButterworthFilter
 from config.errors import DataQualityError
+
+MISSING_FRACTION_LIMIT = 0.02
+LONGEST_GAP = 3
+REJECTED_LIMIT = 5
+FAMILY_RATIO = 2.0
+FAMILY_SIGMAS = 6.0
+NEGLIGIBLE_FRACTION = 1e-4
 
 
 @dataclass(frozen=True)
@@ -87,3 +98,175 @@ class PeriodAverage:
     def period_s(self) -> float:
         """The period [s]."""
         return self.samples_per_period * self.sample_period_s
+
+
+def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMIT) -> PeriodAverage:
+    """Return the mean of the main periods of a recording, and the noise around it (3.9, 3.10).
+
+    Rows are put in their place by `sample_index`, so that a lost row shifts nothing. Run-in,
+    transient periods and run-out are left out. A period is rejected where it is incomplete, misses
+    more than 2 % of its rows or more than 3 in sequence, or is out of family: its deviation from
+    the median period (RMS or peak, any channel) is more than twice, and 6 robust standard
+    deviations above, what is common among the periods. A single missing row of a good period is
+    left out of the mean at its place.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of a periodic motion.
+    rejected_limit : int
+        More rejected periods than this make the recording useless.
+
+    Raises
+    ------
+    DataQualityError
+        The recording is not periodic, misses more than 2 % of all rows, has too many rejected
+        periods or fewer than two good ones.
+    """
+    if recording.samples_per_period is None or recording.sample_period_s is None:
+        raise DataQualityError(
+            "the recording is not periodic, so there are no periods to average: smooth it instead"
+        )
+    samples = recording.samples_per_period
+    values, present = _cut(recording, samples)
+    rejected = _incomplete(present)
+    good = np.array([index not in rejected for index in range(len(present))])
+    rejected |= _out_of_family(values, present, good, recording.joint_names)
+    good = np.array([index not in rejected for index in range(len(present))])
+    reasons = tuple(RejectedPeriod(i, rejected[i]) for i in sorted(rejected))
+    kept = int(good.sum())
+    if kept < 2 or len(reasons) > rejected_limit:
+        words = "; ".join(f"period {period.index}: {period.reason}" for period in reasons)
+        raise DataQualityError(
+            f"{kept} of {len(present)} periods are good, {len(reasons)} are rejected (at least 2"
+            f" good ones are needed, at most {rejected_limit} may be rejected): {words or 'none'}"
+        )
+    values, present = values[good], present[good]
+    count = present.sum(axis=0)
+    if (count < 2).any():
+        raise DataQualityError(
+            f"sample {int(np.argmin(count))} of the period is valid in fewer than two good periods:"
+            " record more periods"
+        )
+    missing = int(present.size - present.sum())
+    weights = present[:, :, np.newaxis]
+    mean = (values * weights).sum(axis=0) / count[:, np.newaxis]
+    deviation = np.where(weights, values - mean, 0.0)
+    # sum_k (count_k - 1) is K (M - 1) where no row is missing: (3.10).
+    variance = np.square(deviation).sum(axis=(0, 1)) / (count - 1).sum()
+    power = np.square(np.abs(np.fft.rfft(deviation, axis=1) / samples)).sum(axis=0)
+    bin_variance = power * samples / (count - 1).sum()
+    n = len(recording.joint_names)
+    return PeriodAverage(
+        joint_names=recording.joint_names,
+        sample_period_s=recording.sample_period_s,
+        position=mean[:, :n],
+        torque_nm=mean[:, n:],
+        position_variance=variance[:n],
+        torque_variance=variance[n:],
+        position_bin_variance=bin_variance[:, :n],
+        torque_bin_variance=bin_variance[:, n:],
+        periods_kept=kept,
+        rejected=reasons,
+        missing_samples=missing,
+        torque_filter=recording.torque_filter,
+    )
+
+
+def _cut(recording: Recording, samples: int) -> tuple[FloatArray, BoolArray]:
+    """Return the channels of each period (periods, K, 2 n) and which rows are there (periods, K)."""
+    main = (recording.phase == Phase.MAIN) & (recording.sample_index >= 0)
+    start = _first_main_index(recording, main, samples)
+    place = recording.sample_index[main] - start
+    periods = int(place.max()) // samples + 1
+    usable = recording.valid[main]
+    missing = periods * samples - int(usable.sum())
+    tail = periods * samples - 1 - int(place.max())
+    if missing - tail > MISSING_FRACTION_LIMIT * periods * samples:
+        raise DataQualityError(
+            f"{missing - tail} of {periods * samples - tail} rows of the main periods are missing"
+            f" or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much: look for lost"
+            " frames on the bus"
+        )
+    n = len(recording.joint_names)
+    values = np.zeros((periods * samples, 2 * n))
+    present = np.zeros(periods * samples, dtype=np.bool_)
+    measured = np.concatenate([recording.position[main], recording.torque_nm[main]], axis=1)
+    values[place[usable]] = measured[usable]
+    present[place[usable]] = True
+    return values.reshape(periods, samples, 2 * n), present.reshape(periods, samples)
+
+
+def _first_main_index(recording: Recording, main: BoolArray, samples: int) -> int:
+    """Return the motion row at which the first main period starts, even where that row was lost."""
+    index = recording.sample_index
+    if not main.any():
+        raise DataQualityError("the recording holds no row of the main periods: it ended before")
+    first, last = int(index[main].min()), int(index[main].max())
+    before = index[(recording.phase < Phase.MAIN) & (index >= 0)]
+    after = index[recording.phase == Phase.RUN_OUT]
+    earliest = int(before.max()) + 1 if len(before) else first
+    latest = first
+    if len(after):
+        length = round((last + 1 - first) / samples) * samples
+        earliest = max(earliest, last + 1 - length)
+        latest = min(latest, int(after.min()) - length)
+    if earliest != latest:
+        raise DataQualityError(
+            f"the first main period starts between rows {earliest} and {latest} of the motion, but"
+            " the rows around it were lost: record again"
+        )
+    return first if earliest == first else earliest
+
+
+def _incomplete(present: BoolArray) -> dict[int, str]:
+    """Return the periods that miss too much, with the reason."""
+    rejected = {}
+    periods, samples = present.shape
+    for period in range(periods):
+        missing = np.flatnonzero(~present[period])
+        if not len(missing):
+            continue
+        bounds = np.flatnonzero(np.diff(missing) > 1)
+        longest = int(np.diff(np.concatenate([[-1], bounds, [len(missing) - 1]])).max())
+        if period == periods - 1 and not present[period, -longest:].any() and longest > LONGEST_GAP:
+            rejected[period] = f"ended after {samples - longest} of {samples} samples"
+        elif longest > LONGEST_GAP or len(missing) > MISSING_FRACTION_LIMIT * samples:
+            rejected[period] = (
+                f"{len(missing)} of {samples} samples missing, {longest} in sequence from sample"
+                f" {int(missing[0])}"
+            )
+    return rejected
+
+
+def _out_of_family(
+    values: FloatArray, present: BoolArray, good: BoolArray, joint_names: tuple[str, ...]
+) -> dict[int, str]:
+    """Return the complete periods that differ from the others far more than those do, with why."""
+    indices = np.flatnonzero(good)
+    if len(indices) < 3:
+        return {}
+    values = np.where(present[indices][:, :, np.newaxis], values[indices], np.nan)
+    deviation = np.nan_to_num(values - np.nanmedian(values, axis=0))
+    signal = np.nan_to_num(values - np.nanmean(values, axis=(0, 1)))
+    negligible = NEGLIGIBLE_FRACTION * np.sqrt(np.square(signal).mean(axis=(0, 1)))
+    rejected: dict[int, str] = {}
+    for words, measure in (
+        ("RMS", np.sqrt(np.square(deviation).mean(axis=1))),
+        ("peak", np.abs(deviation).max(axis=1)),
+    ):
+        common = np.median(measure, axis=0)
+        spread = 1.4826 * np.median(np.abs(measure - common), axis=0)
+        limit = np.maximum(FAMILY_RATIO * common, common + FAMILY_SIGMAS * spread)
+        limit = np.maximum(limit, negligible)
+        for row, period in enumerate(indices):
+            if int(period) in rejected or not (measure[row] > limit).any():
+                continue
+            channel = int(np.argmax(measure[row] / limit))
+            quantity = "position" if channel < len(joint_names) else "torque"
+            rejected[int(period)] = (
+                f"{quantity} of joint {joint_names[channel % len(joint_names)]!r} differs from the"
+                f" median period by {measure[row, channel]:.3g} ({words}), common is"
+                f" {common[channel]:.3g}"
+            )
+    return rejected
