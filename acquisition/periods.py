@@ -174,26 +174,25 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
 
 
 def _cut(recording: Recording, samples: int) -> tuple[FloatArray, BoolArray]:
-    """Return the channels of each period (periods, K, 2 n) and which rows are there (periods, K)."""
+    """Return the channels (periods, K, 2 n) and which rows are there (periods, K)."""
     main = (recording.phase == Phase.MAIN) & (recording.sample_index >= 0)
     start = _first_main_index(recording, main, samples)
     place = recording.sample_index[main] - start
     periods = int(place.max()) // samples + 1
     usable = recording.valid[main]
-    missing = periods * samples - int(usable.sum())
-    tail = periods * samples - 1 - int(place.max())
-    if missing - tail > MISSING_FRACTION_LIMIT * periods * samples:
-        raise DataQualityError(
-            f"{missing - tail} of {periods * samples - tail} rows of the main periods are missing"
-            f" or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much: look for lost"
-            " frames on the bus"
-        )
     n = len(recording.joint_names)
     values = np.zeros((periods * samples, 2 * n))
     present = np.zeros(periods * samples, dtype=np.bool_)
     measured = np.concatenate([recording.position[main], recording.torque_nm[main]], axis=1)
     values[place[usable]] = measured[usable]
     present[place[usable]] = True
+    reached = int(place.max()) + 1
+    missing = reached - int(present.sum())
+    if missing > MISSING_FRACTION_LIMIT * reached:
+        raise DataQualityError(
+            f"{missing} of {reached} rows of the main periods are missing or not valid; more than"
+            f" {MISSING_FRACTION_LIMIT:.0%} is too much: look for lost frames on the bus"
+        )
     return values.reshape(periods, samples, 2 * n), present.reshape(periods, samples)
 
 
@@ -216,7 +215,7 @@ def _first_main_index(recording: Recording, main: BoolArray, samples: int) -> in
             f"the first main period starts between rows {earliest} and {latest} of the motion, but"
             " the rows around it were lost: record again"
         )
-    return first if earliest == first else earliest
+    return latest
 
 
 def _incomplete(present: BoolArray) -> dict[int, str]:

@@ -8,6 +8,7 @@ recording is cut in segments; nothing is invented inside a gap.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import interpolate, signal
@@ -67,6 +68,14 @@ class SmoothedSignals:
         return len(self.time_s)
 
 
+class _Segment(NamedTuple):
+    time_s: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque_nm: FloatArray
+
+
 def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> FloatArray:
     """Return uniformly sampled values low-passed without phase shift, -3 dB at `cutoff_hz`.
 
@@ -118,35 +127,44 @@ def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignal
     torque = recording.torque_nm[recording.valid]
     step_s = float(np.median(np.diff(time_s)))
     cuts = np.flatnonzero(np.diff(time_s) > GAP_STEPS * step_s) + 1
-    pieces = []
+    segments: list[_Segment] = []
     for rows in np.split(np.arange(len(time_s)), cuts):
         stamps = time_s[rows]
         if stamps[-1] - stamps[0] < max(4.0 / cutoff_hz, 10.0 * step_s):
             continue
         grid = np.arange(stamps[0], stamps[-1], step_s)
-        resampled = interpolate.CubicSpline(
-            stamps, np.concatenate([position[rows], torque[rows]], axis=1)
-        )(grid)
-        smooth = low_pass(resampled, step_s, cutoff_hz)
-        path = interpolate.make_interp_spline(grid, smooth[:, : position.shape[1]], k=5)
         inner = slice(edge := int(np.ceil(1.0 / (cutoff_hz * step_s))), len(grid) - edge)
-        pieces.append(
-            (
+        smooth_position, smooth_torque = (
+            low_pass(interpolate.CubicSpline(stamps, values[rows])(grid), step_s, cutoff_hz)
+            for values in (position, torque)
+        )
+        path = interpolate.make_interp_spline(grid, smooth_position, k=5)
+        segments.append(
+            _Segment(
                 grid[inner],
-                smooth[inner, : position.shape[1]],
-                path.derivative(1)(grid[inner]),
-                path.derivative(2)(grid[inner]),
-                smooth[inner, position.shape[1] :],
-                np.full(len(grid[inner]), len(pieces), dtype=np.int64),
+                smooth_position[inner],
+                np.asarray(path.derivative(1)(grid[inner])),
+                np.asarray(path.derivative(2)(grid[inner])),
+                smooth_torque[inner],
             )
         )
-    if not pieces:
+    if not segments:
         raise DataQualityError(
             f"no stretch of the recording is longer than {4.0 / cutoff_hz:.3g} s without a gap of"
             f" {GAP_STEPS * step_s * 1e3:.3g} ms: use a higher cut-off or a better recording"
         )
-    columns = [np.concatenate(arrays) for arrays in zip(*pieces, strict=True)]
-    return SmoothedSignals(recording.joint_names, *columns, step_s, cutoff_hz)
+    joined = _Segment(*(np.concatenate(arrays) for arrays in zip(*segments, strict=True)))
+    return SmoothedSignals(
+        joint_names=recording.joint_names,
+        time_s=joined.time_s,
+        position=joined.position,
+        velocity=joined.velocity,
+        acceleration=joined.acceleration,
+        torque_nm=joined.torque_nm,
+        segment=np.repeat(np.arange(len(segments)), [len(piece.time_s) for piece in segments]),
+        sample_period_s=step_s,
+        cutoff_hz=cutoff_hz,
+    )
 
 
 def resample_periods(recording: Recording, period_s: float) -> Recording:

@@ -99,11 +99,9 @@ def differentiate_on_bins(
 
 def filter_response(torque_filter: ButterworthFilter, frequency_hz: FloatArray) -> Bins:
     """Return the analog filter's complex response at each frequency [Hz], 1 at zero."""
-    zeros, poles, gain = signal.butter(
-        torque_filter.order, 2.0 * math.pi * torque_filter.cutoff_hz, analog=True, output="zpk"
-    )
-    _, response = signal.freqs_zpk(zeros, poles, gain, 2.0 * math.pi * np.asarray(frequency_hz))
-    return np.asarray(response, dtype=np.complex128)
+    _, poles, _ = signal.butter(torque_filter.order, 1.0, analog=True, output="zpk")
+    s = 1j * np.asarray(frequency_hz, dtype=float) / torque_filter.cutoff_hz
+    return np.asarray(1.0 / np.prod(s[:, np.newaxis] - poles, axis=1))
 
 
 def divide_filter(
