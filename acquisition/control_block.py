@@ -1,0 +1,231 @@
+"""`ControlBlock`: what the program, the cyclic task and the recorder tell one another.
+
+A few words of anonymous shared memory. Every field has one writer; texts are written before the
+word that announces them.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from math import isnan, nan
+from multiprocessing import get_context
+from typing import Any
+
+from acquisition.motion_samples import Phase
+from acquisition.stop_reason import StopCode, StopReason
+from config import errors
+from config.errors import DriverError, RidDaqError
+
+
+class TaskState(IntEnum):
+    """How far the cyclic task has come."""
+
+    STARTING = 0
+    BRING_UP = 1
+    ENABLING = 2
+    MOVING = 3
+    STOPPING = 4
+    FINISHED = 5
+
+
+class RecorderState(IntEnum):
+    """How far the recorder has come."""
+
+    STARTING = 0
+    RECORDING = 1
+    FINISHED = 2
+    FAILED = 3
+
+
+class _Fields(ctypes.Structure):
+    _fields_ = (
+        # written by the program
+        ("stop_code", ctypes.c_int64),
+        ("task_gone", ctypes.c_int64),
+        # written by the cyclic task
+        ("task_state", ctypes.c_int64),
+        ("task_beat", ctypes.c_int64),
+        ("cycles", ctypes.c_int64),
+        ("sample_index", ctypes.c_int64),
+        ("phase", ctypes.c_int64),
+        ("reason_code", ctypes.c_int64),
+        ("reason_value", ctypes.c_double),
+        ("reason_limit", ctypes.c_double),
+        ("reason_joint", ctypes.c_char * 64),
+        ("reason_text", ctypes.c_char * 1024),
+        ("task_failed", ctypes.c_int64),
+        ("error_class", ctypes.c_char * 64),
+        ("error_text", ctypes.c_char * 4096),
+        # written by the recorder
+        ("recorder_state", ctypes.c_int64),
+        ("recorder_beat", ctypes.c_int64),
+        ("recorder_error", ctypes.c_char * 1024),
+    )
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where the cyclic task is: for a progress bar.
+
+    `sample_index` is the row of the motion last commanded, -1 before and after it.
+    """
+
+    state: TaskState
+    phase: Phase
+    sample_index: int
+    cycles: int
+
+
+class ControlBlock:
+    """The shared words; made by `create`, handed to the processes as an argument."""
+
+    def __init__(self, fields: Any) -> None:
+        self._fields = fields
+
+    @classmethod
+    def create(cls) -> ControlBlock:
+        """Return a cleared block in fresh shared memory."""
+        block = cls(get_context("spawn").RawValue(_Fields))
+        block.set_progress(-1, Phase.APPROACH, 0)
+        return block
+
+    def __reduce__(self) -> tuple[Callable[..., ControlBlock], tuple[Any]]:
+        return ControlBlock, (self._fields,)
+
+    # the program's side
+
+    def request_stop(self, code: StopCode) -> None:
+        """Ask the task to stop; the first request counts. Safe in a signal handler."""
+        if not self._fields.stop_code:
+            self._fields.stop_code = int(code)
+
+    def declare_task_gone(self) -> None:
+        """Tell the recorder that no more rows will come."""
+        self._fields.task_gone = 1
+
+    @property
+    def progress(self) -> Progress:
+        """Where the task is."""
+        fields = self._fields
+        return Progress(
+            state=TaskState(fields.task_state),
+            phase=Phase(fields.phase),
+            sample_index=int(fields.sample_index),
+            cycles=int(fields.cycles),
+        )
+
+    @property
+    def stop_reason(self) -> StopReason | None:
+        """Why the task stopped the motion; None where it did not."""
+        fields = self._fields
+        if not fields.reason_code:
+            return None
+        value, limit = fields.reason_value, fields.reason_limit
+        return StopReason(
+            code=StopCode(fields.reason_code),
+            text=fields.reason_text.decode(errors="replace"),
+            joint=fields.reason_joint.decode(errors="replace") or None,
+            value=None if isnan(value) else value,
+            limit=None if isnan(limit) else limit,
+        )
+
+    @property
+    def task_error(self) -> RidDaqError | None:
+        """The error that ended the task; None where none did."""
+        fields = self._fields
+        if not fields.task_failed:
+            return None
+        kind = getattr(errors, fields.error_class.decode(), DriverError)
+        if not (isinstance(kind, type) and issubclass(kind, RidDaqError)):
+            kind = DriverError
+        return kind(fields.error_text.decode(errors="replace"))
+
+    # the task's side
+
+    @property
+    def stop_code(self) -> int:
+        """`StopCode` of the program's request to stop, 0 where there is none."""
+        return int(self._fields.stop_code)
+
+    @property
+    def task_beat(self) -> int:
+        """A counter that grows while the task lives."""
+        return int(self._fields.task_beat)
+
+    @property
+    def task_state(self) -> TaskState:
+        """How far the task has come."""
+        return TaskState(self._fields.task_state)
+
+    @task_state.setter
+    def task_state(self, state: TaskState) -> None:
+        self._fields.task_state = int(state)
+        self._fields.task_beat += 1
+
+    def set_progress(self, sample_index: int, phase: int, cycles: int) -> None:
+        """Say which row of the motion is being commanded; a sign of life."""
+        fields = self._fields
+        fields.sample_index = sample_index
+        fields.phase = phase
+        fields.cycles = cycles
+        fields.task_beat += 1
+
+    def report_stop(self, reason: StopReason) -> None:
+        """Say why the motion is being stopped; the first reason stays."""
+        fields = self._fields
+        if fields.reason_code:
+            return
+        fields.reason_joint = _clipped(reason.joint or "", 63)
+        fields.reason_text = _clipped(reason.text, 1023)
+        fields.reason_value = nan if reason.value is None else reason.value
+        fields.reason_limit = nan if reason.limit is None else reason.limit
+        fields.reason_code = int(reason.code)
+
+    def report_error(self, error: RidDaqError) -> None:
+        """Hand an error that ends the task to the program."""
+        fields = self._fields
+        fields.error_class = _clipped(type(error).__name__, 63)
+        fields.error_text = _clipped(str(error), 4095)
+        fields.task_failed = 1
+
+    # the recorder's side
+
+    @property
+    def task_gone(self) -> bool:
+        """Whether the task has ended, by its own word or the program's."""
+        return bool(self._fields.task_gone) or self._fields.task_state == TaskState.FINISHED
+
+    @property
+    def recorder_state(self) -> RecorderState:
+        """How far the recorder has come."""
+        return RecorderState(self._fields.recorder_state)
+
+    @recorder_state.setter
+    def recorder_state(self, state: RecorderState) -> None:
+        self._fields.recorder_state = int(state)
+
+    @property
+    def recorder_beat(self) -> int:
+        """A counter that grows while the recorder lives."""
+        return int(self._fields.recorder_beat)
+
+    def beat_recorder(self) -> None:
+        """Give a sign of life of the recorder."""
+        self._fields.recorder_beat += 1
+
+    @property
+    def recorder_error(self) -> str:
+        """Why the recorder failed; empty where it did not."""
+        return str(self._fields.recorder_error.decode(errors="replace"))
+
+    def fail_recorder(self, text: str) -> None:
+        """Say that the recorder cannot go on."""
+        self._fields.recorder_error = _clipped(text, 1023)
+        self.recorder_state = RecorderState.FAILED
+
+
+def _clipped(text: str, size: int) -> bytes:
+    return text.encode().replace(b"\0", b"?")[:size]

@@ -1,0 +1,54 @@
+"""`StopReason`: why a motion was stopped, in a form for people and for programs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class StopCode(IntEnum):
+    """What kind of thing stopped the motion (faults: rows of section 5.4)."""
+
+    INTERRUPTED = 1
+    MISSED_FRAMES = 2
+    LATE_FRAMES = 3
+    IMPLAUSIBLE_POSITION = 4
+    DRIVE_RESTARTED = 5
+    EMERGENCY = 6
+    HEARTBEAT_LOST = 7
+    DRIVE_FAULT = 8
+    NOT_ENABLED = 9
+    FOLLOWING_ERROR = 10
+    POSITION_LIMIT = 11
+    VELOCITY_LIMIT = 12
+    TORQUE_LIMIT = 13
+    SET_POINT = 14
+    STUCK_ENCODER = 15
+    LATE_CYCLE = 16
+    RECORDER = 17
+    PROGRAM_GONE = 18
+    BUS = 19
+    TASK_DIED = 20
+
+
+@dataclass(frozen=True)
+class StopReason:
+    """Why the motion was stopped.
+
+    Attributes
+    ----------
+    code : StopCode
+        The kind.
+    text : str
+        One sentence for people, with joint, value, limit and what to look at.
+    joint : str or None
+        The joint it is about.
+    value, limit : float or None
+        What was measured and what was allowed, in the unit that `text` gives.
+    """
+
+    code: StopCode
+    text: str
+    joint: str | None = None
+    value: float | None = None
+    limit: float | None = None
