@@ -76,7 +76,6 @@ class Plant:
         self._data: Any = self._model.createData()
         self._coordinate_joint = bodies.coordinate_joint
         self._coordinate_ratio = bodies.coordinate_ratio
-        self._full_position = np.zeros(len(bodies.coordinate_joint))
         self._mass = np.zeros((count, count))
         self._bias = np.zeros(count)
 
@@ -208,11 +207,11 @@ class Plant:
         acceleration = state[rows.ACCELERATION]
         velocity = state[rows.VELOCITY] + ahead_s * acceleration
         position = state[rows.POSITION] + 0.5 * ahead_s * (state[rows.VELOCITY] + velocity)
-        self._full_position[: len(position)] = position
+        full_position = position[self._coordinate_joint] * self._coordinate_ratio
         full_velocity = velocity[self._coordinate_joint] * self._coordinate_ratio
         rows.reduce_to_joints(
-            pin.crba(self._model, self._data, self._full_position),
-            pin.nonLinearEffects(self._model, self._data, self._full_position, full_velocity),
+            pin.crba(self._model, self._data, full_position),
+            pin.nonLinearEffects(self._model, self._data, full_position, full_velocity),
             self._coordinate_joint,
             self._coordinate_ratio,
             self._mass,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from config.errors import ConfigError
 from config.plant import LinkInertia, PlantConfig
-from config.robot import KinematicRow, RobotDescription
+from config.robot import KinematicRow, RobotDescription, Rotor
 
 Vector = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -29,7 +29,7 @@ class RigidBodies:
     Attributes
     ----------
     model : pinocchio.Model
-        Coordinates 0 .. n-1 are the joints', the rest the rotors'.
+        One coordinate a joint and one a rotor, m in all.
     coordinate_joint : (m,) int64
         The joint that moves each coordinate.
     coordinate_ratio : (m,) float64
@@ -58,48 +58,46 @@ def build_rigid_bodies(robot: RobotDescription, plant: PlantConfig) -> RigidBodi
     Raises
     ------
     ConfigError
-        Where plant and robot disagree on the number of joints, or a rotor has inertia but no place.
+        Where plant and robot do not fit each other.
     """
     count = len(robot.joints)
-    _check_counts(robot, plant)
+    _check(robot, plant)
     kinematics = robot.kinematics
     if plant.unmodelled is not None and plant.unmodelled.kinematics is not None:
         kinematics = plant.unmodelled.kinematics
     model: Any = pin.Model()
     model.gravity.linear = np.array(robot.gravity_m_s2)
-    identity = pin.SE3.Identity()
-    link_joint = [0]
-    for joint, row, link in zip(robot.joints, kinematics.modified_rows(), plant.links, strict=True):
-        kind = pin.JointModelRZ() if joint.type == "revolute" else pin.JointModelPZ()
-        number = model.addJoint(link_joint[-1], kind, _placement(row), joint.name)
-        model.appendBodyToJoint(number, _inertia(link), identity)
-        link_joint.append(number)
-    moving = list(range(count))
-    ratios = [1.0] * count
-    for index, (joint, axis) in enumerate(zip(robot.joints, plant.axes, strict=True)):
-        if joint.rotor is None:
-            if axis.rotor_inertia_kg_m2 > 0.0:
-                raise ConfigError(
-                    f"plant {plant.name!r} gives joint {joint.name!r} a rotor inertia, but robot"
-                    f" {robot.name!r} does not say where its rotor sits: add `rotor` to that joint,"
-                    " or set rotor_inertia_kg_m2 to 0"
-                )
-            continue
-        spin = np.array(joint.rotor.axis)
-        number = model.addJoint(
-            link_joint[joint.rotor.link],
-            pin.JointModelRevoluteUnaligned(spin),
-            identity,
-            f"{joint.name}-rotor",
-        )
-        polar = axis.rotor_inertia_kg_m2 * np.outer(spin, spin)
-        model.appendBodyToJoint(number, pin.Inertia(0.0, np.zeros(3), polar), identity)
-        moving.append(index)
-        ratios.append(joint.gear_ratio)
+    parent = 0
+    moving: list[int] = []
+    ratios: list[float] = []
+    # Pinocchio wants every subtree in one piece: a link, then its rotors, then the next link.
+    for number in range(count + 1):
+        if number > 0:
+            joint, row = robot.joints[number - 1], kinematics.modified_rows()[number - 1]
+            kind = pin.JointModelRZ() if joint.type == "revolute" else pin.JointModelPZ()
+            parent = model.addJoint(parent, kind, _placement(row), joint.name)
+            model.appendBodyToJoint(parent, _inertia(plant.links[number - 1]), pin.SE3.Identity())
+            moving.append(number - 1)
+            ratios.append(1.0)
+        for index, joint in enumerate(robot.joints):
+            if joint.rotor is not None and joint.rotor.link == number:
+                inertia = plant.axes[index].rotor_inertia_kg_m2
+                _add_rotor(model, parent, joint.rotor, inertia, f"{joint.name}-rotor")
+                moving.append(index)
+                ratios.append(joint.gear_ratio)
     return RigidBodies(model, np.array(moving, dtype=np.int64), np.array(ratios))
 
 
-def _check_counts(robot: RobotDescription, plant: PlantConfig) -> None:
+def _add_rotor(model: Any, carrier: int, rotor: Rotor, inertia_kg_m2: float, name: str) -> None:
+    """Add a body of polar inertia alone, turning about its axis on the carrier's frame."""
+    spin = np.array(rotor.axis)
+    identity = pin.SE3.Identity()
+    number = model.addJoint(carrier, pin.JointModelRevoluteUnaligned(spin), identity, name)
+    body = pin.Inertia(0.0, np.zeros(3), inertia_kg_m2 * np.outer(spin, spin))
+    model.appendBodyToJoint(number, body, identity)
+
+
+def _check(robot: RobotDescription, plant: PlantConfig) -> None:
     counts = {"links": len(plant.links), "axes": len(plant.axes)}
     if plant.unmodelled is not None:
         counts["unmodelled.axes"] = len(plant.unmodelled.axes)
@@ -116,6 +114,13 @@ def _check_counts(robot: RobotDescription, plant: PlantConfig) -> None:
             f"plant {plant.name!r} and robot {robot.name!r}: `spring` must stand in both or in"
             " neither"
         )
+    for joint, axis in zip(robot.joints, plant.axes, strict=True):
+        if joint.rotor is None and axis.rotor_inertia_kg_m2 > 0.0:
+            raise ConfigError(
+                f"plant {plant.name!r} gives joint {joint.name!r} a rotor inertia, but robot"
+                f" {robot.name!r} does not say where its rotor sits: add `rotor` to that joint, or"
+                " set rotor_inertia_kg_m2 to 0"
+            )
 
 
 def _placement(row: KinematicRow) -> Any:
