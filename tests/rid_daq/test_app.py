@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+import typer
+
+from config import errors
+from rid_daq import app
+from rid_daq.app import COMMANDS, printable, run
+from rid_daq.exit_codes import ExitCode, exit_code_of
+
+CODES = {
+    errors.ConfigError: 2,
+    errors.PreflightError: 3,
+    errors.DriverError: 4,
+    errors.TransportError: 4,
+    errors.DeviceTimeoutError: 4,
+    errors.ProtocolError: 4,
+    errors.DeviceFaultError: 4,
+    errors.SafetyStop: 5,
+    errors.DataQualityError: 6,
+    errors.EstimationError: 6,
+    errors.RecordingError: 7,
+    errors.LockedError: 8,
+}
+
+
+@pytest.mark.parametrize(("kind", "code"), CODES.items(), ids=lambda x: getattr(x, "__name__", x))
+def test_every_error_of_the_tree_has_its_exit_code(
+    kind: type[errors.RidDaqError], code: int
+) -> None:
+    assert exit_code_of(kind("what, where, what to do")) == code
+
+
+def test_no_error_of_the_tree_is_without_a_code_of_its_own() -> None:
+    def below(kind: type[errors.RidDaqError]) -> set[type[errors.RidDaqError]]:
+        return {kind}.union(*(below(child) for child in kind.__subclasses__()))
+
+    named = {kind for kind in below(errors.RidDaqError) if kind.__module__ == "config.errors"}
+    assert named - {errors.RidDaqError} == set(CODES)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([name, "--help"]) == 0
+    assert f"rid-daq {name}" in capsys.readouterr().out
+
+
+def test_the_list_of_commands_is_shown_without_importing_any(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    program = (
+        "import sys; from rid_daq.app import run; code = run(['--help']);"
+        "heavy = {'numpy', 'pinocchio', 'matplotlib', 'numba', 'can', 'mcap'} & set(sys.modules);"
+        "print('heavy:', sorted(heavy)); sys.exit(code)"
+    )
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert all(name in shown.stdout for name in COMMANDS)
+    assert "heavy: []" in shown.stdout
+    assert "emergency stop is required" in " ".join(shown.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["rusn"], "Did you mean 'runs'"),
+        (["record"], "Missing argument 'CELL'"),
+        (["demo", "--sed", "1"], "No such option"),
+        (["demo", "--seed", "one"], "Invalid value for '--seed'"),
+    ],
+)
+def test_a_mistyped_command_line_is_usage(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(words) == ExitCode.USAGE
+    captured = capsys.readouterr()
+    assert said in captured.err
+    assert captured.out == ""
+
+
+def _command_that_raises(error: BaseException) -> Any:
+    def runs(as_json: bool = typer.Option(False, "--json")) -> None:
+        raise error
+
+    return type("Module", (), {"runs": staticmethod(runs)})
+
+
+def test_an_error_is_one_message_and_its_code(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error = errors.PreflightError("node 3: 6007h is 0")
+    monkeypatch.setitem(sys.modules, "rid_daq.commands.runs", _command_that_raises(error))
+    assert run(["runs"]) == ExitCode.PREFLIGHT
+    captured = capsys.readouterr()
+    assert captured.err == "rid-daq: node 3: 6007h is 0\n"
+    assert captured.out == ""
+
+
+def test_with_json_an_error_is_a_document_too(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error = errors.LockedError("held by process 7")
+    monkeypatch.setitem(sys.modules, "rid_daq.commands.runs", _command_that_raises(error))
+    assert run(["runs", "--json"]) == ExitCode.LOCKED
+    problem = json.loads(capsys.readouterr().out)["error"]
+    assert problem == {"kind": "LockedError", "message": "held by process 7", "exit_code": 8}
+
+
+def test_ctrl_c_is_130(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(
+        sys.modules, "rid_daq.commands.runs", _command_that_raises(KeyboardInterrupt())
+    )
+    assert run(["runs"]) == ExitCode.INTERRUPTED
+
+
+def test_a_bug_is_not_dressed_up_as_a_users_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(
+        sys.modules, "rid_daq.commands.runs", _command_that_raises(ZeroDivisionError())
+    )
+    with pytest.raises(ZeroDivisionError):
+        run(["runs"])
+
+
+def test_control_characters_of_devices_never_reach_the_terminal() -> None:
+    assert printable("drive says \x1b[2J\x07\n\tµ") == "drive says \\x1b[2J\\x07\n\tµ"
+
+
+def test_termination_becomes_143() -> None:
+    with pytest.raises(SystemExit) as end:
+        app._terminate(15, None)
+    assert end.value.code == ExitCode.TERMINATED

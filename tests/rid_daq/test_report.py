@@ -1,0 +1,162 @@
+from __future__ import annotations
+
+import copy
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from config.errors import RecordingError
+from rid_daq.report.render import duration, number, render_report
+from rid_daq.result import check, new_result, read_result, verdict, write_result
+
+
+class _Page(HTMLParser):
+    """Collects what a browser would load, the ids, and tags that are left open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.loaded: list[str] = []
+        self.ids: list[str] = []
+        self.scripts = 0
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.scripts += tag == "script"
+        for name, value in attrs:
+            if name in {"src", "href", "xlink:href", "data", "srcset"} and value is not None:
+                self.loaded.append(value)
+            if name == "id" and value is not None:
+                self.ids.append(value)
+
+
+def _read(page: str) -> _Page:
+    parser = _Page()
+    parser.feed(page)
+    return parser
+
+
+def test_the_page_needs_nothing_from_anywhere(result: dict[str, Any]) -> None:
+    page = render_report(result)
+    parsed = _read(page)
+    assert all(link.startswith("#") for link in parsed.loaded)
+    assert parsed.scripts == 0
+    assert not re.search(r"url\((?!#)", page)
+    assert "@import" not in page
+
+
+def test_every_drawing_has_ids_of_its_own(result: dict[str, Any]) -> None:
+    ids = _read(render_report(result)).ids
+    assert len(ids) == len(set(ids))
+
+
+def test_links_inside_the_drawings_arrive(result: dict[str, Any]) -> None:
+    page = render_report(result)
+    parsed = _read(page)
+    wanted = {link[1:] for link in parsed.loaded} | set(re.findall(r"url\(#([^)]+)\)", page))
+    assert wanted <= set(parsed.ids)
+
+
+def test_the_verdict_stands_before_everything_else(result: dict[str, Any]) -> None:
+    page = render_report(result)
+    assert page.index("Passed: the model predicts") < page.index("<h2>")
+    result["verdict"] = verdict([check("error", 2.0, "≤", 1.3)], "Failed: badly off", "It is.")
+    assert 'class="verdict failed"' in render_report(result)
+
+
+def test_the_page_shows_what_the_issue_asks_for(result: dict[str, Any]) -> None:
+    page = render_report(result)
+    for part in (
+        "What was run",
+        "Predicted against measured torque",
+        "Residual spectrum against the noise floor",
+        "Parameters with their intervals",
+        "rejected period",
+        "7 samples are missing",
+        "Loop timing",
+        "rid-daq 0.1.0",
+        "not an emergency stop",
+    ):
+        assert part in page
+    assert page.count("<svg") == 3 + 1 + 1 + 1
+
+
+@pytest.mark.parametrize("section", ["runs", "average", "estimate", "truth", "curves", "timing"])
+def test_a_result_without_a_section_still_has_a_report(
+    result: dict[str, Any], section: str
+) -> None:
+    del result[section]
+    assert "</html>" in render_report(result)
+
+
+def test_a_result_with_nothing_but_a_title_has_a_report() -> None:
+    page = render_report(new_result("Recording", "ur10e"))
+    assert "Nothing to judge" in page
+
+
+def test_text_of_devices_and_files_cannot_become_markup(result: dict[str, Any]) -> None:
+    evil = "<script>alert(1)</script>"
+    result["average"]["rejected"][0]["reason"] = evil
+    result["runs"][0]["stop"] = evil
+    result["estimate"]["parameters"][0]["words"] = evil
+    page = render_report(result)
+    assert evil not in page
+    assert page.count("&lt;script&gt;") == 3
+
+
+def test_the_same_numbers_give_the_same_bytes(result: dict[str, Any]) -> None:
+    assert render_report(result) == render_report(copy.deepcopy(result))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "–"),
+        (0.0, "0"),
+        (12, "12"),
+        (-1.23456, "\N{MINUS SIGN}1.235"),
+        (1.5e-7, "1.5·10⁻⁷"),
+        (float("nan"), "not finite"),
+    ],
+)
+def test_numbers_are_written_for_people(value: float | None, text: str) -> None:
+    assert number(value) == text
+
+
+def test_durations_are_written_for_people() -> None:
+    assert duration(47.11) == "47.1 s"
+    assert duration(185.0) == "3 min 5 s"
+
+
+def test_a_result_survives_its_file(result: dict[str, Any], tmp_path: Path) -> None:
+    report = write_result(tmp_path, result)
+    assert read_result(tmp_path) == json.loads(json.dumps(result))
+    assert report == tmp_path / "report.html"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "result.json"]
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"schema": "else"}', b"\xff\xfe"])
+def test_a_file_that_is_no_result_is_refused(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "result.json").write_bytes(content)
+    with pytest.raises(RecordingError, match=r"result\.json"):
+        read_result(tmp_path)
+
+
+def test_a_folder_without_a_result_is_refused_with_advice(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="rid-daq runs"):
+        read_result(tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_is_a_storage_error(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="cannot write"):
+        write_result(tmp_path / "missing", new_result("t", "r"))
+
+
+def test_a_verdict_without_checks_is_none_and_one_failure_fails_it() -> None:
+    assert verdict([], "", "")["passed"] is None
+    good, bad = check("a", 1.0, "≤", 1.0), check("b", 0.8, "≥", 0.9)
+    assert good["passed"]
+    assert not bad["passed"]
+    assert verdict([good, bad], "", "")["passed"] is False
