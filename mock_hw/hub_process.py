@@ -1,0 +1,132 @@
+"""The hub as a process: its socket, its signals, and its end when whoever started it is gone."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import fcntl
+import multiprocessing
+import os
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from config.errors import RidDaqError, TransportError
+from mock_hw.can_hub import CanHub
+
+LINGER_NS = 5_000_000_000
+"""How long the hub outlives the process that started it, so that the drives can stop."""
+
+_PR_SET_TIMERSLACK = 29
+
+
+@dataclass(frozen=True)
+class HubSettings:
+    """What the hub process is told: where to listen, how fast the bus is, which clock, the log."""
+
+    path: Path
+    bitrate: int
+    realtime: bool
+    channel: str
+    log: Path | None
+
+
+def serve_hub(settings: HubSettings, ready: Connection) -> None:
+    """Serve a bus until SIGTERM, or until some seconds after the parent's end.
+
+    Sends None through `ready` once clients can connect, or the text of what went wrong.
+    """
+    stop_fd = ignore_interrupt_and_catch_terminate()
+    ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+    try:
+        with contextlib.ExitStack() as stack:
+            log = None
+            if settings.log is not None:
+                log = stack.enter_context(settings.log.open("w", encoding="ascii"))
+            listener = stack.enter_context(listening_socket(settings.path))
+            hub = CanHub(
+                listener,
+                settings.bitrate,
+                realtime=settings.realtime,
+                channel=settings.channel,
+                log=log,
+            )
+            stack.callback(hub.close)
+            ready.send(None)
+            ready.close()
+            _run(hub, stop_fd)
+    except (OSError, RidDaqError) as error:
+        with contextlib.suppress(OSError):
+            ready.send(str(error))
+
+
+def _run(hub: CanHub, stop_fd: int) -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        hub.run([stop_fd, parent.sentinel])
+        if parent.is_alive():
+            return
+        hub.run([stop_fd], time.monotonic_ns() + LINGER_NS)
+    else:
+        hub.run([stop_fd])
+
+
+def ignore_interrupt_and_catch_terminate() -> int:
+    """Leave Ctrl-C to the parent, and return a descriptor that is readable after SIGTERM."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    readable, writable = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+    signal.signal(signal.SIGTERM, lambda _number, _frame: None)
+    signal.set_wakeup_fd(writable, warn_on_full_buffer=False)
+    return readable
+
+
+@contextlib.contextmanager
+def listening_socket(path: Path) -> Iterator[socket.socket]:
+    """Open a SEQPACKET socket that listens at `path`; the path is removed at the end.
+
+    Raises
+    ------
+    TransportError
+        Somebody serves that path already, or the socket cannot be made there.
+    """
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)
+            _remove_stale(path)
+            listener.bind(str(path))
+            listener.listen(16)
+            path.chmod(0o600)
+        finally:
+            os.close(folder)
+    except OSError as error:
+        listener.close()
+        raise TransportError(f"{path}: cannot listen here ({error})") from error
+    except TransportError:
+        listener.close()
+        raise
+    listener.setblocking(False)
+    try:
+        yield listener
+    finally:
+        listener.close()
+        path.unlink(missing_ok=True)
+
+
+def _remove_stale(path: Path) -> None:
+    """Remove a socket that a killed hub has left; refuse one that answers."""
+    if not path.is_socket():
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            path.unlink()
+            return
+    raise TransportError(f"{path}: another simulated bus is served here; stop that one first")
