@@ -18,6 +18,7 @@ from scipy.linalg import qr, solve_triangular
 from acquisition.arrays import FloatArray, read_only
 from config.errors import EstimationError
 from dynamics.robot_model import RobotModel, base_wrench_regressor, regressor
+from identification.least_squares import triangular_factor
 
 Outputs = Literal["torque", "wrench", "combined"]
 
@@ -144,7 +145,7 @@ def independent_columns(
     if not seen.any():
         raise EstimationError("the regressor is zero: no parameter has any effect")
     order = [j for j in sorted(range(len(names)), key=lambda j: _priority(names[j])) if seen[j]]
-    triangle = np.linalg.qr(stacked[:, order] / size[order], mode="r")
+    triangle = triangular_factor(stacked[:, order] / size[order])
     kept = _greedy(triangle, tolerance)
     _check_rank(triangle, len(kept), tolerance)
 
@@ -211,12 +212,12 @@ def _words(row: FloatArray, names: tuple[str, ...], head: int) -> str:
     for j in np.flatnonzero(row):
         if j == head:
             continue
-        coefficient = float(f"{row[j]:.4g}")
+        coefficient = float(f"{float(f'{row[j]:.10g}'):.5g}")  # 10 first: no coin-flip at a tie
         factor = "" if abs(coefficient) == 1.0 else f"{_plain(abs(coefficient))} "
         text += f" {'-' if coefficient < 0.0 else '+'} {factor}{names[j]}"
     return text
 
 
 def _plain(value: float) -> str:
-    """Write four significant digits without an exponent where that stays short."""
-    return f"{value:.0f}" if 1e3 <= value < 1e7 else f"{value:.4g}"
+    """Write five significant digits, without an exponent where that stays short."""
+    return f"{value:.0f}" if 1e4 <= value < 1e7 else f"{value:.5g}"

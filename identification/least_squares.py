@@ -12,6 +12,12 @@ from acquisition.arrays import FloatArray
 from config.errors import EstimationError
 
 
+def triangular_factor(matrix: FloatArray) -> FloatArray:
+    """Return R of the QR factorisation of a matrix, shape (min(rows, columns), columns)."""
+    factor: FloatArray = np.asarray(np.linalg.qr(matrix, mode="r"))
+    return factor
+
+
 @dataclass(frozen=True, eq=False)
 class Triangle:
     """The R factor of [A y] for all rows seen so far: all that least squares needs of them.
@@ -32,12 +38,16 @@ class Triangle:
         """Return the triangle of no rows at all."""
         return cls(np.zeros((0, parameters + 1)))
 
-    def add(self, matrix: FloatArray, rhs: FloatArray) -> Triangle:
-        """Return the triangle with a block of rows added: `matrix` (rows, p), `rhs` (rows,)."""
+    def add(self, matrix: FloatArray, rhs: FloatArray, rows: int | None = None) -> Triangle:
+        """Return the triangle with a block added: `matrix` (rows, p), `rhs` (rows,).
+
+        `rows` says how many equations the block is worth, where some of it is projected out.
+        """
         if len(rhs) == 0:
             return self
         stacked = np.vstack([self.factor, np.column_stack([matrix, rhs])])
-        return Triangle(np.linalg.qr(stacked, mode="r"), self.rows + len(rhs))
+        rows = len(rhs) if rows is None else rows
+        return Triangle(triangular_factor(stacked), self.rows + rows)
 
     def residual_sum(self, values: FloatArray) -> float:
         """Return the sum of squares of y - A x over all rows, for any x of shape (p,)."""
@@ -94,7 +104,7 @@ def solve(
             " samples"
         )
     stacked = np.vstack([w * part.factor for w, part in zip(weights, parts, strict=True)])
-    factor = np.linalg.qr(stacked, mode="r")
+    factor = triangular_factor(stacked)
     upper, rhs = factor[:p, :p], factor[:p, p]
     size = np.linalg.norm(upper, axis=0)
     if upper.shape != (p, p) or (size == 0.0).any():

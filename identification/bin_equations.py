@@ -1,0 +1,283 @@
+"""`BinEquations`: one mean period as equations on its DFT bins, both sides limited to one band.
+
+The measured torques are known on the bins up to a band limit (above it they fold back and vanish
+in the anti-alias filter). The model's torques are not limited so: sign(v) jumps between samples.
+So the regressor is evaluated on a finer grid and projected on the same bins as the torques.
+Where a joint passes standstill its friction is not sign(v): there its torque is left free, by a
+few columns of its own that the fit does not get to explain anything else with.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.arrays import BoolArray, FloatArray
+from acquisition.periods import PeriodAverage
+from acquisition.spectrum import differentiate_on_bins, filter_response, to_bins
+from config.errors import EstimationError
+from dynamics.robot_model import RobotModel, regressor
+from identification.base_parameters import BaseParameters
+
+NYQUIST_FRACTION = 0.8
+GRID_STEP_S = 0.001
+BLOCK_ROWS = 2048
+NEIGHBOURS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class BinEquations:
+    """Equations rhs = matrix beta + free noise of one mean period.
+
+    The 2 H + 1 rows of a joint are the real parts of bins 0 to H and the imaginary parts of bins 1
+    to H; all but the first times sqrt(2), so that the sum of squares is the mean square over time.
+
+    Attributes
+    ----------
+    harmonics : int
+        The highest bin, H.
+    period_s : float
+        The period [s].
+    matrix : ndarray, shape (n, 2 H + 1, b)
+        Base regressor of each joint on the bins.
+    rhs : ndarray, shape (n, 2 H + 1)
+        Torque with the anti-alias filter divided out [N m or N].
+    free : tuple of ndarray, n of shape (2 H + 1, any)
+        Columns of each joint's torque that stay free: passages of standstill.
+    left_out_fraction : ndarray, shape (n,)
+        Share of the period that those passages take.
+    torque_sigma : ndarray, shape (n, 2 H + 1)
+        Standard deviation of each row by the torque noise between periods [N m or N].
+    position_sigma : ndarray, shape (n, H + 1)
+        The same of the mean position's bins [rad or m].
+    """
+
+    harmonics: int
+    period_s: float
+    matrix: FloatArray
+    rhs: FloatArray
+    free: tuple[FloatArray, ...]
+    left_out_fraction: FloatArray
+    torque_sigma: FloatArray
+    position_sigma: FloatArray
+
+    def to_time(self, rows: FloatArray, samples: int) -> FloatArray:
+        """Return one period of (samples, n) values from rows of shape (n, 2 H + 1)."""
+        time = np.arange(samples) / samples * self.period_s
+        return np.asarray(_projection(time, self.period_s, self.harmonics).T @ rows.T)
+
+
+def bin_equations(
+    model: RobotModel,
+    base: BaseParameters,
+    average: PeriodAverage,
+    *,
+    band_hz: float,
+    standstill_rad_s: float,
+) -> BinEquations:
+    """Set up the equations of one mean period.
+
+    Parameters
+    ----------
+    model, base : RobotModel, BaseParameters
+        The model and what of it can be identified.
+    average : PeriodAverage
+        The measurement.
+    band_hz : float
+        Highest frequency used; less where the sampling or the anti-alias filter ends before.
+    standstill_rad_s : float
+        Below this speed a joint's friction is left free; 0 trusts sign(v) everywhere.
+
+    Raises
+    ------
+    EstimationError
+        The joints are not the model's, or the band holds no bin.
+    """
+    if average.joint_names != model.joint_names:
+        raise EstimationError(
+            f"the recording has joints {', '.join(average.joint_names)}, the model"
+            f" {', '.join(model.joint_names)}: use the recording's own robot"
+        )
+    harmonics = _harmonics(average, band_hz)
+    oversampling = max(2, math.ceil(average.sample_period_s / GRID_STEP_S))
+    q, v, a = differentiate_on_bins(
+        average.position, average.sample_period_s, harmonics, oversampling=oversampling
+    )
+    period_s = average.period_s
+    times = np.arange(len(q)) / len(q) * period_s
+    matrix = np.zeros((len(model.joint_names), 2 * harmonics + 1, len(base)))
+    for start in range(0, len(q), BLOCK_ROWS):
+        rows = slice(start, start + BLOCK_ROWS)
+        phi = base.columns(regressor(model, q[rows], v[rows], a[rows]))
+        projection = _projection(times[rows], period_s, harmonics) / len(q)
+        projected = projection @ phi.reshape(len(phi), -1)
+        matrix += projected.reshape(2 * harmonics + 1, *phi.shape[1:]).transpose(1, 0, 2)
+
+    frequency_hz = np.arange(harmonics + 1) / period_s
+    response = np.ones(harmonics + 1, dtype=complex)
+    if average.torque_filter is not None:
+        response = filter_response(average.torque_filter, frequency_hz)
+    torque = to_bins(average.torque_nm, harmonics) / response[:, np.newaxis]
+    gain = np.abs(response)[:, np.newaxis]
+    sigma = np.sqrt(_smooth_variance(average.torque_bin_variance, average.periods_kept))
+    slow = np.abs(v) < standstill_rad_s
+    return BinEquations(
+        harmonics=harmonics,
+        period_s=period_s,
+        matrix=matrix,
+        rhs=_real_rows(torque).T,
+        free=tuple(_free_columns(slow[:, j], period_s, harmonics) for j in range(q.shape[1])),
+        left_out_fraction=slow.mean(axis=0),
+        torque_sigma=_both_parts(sigma[: harmonics + 1] / gain).T,
+        position_sigma=_position_sigma(average)[: harmonics + 1].T,
+    )
+
+
+def _harmonics(average: PeriodAverage, band_hz: float) -> int:
+    """Return the highest bin that the band, the sampling and the filter allow."""
+    limit_hz = min(band_hz, NYQUIST_FRACTION * 0.5 / average.sample_period_s)
+    if average.torque_filter is not None:
+        limit_hz = min(limit_hz, average.torque_filter.cutoff_hz)
+    harmonics = math.floor(limit_hz * average.period_s + 1e-9)
+    if harmonics < 1:
+        raise EstimationError(
+            f"a band up to {limit_hz:g} Hz holds no harmonic of a period of"
+            f" {average.period_s:g} s: raise the band limit"
+        )
+    return harmonics
+
+
+def _projection(times: FloatArray, period_s: float, harmonics: int) -> FloatArray:
+    """Return the real functions of the rows at some times, shape (2 H + 1, times)."""
+    angle = 2.0 * np.pi / period_s * np.outer(np.arange(1, harmonics + 1), times)
+    root = math.sqrt(2.0)
+    return np.vstack([np.ones((1, len(times))), root * np.cos(angle), -root * np.sin(angle)])
+
+
+def _real_rows(bins: np.ndarray) -> FloatArray:
+    """Return the rows of complex bins (H + 1, n) as (2 H + 1, n)."""
+    root = math.sqrt(2.0)
+    return np.concatenate([bins.real[:1], root * bins.real[1:], root * bins.imag[1:]])
+
+
+def _both_parts(per_bin: FloatArray) -> FloatArray:
+    """Repeat values of bins 0 to H for the real and the imaginary rows."""
+    return np.concatenate([per_bin, per_bin[1:]])
+
+
+def _smooth_variance(variance: FloatArray, periods: int) -> FloatArray:
+    """Return the variance of the mean's bins, each at least the average of its neighbourhood.
+
+    A bin's own variance comes from few periods and scatters; one that stands out on purpose
+    (friction that drifts shows on the motion's harmonics) keeps its own.
+    """
+    width = 2 * NEIGHBOURS + 1
+    padded = np.pad(variance, ((NEIGHBOURS, NEIGHBOURS), (0, 0)), mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, width, axis=0)
+    return np.asarray(np.maximum(windows.mean(axis=-1), variance) / periods)
+
+
+def _position_sigma(average: PeriodAverage) -> FloatArray:
+    """Return the standard deviation of the mean position's bins, shape (K // 2 + 1, n).
+
+    Quantisation repeats from period to period, so it does not show between them; it is seen as the
+    floor of the mean's own spectrum, in its upper half, where no joint moves.
+    """
+    spectrum = np.abs(np.fft.rfft(average.position, axis=0) / len(average.position)) ** 2
+    floor = np.median(spectrum[len(spectrum) // 2 :], axis=0) / math.log(2.0)
+    between = _smooth_variance(average.position_bin_variance, average.periods_kept)
+    return np.asarray(np.sqrt(np.maximum(between, floor)))
+
+
+def _free_columns(slow: BoolArray, period_s: float, harmonics: int) -> FloatArray:
+    """Return columns (2 H + 1, any) that span any torque during the slow passages.
+
+    A passage is cut in at least two pieces, none longer than the band can resolve.
+    """
+    samples = len(slow)
+    if not slow.any():
+        return np.zeros((2 * harmonics + 1, 0))
+    if slow.all():
+        return np.eye(2 * harmonics + 1)
+    start = int(np.argmin(slow))  # begin where the joint moves, so that no passage wraps around
+    edges = np.flatnonzero(np.diff(np.roll(slow, -start).astype(np.int8), append=0))
+    step_s = period_s / samples
+    columns: list[FloatArray] = []
+    for first, last in zip(edges[::2] + 1, edges[1::2] + 1, strict=True):
+        pieces = max(2, math.ceil((last - first) * step_s * 2.0 * harmonics / period_s))
+        for piece in np.array_split(np.arange(first, last) + start, pieces):
+            if len(piece):
+                basis = _projection(piece * step_s, period_s, harmonics)
+                columns.append(basis.mean(axis=1))
+    return np.column_stack(columns)
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteEquations:
+    """The equations of one joint with unit noise, and with its free torque projected out.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (2 H + 1, b)
+        Whitened regressor.
+    rhs : ndarray, shape (2 H + 1,)
+        Whitened torque.
+    sigma : ndarray, shape (2 H + 1,)
+        Standard deviation that each row was divided by [N m or N].
+    rows : int
+        Equations left after the free torque has taken its own.
+    """
+
+    matrix: FloatArray
+    rhs: FloatArray
+    sigma: FloatArray
+    rows: int
+
+    def residual(self, values: FloatArray) -> FloatArray:
+        """Return the whitened residual of some parameters, shape (2 H + 1,)."""
+        return np.asarray(self.rhs - self.matrix @ values)
+
+
+def whiten(equations: BinEquations, inertia: FloatArray) -> tuple[WhiteEquations, ...]:
+    """Return each joint's equations over their noise.
+
+    Parameters
+    ----------
+    equations : BinEquations
+        Equations of a period.
+    inertia : ndarray, shape (n, n)
+        Size of the joint-space inertia [kg m^2], through which the noise of the position's second
+        derivative becomes torque; zero leaves the torque's own noise.
+    """
+    omega = 2.0 * np.pi / equations.period_s * np.arange(equations.harmonics + 1)
+    by_position = np.sqrt(inertia**2 @ equations.position_sigma**2) * omega**2
+    sigma = np.hypot(equations.torque_sigma, _both_parts(by_position.T).T)
+    # Where a simulation has no noise at all, every row counts alike.
+    sigma = np.maximum(sigma, 1e-9 * np.sqrt(np.sum(equations.rhs**2)) + 1e-300)
+    white = []
+    for j, free in enumerate(equations.free):
+        weight = 1.0 / sigma[j]
+        matrix = equations.matrix[j] * weight[:, np.newaxis]
+        rhs = equations.rhs[j] * weight
+        rows = len(rhs) - free.shape[1]
+        if rows <= 0:
+            matrix, rhs, rows = np.zeros_like(matrix), np.zeros_like(rhs), 0
+        elif free.shape[1]:
+            basis = np.linalg.qr(free * weight[:, np.newaxis])[0]
+            matrix = matrix - basis @ (basis.T @ matrix)
+            rhs = rhs - basis @ (basis.T @ rhs)
+        white.append(WhiteEquations(matrix, rhs, sigma[j], rows))
+    return tuple(white)
+
+
+def bin_scores(white: tuple[WhiteEquations, ...], values: FloatArray) -> FloatArray:
+    """Return each bin's gradient A_k^T r_k, all joints together, shape (H + 1, b)."""
+    harmonics = len(white[0].rhs) // 2
+    rows = np.zeros_like(white[0].matrix)
+    for part in white:
+        rows += part.matrix * part.residual(values)[:, np.newaxis]
+    scores = np.array(rows[: harmonics + 1])
+    scores[1:] += rows[harmonics + 1 :]
+    return scores
