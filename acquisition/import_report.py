@@ -1,0 +1,121 @@
+"""`ImportReport`: what was found in someone else's file, what was left out of it, and why."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class DamagedRow:
+    """One row that is not used; `row` counts from 1 as an editor does."""
+
+    row: int
+    reason: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class DamagedRows:
+    """Neighbouring rows that are not used.
+
+    `counts` says how many for which reason; `examples` is the first row of each reason.
+    """
+
+    first: int
+    last: int
+    counts: tuple[tuple[str, int], ...]
+    examples: tuple[DamagedRow, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of rows left out."""
+        return self.last - self.first + 1
+
+    def __str__(self) -> str:
+        where = f"row {self.first}" if self.first == self.last else f"rows {self.first}-{self.last}"
+        words = ", ".join(
+            f"{count} {reason} (row {example.row}: {example.detail})"
+            for (reason, count), example in zip(self.counts, self.examples, strict=True)
+        )
+        return f"{where}: {words}"
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What an import read.
+
+    Attributes
+    ----------
+    file, map_name : str
+        Name of the file, without folders, and of the map.
+    rows_read, rows_used : int
+        Rows of data looked at, and those that went into the recording.
+    damaged : tuple of DamagedRows
+        Rows left out, in order.
+    duration_s : float
+        From the first used row to the last [s].
+    step_min_s, step_median_s, step_max_s : float
+        Time steps between used rows [s].
+    gaps : int
+        Steps longer than 5 median steps.
+    travel : tuple of float
+        Range of each joint's position [rad or m].
+    velocity_ratio : tuple of float or None
+        Per joint, velocity from the positions over the velocity column; 1 where both agree, None
+        where there is no such column or the joint stands still.
+    """
+
+    file: str
+    map_name: str
+    rows_read: int
+    rows_used: int
+    damaged: tuple[DamagedRows, ...]
+    duration_s: float
+    step_min_s: float
+    step_median_s: float
+    step_max_s: float
+    gaps: int
+    travel: tuple[float, ...]
+    velocity_ratio: tuple[float | None, ...]
+
+    @property
+    def rows_damaged(self) -> int:
+        """Number of rows left out as damaged."""
+        return sum(rows.count for rows in self.damaged)
+
+    def lines(self) -> tuple[str, ...]:
+        """Return the report in words, a finding a line."""
+        mean_hz = (self.rows_used - 1) / self.duration_s
+        found = [
+            f"{self.file}: {self.rows_used} of {self.rows_read} rows used, {self.duration_s:.3f} s",
+            f"time steps {self.step_min_s * 1e3:.3g} to {self.step_max_s * 1e3:.3g} ms, median"
+            f" {self.step_median_s * 1e3:.3g} ms, on average {mean_hz:.4g} Hz; {self.gaps} gaps",
+        ]
+        if self.damaged:
+            found.append(f"{self.rows_damaged} damaged rows left out:")
+            found.extend(f"  {rows}" for rows in self.damaged)
+        else:
+            found.append("no damaged rows")
+        return tuple(found)
+
+
+def group_damaged(rows: list[DamagedRow]) -> tuple[DamagedRows, ...]:
+    """Return damaged rows as ranges of neighbours, in order."""
+    groups: list[list[DamagedRow]] = []
+    for row in sorted(rows, key=lambda damaged: damaged.row):
+        if groups and row.row == groups[-1][-1].row + 1:
+            groups[-1].append(row)
+        else:
+            groups.append([row])
+    return tuple(_as_range(group) for group in groups)
+
+
+def _as_range(rows: list[DamagedRow]) -> DamagedRows:
+    counts = Counter(row.reason for row in rows)
+    return DamagedRows(
+        first=rows[0].row,
+        last=rows[-1].row,
+        counts=tuple(counts.items()),
+        examples=tuple(next(row for row in rows if row.reason == reason) for reason in counts),
+    )
