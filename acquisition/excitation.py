@@ -37,7 +37,7 @@ def samples_of_period(period_s: float, sample_period_s: float) -> int:
             for whole in (math.floor(exact), math.ceil(exact))
         )
         raise ConfigError(
-            f"period_s {period_s:g} is {exact:.6g} cycles of {sample_period_s * 1e3:g} ms; a period"
+            f"period_s {period_s:g} is {exact:.9g} cycles of {sample_period_s * 1e3:g} ms; a period"
             f" must hold a whole number of cycles. The nearest that do: {nearest}"
         )
     if samples < 4:
