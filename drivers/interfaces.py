@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, Protocol
@@ -19,7 +20,8 @@ class EventKind(IntEnum):
     HEARTBEAT_LOST = 4
     NOT_OPERATIONAL = 5
     WRONG_LENGTH = 6
-    UNEXPECTED_FRAME = 7
+    FOREIGN_MASTER = 7
+    UNEXPECTED_FRAME = 8
 
     @property
     def is_fault(self) -> bool:
@@ -97,38 +99,50 @@ class ServoAxes(Protocol):
     torque_raw: NDArray[np.int16]
     statusword: NDArray[np.uint16]
 
+    @abstractmethod
     def bring_up(self) -> None:
         """Configure every drive and read everything back; no power, no motion."""
 
+    @abstractmethod
     def settings(self) -> tuple[DriveSetting, ...]:
         """Return what the last `bring_up` required and found."""
 
+    @abstractmethod
     def start(self) -> None:
         """Begin the cyclic exchange, still without power."""
 
+    @abstractmethod
     def enable(self) -> float:
         """Switch every drive on, at velocity 0; return the time of the last SYNC [s]."""
 
+    @abstractmethod
     def sync(self) -> float:
         """Begin a cycle; return its time [s]."""
 
+    @abstractmethod
     def collect(self, deadline_s: float) -> None:
         """Take the drives' answers of this cycle into the arrays, waiting until `deadline_s`."""
 
+    @abstractmethod
     def command(self, velocity: NDArray[np.float64]) -> bool:
         """Send velocities [rad/s, joint side]; False: not sent, the axes were stopped instead."""
 
+    @abstractmethod
     def beat(self, now_s: float) -> None:
         """Send this computer's sign of life when it is due."""
 
+    @abstractmethod
     def take_events(self) -> tuple[DriveEvent, ...]:
         """Return what happened since the last call."""
 
+    @abstractmethod
     def quick_stop(self) -> None:
-        """Command a quick stop to every axis at once; never raises for one axis alone."""
+        """Command a quick stop to every axis at once, before anything is raised."""
 
+    @abstractmethod
     def halt(self) -> bool:
         """Quick stop and wait, a limited time, until no drive moves; return whether all rest."""
 
+    @abstractmethod
     def disable(self) -> tuple[str, ...]:
         """Take the power away; return the joints that did not confirm it."""

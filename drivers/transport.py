@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
+from abc import abstractmethod
 from types import TracebackType
 from typing import Any, Protocol
 
@@ -20,9 +21,11 @@ _BUS_OFF = 0x40
 class Clock(Protocol):
     """Time as the cell has it: the computer's, or a simulated cell's in lock-step."""
 
+    @abstractmethod
     def now_s(self) -> float:
         """Return the time since an arbitrary start [s]; never runs backwards."""
 
+    @abstractmethod
     def sleep_until(self, time_s: float) -> None:
         """Return not before `time_s`, an absolute time of this clock [s]."""
 

@@ -12,8 +12,6 @@ SDO_ANSWER_BASE = 0x580
 SDO_REQUEST_BASE = 0x600
 HEARTBEAT_BASE = 0x700
 
-PDO_NUMBERS = (1, 2, 3, 4)
-
 
 class Frame(NamedTuple):
     """A classic CAN data frame with an 11-bit identifier: identifier and up to 8 bytes."""

@@ -20,6 +20,7 @@ TPDO_MAPPING = 0x1A00
 INVALID = 0x8000_0000
 NO_RTR = 0x4000_0000
 EVERY_SYNC = 1
+UNUSED_NUMBERS = (2, 3, 4)
 
 
 @dataclass(frozen=True, slots=True)
