@@ -189,7 +189,7 @@ def advance_servo_loops(
             system[i, i] += half * viscous
             solved[i] = state[VELOCITY, i] + step_s * state[ACCELERATION, i]
 
-        _solve_with_friction(system, momentum, held, solved)
+        solve_with_friction(system, momentum, held, solved)
 
         for i in range(count):
             mean_velocity = 0.5 * (state[VELOCITY, i] + solved[i])
@@ -212,7 +212,7 @@ def advance_servo_loops(
 
 
 @njit(cache=True)
-def _solve_with_friction(system: Array, momentum: Array, held: Array, solved: Array) -> None:
+def solve_with_friction(system: Array, momentum: Array, held: Array, solved: Array) -> None:
     """Minimise ½ vᵀAv - rᵀv + fᵀ|v| by coordinate descent, from the guess in `solved`, in place."""
     count = len(solved)
     for _ in range(_SWEEPS):

@@ -6,12 +6,14 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from config.plant import LinkInertia, PlantConfig, SimulatedAxis, Unmodelled, UnmodelledAxis
 from config.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
 from mock_hw.plant import Plant
-from mock_hw.servo_loops import spring_torque
+from mock_hw.servo_loops import solve_with_friction, spring_torque
 
 INERTIA = 5.0
 GAIN = 300.0
@@ -207,3 +209,21 @@ def test_the_spring_torque_is_the_slope_of_its_energy() -> None:
     for angle in (-1.2, -0.3, 0.0, 0.8):
         slope = (energy(angle + 1e-5) - energy(angle - 1e-5)) / 2e-5
         assert spring_torque(spring, angle) == pytest.approx(slope, abs=1e-5)
+
+
+@settings(deadline=None, max_examples=50)
+@given(seed=st.integers(0, 10_000), count=st.integers(1, 7))
+def test_friction_takes_the_force_that_holds_or_its_full_size_against_the_motion(
+    seed: int, count: int
+) -> None:
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(count, count))
+    mass = root @ root.T / count + np.eye(count)
+    momentum = random.normal(size=count)
+    limit = random.uniform(0.0, 1.0, size=count)
+    velocity = random.normal(size=count)
+    solve_with_friction(mass, momentum, limit, velocity)
+    friction = momentum - mass @ velocity
+    moving = velocity != 0.0
+    np.testing.assert_allclose(friction[moving], (limit * np.sign(velocity))[moving], atol=1e-9)
+    assert (abs(friction[~moving]) <= limit[~moving] + 1e-9).all()
