@@ -30,6 +30,15 @@ class DriveWatch:
     It has no clock and no bus: it is given frames and times. Before `arm` only emergencies and
     boot-ups are noted (a drive that has just been reset boots up); after it, everything counts.
 
+    Parameters
+    ----------
+    joint_names, node_ids
+        The axes, base to flange.
+    safety
+        The cell's time limits and the node id of this computer.
+    hears_itself
+        Whether the bus brings back what this computer sends, so that another master cannot be told.
+
     Attributes
     ----------
     boot_ups
@@ -43,8 +52,14 @@ class DriveWatch:
     """
 
     def __init__(
-        self, joint_names: Sequence[str], node_ids: Sequence[int], safety: DriveSafety
+        self,
+        joint_names: Sequence[str],
+        node_ids: Sequence[int],
+        safety: DriveSafety,
+        *,
+        hears_itself: bool = False,
     ) -> None:
+        self._hears_itself = hears_itself
         self._joint_names = tuple(joint_names)
         timeout_s = safety.drive_heartbeat_timeout_ms / 1000.0
         self._emcy = {emcy_cob_id(node): axis for axis, node in enumerate(node_ids)}
@@ -162,11 +177,13 @@ class DriveWatch:
         self._note(kind, axis, now_s, f"reported: {printable(str(emergency), 160)}", emergency.code)
 
     def _unexpected(self, cob_id: int, now_s: float) -> None:
+        foreign = self.foreign_master(cob_id)
+        if foreign is not None and self._hears_itself:
+            return
         self.unexpected_frames += 1
         if cob_id in self._seen or len(self._seen) >= MOST_EVENTS:
             return
         self._seen.add(cob_id)
-        foreign = self.foreign_master(cob_id)
         if foreign is not None:
             text = f"another master is active on this bus: it sends {foreign}"
             self._append(DriveEvent(EventKind.FOREIGN_MASTER, "", now_s, text, cob_id))

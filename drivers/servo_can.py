@@ -14,12 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config.cell import CellConfig
-from config.errors import (
-    DeviceFaultError,
-    DeviceTimeoutError,
-    DriverError,
-    SafetyStop,
-)
+from config.errors import DeviceFaultError, DeviceTimeoutError, DriverError, SafetyStop
 from config.robot import RobotDescription
 from drivers.bring_up import (
     axes_in_joint_order,
@@ -86,7 +81,9 @@ class CanServoAxes:
         check_bus_load(cell)
         self.joint_names = robot.joint_names
         nodes = [axis.node_id for axis in self._axes]
-        self._watch = DriveWatch(self.joint_names, nodes, cell.drive_safety)
+        self._watch = DriveWatch(
+            self.joint_names, nodes, cell.drive_safety, hears_itself=link.hears_itself
+        )
         self._exchange = CyclicExchange(link, nodes, self._watch)
         self.received = self._exchange.received
         self.position = self._exchange.position
@@ -213,8 +210,7 @@ class CanServoAxes:
         now_s = self._clock.now_s()
         self._watch.arm(now_s)
         self.beat(now_s)
-        for axis in self._axes:
-            self._link.send(nmt_frame(NmtCommand.START, axis.node_id))
+        self._order(NmtCommand.START)
         until_s = now_s + START_TIMEOUT_S
         waiting = list(self.joint_names)
         while waiting:
@@ -247,10 +243,11 @@ class CanServoAxes:
         until_s = self._clock.now_s() + ENABLE_TIMEOUT_S
         words = [ControlWord.DISABLE_VOLTAGE] * len(self._axes)
         waiting = list(self.joint_names)
+        enabled: set[str] = set()
         while waiting:
             self._step(words, until_s, "be enabled", waiting)
             states = self._states()
-            self._refuse_fault(states)
+            self._refuse_fault(states, enabled)
             words = [
                 next_controlword(state) if received else word
                 for state, received, word in zip(states, self.received, words, strict=True)
@@ -302,13 +299,12 @@ class CanServoAxes:
         while self._clock.now_s() < until_s:
             before = self.position_counts.tolist()
             self._cycle(words)
-            for axis, (old, new) in enumerate(
-                zip(before, self.position_counts.tolist(), strict=True)
-            ):
-                if not self.received[axis]:
-                    still[axis] = 0
-                else:
-                    still[axis] = still[axis] + 1 if abs(new - old) <= 1 else 0
+            still = [
+                cycles + 1 if received and abs(new - old) <= 1 else 0
+                for cycles, received, old, new in zip(
+                    still, self.received, before, self.position_counts.tolist(), strict=True
+                )
+            ]
             if all(
                 received and (not state.powered or cycles >= REST_CYCLES)
                 for received, state, cycles in zip(
@@ -319,7 +315,10 @@ class CanServoAxes:
         return False
 
     def disable(self) -> tuple[str, ...]:
-        """Disable voltage by RPDO, then NMT pre-operational.
+        """Disable voltage by RPDO, then NMT pre-operational and reset of the communication.
+
+        The reset ends the drives' watch on this computer, which would end in a fault when its
+        heartbeat stops. It is left out where a drive did not confirm: then that watch is needed.
 
         Returns
         -------
@@ -345,8 +344,9 @@ class CanServoAxes:
                 if not unconfirmed:
                     break
         finally:
-            for axis in self._axes:
-                self._link.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, axis.node_id))
+            self._order(NmtCommand.ENTER_PRE_OPERATIONAL)
+        if not unconfirmed:
+            self._order(NmtCommand.RESET_COMMUNICATION)
         return tuple(unconfirmed)
 
     # ---- one step of any of these ----------------------------------------------------------
@@ -382,19 +382,26 @@ class CanServoAxes:
         self.beat(self._clock.now_s())
         self._exchange.send_words(words)
 
+    def _order(self, command: NmtCommand) -> None:
+        for axis in self._axes:
+            self._link.send(nmt_frame(command, axis.node_id))
+
     def _states(self) -> list[PowerState]:
         return [state_of(status) for status in self.statusword.tolist()]
 
-    def _refuse_fault(self, states: Sequence[PowerState]) -> None:
-        faulty = [
-            joint
-            for joint, state, received in zip(self.joint_names, states, self.received, strict=True)
-            if received and state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
-        ]
-        if faulty:
-            raise DeviceFaultError(
-                f"in fault: {', '.join(faulty)}; find the cause, then reset the drive by hand"
-            )
+    def _refuse_fault(self, states: Sequence[PowerState], enabled: set[str]) -> None:
+        """Refuse a drive in fault, and one that was `enabled` and is not any more; note the rest."""
+        for joint, state, received in zip(self.joint_names, states, self.received, strict=True):
+            if not received:
+                continue
+            if state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE) or (
+                joint in enabled and state is not PowerState.OPERATION_ENABLED
+            ):
+                raise DeviceFaultError(
+                    f"{joint}: the drive is {state.words}; find the cause, then begin again"
+                )
+            if state is PowerState.OPERATION_ENABLED:
+                enabled.add(joint)
 
     def _expect(self, phase: _Phase, verb: str, before: str) -> None:
         if self._phase is not phase:

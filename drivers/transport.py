@@ -55,12 +55,15 @@ class CanLink:
         The time that all deadlines of this link are in.
     simulated
         Whether that is a simulated clock.
+    hears_itself
+        Whether the bus brings back what is sent on it, as UDP multicast does.
     last_time_s
         When the last received frame arrived, on `clock` [s].
     """
 
-    def __init__(self, bus: can.BusABC) -> None:
+    def __init__(self, bus: can.BusABC, *, hears_itself: bool = False) -> None:
         self._bus = bus
+        self.hears_itself = hears_itself
         simulated_clock: Clock | None = getattr(bus, "simulated_clock", None)
         self.simulated = simulated_clock is not None
         self.clock: Clock = MonotonicClock() if simulated_clock is None else simulated_clock
@@ -166,7 +169,7 @@ def open_can(config: CanBusConfig) -> CanLink:
         ) from error
     if config.interface == "socketcan":
         _widen_receive_buffer(bus)
-    return CanLink(bus)
+    return CanLink(bus, hears_itself=config.interface == "udp_multicast")
 
 
 def _widen_receive_buffer(bus: can.BusABC) -> None:
