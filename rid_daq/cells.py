@@ -1,0 +1,93 @@
+"""The cell that a command works on: held alone, its mock hardware started where it is needed."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from config.cell import CellConfig
+from config.errors import ConfigError, TransportError
+from config.load import LoadedCell
+from rid_daq.session import hold_cell
+
+
+@contextlib.contextmanager
+def reachable_cell(
+    loaded: LoadedCell,
+    *,
+    realtime: bool = False,
+    seed: int = 0,
+    directory: Path | None = None,
+    unmodelled: bool = True,
+) -> Iterator[CellConfig]:
+    """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
+
+    A real cell, and a simulated one that `rid-daq mock` serves, are taken as they are. Otherwise
+    a simulated cell's mock hardware is started on a bus of this session's own.
+
+    Parameters
+    ----------
+    loaded
+        The cell file and what it names.
+    realtime
+        Let mock hardware run at the clock's pace instead of as fast as it can.
+    seed
+        Of the mock hardware's noise.
+    directory
+        Where mock hardware may leave its files; a folder of its own unless told.
+    unmodelled
+        Whether the plant has the effects that no model has.
+
+    Raises
+    ------
+    LockedError
+        Another session holds the cell.
+    TransportError
+        The mock hardware does not start.
+    """
+    cell = loaded.config
+    if not cell.simulated or is_served(cell):
+        with hold_cell(cell):
+            yield cell
+        return
+    from mock_hw.cell import SimulatedCell
+
+    if loaded.plant is None or cell.can.interface != "rid_sim":
+        raise ConfigError(
+            f"cell {cell.name}: mock hardware is started on can.interface rid_sim only, this is"
+            f" {cell.can.interface}; serve the devices there first, or set simulated: false"
+        )
+    with SimulatedCell(
+        cell,
+        loaded.robot,
+        loaded.plant,
+        realtime=realtime,
+        seed=seed,
+        directory=directory,
+        unmodelled=unmodelled,
+    ) as simulated:
+        yield on_channel(cell, simulated.channel)
+
+
+def on_channel(cell: CellConfig, channel: str) -> CellConfig:
+    """Return the same cell on another channel of its bus."""
+    return cell.model_copy(update={"can": cell.can.model_copy(update={"channel": channel})})
+
+
+def is_served(cell: CellConfig) -> bool:
+    """Return whether somebody serves the cell's simulated bus already."""
+    if cell.can.interface != "rid_sim":
+        return False
+    from mock_hw.hub_client import HubClient
+    from mock_hw.hub_protocol import Role
+    from mock_hw.runtime_directory import socket_path
+
+    path = socket_path(cell.can.channel)
+    if not path.exists():
+        return False
+    try:
+        HubClient(path, Role.OBSERVER, timeout_s=2.0).close()
+    except TransportError:
+        return False
+    return True

@@ -1,0 +1,239 @@
+"""The sections of `result.json`, from the objects that the packages below compute."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from acquisition.motion_samples import Phase
+from acquisition.periods import PeriodAverage
+from acquisition.recording import Recording
+from config.cell import CellConfig
+from config.motion import FourierMotion, MultipointMotion
+from config.robot import Joint, RobotDescription
+from identification.estimators import Estimate
+
+CURVE_POINTS = 1500
+
+
+def units(joint: Joint) -> tuple[str, str]:
+    """Return the units of a joint's position and of its torque."""
+    return ("rad", "N m") if joint.type == "revolute" else ("m", "N")
+
+
+def cell_section(cell: CellConfig) -> dict[str, Any]:
+    """Return what the report's head says of the cell."""
+    return {
+        "name": cell.name,
+        "simulated": cell.simulated,
+        "cycle_time_ms": cell.cycle_time_ms,
+        "bus": f"{cell.can.interface}:{cell.can.channel}",
+    }
+
+
+def motion_sentence(motion: FourierMotion | MultipointMotion) -> str:
+    """Say in a sentence what a motion file asks for."""
+    if isinstance(motion, FourierMotion):
+        harmonics = max(len(joint.sine) for joint in motion.joints)
+        return (
+            f"Fourier motion, {motion.periods} periods of {motion.period_s:g} s after"
+            f" {motion.transient_periods} transient, up to harmonic {harmonics}"
+            f" ({harmonics / motion.period_s:.3g} Hz)."
+        )
+    return f"Smooth moves through {motion.points} random points (seed {motion.seed})."
+
+
+def run_section(
+    role: str,
+    sentence: str,
+    recording: Recording,
+    robot: RobotDescription,
+    stop: str | None = None,
+) -> dict[str, Any]:
+    """Return what was run: extremes of every axis, lost rows, and why it stopped early.
+
+    Parameters
+    ----------
+    role
+        What the run was for.
+    sentence
+        What was asked for.
+    recording
+        What was measured.
+    robot
+        The robot, for limits and units.
+    stop
+        Why the motion was stopped, where it was.
+    """
+    invalid = int(np.count_nonzero(~recording.valid))
+    lost = "no row is missing" if invalid == 0 else f"{invalid} rows have no valid answer"
+    duration_s = float(recording.time_s[-1] - recording.time_s[0]) if len(recording) else 0.0
+    return {
+        "role": role,
+        "sentence": f"{sentence} {len(recording)} rows in {duration_s:.1f} s; {lost}.",
+        "stop": stop,
+        "rows": len(recording),
+        "invalid_rows": invalid,
+        "duration_s": duration_s,
+        "axes": _extremes(recording, robot),
+        "bad_rows": [],
+    }
+
+
+def _extremes(recording: Recording, robot: RobotDescription) -> list[dict[str, Any]]:
+    good = recording.valid
+    position, torque, time_s = (
+        x[good] for x in (recording.position, recording.torque_nm, recording.time_s)
+    )
+    if len(position) < 2:
+        return []
+    speed = np.abs(np.diff(position, axis=0) / np.diff(time_s)[:, np.newaxis]).max(axis=0)
+    following: list[float | None] = [None] * len(robot.joints)
+    if recording.target_position is not None:
+        moving = good & (recording.phase != Phase.APPROACH)
+        error = np.abs(recording.target_position - recording.position)[moving]
+        following = [float(worst) for worst in error.max(axis=0, initial=0.0)]
+    axes = []
+    for column, joint in enumerate(robot.joints):
+        unit, torque_unit = units(joint)
+        largest = float(np.abs(torque[:, column]).max())
+        axes.append(
+            {
+                "joint": joint.name,
+                "unit": unit,
+                "torque_unit": torque_unit,
+                "position_min": float(position[:, column].min()),
+                "position_max": float(position[:, column].max()),
+                "max_velocity": float(speed[column]),
+                "max_torque": largest,
+                "max_torque_percent": 100.0 * largest / joint.limits.torque,
+                "max_following_error": following[column],
+            }
+        )
+    return axes
+
+
+def average_section(average: PeriodAverage, robot: RobotDescription) -> dict[str, Any]:
+    """Return how many periods were averaged, which were rejected and why, and the noise."""
+    recorded = average.periods_kept + len(average.rejected)
+    axes = []
+    for column, joint in enumerate(robot.joints):
+        unit, torque_unit = units(joint)
+        axes.append(
+            {
+                "joint": joint.name,
+                "unit": unit,
+                "torque_unit": torque_unit,
+                "torque_noise": float(np.sqrt(average.torque_variance[column])),
+                "position_noise": float(np.sqrt(average.position_variance[column])),
+            }
+        )
+    return {
+        "sentence": f"{average.periods_kept} of {recorded} periods averaged,"
+        f" {average.samples_per_period} samples each; {average.missing_samples} single rows"
+        " without a valid answer were left out of the mean.",
+        "periods_kept": average.periods_kept,
+        "samples_per_period": average.samples_per_period,
+        "missing_samples": average.missing_samples,
+        "rejected": [{"index": p.index, "reason": p.reason} for p in average.rejected],
+        "axes": axes,
+    }
+
+
+def estimate_section(
+    estimate: Estimate, truth: Sequence[float] | np.ndarray[Any, Any] | None = None
+) -> dict[str, Any]:
+    """Return the parameters with their intervals.
+
+    Parameters
+    ----------
+    estimate
+        The estimate.
+    truth
+        The true base parameters, shape (b,), where the robot is simulated.
+    """
+    noise = estimate.sigma_noise
+    parameters: list[dict[str, Any]] = []
+    for i, (name, words, unit) in enumerate(
+        zip(estimate.base.names, estimate.base.words, estimate.base.units, strict=True)
+    ):
+        entry: dict[str, Any] = {
+            "name": name,
+            "words": words,
+            "unit": unit,
+            "value": float(estimate.values[i]),
+            "std": float(estimate.sigma[i]),
+            "std_noise": None if noise is None else float(noise[i]),
+            "std_residual": float(estimate.sigma_residual[i]),
+        }
+        if truth is not None:
+            deviation = (float(estimate.values[i]) - float(truth[i])) / float(estimate.sigma[i])
+            entry["truth"] = float(truth[i])
+            entry["deviation_sigmas"] = deviation
+            entry["inside_two_sigma"] = abs(deviation) <= 2.0
+        parameters.append(entry)
+    return {
+        "sentence": _estimate_sentence(estimate),
+        "method": estimate.method,
+        "condition_number": float(estimate.condition_number),
+        "equations": estimate.equations,
+        "band_hz": estimate.band_hz,
+        "periods": estimate.periods,
+        "unseen": list(estimate.base.unseen),
+        "has_truth": truth is not None,
+        "parameters": parameters,
+        "axes": [
+            {
+                "joint": joint.name,
+                "unit": units(joint)[1],
+                "residual": float(estimate.residual_nm[i]),
+                "noise": None if estimate.noise_nm is None else float(estimate.noise_nm[i]),
+                "left_out_fraction": float(estimate.left_out_fraction[i]),
+            }
+            for i, joint in enumerate(estimate.robot.joints)
+        ],
+    }
+
+
+def _estimate_sentence(estimate: Estimate) -> str:
+    left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
+    how = (
+        f"Weighted least squares (maximum likelihood) by QR on the bins up to"
+        f" {estimate.band_hz:g} Hz of {estimate.periods} averaged periods"
+        if estimate.method == "periodic"
+        else "Weighted least squares by QR in the time domain; the recording is not periodic, so it"
+        f" is low-passed without phase shift at {estimate.band_hz:g} Hz instead of averaged"
+    )
+    return (
+        f"{how}: {len(estimate.base)} base parameters from {estimate.equations} equations,"
+        f" condition number {estimate.condition_number:.3g}. Below"
+        f" {estimate.standstill_rad_s:g} rad/s friction is not sign(velocity); such samples are not"
+        f" used for it ({left_out} % of each axis). Two standard deviations are given: by the noise"
+        " measured between periods, and by the residuals; the larger one is used."
+    )
+
+
+def truth_case(title: str, estimate: dict[str, Any]) -> dict[str, Any]:
+    """Return how an estimate section with truth compares with it."""
+    parameters = estimate["parameters"]
+    inside = sum(parameter["inside_two_sigma"] for parameter in parameters)
+    return {
+        "title": title,
+        "sentence": f"{title}: {inside} of {len(parameters)} true values lie inside the two-sigma"
+        f" interval ({100.0 * inside / len(parameters):.0f} %).",
+        "inside": inside,
+        "of": len(parameters),
+        "deviation_sigmas": [parameter["deviation_sigmas"] for parameter in parameters],
+    }
+
+
+def thinned(rows: int) -> slice:
+    """Return which of so many rows a curve of the report shows."""
+    return slice(0, rows, max(1, -(-rows // CURVE_POINTS)))
+
+
+def rounded(values: np.ndarray[Any, Any], digits: int = 5) -> list[float]:
+    """Return values for a drawing: so many significant digits."""
+    return [float(f"{value:.{digits}g}") for value in values]
