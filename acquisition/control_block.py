@@ -59,6 +59,7 @@ class _Fields(ctypes.Structure):
         ("task_failed", ctypes.c_int64),
         ("error_class", ctypes.c_char * 64),
         ("error_text", ctypes.c_char * 4096),
+        ("notes", ctypes.c_char * 4096),
         # written by the recorder
         ("recorder_state", ctypes.c_int64),
         ("recorder_beat", ctypes.c_int64),
@@ -143,6 +144,11 @@ class ControlBlock:
             kind = DriverError
         return kind(fields.error_text.decode(errors="replace"))
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What else the task has to say, one sentence each."""
+        return tuple(self._fields.notes.decode(errors="replace").splitlines())
+
     # the task's side
 
     @property
@@ -183,6 +189,11 @@ class ControlBlock:
         fields.reason_value = nan if reason.value is None else reason.value
         fields.reason_limit = nan if reason.limit is None else reason.limit
         fields.reason_code = int(reason.code)
+
+    def add_note(self, text: str) -> None:
+        """Keep one more sentence for the program's report."""
+        line = " ".join(text.split())
+        self._fields.notes = _clipped(f"{self._fields.notes.decode()}{line}\n", 4095)
 
     def report_error(self, error: RidDaqError) -> None:
         """Hand an error that ends the task to the program."""
@@ -228,4 +239,4 @@ class ControlBlock:
 
 
 def _clipped(text: str, size: int) -> bytes:
-    return text.encode().replace(b"\0", b"?")[:size]
+    return text.encode().replace(b"\0", b"?")[:size].decode(errors="ignore").encode()

@@ -88,7 +88,8 @@ class ServoAxes(Protocol):
 
     In order: `bring_up`, `start`, `enable`; then, every cycle, `sync`, `collect`, `command`,
     `beat`; at the end `quick_stop` and `disable`. Arrays have one element a joint, base to flange;
-    they are overwritten by every `collect`. `late_frames` counts answers that came after their cycle.
+    they are overwritten by every `collect`. `late_frames` counts answers that came after their
+    cycle.
     """
 
     joint_names: tuple[str, ...]
@@ -98,7 +99,10 @@ class ServoAxes(Protocol):
     position_counts: NDArray[np.int32]
     torque_raw: NDArray[np.int16]
     statusword: NDArray[np.uint16]
-    late_frames: int
+
+    @property
+    def late_frames(self) -> int:
+        """How many answers came after their cycle so far; they are not used."""
 
     @abstractmethod
     def bring_up(self) -> None:

@@ -1,0 +1,357 @@
+"""`CyclicTask`: the loop that moves the robot, one cycle time after the other.
+
+A cycle: SYNC, the drives' answers, the supervisor, the position loop, the next velocities, a row
+for the recorder, a sign of life. What is sent in cycle k acts at SYNC k+1. Deadlines are absolute;
+a cycle that was overrun is skipped and counted, never made up for. Nothing is logged.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.control_block import ControlBlock, RecorderState, TaskState
+from acquisition.motion_samples import MotionSamples, Phase, approach
+from acquisition.position_loop import PositionLoop
+from acquisition.ring import Ring
+from acquisition.stop_reason import StopCode, StopReason
+from acquisition.supervisor import Supervisor
+from config.cell import CellConfig
+from config.errors import DriverError, PreflightError, SafetyStop
+from config.robot import RobotDescription
+from drivers.interfaces import ServoAxes
+from drivers.transport import Clock
+
+COLLECT_FRACTION = 0.6
+HOLD_S = 0.2
+RING_LIMIT = 0.8
+STOP_MARGIN_S = 0.5
+REST_VELOCITY = 0.01
+REST_CYCLES = 5
+RECORDER_PATIENCE_S = 30.0
+PAUSE_S = 0.001
+
+_TEXT_OF_ORDER = {
+    StopCode.INTERRUPTED: "stopped by the operator",
+    StopCode.RECORDER: "the recorder process has died; what it had written is kept",
+}
+
+
+@dataclass(frozen=True)
+class _Set:
+    """The set-point of one cycle and where it comes from."""
+
+    position: list[float]
+    velocity: list[float]
+    sample_index: int
+    phase: int
+
+
+class CyclicTask:
+    """Streams a motion to enabled drives and stops them, whatever happens.
+
+    Parameters
+    ----------
+    axes : ServoAxes
+        The drives, in the cyclic exchange (`start` was called).
+    clock : Clock
+        The clock of their bus.
+    cell, robot : CellConfig, RobotDescription
+        Cycle time, gains, limits.
+    ring : Ring
+        Takes a row a cycle.
+    control : ControlBlock
+        Stop requests in, progress and the reason of a stop out.
+    lockstep : bool
+        Whether `clock` is a simulated one, that stands still while this task works: then a full
+        ring is waited for.
+    orphaned : callable
+        Whether the program that started this task is gone.
+    """
+
+    def __init__(
+        self,
+        axes: ServoAxes,
+        clock: Clock,
+        cell: CellConfig,
+        robot: RobotDescription,
+        ring: Ring,
+        control: ControlBlock,
+        *,
+        lockstep: bool,
+        orphaned: Callable[[], bool],
+    ) -> None:
+        self._axes = axes
+        self._clock = clock
+        self._cell = cell
+        self._robot = robot
+        self._ring = ring
+        self._control = control
+        self._lockstep = lockstep
+        self._orphaned = orphaned
+        self._period_s = cell.cycle_time_s
+        self._loop = PositionLoop.of_cell(cell, robot)
+        self._supervisor = Supervisor(cell, robot)
+        self._velocity = np.zeros(len(robot.joints))
+        self._rest = [0.0] * len(robot.joints)
+        self._origin_s = 0.0
+        self._cycle = 0
+        self._late_frames = 0
+
+    def run(self, samples: MotionSamples) -> StopReason | None:
+        """Enable the drives, approach, stream `samples`, hold, stop and disable.
+
+        Parameters
+        ----------
+        samples : MotionSamples
+            The motion; the way to its first row is planned from where the robot stands.
+
+        Returns
+        -------
+        StopReason or None
+            Why the motion was stopped before its end; the same is in the control block.
+
+        Raises
+        ------
+        PreflightError
+            The robot stands outside its limits.
+        DriverError
+            The drives cannot be enabled.
+        """
+        control, axes = self._control, self._axes
+        # once before it counts, so that no first-time cost falls between two cycles
+        approach(samples.position[0], samples.position[0], self._robot, self._period_s)
+        control.task_state = TaskState.ENABLING
+        synced_s = axes.enable()
+        position = axes.position.tolist()
+        self._check_pose(position)
+        way = approach(axes.position, samples.position[0], self._robot, self._period_s)
+        self._supervisor.begin(position)
+        self._late_frames = axes.late_frames
+        self._origin_s = synced_s
+        self._cycle = max(1, math.ceil((self._clock.now_s() - synced_s) / self._period_s))
+        control.task_state = TaskState.MOVING
+        try:
+            reason = self._stream(way, samples)
+        except (DriverError, SafetyStop) as error:
+            reason = StopReason(StopCode.BUS, str(error))
+        if reason is not None:
+            control.report_stop(reason)
+            control.task_state = TaskState.STOPPING
+            self._stop()
+        self._disable()
+        return reason
+
+    def _check_pose(self, position: list[float]) -> None:
+        for joint, value in zip(self._robot.joints, position, strict=True):
+            low, high = joint.limits.position_min, joint.limits.position_max
+            if not low <= value <= high:
+                raise PreflightError(
+                    f"joint {joint.name} stands at {value:.4f}, outside its limits {low:g} to"
+                    f" {high:g}: move the robot inside them by hand, or correct the robot file"
+                )
+
+    def _stream(self, way: MotionSamples, samples: MotionSamples) -> StopReason | None:
+        first = self._cycle
+        motion_at = len(way)
+        hold_at = motion_at + len(samples)
+        end = hold_at + math.ceil(HOLD_S / self._period_s)
+        last = _Set(samples.position[-1].tolist(), self._rest, -1, Phase.HOLD)
+        while True:
+            lateness_s, periods = self._wake()
+            reason = self._supervisor.check_timing(lateness_s) or self._order_to_stop()
+            if reason is not None:
+                return reason
+            row = self._cycle - first
+            if row >= end:
+                return None
+            if row < motion_at:
+                target = _Set(
+                    way.position[row].tolist(), way.velocity[row].tolist(), -1, Phase.APPROACH
+                )
+            elif row < hold_at:
+                row -= motion_at
+                target = _Set(
+                    samples.position[row].tolist(),
+                    samples.velocity[row].tolist(),
+                    row,
+                    int(samples.phase[row]),
+                )
+            else:
+                target = last
+            reason = self._move(target, lateness_s, periods)
+            if reason is not None:
+                return reason
+
+    def _wake(self) -> tuple[float, int]:
+        """Sleep to the next cycle; return how late it begins [s] and how many periods passed."""
+        deadline_s = self._origin_s + self._cycle * self._period_s
+        self._clock.sleep_until(deadline_s)
+        lateness_s = max(0.0, self._clock.now_s() - deadline_s)
+        skipped = int(lateness_s / self._period_s)
+        self._cycle += skipped
+        return lateness_s, 1 + skipped
+
+    def _order_to_stop(self) -> StopReason | None:
+        control = self._control
+        if control.stop_code:
+            code = StopCode(control.stop_code)
+            return StopReason(code, _TEXT_OF_ORDER.get(code, code.name.lower()))
+        if control.recorder_state is RecorderState.FAILED:
+            return StopReason(StopCode.RECORDER, control.recorder_error)
+        if not self._lockstep and (fill := self._ring.fill) > RING_LIMIT:
+            return StopReason(
+                StopCode.RECORDER,
+                f"the recorder is behind: {fill:.0%} of its buffer waits. Check the disk",
+                value=fill,
+                limit=RING_LIMIT,
+            )
+        if self._orphaned():
+            return StopReason(StopCode.PROGRAM_GONE, "the program that started the motion is gone")
+        return None
+
+    def _move(self, target: _Set, lateness_s: float, periods: int) -> StopReason | None:
+        axes, supervisor = self._axes, self._supervisor
+        time_s, exchange_s = self._exchange()
+        late_frames = axes.late_frames - self._late_frames
+        self._late_frames = axes.late_frames
+        reason = (
+            supervisor.check_events(axes.take_events())
+            or supervisor.check_late_frames(late_frames)
+            or supervisor.check_measured(
+                axes.received.tolist(),
+                axes.position.tolist(),
+                axes.torque_nm.tolist(),
+                axes.statusword.tolist(),
+                target.position,
+                target.velocity,
+                periods,
+            )
+        )
+        command = self._rest
+        if reason is None:
+            wanted = self._loop.velocity_command(
+                target.position, target.velocity, supervisor.position
+            )
+            reason = supervisor.check_set_point(target.position, target.velocity, wanted, periods)
+            if reason is None:
+                self._velocity[:] = wanted
+                if axes.command(self._velocity):
+                    command = wanted
+                else:
+                    reason = StopReason(
+                        StopCode.NOT_ENABLED, "the drives took no more commands: one is not enabled"
+                    )
+        if reason is not None:
+            axes.quick_stop()
+        axes.beat(self._clock.now_s())
+        full = self._write(target, time_s, lateness_s, exchange_s, command, supervisor.valid)
+        self._control.set_progress(target.sample_index, target.phase, self._cycle)
+        self._cycle += 1
+        return reason or full
+
+    def _exchange(self) -> tuple[float, float]:
+        """Do SYNC and collect; return the time of SYNC and how long the answers took [s]."""
+        time_s = self._axes.sync()
+        self._axes.collect(time_s + COLLECT_FRACTION * self._period_s)
+        return time_s, self._clock.now_s() - time_s
+
+    def _write(
+        self,
+        target: _Set,
+        time_s: float,
+        lateness_s: float,
+        exchange_s: float,
+        command: list[float],
+        valid: list[int],
+    ) -> StopReason | None:
+        axes = self._axes
+        row = (
+            time_s,
+            lateness_s,
+            exchange_s,
+            *target.position,
+            *target.velocity,
+            *command,
+            *axes.position.tolist(),
+            *axes.torque_nm.tolist(),
+            *axes.position_counts.tolist(),
+            self._cycle,
+            target.sample_index,
+            *axes.torque_raw.tolist(),
+            *axes.statusword.tolist(),
+            *valid,
+            target.phase,
+        )
+        if self._ring.write(row):
+            return None
+        if self._lockstep and self._wait_for_room():
+            self._ring.write(row)
+            return None
+        return StopReason(StopCode.RECORDER, "the recorder's buffer is full: a row was lost")
+
+    def _wait_for_room(self) -> bool:
+        """Let simulated time stand still until the recorder has made room."""
+        until_s = time.monotonic() + RECORDER_PATIENCE_S
+        while time.monotonic() < until_s:
+            if self._ring.waiting < self._ring.capacity:
+                return True
+            if self._order_to_stop() is not None:
+                return False
+            time.sleep(PAUSE_S)
+        return False
+
+    def _stop(self) -> None:
+        """Quick stop, by set-point frames alone, and watch until everything rests."""
+        axes = self._axes
+        fastest_s = max(joint.limits.velocity for joint in self._robot.joints)
+        ramp_s = fastest_s / self._cell.drive_safety.quick_stop_deceleration_rad_s2
+        cycles = math.ceil((ramp_s + STOP_MARGIN_S) / self._period_s)
+        before = axes.position.tolist()
+        target = _Set(before, self._rest, -1, Phase.HOLD)
+        resting = 0
+        try:
+            axes.quick_stop()
+            for _ in range(cycles):
+                lateness_s, periods = self._wake()
+                time_s, exchange_s = self._exchange()
+                axes.quick_stop()
+                axes.beat(self._clock.now_s())
+                received = axes.received.tolist()
+                self._write(
+                    target, time_s, lateness_s, exchange_s, self._rest, [int(r) for r in received]
+                )
+                self._control.set_progress(-1, Phase.HOLD, self._cycle)
+                self._cycle += 1
+                position = axes.position.tolist()
+                most = REST_VELOCITY * self._period_s * periods
+                rest = all(received) and all(
+                    abs(now - then) <= most for now, then in zip(position, before, strict=True)
+                )
+                before = position
+                resting = resting + 1 if rest else 0
+                if resting >= REST_CYCLES:
+                    return
+        except (DriverError, SafetyStop) as error:
+            self._control.add_note(f"while stopping: {error}")
+            return
+        self._control.add_note(
+            "standstill could not be seen within the time that the ramp takes; the drives were"
+            " disabled all the same"
+        )
+
+    def _disable(self) -> None:
+        try:
+            unconfirmed = self._axes.disable()
+        except DriverError as error:
+            self._control.add_note(f"while disabling: {error}")
+            return
+        if unconfirmed:
+            self._control.add_note(
+                f"the drives of {', '.join(unconfirmed)} did not confirm being disabled: check them"
+                " before going near the robot"
+            )

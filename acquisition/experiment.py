@@ -1,0 +1,270 @@
+"""`record_motion`: move the robot and record it, by one process for the loop, one for the disk."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing import get_context, resource_tracker
+from multiprocessing.connection import wait
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.control_block import ControlBlock, Progress, RecorderState, TaskState
+from acquisition.cycle_row import row_dtype
+from acquisition.cycle_statistics import CycleStatistics, cycle_statistics
+from acquisition.journal import read_journal
+from acquisition.journal_header import JournalHeader
+from acquisition.motion_samples import MotionSamples, verify_limits
+from acquisition.recorder import run_recorder
+from acquisition.ring import Ring
+from acquisition.run_folder import RECORDING, RunFolder
+from acquisition.stop_reason import StopCode, StopReason
+from acquisition.task_process import run_cyclic_task
+from acquisition.termination import Interruption, termination_calls, termination_held
+from config.cell import CellConfig
+from config.errors import ConfigError, PreflightError, RecordingError
+from config.robot import RobotDescription
+
+RING_S = 10.0
+RING_ROWS = 4096
+FREE_BYTES = 500 << 20
+FREE_FACTOR = 3
+WATCH_S = 0.05
+START_PATIENCE_S = 60.0
+BEAT_PATIENCE_S = 10.0
+STOP_PATIENCE_S = 15.0
+FINISH_PATIENCE_S = 30.0
+
+
+@dataclass(frozen=True)
+class RecordOutcome:
+    """What became of a recorded motion; the drives are disabled and the file is closed.
+
+    Attributes
+    ----------
+    path : Path
+        The journal.
+    stop : StopReason or None
+        Why the motion did not come to its end; None where it did.
+    interrupted_by : Signals or None
+        The termination signal that stopped it.
+    rows : int
+        Rows in the journal.
+    statistics : CycleStatistics
+        Timing and frames.
+    notes : tuple of str
+        What else a person should know, one sentence each.
+    """
+
+    path: Path
+    stop: StopReason | None
+    interrupted_by: signal.Signals | None
+    rows: int
+    statistics: CycleStatistics
+    notes: tuple[str, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the motion came to its end."""
+        return self.stop is None
+
+
+def record_motion(
+    cell: CellConfig,
+    robot: RobotDescription,
+    samples: MotionSamples,
+    folder: RunFolder,
+    *,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> RecordOutcome:
+    """Approach the motion, stream it, record it into the run folder, stop and disable.
+
+    Ctrl-C, SIGTERM and SIGHUP stop the motion (quick stop) and are reported in the outcome, however
+    often they come; the clean-up always completes. Every wait is limited.
+
+    Parameters
+    ----------
+    cell, robot : CellConfig, RobotDescription
+        The cell and its robot.
+    samples : MotionSamples
+        The motion, sampled at the cell's cycle time.
+    folder : RunFolder
+        Where `recording.mcap` is written; its manifest is left to the caller.
+    on_progress : callable, optional
+        Called about 20 times a second.
+
+    Raises
+    ------
+    PreflightError
+        The motion does not fit the cell's limits, or a drive's settings are red; nothing moved.
+    DriverError
+        Bus or drives failed before the motion.
+    RecordingError
+        There is no room to record, or nothing was recorded.
+    """
+    _check_motion(cell, robot, samples)
+    path = folder.file(RECORDING)
+    ring = Ring.create(len(robot.joints), max(RING_ROWS, int(RING_S / cell.cycle_time_s)))
+    _check_room(folder.path, len(samples) * (ring.row_size + 64))
+    control = ControlBlock.create()
+    header = JournalHeader(
+        joint_names=robot.joint_names,
+        sample_period_s=cell.cycle_time_s,
+        samples_per_period=samples.samples_per_period,
+        torque_filter=cell.torque_filter,
+        cell_name=cell.name,
+        robot_name=robot.name,
+        run_id=folder.run_id,
+    )
+    spawn = get_context("spawn")
+    task = spawn.Process(
+        target=run_cyclic_task,
+        args=(cell, robot, samples, ring, control, os.getpid()),
+        name="rid-daq cyclic task",
+    )
+    recorder = spawn.Process(
+        target=run_recorder,
+        args=(ring, control, path, header, os.getpid()),
+        name="rid-daq recorder",
+    )
+    with termination_calls(lambda: control.request_stop(StopCode.INTERRUPTED)) as interruption:
+        # its start would let signals through again
+        resource_tracker.ensure_running()
+        with termination_held():
+            recorder.start()
+            task.start()
+        try:
+            _watch(task, recorder, control, on_progress)
+        finally:
+            notes = _wind_up(task, recorder, control)
+    return _outcome(path, task, recorder, control, interruption, len(robot.joints), notes)
+
+
+def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:
+    if samples.sample_period_s != cell.cycle_time_s:
+        raise ConfigError(
+            f"the motion is sampled every {samples.sample_period_s * 1e3:g} ms, the cell's cycle"
+            f" takes {cell.cycle_time_ms} ms: plan the motion for this cell"
+        )
+    try:
+        verify_limits(samples, robot)
+    except ConfigError as error:
+        raise PreflightError(f"{error}; nothing was moved") from error
+
+
+def _check_room(folder: Path, expected_bytes: int) -> None:
+    needed = FREE_FACTOR * expected_bytes + FREE_BYTES
+    free = shutil.disk_usage(folder).free
+    if free < needed:
+        raise RecordingError(
+            f"{folder}: {free >> 20} MB are free, {needed >> 20} MB are needed to record this"
+            " motion safely; make room or choose another folder"
+        )
+
+
+def _watch(
+    task: SpawnProcess,
+    recorder: SpawnProcess,
+    control: ControlBlock,
+    on_progress: Callable[[Progress], None] | None,
+) -> None:
+    """Wait for the task to end; tell it when the recorder dies, kill it when it hangs."""
+    beat, changed_s = -1, time.monotonic()
+    sentinels = [task.sentinel, recorder.sentinel]
+    while task.is_alive():
+        wait(sentinels, WATCH_S)
+        if len(sentinels) == 2 and not recorder.is_alive():
+            sentinels.pop()
+            control.request_stop(StopCode.RECORDER)
+        progress = control.progress
+        now_s = time.monotonic()
+        if control.task_beat != beat:
+            beat, changed_s = control.task_beat, now_s
+        moving = progress.state in (TaskState.MOVING, TaskState.STOPPING)
+        if now_s - changed_s > (BEAT_PATIENCE_S if moving else START_PATIENCE_S):
+            task.kill()
+            task.join()
+        if on_progress is not None:
+            on_progress(progress)
+
+
+def _wind_up(task: SpawnProcess, recorder: SpawnProcess, control: ControlBlock) -> list[str]:
+    """End both processes, in whatever state they are; return what had to be done by force."""
+    notes = []
+    if task.is_alive():
+        control.request_stop(StopCode.INTERRUPTED)
+        task.join(STOP_PATIENCE_S)
+    if task.is_alive():
+        notes.append("the cyclic task did not stop when asked and was killed")
+        task.kill()
+        task.join()
+    control.declare_task_gone()
+    recorder.join(FINISH_PATIENCE_S)
+    if recorder.is_alive():
+        notes.append("the recorder did not finish and was killed; its file is not closed")
+        recorder.kill()
+        recorder.join()
+    return notes
+
+
+def _outcome(
+    path: Path,
+    task: SpawnProcess,
+    recorder: SpawnProcess,
+    control: ControlBlock,
+    interruption: Interruption,
+    joints: int,
+    notes: list[str],
+) -> RecordOutcome:
+    notes += control.notes
+    stop = control.stop_reason
+    error = control.task_error
+    finished = control.progress.state is TaskState.FINISHED
+    task_exit, recorder_exit = task.exitcode, recorder.exitcode
+    task.close()
+    recorder.close()
+    if stop is None and not finished:
+        stop = StopReason(
+            StopCode.TASK_DIED,
+            f"the cyclic task died (exit code {task_exit}); the drives stop by themselves when the"
+            " heartbeat ends",
+        )
+    elif stop is None and task_exit != 0:
+        stop = StopReason(
+            StopCode.TASK_DIED,
+            f"the cyclic task failed (exit code {task_exit}) after it had stopped the drives; its"
+            " traceback is on the error output",
+        )
+    elif stop is None and interruption.signal is not None and error is not None:
+        stop = StopReason(StopCode.INTERRUPTED, f"stopped before the motion: {error}")
+    elif error is not None:
+        if stop is None:
+            raise error
+        notes.append(str(error))
+    if control.recorder_state is RecorderState.FAILED:
+        notes.append(control.recorder_error)
+    elif control.recorder_state is not RecorderState.FINISHED:
+        notes.append(f"the recorder died (exit code {recorder_exit}); its file is not closed")
+    rows = np.empty(0, dtype=row_dtype(joints))
+    try:
+        journal = read_journal(path)
+        rows = journal.rows
+        notes += journal.damage.notes
+    except RecordingError as damage:
+        if stop is None:
+            raise
+        notes.append(str(damage))
+    return RecordOutcome(
+        path=path,
+        stop=stop,
+        interrupted_by=interruption.signal,
+        rows=len(rows),
+        statistics=cycle_statistics(rows),
+        notes=tuple(notes),
+    )
