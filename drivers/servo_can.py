@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from config.cell import CellConfig
 from config.errors import DeviceFaultError, DeviceTimeoutError, DriverError, SafetyStop
 from config.robot import RobotDescription
+from drivers.axis_answer import AxisAnswer, refuse_fault
 from drivers.bring_up import (
     axes_in_joint_order,
     check_bus_load,
@@ -25,7 +26,7 @@ from drivers.bring_up import (
 from drivers.canopen.frames import Frame
 from drivers.canopen.heartbeat import HeartbeatProducer, heartbeat_frame
 from drivers.canopen.nmt import NmtCommand, NmtState, nmt_frame
-from drivers.cia402 import FOLLOWS_COMMAND, ControlWord, PowerState, next_controlword, state_of
+from drivers.cia402 import FOLLOWS_COMMAND, ControlWord, PowerState, next_controlword
 from drivers.cyclic_exchange import CyclicExchange
 from drivers.drive_setup import DriveSetup, SetupResult
 from drivers.drive_watch import DriveWatch
@@ -216,11 +217,9 @@ class CanServoAxes:
         while waiting:
             self._step([ControlWord.DISABLE_VOLTAGE] * len(self._axes), until_s, "start", waiting)
             waiting = [
-                joint
-                for joint, received, heartbeat in zip(
-                    self.joint_names, self.received, self._watch.heartbeats, strict=True
-                )
-                if not received or heartbeat.state != NmtState.OPERATIONAL
+                answer.joint
+                for answer, heartbeat in zip(self._answers(), self._watch.heartbeats, strict=True)
+                if not answer.received or heartbeat.state != NmtState.OPERATIONAL
             ]
         self._watch.expect_operational()
 
@@ -246,20 +245,17 @@ class CanServoAxes:
         enabled: set[str] = set()
         while waiting:
             self._step(words, until_s, "be enabled", waiting)
-            states = self._states()
-            self._refuse_fault(states, enabled)
+            answers = self._answers()
+            refuse_fault(answers, enabled)
             words = [
-                next_controlword(state) if received else word
-                for state, received, word in zip(states, self.received, words, strict=True)
+                next_controlword(answer.state) if answer.received else word
+                for answer, word in zip(answers, words, strict=True)
             ]
             waiting = [
-                joint
-                for joint, state, status, received in zip(
-                    self.joint_names, states, self.statusword, self.received, strict=True
-                )
-                if not received
-                or state is not PowerState.OPERATION_ENABLED
-                or not status & FOLLOWS_COMMAND
+                answer.joint
+                for answer in answers
+                if answer.joint not in enabled
+                or not (answer.received and answer.status & FOLLOWS_COMMAND)
             ]
         self._exchange.send_words(words)
         self._exchange.left_enabled = False
@@ -306,10 +302,8 @@ class CanServoAxes:
                 )
             ]
             if all(
-                received and (not state.powered or cycles >= REST_CYCLES)
-                for received, state, cycles in zip(
-                    self.received, self._states(), still, strict=True
-                )
+                answer.received and (not answer.state.powered or cycles >= REST_CYCLES)
+                for answer, cycles in zip(self._answers(), still, strict=True)
             ):
                 return True
         return False
@@ -335,11 +329,9 @@ class CanServoAxes:
             for _ in range(DISABLE_CYCLES if running else 0):
                 self._cycle(words)
                 unconfirmed = [
-                    joint
-                    for joint, state, received in zip(
-                        self.joint_names, self._states(), self.received, strict=True
-                    )
-                    if not received or state not in _WITHOUT_POWER
+                    answer.joint
+                    for answer in self._answers()
+                    if not answer.received or answer.state not in _WITHOUT_POWER
                 ]
                 if not unconfirmed:
                     break
@@ -356,14 +348,7 @@ class CanServoAxes:
     ) -> None:
         """Run a cycle at velocity 0; refuse faults, and waiting beyond `until_s` [s]."""
         if self._clock.now_s() > until_s:
-            states = "; ".join(
-                f"{joint} is {state.words if received else 'silent'}"
-                + f" (6041h={status:04X}h)" * bool(received)
-                for joint, state, status, received in zip(
-                    self.joint_names, self._states(), self.statusword, self.received, strict=True
-                )
-                if joint in waiting
-            )
+            states = "; ".join(str(a) for a in self._answers() if a.joint in waiting)
             raise DeviceTimeoutError(
                 f"the drives could not {verb} in time: {states}; check supply, brakes, enable"
                 " inputs and emergency stop"
@@ -386,22 +371,13 @@ class CanServoAxes:
         for axis in self._axes:
             self._link.send(nmt_frame(command, axis.node_id))
 
-    def _states(self) -> list[PowerState]:
-        return [state_of(status) for status in self.statusword.tolist()]
-
-    def _refuse_fault(self, states: Sequence[PowerState], enabled: set[str]) -> None:
-        """Refuse a drive in fault, and one that was `enabled` and is not any more; note the rest."""
-        for joint, state, received in zip(self.joint_names, states, self.received, strict=True):
-            if not received:
-                continue
-            if state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE) or (
-                joint in enabled and state is not PowerState.OPERATION_ENABLED
-            ):
-                raise DeviceFaultError(
-                    f"{joint}: the drive is {state.words}; find the cause, then begin again"
-                )
-            if state is PowerState.OPERATION_ENABLED:
-                enabled.add(joint)
+    def _answers(self) -> list[AxisAnswer]:
+        return [
+            AxisAnswer(joint, bool(received), status)
+            for joint, received, status in zip(
+                self.joint_names, self.received, self.statusword.tolist(), strict=True
+            )
+        ]
 
     def _expect(self, phase: _Phase, verb: str, before: str) -> None:
         if self._phase is not phase:

@@ -43,6 +43,24 @@ class MonotonicClock:
             time.sleep(remaining_s)
 
 
+class _SimulatedClock:
+    """A simulated bus's clock, with typed errors."""
+
+    def __init__(self, clock: Clock, bus: can.BusABC) -> None:
+        self._clock = clock
+        self._bus = bus
+        self.now_s = clock.now_s
+
+    def sleep_until(self, time_s: float) -> None:
+        """Let simulated time run; raises `TransportError` when the simulation is gone."""
+        try:
+            self._clock.sleep_until(time_s)
+        except (can.CanError, OSError) as error:
+            raise TransportError(
+                f"CAN bus {self._bus.channel_info}: the simulated time stopped ({error})"
+            ) from error
+
+
 class CanLink:
     """A python-can bus with typed errors, absolute receive deadlines and its clock.
 
@@ -66,7 +84,9 @@ class CanLink:
         self.hears_itself = hears_itself
         simulated_clock: Clock | None = getattr(bus, "simulated_clock", None)
         self.simulated = simulated_clock is not None
-        self.clock: Clock = MonotonicClock() if simulated_clock is None else simulated_clock
+        self.clock: Clock = (
+            MonotonicClock() if simulated_clock is None else _SimulatedClock(simulated_clock, bus)
+        )
         self.last_time_s = self.clock.now_s()
 
     def send(self, frame: Frame) -> None:
