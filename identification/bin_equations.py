@@ -16,7 +16,7 @@ import numpy as np
 
 from acquisition.arrays import BoolArray, FloatArray
 from acquisition.periods import PeriodAverage
-from acquisition.spectrum import differentiate_on_bins, filter_response, to_bins
+from acquisition.spectrum import Bins, differentiate_on_bins, filter_response, to_bins
 from config.errors import EstimationError
 from dynamics.robot_model import RobotModel, regressor
 from identification.base_parameters import BaseParameters
@@ -25,6 +25,7 @@ NYQUIST_FRACTION = 0.8
 GRID_STEP_S = 0.001
 BLOCK_ROWS = 2048
 NEIGHBOURS = 4
+PIECES_PER_RESOLUTION = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +131,7 @@ def bin_equations(
         rhs=_real_rows(torque).T,
         free=tuple(_free_columns(slow[:, j], period_s, harmonics) for j in range(q.shape[1])),
         left_out_fraction=slow.mean(axis=0),
-        torque_sigma=_both_parts(sigma[: harmonics + 1] / gain).T,
+        torque_sigma=both_parts(sigma[: harmonics + 1] / gain).T,
         position_sigma=_position_sigma(average)[: harmonics + 1].T,
     )
 
@@ -156,14 +157,14 @@ def _projection(times: FloatArray, period_s: float, harmonics: int) -> FloatArra
     return np.vstack([np.ones((1, len(times))), root * np.cos(angle), -root * np.sin(angle)])
 
 
-def _real_rows(bins: np.ndarray) -> FloatArray:
+def _real_rows(bins: Bins) -> FloatArray:
     """Return the rows of complex bins (H + 1, n) as (2 H + 1, n)."""
     root = math.sqrt(2.0)
     return np.concatenate([bins.real[:1], root * bins.real[1:], root * bins.imag[1:]])
 
 
-def _both_parts(per_bin: FloatArray) -> FloatArray:
-    """Repeat values of bins 0 to H for the real and the imaginary rows."""
+def both_parts(per_bin: FloatArray) -> FloatArray:
+    """Repeat values of bins 0 to H (first axis) for the real and the imaginary rows."""
     return np.concatenate([per_bin, per_bin[1:]])
 
 
@@ -194,7 +195,8 @@ def _position_sigma(average: PeriodAverage) -> FloatArray:
 def _free_columns(slow: BoolArray, period_s: float, harmonics: int) -> FloatArray:
     """Return columns (2 H + 1, any) that span any torque during the slow passages.
 
-    A passage is cut in at least two pieces, none longer than the band can resolve.
+    A passage is cut in pieces much shorter than the band can resolve, so that it does not matter
+    where in a piece the friction changes its sign.
     """
     samples = len(slow)
     if not slow.any():
@@ -206,78 +208,10 @@ def _free_columns(slow: BoolArray, period_s: float, harmonics: int) -> FloatArra
     step_s = period_s / samples
     columns: list[FloatArray] = []
     for first, last in zip(edges[::2] + 1, edges[1::2] + 1, strict=True):
-        pieces = max(2, math.ceil((last - first) * step_s * 2.0 * harmonics / period_s))
+        resolved = (last - first) * step_s * 2.0 * harmonics / period_s
+        pieces = max(2, math.ceil(PIECES_PER_RESOLUTION * resolved))
         for piece in np.array_split(np.arange(first, last) + start, pieces):
             if len(piece):
                 basis = _projection(piece * step_s, period_s, harmonics)
-                columns.append(basis.mean(axis=1))
+                columns.append(basis.sum(axis=1) / samples)
     return np.column_stack(columns)
-
-
-@dataclass(frozen=True, eq=False)
-class WhiteEquations:
-    """The equations of one joint with unit noise, and with its free torque projected out.
-
-    Attributes
-    ----------
-    matrix : ndarray, shape (2 H + 1, b)
-        Whitened regressor.
-    rhs : ndarray, shape (2 H + 1,)
-        Whitened torque.
-    sigma : ndarray, shape (2 H + 1,)
-        Standard deviation that each row was divided by [N m or N].
-    rows : int
-        Equations left after the free torque has taken its own.
-    """
-
-    matrix: FloatArray
-    rhs: FloatArray
-    sigma: FloatArray
-    rows: int
-
-    def residual(self, values: FloatArray) -> FloatArray:
-        """Return the whitened residual of some parameters, shape (2 H + 1,)."""
-        return np.asarray(self.rhs - self.matrix @ values)
-
-
-def whiten(equations: BinEquations, inertia: FloatArray) -> tuple[WhiteEquations, ...]:
-    """Return each joint's equations over their noise.
-
-    Parameters
-    ----------
-    equations : BinEquations
-        Equations of a period.
-    inertia : ndarray, shape (n, n)
-        Size of the joint-space inertia [kg m^2], through which the noise of the position's second
-        derivative becomes torque; zero leaves the torque's own noise.
-    """
-    omega = 2.0 * np.pi / equations.period_s * np.arange(equations.harmonics + 1)
-    by_position = np.sqrt(inertia**2 @ equations.position_sigma**2) * omega**2
-    sigma = np.hypot(equations.torque_sigma, _both_parts(by_position.T).T)
-    # Where a simulation has no noise at all, every row counts alike.
-    sigma = np.maximum(sigma, 1e-9 * np.sqrt(np.sum(equations.rhs**2)) + 1e-300)
-    white = []
-    for j, free in enumerate(equations.free):
-        weight = 1.0 / sigma[j]
-        matrix = equations.matrix[j] * weight[:, np.newaxis]
-        rhs = equations.rhs[j] * weight
-        rows = len(rhs) - free.shape[1]
-        if rows <= 0:
-            matrix, rhs, rows = np.zeros_like(matrix), np.zeros_like(rhs), 0
-        elif free.shape[1]:
-            basis = np.linalg.qr(free * weight[:, np.newaxis])[0]
-            matrix = matrix - basis @ (basis.T @ matrix)
-            rhs = rhs - basis @ (basis.T @ rhs)
-        white.append(WhiteEquations(matrix, rhs, sigma[j], rows))
-    return tuple(white)
-
-
-def bin_scores(white: tuple[WhiteEquations, ...], values: FloatArray) -> FloatArray:
-    """Return each bin's gradient A_k^T r_k, all joints together, shape (H + 1, b)."""
-    harmonics = len(white[0].rhs) // 2
-    rows = np.zeros_like(white[0].matrix)
-    for part in white:
-        rows += part.matrix * part.residual(values)[:, np.newaxis]
-    scores = np.array(rows[: harmonics + 1])
-    scores[1:] += rows[harmonics + 1 :]
-    return scores

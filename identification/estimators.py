@@ -21,13 +21,13 @@ from config.errors import EstimationError
 from config.robot import RobotDescription
 from dynamics.robot_model import RobotModel, regressor
 from identification.base_parameters import BaseParameters, base_parameters
-from identification.bin_equations import bin_equations, bin_scores, whiten
-from identification.least_squares import Triangle, sandwich, solve
+from identification.bin_equations import BinEquations, bin_equations
+from identification.least_squares import Solution, Triangle, sandwich, solve
 from identification.time_equations import time_blocks
+from identification.white_equations import WhiteEquations, residual_covariance, whiten
 
 BAND_HZ = 10.0
 STANDSTILL_RAD_S = 0.02
-REFINEMENTS = 3
 REWEIGHTINGS = 10
 BLOCK_ROWS = 4096
 
@@ -211,17 +211,10 @@ def estimate_periodic(
         for average in averages
     ]
     n = len(robot.joints)
-    inertias = [np.zeros((n, n)) for _ in averages]
-    for _ in range(REFINEMENTS):
-        white = [whiten(e, inertia) for e, inertia in zip(sets, inertias, strict=True)]
-        triangles = [
-            Triangle.empty(len(base)).add(part.matrix, part.rhs, part.rows)
-            for parts in white
-            for part in parts
-        ]
-        solution = solve(triangles, [1.0] * len(triangles), base.names)
-        inertias = [_inertia(model, base, a.position, solution.values) for a in averages]
-    scores = np.vstack([bin_scores(parts, solution.values) for parts in white])
+    white, solution = _solve_on_bins(sets, [np.zeros((n, n)) for _ in sets], base)
+    # The torque that the positions' noise makes is known only once the inertia is.
+    inertias = [_inertia(model, base, a.position, solution.values) for a in averages]
+    white, solution = _solve_on_bins(sets, inertias, base)
     residual = [
         [np.sum((part.residual(solution.values) * part.sigma) ** 2) for part in parts]
         for parts in white
@@ -235,7 +228,7 @@ def estimate_periodic(
         base=base,
         values=solution.values,
         covariance_noise=solution.covariance,
-        covariance_residual=sandwich(solution.covariance, scores, solution.rows),
+        covariance_residual=residual_covariance(white, solution.values, solution.covariance),
         condition_number=solution.condition_number,
         equations=solution.rows,
         residual_nm=np.sqrt(np.mean(residual, axis=0)),
@@ -291,12 +284,13 @@ def estimate_smoothed(
         rows_used += block.use.sum(axis=0)
         for j, use in enumerate(block.use.T):
             triangles[j] = triangles[j].add(block.matrix[use, j], block.rhs[use, j])
-    scale = np.ones(n)
+    residual = scale = np.ones(n)
+    solution = solve(triangles, scale, base.names)
     for _ in range(REWEIGHTINGS):
-        solution = solve(triangles, 1.0 / scale, base.names)
         error = np.array([triangle.residual_sum(solution.values) for triangle in triangles])
         residual = np.sqrt(error / np.maximum(rows_used, 1.0))
         scale = np.maximum(residual, 1e-9 * residual.max() + 1e-300)
+        solution = solve(triangles, 1.0 / scale, base.names)
     scores = np.zeros((events, len(base)))
     for block in time_blocks(model, base, signals, standstill_rad_s):
         misfit = np.where(block.use, block.rhs - block.matrix @ solution.values, 0.0) / scale**2
@@ -319,6 +313,19 @@ def estimate_smoothed(
         cell_name=cell_name,
         run_ids=run_ids,
     )
+
+
+def _solve_on_bins(
+    sets: Sequence[BinEquations], inertias: Sequence[FloatArray], base: BaseParameters
+) -> tuple[list[tuple[WhiteEquations, ...]], Solution]:
+    """Whiten and solve the equations of all period averages together."""
+    white = [whiten(e, inertia) for e, inertia in zip(sets, inertias, strict=True)]
+    triangles = [
+        Triangle.empty(len(base)).add(part.matrix, part.rhs, part.rows)
+        for parts in white
+        for part in parts
+    ]
+    return white, solve(triangles, [1.0] * len(triangles), base.names)
 
 
 def _inertia(

@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 
-from acquisition.arrays import FloatArray
 from acquisition.excitation import FourierTrajectory
 from acquisition.motion_samples import plan_motion
 from config.errors import ConfigError
@@ -114,7 +113,7 @@ def _condition_number(
     size = np.linalg.norm(rows, axis=0)
     if (size == 0.0).any() or len(rows) < len(base):
         return math.inf
-    singular: FloatArray = np.linalg.svd(rows / size, compute_uv=False)
+    singular = np.linalg.svd(rows / size, compute_uv=False)
     return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else math.inf
 
 

@@ -1,0 +1,208 @@
+"""An `Estimate` as a JSON file that is complete in itself: `write_estimate`, `read_estimate`.
+
+The file carries the robot's description, the names, units and words of the parameters, both
+covariances, the cell and the software version, so that it can be used without anything else.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import ValidationError
+
+from config.errors import ConfigError, RecordingError
+from config.model import ConfigModel
+from config.robot import RobotDescription
+from identification.base_parameters import BaseParameters
+from identification.estimators import Estimate, ModelOptions
+
+LARGEST_FILE_BYTES = 50_000_000
+
+Row = tuple[float, ...]
+Matrix = tuple[Row, ...]
+
+
+class _Options(ConfigModel):
+    rotors: bool
+    friction: bool
+    spring: bool
+    sign_smoothing_rad_s: float
+
+
+class _Parameter(ConfigModel):
+    name: str
+    words: str
+    unit: str
+    value: float
+    sigma: float
+    sigma_noise: float | None
+    sigma_residual: float
+
+
+class EstimateDocument(ConfigModel):
+    """What stands in the file; see `Estimate` for the meaning."""
+
+    kind: Literal["rid-daq estimate"]
+    format: Literal[1]
+    software: str
+    cell: str
+    runs: tuple[str, ...]
+    method: Literal["periodic", "smoothed"]
+    band_hz: float
+    standstill_rad_s: float
+    periods: int
+    equations: int
+    condition_number: float
+    residual_nm: Row
+    noise_nm: Row | None
+    left_out_fraction: Row
+    parameters: tuple[_Parameter, ...]
+    unseen: tuple[str, ...]
+    standard_parameters: tuple[str, ...]
+    combination: Matrix
+    covariance_noise: Matrix | None
+    covariance_residual: Matrix
+    model: _Options
+    robot: RobotDescription
+
+
+def write_estimate(path: Path, estimate: Estimate) -> None:
+    """Write an estimate as JSON; the same estimate gives the same bytes.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be written.
+    """
+    text = estimate_document(estimate).model_dump_json(indent=1) + "\n"
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"{path}: the estimate cannot be written: {error.strerror}") from error
+
+
+def read_estimate(path: Path) -> Estimate:
+    """Read what `write_estimate` wrote.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read or is not an estimate.
+    """
+    try:
+        if path.stat().st_size > LARGEST_FILE_BYTES:
+            raise ConfigError(f"{path}: larger than any estimate; give the model file of identify")
+        data = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{path}: the estimate cannot be read: {error.strerror}") from error
+    try:
+        document = EstimateDocument.model_validate_json(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise ConfigError(
+            f"{path}: not an estimate as this program writes it: {where}: {first['msg']}"
+        ) from error
+    return _to_estimate(document, path)
+
+
+def estimate_document(estimate: Estimate) -> EstimateDocument:
+    """Return an estimate as what stands in its file."""
+    base = estimate.base
+    noise = estimate.sigma_noise
+    parameters = tuple(
+        _Parameter(
+            name=base.names[i],
+            words=base.words[i],
+            unit=base.units[i],
+            value=float(estimate.values[i]),
+            sigma=float(estimate.sigma[i]),
+            sigma_noise=None if noise is None else float(noise[i]),
+            sigma_residual=float(estimate.sigma_residual[i]),
+        )
+        for i in range(len(base))
+    )
+    return EstimateDocument(
+        kind="rid-daq estimate",
+        format=1,
+        software=f"rid-daq {version('rid-daq')}",
+        cell=estimate.cell_name,
+        runs=estimate.run_ids,
+        method=estimate.method,
+        band_hz=estimate.band_hz,
+        standstill_rad_s=estimate.standstill_rad_s,
+        periods=estimate.periods,
+        equations=estimate.equations,
+        condition_number=estimate.condition_number,
+        residual_nm=_row(estimate.residual_nm),
+        noise_nm=None if estimate.noise_nm is None else _row(estimate.noise_nm),
+        left_out_fraction=_row(estimate.left_out_fraction),
+        parameters=parameters,
+        unseen=base.unseen,
+        standard_parameters=base.standard_names,
+        combination=_matrix(base.combination),
+        covariance_noise=(
+            None if estimate.covariance_noise is None else _matrix(estimate.covariance_noise)
+        ),
+        covariance_residual=_matrix(estimate.covariance_residual),
+        model=_Options(
+            rotors=estimate.options.rotors,
+            friction=estimate.options.friction,
+            spring=estimate.options.spring,
+            sign_smoothing_rad_s=estimate.options.sign_smoothing_rad_s,
+        ),
+        robot=estimate.robot,
+    )
+
+
+def _to_estimate(document: EstimateDocument, path: Path) -> Estimate:
+    names = tuple(parameter.name for parameter in document.parameters)
+    options = ModelOptions(**document.model.model_dump())
+    expected = options.build(document.robot).parameter_names
+    strangers = [name for name in names if name not in expected]
+    if strangers or document.standard_parameters != expected:
+        raise ConfigError(
+            f"{path}: its parameters ({', '.join(strangers or names)}) are not those of the robot"
+            " that stands in it"
+        )
+    base = BaseParameters(
+        names=names,
+        words=tuple(parameter.words for parameter in document.parameters),
+        units=tuple(parameter.unit for parameter in document.parameters),
+        standard_names=expected,
+        kept=tuple(expected.index(name) for name in names),
+        combination=np.array(document.combination),
+        unseen=document.unseen,
+    )
+    return Estimate(
+        robot=document.robot,
+        options=options,
+        base=base,
+        values=np.array([parameter.value for parameter in document.parameters]),
+        covariance_noise=(
+            None if document.covariance_noise is None else np.array(document.covariance_noise)
+        ),
+        covariance_residual=np.array(document.covariance_residual),
+        condition_number=document.condition_number,
+        equations=document.equations,
+        residual_nm=np.array(document.residual_nm),
+        noise_nm=None if document.noise_nm is None else np.array(document.noise_nm),
+        left_out_fraction=np.array(document.left_out_fraction),
+        method=document.method,
+        band_hz=document.band_hz,
+        standstill_rad_s=document.standstill_rad_s,
+        periods=document.periods,
+        cell_name=document.cell,
+        run_ids=document.runs,
+    )
+
+
+def _row(values: np.ndarray) -> Row:
+    return tuple(float(value) for value in values)
+
+
+def _matrix(values: np.ndarray) -> Matrix:
+    return tuple(_row(row) for row in values)
