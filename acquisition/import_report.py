@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
+RANGES_IN_WORDS = 20
+
 
 @dataclass(frozen=True)
 class DamagedRow:
@@ -94,7 +96,9 @@ class ImportReport:
         ]
         if self.damaged:
             found.append(f"{self.rows_damaged} damaged rows left out:")
-            found.extend(f"  {rows}" for rows in self.damaged)
+            found.extend(f"  {rows}" for rows in self.damaged[:RANGES_IN_WORDS])
+            if len(self.damaged) > RANGES_IN_WORDS:
+                found.append(f"  ... and {len(self.damaged) - RANGES_IN_WORDS} more ranges")
         else:
             found.append("no damaged rows")
         return tuple(found)

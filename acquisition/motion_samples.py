@@ -27,6 +27,7 @@ from config.robot import RobotDescription
 APPROACH_SPEED_FRACTION = 0.3
 RAMP_GROWTH = 1.25
 RAMP_ATTEMPTS = 20
+CHUNK_ROWS = 10_000
 
 
 class Phase(IntEnum):
@@ -267,37 +268,40 @@ def _phases(*counts: tuple[Phase, int]) -> PhaseArray:
 def _violations(
     path: Path, robot: RobotDescription, sample_period_s: float, oversampling: int = 10
 ) -> list[str]:
-    """Return what exceeds which limit, in words: the worst of each joint and quantity."""
-    position, velocity, acceleration = _between_rows(path, sample_period_s, oversampling)
-    step_s = sample_period_s / oversampling
-    found = []
-    for column, joint in enumerate(robot.joints):
-        limits = joint.limits
-        unit = "rad" if joint.type == "revolute" else "m"
-        checks = (
-            ("position", unit, position, limits.position_min, limits.position_max),
-            ("velocity", f"{unit}/s", velocity, -limits.velocity, limits.velocity),
-            (
-                "acceleration",
-                f"{unit}/s^2",
-                acceleration,
-                -limits.acceleration,
-                limits.acceleration,
-            ),
-        )
-        for quantity, unit_name, values, low, high in checks:
-            slack = 1e-9 * max(abs(low), abs(high))
-            for row, limit, excess in (
-                (int(np.argmax(values[:, column])), high, 1.0),
-                (int(np.argmin(values[:, column])), low, -1.0),
-            ):
-                value = float(values[row, column])
-                if (value - limit) * excess > slack:
-                    found.append(
-                        f"{quantity} of joint {joint.name!r} reaches {value:.6g} {unit_name} at"
-                        f" {row * step_s:.4g} s, its limit is {limit:.6g}"
+    """Return what exceeds which limit, in words: the worst of each joint, quantity and side."""
+    limits = [joint.limits for joint in robot.joints]
+    bounds = (
+        ("position", "", [x.position_min for x in limits], [x.position_max for x in limits]),
+        ("velocity", "/s", [-x.velocity for x in limits], [x.velocity for x in limits]),
+        (
+            "acceleration",
+            "/s^2",
+            [-x.acceleration for x in limits],
+            [x.acceleration for x in limits],
+        ),
+    )
+    worst: dict[tuple[str, int, float], tuple[float, str]] = {}
+    for first in range(0, len(path.position) - 1, CHUNK_ROWS):
+        chunk = Path(*(values[first : first + CHUNK_ROWS + 1] for values in path))
+        fine = _between_rows(chunk, sample_period_s, oversampling)
+        for values, (quantity, per, low, high) in zip(fine, bounds, strict=True):
+            for side, limit in ((1.0, high), (-1.0, low)):
+                excess = side * (values - limit)
+                rows = excess.argmax(axis=0)
+                for column, (joint, row) in enumerate(zip(robot.joints, rows, strict=True)):
+                    by = float(excess[row, column])
+                    key = (quantity, column, side)
+                    if by <= 1e-9 * abs(limit[column]) or by <= worst.get(key, (0.0, ""))[0]:
+                        continue
+                    unit = ("rad" if joint.type == "revolute" else "m") + per
+                    time_s = (first + row / oversampling) * sample_period_s
+                    worst[key] = (
+                        by,
+                        f"{quantity} of joint {joint.name!r} reaches"
+                        f" {values[row, column]:.6g} {unit} at {time_s:.4g} s, its limit is"
+                        f" {limit[column]:.6g}",
                     )
-    return found
+    return [words for _, words in worst.values()]
 
 
 def _between_rows(path: Path, sample_period_s: float, oversampling: int) -> Path:

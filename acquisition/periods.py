@@ -245,10 +245,11 @@ def _out_of_family(
     indices = np.flatnonzero(good)
     if len(indices) < 3:
         return {}
-    values = np.where(present[indices][:, :, np.newaxis], values[indices], np.nan)
-    deviation = np.nan_to_num(values - np.nanmedian(values, axis=0))
-    signal = np.nan_to_num(values - np.nanmean(values, axis=(0, 1)))
-    negligible = NEGLIGIBLE_FRACTION * np.sqrt(np.square(signal).mean(axis=(0, 1)))
+    there = present[indices][:, :, np.newaxis]
+    mean = (values[indices] * there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+    filled = np.where(there, values[indices], mean)
+    deviation = filled - np.median(filled, axis=0)
+    negligible = NEGLIGIBLE_FRACTION * mean.std(axis=0)
     rejected: dict[int, str] = {}
     for words, measure in (
         ("RMS", np.sqrt(np.square(deviation).mean(axis=1))),

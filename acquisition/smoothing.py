@@ -84,16 +84,18 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
     Raises
     ------
     ConfigError
-        The cut-off is not below half the sampling frequency.
+        The cut-off is not well below half the sampling frequency.
     """
-    # Forwards and backwards the gain is squared: 1 / (1 + (f / f0)^8). f0 is where it makes the
-    # whole -3 dB at the cut-off.
-    f0 = cutoff_hz / (np.sqrt(2.0) - 1.0) ** (0.5 / FILTER_ORDER)
-    if not 0.0 < f0 < 0.5 / sample_period_s:
+    if not 0.0 < cutoff_hz < 0.45 / sample_period_s:
         raise ConfigError(
             f"a cut-off of {cutoff_hz:g} Hz does not fit samples every {sample_period_s * 1e3:.4g}"
-            f" ms: choose one between 0 and {0.4 / sample_period_s:.4g} Hz"
+            f" ms: choose one between 0 and {0.45 / sample_period_s:.4g} Hz"
         )
+    # Forwards and backwards the gain is squared: 1 / (1 + (g(f) / g(f0))^8), g(f) = tan(pi f T) by
+    # the bilinear transform. f0 is where that makes -3 dB at the cut-off.
+    warped = np.tan(np.pi * cutoff_hz * sample_period_s)
+    warped /= (np.sqrt(2.0) - 1.0) ** (0.5 / FILTER_ORDER)
+    f0 = np.arctan(warped) / (np.pi * sample_period_s)
     sections = signal.butter(FILTER_ORDER, f0, fs=1.0 / sample_period_s, output="sos")
     padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))
     return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=padding))
@@ -103,8 +105,8 @@ def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignal
     """Return a recording resampled from its time stamps, low-passed and differentiated.
 
     Rows that are not valid are left out. A gap of more than 5 median steps cuts the recording; of
-    each segment 1 / `cutoff_hz` is left out at both ends, where the filter has no past or future,
-    and a segment shorter than 4 / `cutoff_hz` is left out as a whole.
+    each segment 2 / `cutoff_hz` is left out at both ends, where the filter has no past or future,
+    and a segment shorter than 6 / `cutoff_hz` is left out as a whole.
 
     Parameters
     ----------
@@ -130,10 +132,10 @@ def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignal
     segments: list[_Segment] = []
     for rows in np.split(np.arange(len(time_s)), cuts):
         stamps = time_s[rows]
-        if stamps[-1] - stamps[0] < max(4.0 / cutoff_hz, 10.0 * step_s):
+        if stamps[-1] - stamps[0] < max(6.0 / cutoff_hz, 10.0 * step_s):
             continue
         grid = np.arange(stamps[0], stamps[-1], step_s)
-        inner = slice(edge := int(np.ceil(1.0 / (cutoff_hz * step_s))), len(grid) - edge)
+        inner = slice(edge := int(np.ceil(2.0 / (cutoff_hz * step_s))), len(grid) - edge)
         smooth_position, smooth_torque = (
             low_pass(interpolate.CubicSpline(stamps, values[rows])(grid), step_s, cutoff_hz)
             for values in (position, torque)
@@ -150,7 +152,7 @@ def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignal
         )
     if not segments:
         raise DataQualityError(
-            f"no stretch of the recording is longer than {4.0 / cutoff_hz:.3g} s without a gap of"
+            f"no stretch of the recording is longer than {6.0 / cutoff_hz:.3g} s without a gap of"
             f" {GAP_STEPS * step_s * 1e3:.3g} ms: use a higher cut-off or a better recording"
         )
     joined = _Segment(*(np.concatenate(arrays) for arrays in zip(*segments, strict=True)))

@@ -211,6 +211,16 @@ class TestVerifyLimits:
         with pytest.raises(ConfigError, match="velocity of joint 'axis1' reaches"):
             verify_limits(MotionSamples(ROBOT.joint_names, T, **rows), ROBOT)
 
+    def test_looks_at_every_row_of_a_long_motion(self) -> None:
+        rows = self.still(25_000)
+        rows["velocity"][[10_000, 24_998], [2, 2]] = [3.1, -3.3]
+        with pytest.raises(ConfigError) as error:
+            verify_limits(MotionSamples(ROBOT.joint_names, T, **rows), ROBOT)
+        assert "velocity of joint 'axis3' reaches 3.1 rad/s at 80 s, its limit is 3" in str(
+            error.value
+        )
+        assert "reaches -3.3 rad/s at 200 s, its limit is -3" in str(error.value)
+
     def test_refuses_another_robots_motion(self) -> None:
         samples = MotionSamples(("x", "y", "z"), T, **self.still())
         with pytest.raises(ConfigError, match="x, y, z"):
