@@ -137,8 +137,8 @@ class CanHub:
         while self._busy == 0:
             next_ns = self._wire.next_ns
             for client in self._clients.values():
-                if client.holds_time and min(client.until_ns, client.wake_ns) < next_ns:
-                    next_ns = min(client.until_ns, client.wake_ns)
+                if client.holds_time:
+                    next_ns = min(next_ns, client.until_ns, client.wake_ns)
             if not self._masters:
                 if next_ns > self._horizon_ns and self._joining:
                     self._now_ns = max(self._now_ns, self._horizon_ns)
@@ -170,8 +170,8 @@ class CanHub:
         over = not wire.backlog(now_ns)
         for client in [*self._clients.values()]:
             if client.idle and client.holds_time:
-                frames_due = client.wake_ns <= now_ns or (over and client.inbox)
-                if client.until_ns <= now_ns or (client.on_frames and frames_due):
+                due_ns = min(client.until_ns, client.wake_ns)
+                if due_ns <= now_ns or (over and client.on_frames and client.inbox):
                     self._wake(client)
         if self._busy == 0 and not wire.sending and wire.next_ns <= now_ns:
             wire.step()
@@ -196,11 +196,9 @@ class CanHub:
         for client in self._clients.values():
             if client.key != key and client.role is not None:
                 client.inbox.append(record)
-                if not client.on_frames:
-                    continue
                 if frame.can_id in client.urgent:
                     client.wake_ns = frame.time_ns
-                elif client.wake_ns == FOREVER_NS:
+                elif client.on_frames and client.wake_ns == FOREVER_NS:
                     client.wake_ns = frame.time_ns + _LONGEST_BURST_NS
         if self._log is not None:
             stamp_us = (frame.time_ns + self._epoch_ns) // 1000

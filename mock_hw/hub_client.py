@@ -37,8 +37,8 @@ class HubClient:
     role
         Observers never hold lock-step time, and have the wall clock's waits.
     urgent
-        Identifiers whose frames end a wait at once. All others end it when the bus falls idle,
-        so that a burst of frames costs one wake-up.
+        Identifiers whose frames end any wait at once. All others end it when the bus falls idle,
+        if the wait is `on_frames` at all: a burst of frames costs one wake-up, or none.
     timeout_s
         How long to wait for the hub's welcome [s].
 

@@ -40,7 +40,8 @@ def serve_hub(settings: HubSettings, ready: Connection) -> None:
 
     Sends None through `ready` once clients can connect, or the text of what went wrong.
     """
-    stop_fd = ignore_interrupt_and_catch_terminate()
+    leave_interrupts_to_parent()
+    stop_fd = catch_terminate()
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     try:
         with contextlib.ExitStack() as stack:
@@ -75,10 +76,14 @@ def _run(hub: CanHub, stop_fd: int) -> None:
         hub.run([stop_fd])
 
 
-def ignore_interrupt_and_catch_terminate() -> int:
-    """Leave Ctrl-C to the parent, and return a descriptor that is readable after SIGTERM."""
+def leave_interrupts_to_parent() -> None:
+    """Ignore Ctrl-C and the terminal's end: the parent stops the robot first, and then this."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
+def catch_terminate() -> int:
+    """Return a descriptor that is readable after SIGTERM."""
     readable, writable = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
     signal.signal(signal.SIGTERM, lambda _number, _frame: None)
     signal.set_wakeup_fd(writable, warn_on_full_buffer=False)

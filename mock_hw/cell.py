@@ -1,0 +1,163 @@
+"""`SimulatedCell`: a cell's drives and robot on a simulated bus, in processes of their own."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import shutil
+import tempfile
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from types import TracebackType
+
+from config.cell import CellConfig
+from config.errors import TransportError
+from config.plant import PlantConfig
+from config.robot import RobotDescription
+from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
+from mock_hw.drives_process import DrivesSettings, serve_drives
+from mock_hw.hub_process import HubSettings, serve_hub
+from mock_hw.runtime_directory import runtime_directory, socket_path
+
+_START_TIMEOUT_S = 120.0  # the plant's kernels may have to be compiled
+_END_TIMEOUT_S = 5.0
+
+
+class SimulatedCell:
+    """A served simulated cell: ``with SimulatedCell(...) as simulated: ...``.
+
+    Entering starts the hub and the drives and returns when they are on the bus; leaving ends them
+    and removes what they left. They also end by themselves some seconds after the process that
+    started them has died - late enough for the drives to notice, and stop.
+
+    Parameters
+    ----------
+    cell, robot, plant
+        What is simulated.
+    realtime
+        Real time; otherwise lock-step, where the master's waits move time on.
+    seed
+        Of everything random: in lock-step the same seed gives the same bytes on the bus.
+    directory
+        Where to serve the bus, under the name that the cell file gives its channel; None for a
+        private folder that is removed at the end.
+    unmodelled
+        Whether the plant has the effects that no estimator's model has.
+    log
+        Where to write all frames, in candump's format; None for nowhere.
+
+    Raises
+    ------
+    TransportError
+        The bus or the drives cannot be served.
+    """
+
+    def __init__(
+        self,
+        cell: CellConfig,
+        robot: RobotDescription,
+        plant: PlantConfig,
+        *,
+        realtime: bool,
+        seed: int,
+        directory: Path | None = None,
+        unmodelled: bool = True,
+        log: Path | None = None,
+    ) -> None:
+        self._cell = cell
+        self._robot = robot
+        self._plant = plant if unmodelled else plant.without_unmodelled()
+        self._realtime = realtime
+        self._seed = seed
+        self._directory = directory
+        self._log = log
+        self._stack = contextlib.ExitStack()
+        self._channel = ""
+        self._snapshots: SnapshotReader | None = None
+
+    @property
+    def channel(self) -> str:
+        """What to put into the cell's `can.channel`, with the interface rid_sim."""
+        return self._channel
+
+    @property
+    def cell(self) -> CellConfig:
+        """The cell with the channel under which it is served."""
+        can = self._cell.can.model_copy(update={"interface": "rid_sim", "channel": self._channel})
+        return self._cell.model_copy(update={"can": can})
+
+    def axes(self) -> AxisSnapshot:
+        """Return where the axes really are, at most some milliseconds old.
+
+        Raises
+        ------
+        TransportError
+            The cell is not served.
+        """
+        if self._snapshots is None:
+            raise TransportError("this simulated cell is not running; enter it with 'with' first")
+        return self._snapshots.read()
+
+    def __enter__(self) -> SimulatedCell:
+        """Start the hub and the drives."""
+        with contextlib.ExitStack() as stack:
+            self._start(stack)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End the hub and the drives."""
+        self._snapshots = None
+        self._stack.close()
+
+    def _start(self, stack: contextlib.ExitStack) -> None:
+        name = self._cell.can.channel.rsplit("/", 1)[-1]
+        folder = self._directory
+        if folder is None:
+            folder = Path(tempfile.mkdtemp(prefix=f"{name}-", dir=runtime_directory()))
+            stack.callback(shutil.rmtree, folder, ignore_errors=True)
+        socket = socket_path(str(folder / f"{name}.sock"))
+        snapshot = socket.with_suffix(".axes")
+        hub = HubSettings(socket, self._cell.can.bitrate, self._realtime, name, self._log)
+        drives = DrivesSettings(self._cell, self._robot, self._plant, self._seed, socket, snapshot)
+        context = multiprocessing.get_context("spawn")
+        for target, settings in ((serve_hub, hub), (serve_drives, drives)):
+            ready, tell = context.Pipe(duplex=False)
+            process = context.Process(
+                target=target, args=(settings, tell), name=target.__name__, daemon=True
+            )
+            process.start()
+            tell.close()
+            stack.callback(_end, process)
+            if target is serve_drives:
+                stack.callback(snapshot.unlink, missing_ok=True)
+            _wait_until_ready(process, ready)
+        self._snapshots = stack.enter_context(SnapshotReader(snapshot))
+        self._channel = str(socket)
+
+
+def _wait_until_ready(process: BaseProcess, ready: Connection) -> None:
+    """Wait for a process's word that it serves."""
+    with ready:
+        try:
+            problem = ready.recv() if ready.poll(_START_TIMEOUT_S) else "it does not answer"
+        except EOFError:
+            problem = f"it ended with exit code {process.exitcode}"
+    if problem is not None:
+        raise TransportError(f"simulated cell: {process.name} did not start: {problem}")
+
+
+def _end(process: BaseProcess) -> None:
+    """End a process, gently first."""
+    process.terminate()
+    process.join(_END_TIMEOUT_S)
+    if process.is_alive():
+        process.kill()
+        process.join()
+    process.close()

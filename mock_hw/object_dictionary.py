@@ -1,0 +1,137 @@
+"""`ObjectDictionary`: the values of a simulated device's objects, checked as CiA 301 asks."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from drivers.canopen.sdo import SdoAbort, SdoCode
+
+Key = tuple[int, int]
+
+COMMUNICATION_AREA = range(0x1000, 0x2000)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One object: address, type, access and what it may hold.
+
+    Attributes
+    ----------
+    index, subindex
+        The address.
+    name
+        What it is, in words.
+    code
+        Its type by `struct`'s letter (``B b H h I i``), or ``s`` for a text.
+    default
+        Its value after a reset.
+    access
+        ``"ro"`` or ``"rw"``.
+    mapping
+        Which PDOs may carry it: ``"r"`` receive, ``"t"`` transmit, ``"rt"`` both.
+    allowed
+        The values that may be written; None for all of the type.
+    """
+
+    index: int
+    subindex: int
+    name: str
+    code: str
+    default: int | bytes
+    access: Literal["ro", "rw"] = "ro"
+    mapping: Literal["", "r", "t", "rt"] = ""
+    allowed: range | frozenset[int] | None = None
+
+    @property
+    def key(self) -> Key:
+        """Index and sub-index."""
+        return self.index, self.subindex
+
+    @property
+    def bits(self) -> int:
+        """The object's length in a PDO [bit]."""
+        return 8 * struct.calcsize(f"<{self.code}")
+
+
+class ObjectDictionary:
+    """Values by index and sub-index; numbers are integers, texts are bytes.
+
+    The device itself reads and writes with ``objects[index, subindex]``, unchecked; `read` and
+    `decode` are for what comes over SDO.
+
+    Parameters
+    ----------
+    entries
+        The objects that exist.
+    """
+
+    def __init__(self, entries: Iterable[Entry]) -> None:
+        self._entries = {entry.key: entry for entry in entries}
+        self._indices = {index for index, _ in self._entries}
+        self._values = {key: entry.default for key, entry in self._entries.items()}
+
+    def __getitem__(self, key: Key) -> int:
+        value = self._values[key]
+        assert isinstance(value, int)
+        return value
+
+    def __setitem__(self, key: Key, value: int) -> None:
+        self._values[key] = value
+
+    def __contains__(self, key: Key) -> bool:
+        return key in self._entries
+
+    def entry(self, index: int, subindex: int) -> Entry:
+        """Return what an object is.
+
+        Raises
+        ------
+        SdoAbort
+            There is no such object or sub-index.
+        """
+        entry = self._entries.get((index, subindex))
+        if entry is None:
+            known = index in self._indices
+            raise SdoAbort(SdoCode.NO_SUBINDEX if known else SdoCode.NO_OBJECT, index, subindex)
+        return entry
+
+    def read(self, index: int, subindex: int) -> bytes:
+        """Return an object's bytes, as an SDO upload carries them.
+
+        Raises
+        ------
+        SdoAbort
+            There is no such object or sub-index.
+        """
+        entry = self.entry(index, subindex)
+        value = self._values[entry.key]
+        return value if isinstance(value, bytes) else struct.pack(f"<{entry.code}", value)
+
+    def decode(self, index: int, subindex: int, data: bytes) -> int:
+        """Return the number that an SDO download would write; nothing is written yet.
+
+        Raises
+        ------
+        SdoAbort
+            There is no such object, it is read-only, or length or value are not allowed.
+        """
+        entry = self.entry(index, subindex)
+        if entry.access == "ro":
+            raise SdoAbort(SdoCode.READ_ONLY, index, subindex)
+        size = entry.bits // 8
+        if len(data) != size:
+            code = SdoCode.LENGTH_TOO_HIGH if len(data) > size else SdoCode.LENGTH_TOO_LOW
+            raise SdoAbort(code, index, subindex)
+        (value,) = struct.unpack(f"<{entry.code}", data)
+        if entry.allowed is not None and value not in entry.allowed:
+            raise SdoAbort(SdoCode.VALUE_INVALID, index, subindex)
+        return int(value)
+
+    def reset(self, *, communication_only: bool) -> None:
+        """Put back the defaults: of the communication area, or of every object."""
+        for key, entry in self._entries.items():
+            if entry.index in COMMUNICATION_AREA or not communication_only:
+                self._values[key] = entry.default
