@@ -125,6 +125,10 @@ class CyclicTask:
         control, axes = self._control, self._axes
         # once before it counts, so that no first-time cost falls between two cycles
         approach(samples.position[0], samples.position[0], self._robot, self._period_s)
+        reason = self._order_to_stop()
+        if reason is not None:
+            control.report_stop(reason)
+            return reason
         control.task_state = TaskState.ENABLING
         synced_s = axes.enable()
         position = axes.position.tolist()

@@ -79,7 +79,9 @@ def _await_recorder(control: ControlBlock, orphaned: Callable[[], bool]) -> None
     """Wait until the recorder has its file: nothing is moved that is not recorded."""
     until_s = time.monotonic() + RECORDER_PATIENCE_S
     while control.recorder_state is RecorderState.STARTING:
-        if time.monotonic() > until_s or control.stop_code or orphaned():
+        if control.stop_code or orphaned():
+            return
+        if time.monotonic() > until_s:
             raise RecordingError("the recorder did not start; nothing was moved")
         time.sleep(PAUSE_S)
     if control.recorder_state is RecorderState.FAILED:

@@ -1,0 +1,250 @@
+"""The supervisor against the table of faults: how many cycles until which reason to stop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import pytest
+
+from acquisition.stop_reason import StopCode, StopReason
+from acquisition.supervisor import Supervisor
+from config.cell import CellConfig
+from config.robot import RobotDescription
+from drivers.interfaces import DriveEvent, EventKind
+
+T = 0.008
+SPEED = 0.5
+ENABLED, FAULT, SWITCHED_ON, NO_QUICK_STOP = 0x1237, 0x0218, 0x0233, 0x1217
+
+
+@dataclass
+class Cycle:
+    """What one cycle brings: three joints that move at 0.5 rad/s, exactly as told."""
+
+    number: int
+    position: list[float]
+    target: list[float]
+    received: list[bool] = field(default_factory=lambda: [True] * 3)
+    torque: list[float] = field(default_factory=lambda: [1.0] * 3)
+    statusword: list[int] = field(default_factory=lambda: [ENABLED] * 3)
+    events: list[DriveEvent] = field(default_factory=list)
+    lateness_s: float = 0.0
+    late_frames: int = 0
+    target_velocity: list[float] = field(default_factory=lambda: [SPEED] * 3)
+    command: list[float] = field(default_factory=lambda: [SPEED] * 3)
+
+
+Fault = Callable[[Cycle], None]
+
+
+@pytest.fixture
+def supervisor(cell: CellConfig, robot: RobotDescription) -> Supervisor:
+    """A supervisor whose set-point has just come up to speed."""
+    supervisor = Supervisor(cell, robot)
+    supervisor.begin([0.0, 0.0, 0.0])
+    for speed in (0.1, 0.2, 0.3, 0.4, SPEED):
+        assert supervisor.check_set_point([0.0] * 3, [speed] * 3, [speed] * 3) is None
+    return supervisor
+
+
+def run(
+    supervisor: Supervisor, fault: Fault, cycles: int = 200
+) -> tuple[int, StopReason] | tuple[None, None]:
+    """Run cycles 1, 2, ...; return when and why the supervisor stops."""
+    for number in range(1, cycles + 1):
+        where = SPEED * T * number
+        cycle = Cycle(number, [where] * 3, [where] * 3)
+        fault(cycle)
+        reason = (
+            supervisor.check_timing(cycle.lateness_s)
+            or supervisor.check_events(cycle.events)
+            or supervisor.check_late_frames(cycle.late_frames)
+            or supervisor.check_measured(
+                cycle.received,
+                cycle.position,
+                cycle.torque,
+                cycle.statusword,
+                cycle.target,
+                cycle.target_velocity,
+            )
+            or supervisor.check_set_point(cycle.target, cycle.target_velocity, cycle.command)
+        )
+        if reason is not None:
+            return number, reason
+    return None, None
+
+
+def event(kind: EventKind, code: int = 0) -> DriveEvent:
+    return DriveEvent(kind, "joint2", 0.0, f"joint2: {kind.name}", code)
+
+
+def set_at(name: str, at: Callable[[int], bool], joint: int, value: object) -> Fault:
+    """Return a fault that puts a value in one joint's place in the cycles that `at` picks."""
+
+    def fault(cycle: Cycle) -> None:
+        if at(cycle.number):
+            getattr(cycle, name)[joint] = value
+
+    return fault
+
+
+def every(name: str, at: Callable[[int], bool], value: object) -> Fault:
+    def fault(cycle: Cycle) -> None:
+        if at(cycle.number):
+            setattr(cycle, name, value)
+
+    return fault
+
+
+def stuck(joint: int, since: int) -> Fault:
+    def fault(cycle: Cycle) -> None:
+        if cycle.number >= since:
+            cycle.position[joint] = SPEED * T * (since - 1)
+
+    return fault
+
+
+def runaway(joint: int, since: int) -> Fault:
+    """The joint turns the other way at 1.5 rad/s."""
+
+    def fault(cycle: Cycle) -> None:
+        if cycle.number >= since:
+            passed = cycle.number - since + 1
+            cycle.position[joint] = SPEED * T * (since - 1) - 1.5 * T * passed
+
+    return fault
+
+
+STOPS: dict[str, tuple[Fault, StopCode, int]] = {
+    "2: three frames of one drive are missed": (
+        set_at("received", lambda k: k >= 10, 1, False), StopCode.MISSED_FRAMES, 12),
+    "5: three answers late within 100 cycles": (
+        every("late_frames", lambda k: k in (10, 50, 100), 1), StopCode.LATE_FRAMES, 100),
+    "6: two corrupted positions in a row": (
+        set_at("position", lambda k: k >= 10, 0, 3.0), StopCode.IMPLAUSIBLE_POSITION, 11),
+    "6: a position that is not a number": (
+        set_at("position", lambda k: k >= 10, 0, math.nan), StopCode.IMPLAUSIBLE_POSITION, 11),
+    "8: a drive restarts": (
+        every("events", lambda k: k == 10, [event(EventKind.BOOT_UP)]),
+        StopCode.DRIVE_RESTARTED, 10),
+    "9: an emergency message": (
+        every("events", lambda k: k == 10, [event(EventKind.EMERGENCY, 0x2310)]),
+        StopCode.EMERGENCY, 10),
+    "11: a heartbeat is lost": (
+        every("events", lambda k: k == 10, [event(EventKind.HEARTBEAT_LOST)]),
+        StopCode.HEARTBEAT_LOST, 10),
+    "7: a frame of the wrong length": (
+        every("events", lambda k: k == 10, [event(EventKind.WRONG_LENGTH)]), StopCode.BUS, 10),
+    "13: a drive is no longer enabled": (
+        set_at("statusword", lambda k: k >= 10, 2, SWITCHED_ON), StopCode.NOT_ENABLED, 10),
+    "13: a drive stops by itself": (
+        set_at("statusword", lambda k: k >= 10, 2, NO_QUICK_STOP), StopCode.NOT_ENABLED, 10),
+    "a drive in fault": (
+        set_at("statusword", lambda k: k >= 10, 2, FAULT), StopCode.DRIVE_FAULT, 10),
+    "14: a stuck encoder": (stuck(1, 10), StopCode.STUCK_ENCODER, 14),
+    # 2 rad/s apart: 0.02 rad + 0.1 s x 0.5 rad/s are passed in the fifth cycle
+    "15: a runaway": (runaway(0, 10), StopCode.FOLLOWING_ERROR, 14),
+    "a torque beyond its limit": (
+        set_at("torque", lambda k: k >= 10, 1, -111.0), StopCode.TORQUE_LIMIT, 10),
+    "a velocity beyond its limit": (
+        set_at("position", lambda k: k == 10, 1, SPEED * T * 9 + 2.3 * T),
+        StopCode.VELOCITY_LIMIT, 10),
+    "17: a set-point that is not a number": (
+        set_at("target", lambda k: k == 10, 1, math.nan), StopCode.FOLLOWING_ERROR, 10),
+    "17: a command that is not a number": (
+        set_at("command", lambda k: k == 10, 1, math.nan), StopCode.SET_POINT, 10),
+    "17: an infinite command": (
+        set_at("command", lambda k: k == 10, 1, math.inf), StopCode.SET_POINT, 10),
+    "17: a step of the set-point": (
+        set_at("target", lambda k: k >= 10, 1, SPEED * T * 10 + 0.03), StopCode.SET_POINT, 10),
+    "17: a step of its velocity": (
+        set_at("target_velocity", lambda k: k == 10, 1, 0.7), StopCode.SET_POINT, 10),
+    "17: a velocity beyond its limit": (
+        every("target_velocity", lambda k: k == 10, [2.3] * 3), StopCode.SET_POINT, 10),
+    "27: three late cycles in a row": (
+        every("lateness_s", lambda k: k >= 10, 0.6 * T), StopCode.LATE_CYCLE, 12),
+    "27: one cycle later than two periods": (
+        every("lateness_s", lambda k: k == 10, 2.1 * T), StopCode.LATE_CYCLE, 10),
+    "27: a time that is not a number": (
+        every("lateness_s", lambda k: k == 10, math.nan), StopCode.LATE_CYCLE, 10),
+}  # fmt: skip
+
+GOES_ON: dict[str, Fault] = {
+    "nothing at all": lambda cycle: None,
+    "1: one frame is missed": set_at("received", lambda k: k == 10, 1, False),
+    "3: single frames are missed now and then": set_at("received", lambda k: k % 20 < 2, 1, False),
+    "5: two answers late within 100 cycles": every("late_frames", lambda k: k % 60 == 0, 1),
+    "6: one corrupted position": set_at("position", lambda k: k == 10, 0, 3.0),
+    "27: a late cycle now and then": every("lateness_s", lambda k: k % 3 == 0, 1.5 * T),
+    "an emergency is cleared": every(
+        "events", lambda k: k == 10, [event(EventKind.EMERGENCY_CLEARED)]
+    ),
+    "a frame that nobody expects": every(
+        "events", lambda k: k == 10, [event(EventKind.UNEXPECTED_FRAME)]
+    ),
+    "status bits that mean nothing bad": set_at("statusword", lambda k: k > 10, 1, 0xFFB7 & ~0x8),
+}
+
+
+@pytest.mark.parametrize("name", STOPS)
+def test_it_stops_in_the_right_cycle_for_the_right_reason(
+    supervisor: Supervisor, name: str
+) -> None:
+    fault, code, at = STOPS[name]
+    number, reason = run(supervisor, fault)
+    assert reason is not None
+    assert (reason.code, number) == (code, at)
+    assert reason.text
+
+
+@pytest.mark.parametrize("name", GOES_ON)
+def test_it_goes_on(supervisor: Supervisor, name: str) -> None:
+    assert run(supervisor, GOES_ON[name]) == (None, None)
+
+
+def test_a_missed_or_corrupted_sample_is_marked_and_the_last_good_one_held(
+    supervisor: Supervisor,
+) -> None:
+    seen: dict[int, tuple[list[int], list[float]]] = {}
+
+    def fault(cycle: Cycle) -> None:
+        seen[cycle.number - 1] = (list(supervisor.valid), list(supervisor.position))
+        if cycle.number == 10:
+            cycle.received[1] = False
+            cycle.position[2] = 1e9
+
+    run(supervisor, fault, 12)
+    assert seen[10][0] == [1, 0, 0]
+    assert seen[10][1] == pytest.approx([SPEED * T * 10, SPEED * T * 9, SPEED * T * 9])
+    assert seen[11][0] == [1, 1, 1]
+
+
+def test_a_position_beyond_its_limit_stops(cell: CellConfig, robot: RobotDescription) -> None:
+    supervisor = Supervisor(cell, robot)
+    supervisor.begin([2.015, 0.0, 0.0])
+    answers = ([True] * 3, [2.021, 0.0, 0.0], [0.0] * 3, [ENABLED] * 3)
+    reason = supervisor.check_measured(*answers, [2.015, 0.0, 0.0], [0.0] * 3)
+    assert reason is not None
+    assert reason.code is StopCode.POSITION_LIMIT
+    assert (reason.joint, reason.value) == ("joint1", 2.021)
+    assert reason.limit == pytest.approx(2.02)
+
+
+def test_after_skipped_cycles_positions_may_have_gone_further(supervisor: Supervisor) -> None:
+    further = [SPEED * T * 8] * 3
+    answers = ([True] * 3, further, [0.0] * 3, [ENABLED] * 3)
+    assert supervisor.check_measured(*answers, further, [SPEED] * 3, 8) is None
+    assert supervisor.check_set_point(further, [SPEED] * 3, [SPEED] * 3, 8) is None
+
+
+def test_a_refused_set_point_is_not_taken_as_sent(supervisor: Supervisor) -> None:
+    for _ in range(2):
+        assert supervisor.check_set_point([1.0] * 3, [0.0] * 3, [0.0] * 3) is not None
+
+
+def test_the_text_names_joint_value_limit_and_what_to_check(supervisor: Supervisor) -> None:
+    _, reason = run(supervisor, set_at("torque", lambda k: k >= 10, 1, -111.0))
+    assert reason is not None
+    assert reason.text.startswith("joint joint2: its torque is -111 N m, beyond 110 N m. Check")
