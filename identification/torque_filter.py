@@ -1,8 +1,8 @@
 """The anti-alias filter's lag taken out of a recording that is not periodic.
 
-An 8th-order filter of 40 Hz delays the torque by 20 ms, enough to spoil a comparison with positions
-that no filter delayed. On averaged periods the filter is divided out on the bins; here it is divided
-out of the whole recording, which is then low-passed far below the filter's cut-off.
+An 8th-order filter of 40 Hz delays the torque by 20 ms, enough to spoil a comparison with
+positions that no filter delayed. On averaged periods the filter is divided out on the bins; here it
+is divided out of the whole recording, which is then low-passed far below the filter's cut-off.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ def without_torque_filter(recording: Recording) -> Recording:
             2.0 * torque[-1:] - torque[-2 : -margin - 2 : -1],
         ]
     )
-    frequency_hz = np.fft.rfftfreq(len(extended), recording.sample_period_s)
+    duration_s = len(extended) * recording.sample_period_s
+    frequency_hz = np.arange(len(extended) // 2 + 1) / duration_s
     response = filter_response(recording.torque_filter, frequency_hz)
     response /= np.minimum(1.0, np.abs(response) / SMALLEST_GAIN)  # no gain above its inverse
     bins = np.fft.rfft(extended, axis=0) / response[:, np.newaxis]

@@ -1,0 +1,170 @@
+"""The bundled arm with known parameters, and measurements of it that never saw the estimators."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import signal
+
+from acquisition.excitation import FourierTrajectory
+from acquisition.motion_samples import MotionSamples, Phase
+from acquisition.recording import Recording
+from config.cell import ButterworthFilter
+from config.load import LoadedCell, load_cell
+from config.motion import FourierMotion
+from config.plant import PlantConfig
+from config.robot import RobotDescription
+from dynamics.robot_model import RobotModel, torque
+from identification.base_parameters import base_parameters
+from identification.experiment_design import design_two_harmonic
+from mock_hw.plant import Plant
+from rid_daq.truth import true_parameters
+
+CYCLE_S = 0.008
+FINE = 16
+
+
+@dataclass(frozen=True)
+class KnownArm:
+    """The bundled three-axis arm, an excitation for it, and what its parameters truly are."""
+
+    robot: RobotDescription
+    model: RobotModel
+    motion: FourierMotion
+    standard: NDArray[np.float64]
+    base: NDArray[np.float64]
+
+
+@pytest.fixture(scope="session")
+def cell() -> LoadedCell:
+    return load_cell("ir361")
+
+
+@pytest.fixture(scope="session")
+def arm(cell: LoadedCell) -> KnownArm:
+    assert cell.plant is not None
+    model = RobotModel.from_description(cell.robot)
+    standard = true_parameters(model, cell.robot, cell.plant)
+    return KnownArm(
+        robot=cell.robot,
+        model=model,
+        motion=design_two_harmonic(
+            cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=50, periods=8
+        ),
+        standard=standard,
+        base=base_parameters(model).from_standard(standard),
+    )
+
+
+Measure = Callable[..., Recording]
+
+
+@pytest.fixture(scope="session")
+def measure(arm: KnownArm) -> Measure:
+    """Periods that obey the model exactly, measured through a filter, with noise and rounding."""
+
+    def of(
+        seed: int = 0,
+        *,
+        noise_nm: float = 1.0,
+        encoder_step_rad: float = 3e-6,
+        torque_filter: ButterworthFilter | None = None,
+        periods: int = 8,
+        motion: FourierMotion | None = None,
+        parameters: NDArray[np.float64] | None = None,
+    ) -> Recording:
+        trajectory = FourierTrajectory.from_motion(motion or arm.motion, arm.robot, CYCLE_S)
+        samples = trajectory.samples_per_period
+        random = np.random.default_rng(seed)
+        times = np.arange(samples * FINE) * (CYCLE_S / FINE)
+        q, v, a = (f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration))
+        standard = arm.standard if parameters is None else parameters
+        tau = torque(arm.model, q, v, a, standard)
+        if torque_filter is not None:
+            b, a_ = signal.butter(
+                torque_filter.order, 2.0 * np.pi * torque_filter.cutoff_hz, analog=True
+            )
+            omega = 2.0 * np.pi * np.fft.rfftfreq(len(times), times[1])
+            response = signal.freqs(b, a_, omega)[1]
+            tau = np.fft.irfft(np.fft.rfft(tau, axis=0) * response[:, None], n=len(times), axis=0)
+        tau = np.tile(tau[::FINE], (periods, 1))
+        tau += noise_nm * random.standard_normal(tau.shape)
+        position = np.tile(q[::FINE], (periods, 1))
+        if encoder_step_rad:
+            position = np.round(position / encoder_step_rad) * encoder_step_rad
+        rows = periods * samples
+        return Recording(
+            joint_names=arm.robot.joint_names,
+            time_s=np.arange(rows) * CYCLE_S,
+            position=position,
+            torque_nm=tau,
+            valid=np.ones(rows, dtype=np.bool_),
+            phase=np.full(rows, Phase.MAIN, dtype=np.uint8),
+            sample_index=np.arange(rows),
+            source="cell",
+            sample_period_s=CYCLE_S,
+            samples_per_period=samples,
+            torque_filter=torque_filter,
+        )
+
+    return of
+
+
+Run = Callable[[MotionSamples, int], Recording]
+
+
+@pytest.fixture(scope="session")
+def run(cell: LoadedCell) -> Run:
+    """Drive the simulated robot along a motion: servo loops, sticking friction, encoders."""
+
+    def through(samples: MotionSamples, seed: int) -> Recording:
+        assert cell.plant is not None
+        truth: PlantConfig = cell.plant.without_unmodelled()
+        start = samples.position[0]
+        truth = truth.model_copy(
+            update={
+                "axes": tuple(
+                    axis.model_copy(update={"initial_position": float(at)})
+                    for axis, at in zip(truth.axes, start, strict=True)
+                )
+            }
+        )
+        plant = Plant(cell.robot, truth, cell.config.torque_filter, seed)
+        counts_per_rad = np.array(
+            [
+                axis.encoder_increments_per_motor_rev * joint.gear_ratio / (2.0 * np.pi)
+                for axis, joint in zip(truth.axes, cell.robot.joints, strict=True)
+            ]
+        )
+        n = len(start)
+        powered, free = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+        old, new = np.zeros(n), np.zeros(n)
+        position, tau = np.zeros(samples.position.shape), np.zeros(samples.position.shape)
+        settle = 60
+        for row in range(-settle, len(samples)):
+            measured = plant.position_counts() / counts_per_rad
+            if row >= 0:
+                position[row], tau[row] = measured, plant.measured_torque()
+            wanted = samples.position[max(row, 0)]
+            forward = samples.velocity[row] if row >= 0 else np.zeros(n)
+            old, new = new, cell.config.position_gain_per_s * (wanted - measured) + forward
+            plant.advance(samples.sample_period_s, old, new, powered, free)
+        return Recording(
+            joint_names=samples.joint_names,
+            time_s=np.arange(len(samples)) * samples.sample_period_s,
+            position=position,
+            torque_nm=tau,
+            valid=np.ones(len(samples), dtype=np.bool_),
+            phase=samples.phase,
+            sample_index=np.arange(len(samples)),
+            source="cell",
+            sample_period_s=samples.sample_period_s,
+            samples_per_period=samples.samples_per_period,
+            torque_filter=cell.config.torque_filter,
+        )
+
+    return through
