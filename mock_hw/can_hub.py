@@ -238,7 +238,11 @@ class CanHub:
     def _serve(self, stop_fds: Sequence[int], timeout_s: float) -> bool:
         """Listen to clients for at most `timeout_s`; return whether to stop."""
         clients = [*self._clients.values()]
-        waiting = [*stop_fds, self._listener, *(client.socket for client in clients)]
+        waiting: list[int | socket.socket] = [
+            *stop_fds,
+            self._listener,
+            *(client.socket for client in clients),
+        ]
         readable, _, _ = select.select(waiting, [], [], timeout_s)
         if not readable:
             return False

@@ -18,6 +18,7 @@ from mock_hw.wire_time import EXTENDED_FLAG, EXTENDED_MASK, REMOTE_FLAG
 
 _POLLS_WITHOUT_TIME = 100
 _POLL_NS = 1000
+_LONGEST_WAIT_S = 1e9
 
 
 class SimulatedClock:
@@ -32,7 +33,8 @@ class SimulatedClock:
 
     def sleep_until(self, time_s: float) -> None:
         """Let simulated time run until `time_s` [s]; frames wait meanwhile."""
-        self._bus.sleep_until_ns(round(time_s * 1e9))
+        if time_s > self.now_s():
+            self._bus.sleep_until_ns(_nanoseconds(time_s))
 
 
 class RidSimBus(can.BusABC):
@@ -122,7 +124,7 @@ class RidSimBus(can.BusABC):
             until_ns = FOREVER_NS
         else:
             now_ns = self.now_ns if self._client.lockstep else time.monotonic_ns()
-            until_ns = now_ns + round(max(timeout, 0.0) * 1e9)
+            until_ns = now_ns + _nanoseconds(max(timeout, 0.0))
         while True:
             while self._inbox:
                 message = self._message(self._inbox.popleft())
@@ -189,3 +191,7 @@ class RidSimBus(can.BusABC):
             data=None if remote else frame.data[: frame.length],
             is_rx=True,
         )
+
+
+def _nanoseconds(time_s: float) -> int:
+    return round(time_s * 1e9) if time_s < _LONGEST_WAIT_S else FOREVER_NS // 2

@@ -6,10 +6,12 @@ import contextlib
 import multiprocessing
 import shutil
 import tempfile
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from config.cell import CellConfig
 from config.errors import TransportError
@@ -124,33 +126,46 @@ class SimulatedCell:
             stack.callback(shutil.rmtree, folder, ignore_errors=True)
         socket = socket_path(str(folder / f"{name}.sock"))
         snapshot = socket.with_suffix(".axes")
-        hub = HubSettings(socket, self._cell.can.bitrate, self._realtime, name, self._log)
+        hub = HubSettings(
+            socket,
+            self._cell.can.bitrate,
+            self._realtime,
+            name,
+            self._log,
+            private_folder=self._directory is None,
+        )
         drives = DrivesSettings(self._cell, self._robot, self._plant, self._seed, socket, snapshot)
-        context = multiprocessing.get_context("spawn")
-        for target, settings in ((serve_hub, hub), (serve_drives, drives)):
-            ready, tell = context.Pipe(duplex=False)
-            process = context.Process(
-                target=target, args=(settings, tell), name=target.__name__, daemon=True
-            )
-            process.start()
-            tell.close()
-            stack.callback(_end, process)
-            if target is serve_drives:
-                stack.callback(snapshot.unlink, missing_ok=True)
-            _wait_until_ready(process, ready)
+        hub_pipe = _launch(stack, serve_hub, hub)
+        drives_pipe = _launch(stack, serve_drives, drives)
+        _wait_until_ready("hub", hub_pipe)
+        drives_pipe.send(None)
+        _wait_until_ready("drives", drives_pipe)
         self._snapshots = stack.enter_context(SnapshotReader(snapshot))
         self._channel = str(socket)
 
 
-def _wait_until_ready(process: BaseProcess, ready: Connection) -> None:
+def _launch(
+    stack: contextlib.ExitStack, target: Callable[[Any, Connection], None], settings: object
+) -> Connection:
+    """Start a process that the stack will end; return the pipe to it."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    stack.callback(ours.close)
+    process = context.Process(target=target, args=(settings, theirs), daemon=True)
+    process.start()
+    theirs.close()
+    stack.callback(_end, process)
+    return ours
+
+
+def _wait_until_ready(what: str, pipe: Connection) -> None:
     """Wait for a process's word that it serves."""
-    with ready:
-        try:
-            problem = ready.recv() if ready.poll(_START_TIMEOUT_S) else "it does not answer"
-        except EOFError:
-            problem = f"it ended with exit code {process.exitcode}"
+    try:
+        problem = pipe.recv() if pipe.poll(_START_TIMEOUT_S) else "no answer"
+    except (EOFError, OSError):
+        problem = "the process ended"
     if problem is not None:
-        raise TransportError(f"simulated cell: {process.name} did not start: {problem}")
+        raise TransportError(f"the simulated cell's {what} did not start: {problem}")
 
 
 def _end(process: BaseProcess) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import signal
+from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -35,36 +37,45 @@ class DrivesSettings:
     snapshot: Path
 
 
-def serve_drives(settings: DrivesSettings, ready: Connection) -> None:
+def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
     """Be a cell's drives until the hub is gone.
 
-    Sends None through `ready` once they are on the bus, or the text of what went wrong.
+    Waits at `pipe` until the hub is there; sends None once the drives are on the bus, or the text
+    of what went wrong.
     """
     leave_interrupts_to_parent()
+    signal.signal(signal.SIGTERM, _exit)
     try:
-        _warm_up(settings)
-        urgent = [NMT_COB_ID, SYNC_COB_ID]
-        urgent += [sdo_request_cob_id(axis.node_id) for axis in settings.cell.axes]
-        snapshots = SnapshotWriter(settings.snapshot, len(settings.robot.joints))
-        client = HubClient(settings.socket, Role.DEVICE, urgent)
-        rack = DriveRack(
-            settings.cell,
-            settings.robot,
-            settings.plant,
-            settings.seed,
-            snapshots,
-            client.now_ns * 1e-9,
-        )
-    except (OSError, RidDaqError) as error:
+        with _rack_on_bus(settings, pipe) as (rack, client):
+            gc.freeze()
+            pipe.send(None)
+            pipe.close()
+            with contextlib.suppress(TransportError):
+                run_rack(rack, client)
+    except (EOFError, OSError, RidDaqError) as error:
         with contextlib.suppress(OSError):
-            ready.send(str(error))
-        return
-    gc.freeze()
-    ready.send(None)
-    ready.close()
-    with contextlib.suppress(TransportError):
-        run_rack(rack, client)
-    client.close()
+            pipe.send(str(error))
+
+
+@contextlib.contextmanager
+def _rack_on_bus(
+    settings: DrivesSettings, pipe: Connection
+) -> Iterator[tuple[DriveRack, HubClient]]:
+    """Build the rack, its kernels compiled, and join the bus; the snapshot goes at the end."""
+    cell, robot, plant, seed = settings.cell, settings.robot, settings.plant, settings.seed
+    DriveRack(cell, robot, plant, seed).advance_to(LONGEST_WAIT_S)
+    pipe.recv()
+    urgent = [NMT_COB_ID, SYNC_COB_ID]
+    urgent += [sdo_request_cob_id(axis.node_id) for axis in cell.axes]
+    snapshots = SnapshotWriter(settings.snapshot, len(robot.joints))
+    try:
+        client = HubClient(settings.socket, Role.DEVICE, urgent)
+        try:
+            yield DriveRack(cell, robot, plant, seed, snapshots, client.now_ns * 1e-9), client
+        finally:
+            client.close()
+    finally:
+        settings.snapshot.unlink(missing_ok=True)
 
 
 def run_rack(rack: DriveRack, client: HubClient) -> None:
@@ -83,7 +94,6 @@ def run_rack(rack: DriveRack, client: HubClient) -> None:
             client.post(answer.cob_id, answer.data, len(answer.data), port, round(time_s * 1e9))
 
 
-def _warm_up(settings: DrivesSettings) -> None:
-    """Have the plant's kernels compiled before anybody waits for them."""
-    cell, robot, plant = settings.cell, settings.robot, settings.plant
-    DriveRack(cell, robot, plant, settings.seed).advance_to(LONGEST_WAIT_S)
+def _exit(_number: int, _frame: object) -> None:
+    """End on SIGTERM, tidily."""
+    raise SystemExit(0)

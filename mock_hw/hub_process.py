@@ -7,6 +7,7 @@ import ctypes
 import fcntl
 import multiprocessing
 import os
+import shutil
 import signal
 import socket
 import time
@@ -26,13 +27,30 @@ _PR_SET_TIMERSLACK = 29
 
 @dataclass(frozen=True)
 class HubSettings:
-    """What the hub process is told: where to listen, how fast the bus is, which clock, the log."""
+    """What the hub process is told.
+
+    Attributes
+    ----------
+    path
+        Where to listen.
+    bitrate
+        Of the bus [bit/s].
+    realtime
+        Real time instead of lock-step.
+    channel
+        The bus's name in the log.
+    log
+        Where to write all frames; None for nowhere.
+    private_folder
+        Whether the socket's folder is this bus's own, to be removed at the end.
+    """
 
     path: Path
     bitrate: int
     realtime: bool
     channel: str
-    log: Path | None
+    log: Path | None = None
+    private_folder: bool = False
 
 
 def serve_hub(settings: HubSettings, ready: Connection) -> None:
@@ -45,6 +63,8 @@ def serve_hub(settings: HubSettings, ready: Connection) -> None:
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     try:
         with contextlib.ExitStack() as stack:
+            if settings.private_folder:
+                stack.callback(shutil.rmtree, settings.path.parent, ignore_errors=True)
             log = None
             if settings.log is not None:
                 log = stack.enter_context(settings.log.open("w", encoding="ascii"))
