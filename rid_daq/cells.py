@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from pathlib import Path
 
 from config.cell import CellConfig
 from config.errors import ConfigError, TransportError
@@ -18,7 +17,6 @@ def reachable_cell(
     *,
     realtime: bool = False,
     seed: int = 0,
-    directory: Path | None = None,
     unmodelled: bool = True,
 ) -> Iterator[CellConfig]:
     """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
@@ -34,8 +32,6 @@ def reachable_cell(
         Let mock hardware run at the clock's pace instead of as fast as it can.
     seed
         Of the mock hardware's noise.
-    directory
-        Where mock hardware may leave its files; a folder of its own unless told.
     unmodelled
         Whether the plant has the effects that no model has.
 
@@ -64,15 +60,9 @@ def reachable_cell(
         loaded.plant,
         realtime=realtime,
         seed=seed,
-        directory=directory,
         unmodelled=unmodelled,
     ) as simulated:
-        yield on_channel(cell, simulated.channel)
-
-
-def on_channel(cell: CellConfig, channel: str) -> CellConfig:
-    """Return the same cell on another channel of its bus."""
-    return cell.model_copy(update={"can": cell.can.model_copy(update={"channel": channel})})
+        yield simulated.cell
 
 
 def is_served(cell: CellConfig) -> bool:

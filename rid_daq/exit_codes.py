@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 from enum import IntEnum
 
+from acquisition.stop_reason import StopCode
 from config.errors import (
     ConfigError,
     DataQualityError,
@@ -43,6 +45,34 @@ _BY_ERROR: tuple[tuple[type[RidDaqError], ExitCode], ...] = (
     (RecordingError, ExitCode.STORAGE),
     (LockedError, ExitCode.LOCKED),
 )
+
+
+_BY_STOP: dict[StopCode, ExitCode] = {
+    StopCode.INTERRUPTED: ExitCode.INTERRUPTED,
+    StopCode.PROGRAM_GONE: ExitCode.TERMINATED,
+    StopCode.MISSED_FRAMES: ExitCode.COMMUNICATION,
+    StopCode.LATE_FRAMES: ExitCode.COMMUNICATION,
+    StopCode.DRIVE_RESTARTED: ExitCode.COMMUNICATION,
+    StopCode.HEARTBEAT_LOST: ExitCode.COMMUNICATION,
+    StopCode.BUS: ExitCode.COMMUNICATION,
+    StopCode.RECORDER: ExitCode.STORAGE,
+}
+"""Every other stop is a limit or a safety stop."""
+
+
+def exit_code_of_stop(code: StopCode, interrupted_by: signal.Signals | None) -> ExitCode:
+    """Return the exit code of a motion that was stopped.
+
+    Parameters
+    ----------
+    code
+        Why it was stopped.
+    interrupted_by
+        The signal that came, where one did: SIGINT is 130, SIGTERM and SIGHUP are 143.
+    """
+    if code is StopCode.INTERRUPTED and interrupted_by not in (None, signal.SIGINT):
+        return ExitCode.TERMINATED
+    return _BY_STOP.get(code, ExitCode.STOPPED)
 
 
 def exit_code_of(error: RidDaqError) -> ExitCode:

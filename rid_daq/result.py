@@ -15,11 +15,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from acquisition.run_folder import RunFolder
 from config.errors import RecordingError
 from rid_daq.report.render import render_report
 from rid_daq.versions import software_versions
 
 SCHEMA = "rid-daq result 1"
+RESULT = "result.json"
+REPORT = "report.html"
 
 Result = dict[str, Any]
 
@@ -71,7 +74,7 @@ def verdict(checks: Sequence[dict[str, Any]], headline: str, sentence: str) -> d
     }
 
 
-def read_result(folder: Path) -> Result:
+def read_result(folder: RunFolder) -> Result:
     """Return a run's result document.
 
     Raises
@@ -79,15 +82,11 @@ def read_result(folder: Path) -> Result:
     RecordingError
         The run has none yet, or the file is not one.
     """
-    path = folder / "result.json"
+    path = folder.file(RESULT)
+    if not path.exists():
+        raise RecordingError(f"{folder.path}: no {RESULT} yet; the run ended before it had one")
     try:
-        document = json.loads(path.read_bytes())
-    except FileNotFoundError:
-        raise RecordingError(
-            f"{folder}: no result.json; is this a run folder? `rid-daq runs` lists them"
-        ) from None
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot read: {error.strerror}") from None
+        document = json.loads(folder.read(RESULT))
     except ValueError:
         raise RecordingError(f"{path}: not valid JSON; was it edited?") from None
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
@@ -95,23 +94,21 @@ def read_result(folder: Path) -> Result:
     return document
 
 
-def write_result(folder: Path, result: Result) -> Path:
-    """Write `result.json` and `report.html` into a folder; return the report's path.
+def write_result(folder: RunFolder, result: Result) -> Path:
+    """Write `result.json` and `report.html` into a run folder; return the report's path.
 
     Raises
     ------
     RecordingError
         A file cannot be written.
     """
-    text = json.dumps(result, ensure_ascii=False, indent=1, allow_nan=False)
-    write_text(folder / "result.json", text + "\n")
-    report = folder / "report.html"
-    write_text(report, render_report(result))
-    return report
+    text = json.dumps(result, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+    folder.write(RESULT, text.encode())
+    return folder.write(REPORT, render_report(result).encode())
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file so that it is whole or not there at all.
+    """Write a file outside a run folder so that it is whole or not there at all.
 
     Raises
     ------

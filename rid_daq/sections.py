@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from acquisition.cycle_statistics import CycleStatistics
 from acquisition.motion_samples import Phase
 from acquisition.periods import PeriodAverage
 from acquisition.recording import Recording
@@ -237,3 +238,30 @@ def thinned(rows: int) -> slice:
 def rounded(values: np.ndarray[Any, Any], digits: int = 5) -> list[float]:
     """Return values for a drawing: so many significant digits."""
     return [float(f"{value:.{digits}g}") for value in values]
+
+
+def loop_sentence(statistics: CycleStatistics) -> str:
+    """Say how well the cyclic task kept its time."""
+    missed = sum(statistics.missed_frames)
+    return (
+        f"{statistics.cycles} cycles, {statistics.overruns} overruns, {missed} missed answers;"
+        f" cycles began {_microseconds(statistics.lateness_p50_s)} late in the median,"
+        f" {_microseconds(statistics.lateness_p99_s)} at 99 %,"
+        f" {_microseconds(statistics.lateness_max_s)} at most; the drives had all answered"
+        f" {_microseconds(statistics.exchange_p99_s)} after SYNC (99 %)."
+    )
+
+
+def loop_section(role: str, statistics: CycleStatistics) -> dict[str, Any]:
+    """Return the loop's timing, with the histogram of how late its cycles began."""
+    return {
+        "role": role,
+        "sentence": loop_sentence(statistics),
+        "edges_us": [1e6 * edge for edge in statistics.lateness_edges_s],
+        "counts": list(statistics.lateness_counts),
+        **statistics.to_dict(),
+    }
+
+
+def _microseconds(seconds: float) -> str:
+    return f"{1e6 * seconds:.0f} µs"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -124,23 +125,26 @@ def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str
     Parameters
     ----------
     edges_us
-        The bins' edges [µs], one more than `counts`.
+        The bins' lower edges [µs], one a bin; the last bin holds everything beyond.
     counts
-        Cycles in each bin; empty bins at the end are left out.
+        Cycles in each bin.
     name
         A word for the drawing's element names, different for every figure of a page.
     """
-    edges = np.asarray(edges_us, dtype=float)
     number = np.asarray(counts, dtype=float)
-    used = np.flatnonzero(number)
-    last = int(used[-1]) + 1 if len(used) else 1
+    places = np.arange(len(number))
+    labels = [f"{low:g}–{high:g}" for low, high in itertools.pairwise(edges_us)] + [
+        f"≥ {edges_us[-1]:g}"
+    ]
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(9.6, 2.2), layout="constrained")
+        figure = Figure(figsize=(9.6, 2.4), layout="constrained")
         panel = figure.subplots()
-        panel.bar(edges[:last], number[:last], np.diff(edges)[:last], align="edge", color=PREDICTED)
+        bars = panel.bar(places, number, 0.9, color=PREDICTED)
+        panel.bar_label(bars, [f"{count:.0f}" if count else "" for count in number], fontsize=7.5)
         panel.set_yscale("log")
-        panel.set_ylim(bottom=0.5)
-        panel.set_xlim(float(edges[0]), float(edges[last]))
+        panel.set_ylim(0.5, 4.0 * max(1.0, float(number.max(initial=0.0))))
+        panel.set_xticks(places, labels, fontsize=7.5)
+        panel.grid(visible=False, axis="x")
         panel.set_xlabel("lateness of the cycle [µs]")
         panel.set_ylabel("cycles")
         return _svg(figure, name)

@@ -9,9 +9,10 @@ from typing import Any
 
 import pytest
 
+from acquisition.run_folder import RunFolder
 from config.errors import RecordingError
 from rid_daq.report.render import duration, number, render_report
-from rid_daq.result import check, new_result, read_result, verdict, write_result
+from rid_daq.result import check, new_result, read_result, verdict, write_result, write_text
 
 
 class _Page(HTMLParser):
@@ -130,28 +131,33 @@ def test_durations_are_written_for_people() -> None:
     assert duration(185.0) == "3 min 5 s"
 
 
-def test_a_result_survives_its_file(result: dict[str, Any], tmp_path: Path) -> None:
-    report = write_result(tmp_path, result)
-    assert read_result(tmp_path) == json.loads(json.dumps(result))
-    assert report == tmp_path / "report.html"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "result.json"]
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    return RunFolder.create(tmp_path, "test")
+
+
+def test_a_result_survives_its_file(result: dict[str, Any], folder: RunFolder) -> None:
+    report = write_result(folder, result)
+    assert read_result(folder) == json.loads(json.dumps(result))
+    assert report == folder.path / "report.html"
+    assert {"report.html", "result.json"} == set(folder.manifest().files)
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"schema": "else"}', b"\xff\xfe"])
-def test_a_file_that_is_no_result_is_refused(content: bytes, tmp_path: Path) -> None:
-    (tmp_path / "result.json").write_bytes(content)
+def test_a_file_that_is_no_result_is_refused(content: bytes, folder: RunFolder) -> None:
+    folder.write("result.json", content)
     with pytest.raises(RecordingError, match=r"result\.json"):
-        read_result(tmp_path)
+        read_result(folder)
 
 
-def test_a_folder_without_a_result_is_refused_with_advice(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="rid-daq runs"):
-        read_result(tmp_path)
+def test_a_run_without_a_result_is_told_apart(folder: RunFolder) -> None:
+    with pytest.raises(RecordingError, match="yet"):
+        read_result(folder)
 
 
 def test_a_folder_that_cannot_be_written_is_a_storage_error(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="cannot write"):
-        write_result(tmp_path / "missing", new_result("t", "r"))
+        write_text(tmp_path / "missing" / "model.json", "{}")
 
 
 def test_a_verdict_without_checks_is_none_and_one_failure_fails_it() -> None:

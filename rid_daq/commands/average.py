@@ -1,0 +1,49 @@
+"""`rid-daq average`: cut a run into periods, reject bad ones, average the rest."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from acquisition.periods import average_periods
+from acquisition.run_list import find_run
+from rid_daq.console import AsJson, Console
+from rid_daq.result import write_result
+from rid_daq.run_data import read_run, result_of
+from rid_daq.sections import average_section
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
+
+
+def average(
+    run: Annotated[
+        str, typer.Argument(metavar="RUN", help="A run folder, its id or label, or `latest`.")
+    ],
+    runs: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """Cut a periodic run into periods, reject bad ones with a reason, and average the rest.
+
+    The scatter between periods is the measurement noise. Exit code 6 where too little is left.
+    """
+    console = Console(as_json)
+    data = read_run(find_run(runs, run))
+    section = average_section(average_periods(data.recording), data.robot)
+    result = result_of(data) | {"average": section}
+    path = write_result(data.folder, result)
+    console.document({"run": data.folder.run_id, "average": section, "report": str(path)})
+    console.say(section["sentence"])
+    for period in section["rejected"]:
+        console.say(f"  period {period['index']} rejected: {period['reason']}")
+    console.table(
+        ("axis", "torque noise", "position noise"),
+        [
+            (
+                axis["joint"],
+                f"{axis['torque_noise']:.4g} {axis['torque_unit']}",
+                f"{axis['position_noise']:.3g} {axis['unit']}",
+            )
+            for axis in section["axes"]
+        ],
+    )
+    console.say(f"Report: {path}")

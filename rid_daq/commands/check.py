@@ -1,0 +1,237 @@
+"""`rid-daq check`: preflight. Every device and every safety setting; any red means no motion."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from acquisition.experiment import FREE_BYTES
+from config.cell import CellConfig
+from config.errors import DriverError, PreflightError, RidDaqError
+from config.load import load_cell
+from config.robot import RobotDescription
+from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
+from drivers.cell import Cell, open_cell
+from drivers.interfaces import DriveSetting
+from rid_daq.cells import reachable_cell
+from rid_daq.console import AsJson, Console
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
+
+COLLECT_FRACTION = 0.6
+
+_NEXT: dict[str, str] = {
+    "1016": "this drive would not stop when this computer dies: set 1016h in the drive's own tool,"
+    " or name its node in drive_safety.allow_drive_without_watchdog",
+    "6007": "this drive would not stop when this computer dies: set 6007h in the drive's own tool,"
+    " or name its node in drive_safety.allow_drive_without_watchdog",
+    "605A": "choose quick_stop_option as the drive has it, or change the drive",
+    "605E": "choose fault_reaction_option as the drive has it, or change the drive",
+    "6065": "change drive_safety.following_error_rad, or the drive",
+    "6066": "change drive_safety.following_error_timeout_ms, or the drive",
+    "6072": "change drive_safety.torque_limit_fraction, or the drive",
+    "6085": "change drive_safety.quick_stop_deceleration_rad_s2, or the drive",
+}
+_NEXT_OTHERWISE = "the drive did not take this setting: see its manual, or set it in its own tool"
+
+
+@dataclass(frozen=True)
+class CheckLine:
+    """One line of the preflight: what was measured, what is required, what to do if red."""
+
+    where: str
+    what: str
+    required: str
+    found: str
+    verdict: Literal["ok", "red", "allowed", "shown"]
+    next_action: str = ""
+    of_drive: bool = False
+
+
+def check(
+    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    seconds: Annotated[
+        float, typer.Option(min=0.1, max=600.0, help="How long answers are counted.")
+    ] = 5.0,
+    runs: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """Check a cell before motion: no power is switched on, nothing moves.
+
+    Every drive is reset, configured and read back; then SYNC is sent for some seconds and every
+    answer is counted. Exit code 3 where a line is red.
+    """
+    console = Console(as_json)
+    loaded = load_cell(cell)
+    lines = [_bus_load(loaded.config), _disk(runs)]
+    problem: RidDaqError | None = None
+    with reachable_cell(loaded) as reachable:
+        try:
+            lines += _devices(reachable, loaded.robot, seconds)
+        except _Stopped as stopped:
+            lines += stopped.lines
+            problem = stopped.error
+    red = [line for line in lines if line.verdict == "red"]
+    passed = not red and problem is None
+    console.document(
+        {
+            "cell": loaded.config.name,
+            "passed": passed,
+            "problem": None if problem is None else str(problem),
+            "lines": [asdict(line) for line in lines],
+        }
+    )
+    _tell(console, lines)
+    for line in red:
+        console.say(f"RED {line.where}, {line.what}: {line.next_action}")
+    if passed:
+        console.verdict(True, f"Cell {loaded.config.name} is ready. Nothing was moved.")
+        console.say("This is no check of the emergency stop: press it once yourself, and release.")
+        return
+    console.verdict(False, f"Cell {loaded.config.name} is not ready: no motion.")
+    if problem is not None and not isinstance(problem, PreflightError):
+        raise problem
+    raise PreflightError(
+        f"cell {loaded.config.name}: {len(red)} red lines in the preflight; the actions are named"
+        " above"
+        if red
+        else str(problem)
+    )
+
+
+def _tell(console: Console, lines: list[CheckLine]) -> None:
+    """Write the lines: what every drive has in one row, what belongs to one place in its own."""
+    drives = list(dict.fromkeys(line.where for line in lines if line.of_drive))
+    rows: list[tuple[str, ...]] = []
+    for what in dict.fromkeys(line.what for line in lines):
+        same = {line.where: line for line in lines if line.what == what}
+        found = [same[drive].found if drive in same else "" for drive in drives]
+        if not any(line.of_drive for line in same.values()):
+            found = [", ".join(line.found for line in same.values()), *[""] * (len(drives) - 1)]
+        required = " / ".join(dict.fromkeys(line.required for line in same.values()))
+        rows.append((_worst(list(same.values())), what, required, *(found or [""])))
+    console.table(
+        ("", "what", "required", *(drives or ["found"])),
+        rows,
+        red=[row[0] == "RED" for row in rows],
+    )
+
+
+def _worst(lines: list[CheckLine]) -> str:
+    verdicts = {line.verdict for line in lines}
+    words = {"red": "RED", "allowed": "allowed", "ok": "ok", "shown": "-"}
+    return next(word for verdict, word in words.items() if verdict in verdicts)
+
+
+class _Stopped(Exception):  # noqa: N818 - carries what was found until then
+    def __init__(self, lines: list[CheckLine], error: RidDaqError) -> None:
+        super().__init__(str(error))
+        self.lines = lines
+        self.error = error
+
+
+def _bus_load(cell: CellConfig) -> CheckLine:
+    load = cyclic_load(
+        len(cell.axes),
+        cell.cycle_time_s,
+        cell.can.bitrate,
+        master_heartbeat_s=cell.drive_safety.master_heartbeat_ms / 1000.0,
+        drive_heartbeat_s=cell.drive_safety.drive_heartbeat_ms / 1000.0,
+    )
+    return CheckLine(
+        where=f"{cell.can.interface}:{cell.can.channel}",
+        what="bus load",
+        required=f"≤ {100.0 * LOAD_LIMIT:.0f} %",
+        found=f"{100.0 * load:.1f} %",
+        verdict="ok" if load <= LOAD_LIMIT else "red",
+        next_action="choose a longer cycle_time_ms or a higher bit rate",
+    )
+
+
+def _disk(runs: Path) -> CheckLine:
+    folder = next(path for path in (runs.absolute(), *runs.absolute().parents) if path.exists())
+    free = shutil.disk_usage(folder).free
+    return CheckLine(
+        where=str(runs),
+        what="free disk",
+        required=f"≥ {FREE_BYTES >> 20} MB",
+        found=f"{free >> 20} MB",
+        verdict="ok" if free >= FREE_BYTES else "red",
+        next_action="make room, or choose another folder with --runs",
+    )
+
+
+def _devices(cell: CellConfig, robot: RobotDescription, seconds: float) -> list[CheckLine]:
+    """Bring every drive up, read it back, and count its answers; no power.
+
+    Raises
+    ------
+    _Stopped
+        A device did not go along; with the lines until then.
+    """
+    lines: list[CheckLine] = []
+    try:
+        with open_cell(cell, robot) as opened:
+            try:
+                opened.axes.bring_up()
+            finally:
+                lines = [_setting(setting) for setting in opened.axes.settings()]
+            opened.axes.start()
+            lines += _answers(opened, seconds)
+    except (DriverError, PreflightError) as error:
+        raise _Stopped(lines, error) from error
+    return lines
+
+
+def _setting(setting: DriveSetting) -> CheckLine:
+    number = setting.object_name[:4].upper()
+    return CheckLine(
+        where=f"{setting.joint}, node {setting.node_id}",
+        what=f"{setting.object_name} {setting.name}",
+        required=setting.required,
+        found=setting.found,
+        verdict=setting.verdict,
+        next_action=_NEXT.get(number, _NEXT_OTHERWISE) if setting.verdict == "red" else "",
+        of_drive=True,
+    )
+
+
+def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
+    """Count the answers to SYNC over some seconds."""
+    axes, clock = opened.axes, opened.clock
+    cycle_time_s = opened.config.cycle_time_s
+    cycles = max(1, round(seconds / cycle_time_s))
+    missing = [0] * len(axes.joint_names)
+    due_s = clock.now_s()
+    for _ in range(cycles):
+        due_s = max(due_s + cycle_time_s, clock.now_s())
+        clock.sleep_until(due_s)
+        sync_s = axes.sync()
+        axes.collect(sync_s + COLLECT_FRACTION * cycle_time_s)
+        axes.beat(clock.now_s())
+        axes.quick_stop()  # the drives watch for set-points; this one moves nothing
+        missing = [
+            count + (not received)
+            for count, received in zip(missing, axes.received.tolist(), strict=True)
+        ]
+    events = [event.text for event in axes.take_events() if event.kind.is_fault]
+    lines = [
+        CheckLine(
+            where=f"{axis.joint}, node {axis.node_id}",
+            what=f"answers missing of {cycles}",
+            required="0",
+            found=str(count),
+            verdict="ok" if count == 0 else "red",
+            next_action="check cable, termination and the adapter's buffers",
+            of_drive=True,
+        )
+        for axis, count in zip(opened.config.axes, missing, strict=True)
+    ]
+    if events:
+        lines.append(
+            CheckLine("drives", "faults", "none", "; ".join(events), "red", "see the drive")
+        )
+    return lines

@@ -1,0 +1,103 @@
+"""`rid-daq import`: someone else's recording into a run folder."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquisition.import_csv import import_csv
+from acquisition.run_folder import RunFolder, RunStatus
+from config.errors import ConfigError, RidDaqError
+from config.import_map import ImportMap, RowRange
+from config.load import load_bundled_or_path, load_robot, to_yaml
+from rid_daq.console import AsJson, Console
+from rid_daq.result import verdict, write_result
+from rid_daq.run_data import MAP, ROBOT, SOURCE, RunData, result_of
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.versions import software_versions
+
+
+def import_(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A CSV file.")],
+    import_map: Annotated[
+        str,
+        typer.Option("--map", metavar="MAP", help="What its columns are: bundled name or file."),
+    ],
+    rows: Annotated[
+        str | None,
+        typer.Option(metavar="FIRST-LAST", help="Rows to use, counted from 1; all if not given."),
+    ] = None,
+    label: Annotated[
+        str | None, typer.Option(help="What to call the run; the file's name if not given.")
+    ] = None,
+    runs: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """Read someone else's recording (CSV) into a run folder.
+
+    Damaged rows are named, counted and left out. Time stamps need not be uniform. A file with too
+    few sound rows is refused with exit code 6.
+    """
+    console = Console(as_json)
+    columns = load_bundled_or_path(import_map, "maps", ImportMap)
+    if rows is not None:
+        columns = columns.model_copy(update={"rows": _row_range(rows)})
+    robot = load_robot(columns.robot)
+    if columns.joint_names != robot.joint_names:
+        raise ConfigError(
+            f"map {columns.name}: joints are {', '.join(columns.joint_names)}, robot {robot.name}"
+            f" has {', '.join(robot.joint_names)}: name them alike, base to flange"
+        )
+    recording, report = import_csv(file, columns)
+    folder = RunFolder.create(
+        runs, label or _as_label(file.stem), kind="import", software=software_versions()
+    )
+    try:
+        folder.write(SOURCE, file.read_bytes())
+        folder.write(MAP, to_yaml(columns, f"How {SOURCE} was read.").encode())
+        folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name} as used.").encode())
+        data = RunData(folder, recording, robot, report)
+        result = result_of(data)
+        result["title"] = f"Import of {report.file}"
+        headline = "Imported without loss"
+        if report.rows_damaged:
+            headline = f"Imported; {report.rows_damaged} damaged rows left out"
+        result["verdict"] = verdict([], headline, "; ".join(report.lines()[:2]) + ".")
+        path = write_result(folder, result)
+        folder.finish(RunStatus.COMPLETE, {"robot": robot.name, "rows": report.rows_used})
+    except (RidDaqError, OSError):
+        folder.finish(RunStatus.STOPPED)
+        raise
+    console.document(
+        {
+            "run": folder.run_id,
+            "folder": str(folder.path),
+            "report": str(path),
+            "rows_read": report.rows_read,
+            "rows_used": report.rows_used,
+            "rows_damaged": report.rows_damaged,
+            "damaged": result["runs"][0]["bad_rows"],
+        }
+    )
+    for line in report.lines():
+        console.say(line)
+    console.verdict(True, f"Imported: {folder.path}")
+    console.say(f"Report: {path}")
+    console.say(f"Next: rid-daq identify {folder.path}")
+
+
+def _row_range(text: str) -> RowRange:
+    found = re.fullmatch(r"(\d{1,9})-(\d{1,9})?", text)
+    first = int(found[1]) if found else 0
+    last = int(found[2]) if found and found[2] else None
+    if found is None or first < 1 or (last is not None and last <= first):
+        raise ConfigError(f"--rows {text}: give FIRST-LAST, such as 355-5090, or FIRST-")
+    return RowRange(first=first, last=last)
+
+
+def _as_label(text: str) -> str:
+    """Return text as a run's label may be."""
+    return re.sub(r"[^\w .-]", "_", text)[:64] or "import"

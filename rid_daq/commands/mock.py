@@ -1,0 +1,82 @@
+"""`rid-daq mock`: serve a cell's simulated devices on their bus until stopped."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from config.cell import CellConfig
+from config.errors import ConfigError, LockedError
+from config.load import load_cell
+from mock_hw.cell import SimulatedCell
+from mock_hw.runtime_directory import runtime_directory
+from rid_daq.cells import is_served
+from rid_daq.console import AsJson, Console
+
+
+def mock(
+    cell: Annotated[
+        str, typer.Argument(metavar="CELL", help="A bundled name or a simulated cell's file.")
+    ],
+    lockstep: Annotated[
+        bool,
+        typer.Option(
+            "--lockstep", help="Simulated time that the commanding program moves on, not the clock."
+        ),
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    log: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write all frames there (candump format).")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Serve a cell's simulated drives on its bus until Ctrl-C.
+
+    Other commands that name this cell join it meanwhile, and so does anything that speaks
+    python-can, such as its logger.
+    """
+    console = Console(as_json)
+    loaded = load_cell(cell)
+    if not loaded.config.simulated or loaded.plant is None:
+        raise ConfigError(
+            f"cell {loaded.config.name}: is not simulated; say simulated: true and name a plant"
+        )
+    _check_channel(loaded.config)
+    with SimulatedCell(
+        loaded.config,
+        loaded.robot,
+        loaded.plant,
+        realtime=not lockstep,
+        seed=seed,
+        directory=runtime_directory(),
+        log=log,
+    ) as simulated:
+        channel = loaded.config.can.channel
+        listen = f"can_logger -i rid_sim -c {channel}"
+        console.document(
+            {"cell": loaded.config.name, "channel": simulated.channel, "listen": listen}
+        )
+        nodes = ", ".join(f"{axis.joint} node {axis.node_id}" for axis in loaded.config.axes)
+        console.say(
+            f"Cell {loaded.config.name} is served: {nodes};"
+            f" {'lock-step' if lockstep else 'real'} time. Ctrl-C ends it."
+        )
+        console.say(f"Listen in:  {listen}")
+        console.say(f"Use it:     rid-daq check {cell}")
+        signal.sigwait({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+    console.say("Ended.")
+
+
+def _check_channel(cell: CellConfig) -> None:
+    """Refuse a channel that cannot be served, or is served already."""
+    if cell.can.interface != "rid_sim" or os.sep in cell.can.channel:
+        raise ConfigError(
+            f"cell {cell.name}: can.interface {cell.can.interface}, channel {cell.can.channel}:"
+            " simulated devices are served on interface rid_sim with a plain channel name"
+        )
+    if is_served(cell):
+        raise LockedError(f"cell {cell.name}: channel {cell.can.channel} is served already")

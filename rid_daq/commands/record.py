@@ -1,0 +1,135 @@
+"""`rid-daq record`: run a motion on a cell and record it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquisition.motion_samples import plan_motion
+from acquisition.run_folder import RunFolder, RunStatus
+from config.cell import CellConfig
+from config.errors import ConfigError, PreflightError, RidDaqError
+from config.load import LoadedCell, load_cell, load_motion
+from config.motion import FourierMotion, MultipointMotion
+from rid_daq.cells import reachable_cell
+from rid_daq.console import AsJson, Console
+from rid_daq.exit_codes import exit_code_of_stop
+from rid_daq.recording_job import RecordedRun, record_run
+from rid_daq.result import write_result
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.versions import software_versions
+
+
+def record(
+    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    motion: Annotated[Path, typer.Argument(metavar="MOTION", help="A motion file.")],
+    label: Annotated[
+        str | None, typer.Option(help="What to call the run; the motion file's name if not given.")
+    ] = None,
+    realtime: Annotated[
+        bool,
+        typer.Option(
+            "--realtime", help="A simulated cell at the clock's pace, not as fast as it can."
+        ),
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")] = 0,
+    cleared: Annotated[
+        bool,
+        typer.Option(
+            "--i-have-cleared-the-cell",
+            help="Nobody is in the cell and the emergency stop is at hand; needed for real robots"
+            " where nobody can be asked.",
+        ),
+    ] = False,
+    runs: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """Run a motion on a cell and record it into a new run folder.
+
+    The motion is checked against every limit before anything moves. Ctrl-C stops the robot (a quick
+    stop, then power off) and keeps what was recorded. It is not an emergency stop.
+    """
+    console = Console(as_json)
+    loaded = load_cell(cell)
+    asked = load_motion(motion)
+    check_robot(asked, loaded, motion)
+    samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
+    if not loaded.config.simulated:
+        _ask_whether_cleared(loaded.config, cleared)
+    folder = RunFolder.create(runs, label or motion.stem, software=software_versions())
+    for name, content in loaded.files.items():
+        folder.write(name, content)
+    folder.write("motion.yaml", motion.read_bytes())
+    try:
+        with reachable_cell(loaded, realtime=realtime, seed=seed) as reachable:
+            run = record_run(reachable, loaded.robot, asked, samples, folder, console)
+    except (RidDaqError, SystemExit, KeyboardInterrupt) as error:
+        folder.finish(RunStatus.STOPPED, {"why": str(error) or "interrupted"})
+        raise
+    report = write_result(folder, run.result)
+    folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
+    _tell(console, run, folder, report)
+    stop = run.outcome.stop
+    if stop is not None:
+        raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
+
+
+def check_robot(motion: FourierMotion | MultipointMotion, loaded: LoadedCell, path: Path) -> None:
+    """Refuse a motion file that was written for another robot.
+
+    Raises
+    ------
+    ConfigError
+        The motion names another robot than the cell has.
+    """
+    if motion.robot != loaded.robot.name:
+        raise ConfigError(
+            f"{path}: robot: is for {motion.robot!r}, cell {loaded.config.name} has"
+            f" {loaded.robot.name!r}; make one with `rid-daq design`, or change the name if the"
+            " robots are the same"
+        )
+
+
+def _ask_whether_cleared(cell: CellConfig, cleared: bool) -> None:
+    if cleared:
+        return
+    advice = "clear the cell, then type its name, or give --i-have-cleared-the-cell"
+    if not sys.stdin.isatty():
+        raise PreflightError(f"cell {cell.name} is real and nobody can be asked: {advice}")
+    answer = typer.prompt(
+        f"Robot will move. Nobody in cell {cell.name}, emergency stop at hand? Type the cell's name"
+    )
+    if answer != cell.name:
+        raise PreflightError(f"nothing was moved: {answer!r} is not {cell.name!r}; {advice}")
+
+
+def _tell(console: Console, run: RecordedRun, folder: RunFolder, report: Path) -> None:
+    outcome = run.outcome
+    console.document(
+        {
+            "run": folder.run_id,
+            "folder": str(folder.path),
+            "report": str(report),
+            "status": run.status.value,
+            "rows": outcome.rows,
+            "stop": None
+            if outcome.stop is None
+            else {"code": outcome.stop.code.name, "text": outcome.stop.text},
+            "notes": list(outcome.notes),
+            "statistics": outcome.statistics.to_dict(),
+        }
+    )
+    for note in outcome.notes:
+        console.say(f"note: {note}")
+    console.say(run.timing_sentence)
+    if outcome.stop is not None:
+        console.verdict(False, run.stop_sentence)
+        console.say(f"Kept: {outcome.rows} rows in {folder.path}")
+    else:
+        console.verdict(True, f"Recorded: {folder.path}")
+    console.say(f"Report: {report}")
+    if outcome.stop is None:
+        console.say(f"Next: rid-daq identify {folder.path}")

@@ -1,0 +1,60 @@
+"""`rid-daq runs`: list the runs, and check that their files are unchanged."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from acquisition.run_list import list_runs
+from config.errors import RecordingError
+from rid_daq.console import AsJson, Console
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
+
+
+def runs(
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Compare every file with the run's manifest.")
+    ] = False,
+    folder: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """List the runs, oldest first; with --verify, check that no file was changed."""
+    console = Console(as_json)
+    found: list[dict[str, Any]] = []
+    for run, manifest in list_runs(folder):
+        entry: dict[str, Any] = {
+            "run": manifest.run_id,
+            "label": manifest.label,
+            "kind": manifest.kind,
+            "status": manifest.status,
+            "created_utc": manifest.created_utc,
+            "folder": str(run.path),
+            "facts": manifest.facts,
+        }
+        if verify:
+            entry["problems"] = list(run.verify())
+        found.append(entry)
+    console.document({"runs": found})
+    if not found:
+        console.say(f"{folder}: no runs yet. `rid-daq demo` or `rid-daq record` make some.")
+    else:
+        console.table(
+            ("run", "created (UTC)", "kind", "status", "label", "more"),
+            [
+                (
+                    entry["run"],
+                    entry["created_utc"][:19].replace("T", " "),
+                    entry["kind"],
+                    entry["status"],
+                    entry["label"],
+                    ", ".join(f"{key} {value}" for key, value in entry["facts"].items()),
+                )
+                for entry in found
+            ],
+            red=[entry["status"] != "complete" or bool(entry.get("problems")) for entry in found],
+        )
+    problems = [(e["run"], problem) for e in found for problem in e.get("problems", [])]
+    if problems:
+        lines = "\n".join(f"  {run}: {problem}" for run, problem in problems)
+        raise RecordingError(f"{len(problems)} problems in the run folders:\n{lines}")

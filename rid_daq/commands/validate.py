@@ -1,0 +1,146 @@
+"""`rid-daq validate`: predict another run's torques and judge the error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from acquisition.run_list import find_run
+from config.cell import CellConfig
+from config.errors import ConfigError
+from config.load import load_bundled_or_path
+from identification.estimate_file import read_estimate
+from identification.estimators import BAND_HZ, STANDSTILL_RAD_S, Estimate
+from identification.validation import Validation
+from identification.validation import validate as compare
+from rid_daq.console import AsJson, Console
+from rid_daq.curves import torque_curves, validation_section
+from rid_daq.exit_codes import ExitCode
+from rid_daq.report.render import number
+from rid_daq.result import check, verdict, write_result
+from rid_daq.run_data import RunData, read_run, result_of
+from rid_daq.sections import estimate_section
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
+
+
+def validate(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model file of `identify`.")],
+    run: Annotated[
+        str, typer.Argument(metavar="RUN", help="A run that the model was not identified from.")
+    ],
+    limits: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PERCENT,...",
+            help="Largest relative error, one number or one an axis; the cell file's if not given.",
+        ),
+    ] = None,
+    band_hz: Annotated[
+        float, typer.Option("--band", min=0.01, help="Signals are compared up to here [Hz].")
+    ] = BAND_HZ,
+    standstill_rad_s: Annotated[
+        float, typer.Option("--standstill", min=0.0, help="Lowest speed that counts [rad/s].")
+    ] = STANDSTILL_RAD_S,
+    runs: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """Predict a run's torques with a model and judge the error, axis by axis.
+
+    Exit code 1 where an axis exceeds its limit.
+    """
+    console = Console(as_json)
+    estimate = read_estimate(model)
+    data = read_run(find_run(runs, run))
+    validation = compare(
+        estimate,
+        data.recording,
+        cutoff_hz=band_hz,
+        standstill_rad_s=standstill_rad_s,
+        limits_percent=_limits(limits, data),
+    )
+    result = result_of(data)
+    same = data.folder.run_id in estimate.run_ids
+    sentence = f"Run {data.folder.manifest().label!r} predicted by {model.name}."
+    if same:
+        sentence += " The model was identified from this very run: this is no validation."
+    section = validation_section(validation, data.robot, sentence)
+    result["title"] = f"Validation of {estimate.robot.name}"
+    result["validation"] = section
+    result["estimate"] = estimate_section(estimate)
+    result.setdefault("curves", {})["torque"] = torque_curves(validation, data.robot)
+    result["verdict"] = _verdict(section, estimate)
+    path = write_result(data.folder, result)
+    console.document({"validation": section, "verdict": result["verdict"], "report": str(path)})
+    _tell(console, validation, section)
+    passed = result["verdict"]["passed"]
+    console.verdict(passed, result["verdict"]["headline"])
+    console.say(f"Report: {path}")
+    if passed is False:
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _limits(text: str | None, data: RunData) -> tuple[float, ...] | None:
+    """Return the limit of every axis: those given, or the cell file's."""
+    count = len(data.robot.joints)
+    if text is not None:
+        try:
+            values = tuple(float(word) for word in text.split(","))
+        except ValueError:
+            values = ()
+        if len(values) not in (1, count) or not all(0.0 < value < 1e6 for value in values):
+            raise ConfigError(
+                f"--limits {text}: give one percentage, or {count} separated by commas, such as"
+                f" {','.join(['10'] * count)}"
+            )
+        return values * (count if len(values) == 1 else 1)
+    cell = data.folder.file("cell.yaml")
+    if not cell.exists():
+        return None
+    return load_bundled_or_path(str(cell), "cells", CellConfig).validation_limits_percent
+
+
+def _verdict(section: dict[str, Any], estimate: Estimate) -> dict[str, Any]:
+    held = [axis for axis in section["axes"] if axis["limit_percent"] is not None]
+    checks = [
+        check(
+            f"relative torque error, {axis['joint']}",
+            axis["relative_error_percent"],
+            "≤",
+            axis["limit_percent"],
+            "%",
+        )
+        for axis in held
+        if axis["relative_error_percent"] is not None
+    ]
+    errors = ", ".join(f"{number(axis['relative_error_percent'], 3)}" for axis in section["axes"])
+    sentence = f"Relative torque error, axis by axis: {errors} %."
+    if not checks:
+        return verdict([], "Torques predicted; no limits were given", sentence)
+    failed = [line["text"].rsplit(" ", 1)[-1] for line in checks if not line["passed"]]
+    headline = (
+        f"Failed: {', '.join(failed)} beyond the limit"
+        if failed
+        else f"Passed: the model of {estimate.robot.name} predicts this run"
+    )
+    return verdict(checks, headline, sentence)
+
+
+def _tell(console: Console, validation: Validation, section: dict[str, Any]) -> None:
+    console.say(section["sentence"])
+    console.table(
+        ("axis", "rms torque", "rms error", "relative", "limit", "holds"),
+        [
+            (
+                axis["joint"],
+                f"{number(axis['rms_torque'])} {axis['unit']}",
+                f"{number(axis['rms_error'])} {axis['unit']}",
+                f"{number(axis['relative_error_percent'], 3)} %",
+                "–" if axis["limit_percent"] is None else f"{axis['limit_percent']:g} %",
+                {None: "–", True: "yes", False: "NO"}[axis["passed"]],
+            )
+            for axis in section["axes"]
+        ],
+        red=[verdict is False for verdict in validation.verdicts],
+    )

@@ -1,0 +1,178 @@
+"""Recording one motion on one cell: the progress shown, and what the report says of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from acquisition.control_block import Progress, TaskState
+from acquisition.experiment import RecordOutcome, record_motion
+from acquisition.journal import read_journal
+from acquisition.motion_samples import MotionSamples, Phase
+from acquisition.recording import Recording
+from acquisition.run_folder import RunFolder, RunStatus
+from acquisition.stop_reason import StopCode
+from config.cell import CellConfig
+from config.motion import FourierMotion, MultipointMotion
+from config.robot import RobotDescription
+from rid_daq.console import Console
+from rid_daq.result import new_result, verdict
+from rid_daq.sections import cell_section, loop_section, loop_sentence, motion_sentence, run_section
+
+_STATES = {
+    TaskState.STARTING: "starting",
+    TaskState.BRING_UP: "configuring the drives",
+    TaskState.ENABLING: "switching the drives on",
+    TaskState.STOPPING: "stopping",
+    TaskState.FINISHED: "power off",
+}
+_PHASES = {
+    Phase.APPROACH: "approach",
+    Phase.RUN_IN: "run-in",
+    Phase.TRANSIENT: "transient period",
+    Phase.MAIN: "measuring",
+    Phase.RUN_OUT: "run-out",
+    Phase.HOLD: "hold",
+}
+_WHAT_TO_DO = {
+    StopCode.INTERRUPTED: "Start again when you are ready; the robot goes to the start by itself.",
+    StopCode.RECORDER: "Check the disk (free space, speed), then start again.",
+    StopCode.BUS: "Check the adapter, its cable and the termination, then run `rid-daq check`.",
+    StopCode.MISSED_FRAMES: "Check cable and bus load, then run `rid-daq check`.",
+    StopCode.LATE_CYCLE: "Take load off this computer, or allow real-time scheduling; then start"
+    " again.",
+}
+_CHECK = "Find the cause at the robot before you start again; `rid-daq check` reads the drives."
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """A recorded motion with its report.
+
+    Attributes
+    ----------
+    outcome : RecordOutcome
+        What became of it.
+    recording : Recording or None
+        What was measured; None where no row could be read.
+    result : dict
+        The result document.
+    """
+
+    outcome: RecordOutcome
+    recording: Recording | None
+    result: dict[str, Any]
+
+    @property
+    def status(self) -> RunStatus:
+        """Complete, or stopped."""
+        return RunStatus.COMPLETE if self.outcome.complete else RunStatus.STOPPED
+
+    @property
+    def stop_sentence(self) -> str:
+        """What stopped, where in the motion, and what to do; empty for a complete run."""
+        stop = self.outcome.stop
+        if stop is None:
+            return ""
+        where = "" if self.recording is None else f" {_where(self.recording)}"
+        text = stop.text if stop.text.endswith(".") else f"{stop.text}."
+        return f"Stopped: {text}{where} {_WHAT_TO_DO.get(stop.code, _CHECK)}"
+
+    @property
+    def timing_sentence(self) -> str:
+        """How well the loop kept its time."""
+        return loop_sentence(self.outcome.statistics)
+
+
+def record_run(
+    cell: CellConfig,
+    robot: RobotDescription,
+    motion: FourierMotion | MultipointMotion,
+    samples: MotionSamples,
+    folder: RunFolder,
+    console: Console,
+    *,
+    role: str = "recording",
+) -> RecordedRun:
+    """Record a planned motion into a run folder, showing how far it is.
+
+    Raises
+    ------
+    PreflightError, DriverError, RecordingError
+        Nothing was moved, or nothing was recorded (`record_motion`).
+    """
+    total, unit = _total(samples)
+    started_s = time.monotonic()
+    with console.progress(role, total, unit) as display:
+        outcome = record_motion(
+            cell,
+            robot,
+            samples,
+            folder,
+            on_progress=progress_shown(samples, display.update),
+        )
+    elapsed_s = time.monotonic() - started_s
+    recording = read_journal(outcome.path).recording() if outcome.rows else None
+    result = new_result(f"Recording on {cell.name}", robot.name)
+    result["cell"] = cell_section(cell)
+    stop = None if outcome.stop is None else outcome.stop.text
+    if recording is not None:
+        result["runs"] = [run_section(role, motion_sentence(motion), recording, robot, stop)]
+    result["timing"] = {
+        "elapsed_s": elapsed_s,
+        "created_utc": folder.manifest().created_utc,
+        "loops": [loop_section(role, outcome.statistics)],
+    }
+    run = RecordedRun(outcome, recording, result)
+    if outcome.stop is not None:
+        result["verdict"] = verdict([], "Stopped before its end", run.stop_sentence)
+        result["verdict"]["passed"] = False
+    else:
+        result["verdict"] = verdict([], "Recorded completely", run.timing_sentence)
+    return run
+
+
+def progress_shown(
+    samples: MotionSamples, show: Callable[[float, str], None]
+) -> Callable[[Progress], None]:
+    """Return what turns the task's progress into periods done (seconds, if not periodic)."""
+
+    def update(progress: Progress) -> None:
+        row = progress.sample_index
+        if progress.state is not TaskState.MOVING:
+            line = _STATES[progress.state]
+        else:
+            line = _PHASES[progress.phase]
+        if row >= 0:
+            show(_done(samples, row), line)
+        else:
+            show(0.0 if progress.state < TaskState.STOPPING else _total(samples)[0], line)
+
+    return update
+
+
+def _where(recording: Recording) -> str:
+    """Say how far into the motion the recording goes."""
+    moved = recording.sample_index[recording.sample_index >= 0]
+    if len(moved) == 0 or recording.sample_period_s is None:
+        return "The motion had not begun."
+    phase = Phase(int(recording.phase[recording.sample_index >= 0][-1]))
+    into_s = float(moved[-1]) * recording.sample_period_s
+    period = ""
+    if recording.samples_per_period is not None and phase is Phase.MAIN:
+        first = moved[recording.phase[recording.sample_index >= 0] == Phase.MAIN][0]
+        period = f", period {int(moved[-1] - first) // recording.samples_per_period + 1}"
+    return f"That was {into_s:.2f} s into the motion ({_PHASES[phase]}{period})."
+
+
+def _total(samples: MotionSamples) -> tuple[float, str]:
+    if samples.samples_per_period is None:
+        return samples.duration_s, "s"
+    return len(samples) / samples.samples_per_period, "periods"
+
+
+def _done(samples: MotionSamples, row: int) -> float:
+    per_unit = samples.samples_per_period or 1.0 / samples.sample_period_s
+    return row / per_unit

@@ -1,0 +1,108 @@
+"""What a run folder holds, as the objects that the commands work on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from acquisition.import_csv import import_csv
+from acquisition.import_report import ImportReport
+from acquisition.journal import read_journal
+from acquisition.recording import Recording
+from acquisition.run_folder import RECORDING, RunFolder
+from config.errors import RecordingError
+from config.import_map import ImportMap
+from config.load import load_bundled_or_path, load_robot
+from config.robot import RobotDescription
+from rid_daq.result import RESULT, Result, new_result, read_result
+from rid_daq.sections import run_section
+
+SOURCE = "source.csv"
+MAP = "map.yaml"
+ROBOT = "robot.yaml"
+
+
+@dataclass(frozen=True)
+class RunData:
+    """A run's recording and robot.
+
+    Attributes
+    ----------
+    folder : RunFolder
+        Where they come from.
+    recording : Recording
+        What was measured, or imported.
+    robot : RobotDescription
+        The robot as used in that run.
+    import_report : ImportReport or None
+        What the import left out, for an imported run.
+    damage : tuple of str
+        What the recording has lost, one sentence each.
+    """
+
+    folder: RunFolder
+    recording: Recording
+    robot: RobotDescription
+    import_report: ImportReport | None = None
+    damage: tuple[str, ...] = ()
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether the recording holds whole periods to average."""
+        return self.recording.samples_per_period is not None
+
+
+def read_run(folder: RunFolder) -> RunData:
+    """Read a run's recording and robot.
+
+    An imported run keeps the file as it came, with its map, and is read by them every time.
+
+    Raises
+    ------
+    RecordingError
+        The folder holds no recording, or it cannot be read.
+    ConfigError, DataQualityError
+        The robot or map file in it was changed so that it cannot be meant.
+    """
+    robot = load_robot(str(folder.file(ROBOT)))
+    if folder.file(RECORDING).exists():
+        journal = read_journal(folder.file(RECORDING))
+        return RunData(folder, journal.recording(), robot, damage=journal.damage.notes)
+    if folder.file(SOURCE).exists():
+        import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
+        recording, report = import_csv(folder.file(SOURCE), import_map, run_id=folder.run_id)
+        return RunData(folder, replace(recording, robot_name=robot.name), robot, report)
+    raise RecordingError(
+        f"{folder.path}: holds neither {RECORDING} nor {SOURCE}; nothing was recorded in this run"
+    )
+
+
+def result_of(data: RunData) -> Result:
+    """Return a run's result document, or a first one where it has none yet.
+
+    Raises
+    ------
+    RecordingError
+        There is one, and it cannot be read.
+    """
+    if data.folder.file(RESULT).exists():
+        return read_result(data.folder)
+    manifest = data.folder.manifest()
+    result = new_result(f"Run {manifest.label}", data.robot.name)
+    section = run_section("recording", "As recorded.", data.recording, data.robot)
+    if data.import_report is not None:
+        report = data.import_report
+        section["sentence"] = "; ".join(report.lines()[:2]) + "."
+        section["bad_rows"] = [
+            {
+                "rows": f"{rows.first}-{rows.last}" if rows.last > rows.first else str(rows.first),
+                "count": rows.count,
+                "reason": ", ".join(
+                    f"{count} {reason} (row {example.row}: {example.detail})"
+                    for (reason, count), example in zip(rows.counts, rows.examples, strict=True)
+                ),
+            }
+            for rows in report.damaged
+        ]
+    result["runs"] = [section]
+    result["timing"] = {"created_utc": manifest.created_utc, "run_ids": [manifest.run_id]}
+    return result
