@@ -18,8 +18,7 @@ LATE_FRACTION = 0.5
 PLAUSIBLE_FACTOR = 1.5
 IMPLAUSIBLE_LIMIT = 2
 STUCK_FRACTION = 0.02
-LATE_FRAMES_LIMIT = 3
-LATE_FRAMES_WINDOW = 100
+LATE_ANSWERS_WINDOW = 100
 
 _STATE_MASK, _OPERATION_ENABLED, _FAULT = 0x6F, 0x27, 0x08
 
@@ -63,7 +62,7 @@ class Supervisor:
         self._high = [each.position_max + rules.following_error_min_rad for each in limits]
         self._velocity_limit = [each.velocity * margin for each in limits]
         self._torque_limit = [each.torque * margin for each in limits]
-        self._late_frames: deque[int] = deque(maxlen=LATE_FRAMES_WINDOW)
+        self._late_answers: deque[bool] = deque(maxlen=LATE_ANSWERS_WINDOW)
         self.position = [0.0] * n
         self.valid = [0] * n
         self.begin(self.position)
@@ -74,7 +73,7 @@ class Supervisor:
         self.position = list(position)
         self.valid = [1] * n
         self._late = 0
-        self._late_frames.clear()
+        self._late_answers.clear()
         self._missed = [0] * n
         self._implausible = [0] * n
         self._stuck = [0] * n
@@ -119,17 +118,21 @@ class Supervisor:
         return None
 
     def check_late_frames(self, count: int) -> StopReason | None:
-        """Check how many answers came after their cycle (row 5): new ones in this cycle."""
-        window = self._late_frames
-        window.append(count)
+        """Check how many answers came after their cycle (row 5): new ones in this cycle.
+
+        Answers of several drives that are late together count once.
+        """
+        window = self._late_answers
+        window.append(count > 0)
         total = sum(window) if count else 0
-        if total >= LATE_FRAMES_LIMIT:
+        limit = self._rules.late_answers_limit
+        if total >= limit:
             return StopReason(
                 StopCode.LATE_FRAMES,
-                f"{total} answers of drives came too late within {len(window)} cycles; fewer than"
-                f" {LATE_FRAMES_LIMIT} are allowed. Check the bus load and the drives' settings",
+                f"answers of drives came too late {total} times within {len(window)} cycles; fewer"
+                f" than {limit} are allowed. Check the bus load and the drives' settings",
                 value=float(total),
-                limit=float(LATE_FRAMES_LIMIT),
+                limit=float(limit),
             )
         return None
 

@@ -55,7 +55,7 @@ def termination_calls(stop: Callable[[], None]) -> Iterator[Interruption]:
 
 @contextmanager
 def termination_held() -> Iterator[None]:
-    """Let processes started meanwhile be deaf to termination signals from their first instruction."""
+    """Start processes in here: they are deaf to termination signals from the first instruction."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION)
     try:
         yield

@@ -68,6 +68,9 @@ class DriveSafety(ConfigModel):
 class Supervision(ConfigModel):
     """When the cyclic task stops the motion by itself.
 
+    `missed_frames_limit` and `late_cycles_limit` count in a row; `late_answers_limit` counts the
+    cycles, of the last 100, whose drives' answers came after their cycle.
+
     Following error: `following_error_min_rad` at standstill, growing with the commanded speed by
     `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR).
     """
@@ -75,6 +78,7 @@ class Supervision(ConfigModel):
     missed_frames_limit: Annotated[int, Field(ge=1)] = 3
     late_cycles_limit: Annotated[int, Field(ge=1)] = 3
     late_by_cycles_limit: Annotated[float, Field(gt=0.0)] = 2.0
+    late_answers_limit: Annotated[int, Field(ge=1)] = 3
     following_error_min_rad: Positive = 0.02
     following_error_per_velocity_s: NonNegative = 0.1
     stuck_encoder_cycles: Annotated[int, Field(ge=2)] = 5

@@ -175,7 +175,7 @@ GOES_ON: dict[str, Fault] = {
     "nothing at all": lambda cycle: None,
     "1: one frame is missed": set_at("received", lambda k: k == 10, 1, False),
     "3: single frames are missed now and then": set_at("received", lambda k: k % 20 < 2, 1, False),
-    "5: two answers late within 100 cycles": every("late_frames", lambda k: k % 60 == 0, 1),
+    "5: answers late together in two of 100 cycles": every("late_frames", lambda k: k % 60 == 0, 3),
     "6: one corrupted position": set_at("position", lambda k: k == 10, 0, 3.0),
     "27: a late cycle now and then": every("lateness_s", lambda k: k % 3 == 0, 1.5 * T),
     "an emergency is cleared": every(
