@@ -238,8 +238,8 @@ def _outcome(
     elif stop is None and task_exit != 0:
         stop = StopReason(
             StopCode.TASK_DIED,
-            f"the cyclic task failed (exit code {task_exit}) and left the cell stopped and disabled;"
-            " its traceback is on the error output: please report it",
+            f"the cyclic task failed (exit code {task_exit}) and left the cell disabled; its"
+            " traceback is on the error output: please report it",
         )
     elif stop is None and interruption.signal is not None and error is not None:
         stop = StopReason(StopCode.INTERRUPTED, f"stopped before the motion: {error}")
