@@ -88,8 +88,7 @@ class ServoAxes(Protocol):
 
     In order: `bring_up`, `start`, `enable`; then, every cycle, `sync`, `collect`, `command`,
     `beat`; at the end `quick_stop` and `disable`. Arrays have one element a joint, base to flange;
-    they are overwritten by every `collect`. `late_frames` counts answers that came after their
-    cycle.
+    they are overwritten by every `collect`.
     """
 
     joint_names: tuple[str, ...]
@@ -101,6 +100,7 @@ class ServoAxes(Protocol):
     statusword: NDArray[np.uint16]
 
     @property
+    @abstractmethod
     def late_frames(self) -> int:
         """How many answers came after their cycle so far; they are not used."""
 

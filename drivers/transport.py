@@ -181,7 +181,14 @@ def open_can(config: CanBusConfig) -> CanLink:
             ignore_config=True,
             **options,
         )
-    except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+    except (
+        can.CanError,
+        OSError,
+        ValueError,
+        TypeError,
+        ImportError,
+        NotImplementedError,
+    ) as error:
         raise TransportError(
             f"CAN bus {config.interface}:{config.channel} cannot be opened ({error});"
             " check can.interface and can.channel in the cell file, and that the adapter is"

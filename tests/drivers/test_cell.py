@@ -1,0 +1,160 @@
+"""Leaving a cell: power is off and the bus closed, whatever happened inside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import can
+import pytest
+
+from config.cell import CanBusConfig, CellConfig
+from config.errors import DeviceFaultError, PreflightError, TransportError
+from config.robot import RobotDescription
+from drivers.cell import Cell, open_cell
+from drivers.cia402 import PowerState
+
+
+@pytest.fixture
+def opened(bench: Any) -> Callable[[], Cell]:
+    """Return a cell on the scripted bench's bus."""
+
+    def open_it() -> Cell:
+        cell = Cell(bench.cell, bench.robot, bench.link)
+        bench.axes = cell.axes
+        return cell
+
+    return open_it
+
+
+def at_rest_without_power(bench: Any) -> bool:
+    return bench.bus.closed and all(
+        drive.state is PowerState.SWITCH_ON_DISABLED and drive.velocity == 0
+        for drive in bench.drives
+    )
+
+
+def test_leaving_after_motion(bench: Any, opened: Callable[[], Cell]) -> None:
+    with opened():
+        bench.enabled()
+        bench.cycle((0.5, 0.5, 0.5))
+    assert at_rest_without_power(bench)
+
+
+def leave_by(bench: Any, cell: Cell, error: BaseException) -> None:
+    with cell:
+        bench.enabled()
+        bench.cycle((0.5, 0.5, 0.5))
+        bench.cycle((0.5, 0.5, 0.5))
+        raise error
+
+
+@pytest.mark.parametrize("error", [ValueError("bug"), KeyboardInterrupt(), SystemExit(3)])
+def test_leaving_by_any_exception_in_mid_motion(
+    bench: Any, opened: Callable[[], Cell], error: BaseException
+) -> None:
+    with pytest.raises(type(error)) as caught:
+        leave_by(bench, opened(), error)
+    assert caught.value is error
+    assert at_rest_without_power(bench)
+
+
+def test_leaving_while_enabling(bench: Any, opened: Callable[[], Cell]) -> None:
+    bench.drives[2].follows = 0
+    with pytest.raises(Exception, match="could not be enabled"), opened():
+        bench.enabled()
+    assert at_rest_without_power(bench)
+
+
+def test_leaving_after_a_red_preflight_sends_nothing_more(
+    bench: Any, opened: Callable[[], Cell]
+) -> None:
+    bench.drives[0].ignored = {(0x6007, 0)}
+    with opened() as cell:
+        with pytest.raises(PreflightError):
+            cell.axes.bring_up()
+        bench.bus.sent.clear()
+    assert bench.bus.sent == []
+    assert bench.bus.closed
+
+
+def test_leaving_an_untouched_cell_sends_nothing(bench: Any, opened: Callable[[], Cell]) -> None:
+    with opened():
+        assert bench.bus.sent == []
+    assert bench.bus.sent == []
+    assert bench.bus.closed
+
+
+def test_a_lost_bus_is_closed_and_its_error_is_not_hidden(
+    bench: Any, opened: Callable[[], Cell]
+) -> None:
+    def unplug() -> None:
+        with opened():
+            bench.enabled()
+            bench.bus.broken = True
+            bench.cycle((0.5, 0.5, 0.5))
+
+    with pytest.raises(TransportError, match="failed") as caught:
+        unplug()
+    assert bench.bus.closed
+    assert any("while leaving the cell" in note for note in caught.value.__notes__)
+
+
+def test_a_trouble_of_leaving_alone_is_told(bench: Any, opened: Callable[[], Cell]) -> None:
+    def go_silent() -> None:
+        with opened():
+            bench.enabled()
+            bench.drives[0].answers_sync = False
+
+    with pytest.raises(DeviceFaultError, match="not seen at rest"):
+        go_silent()
+    assert bench.bus.closed
+    assert bench.drives[1].state is PowerState.SWITCH_ON_DISABLED
+
+
+def test_even_an_unexpected_error_in_one_step_does_not_stop_the_next(
+    bench: Any, opened: Callable[[], Cell]
+) -> None:
+    cell = opened()
+
+    def broken() -> bool:
+        raise ZeroDivisionError("a bug")
+
+    def leave() -> None:
+        with cell:
+            bench.enabled()
+            cell.axes.halt = broken  # type: ignore[method-assign]
+
+    with pytest.raises(Exception, match="ZeroDivisionError: a bug"):
+        leave()
+    assert at_rest_without_power(bench)
+
+
+def test_opening_on_a_real_python_can_bus(cell: CellConfig, robot: RobotDescription) -> None:
+    with open_cell(cell, robot) as opened:
+        assert opened.axes.joint_names == ("base", "shoulder", "elbow")
+        assert opened.config is cell
+
+
+def test_a_configuration_error_closes_the_bus(
+    cell: CellConfig, robot: RobotDescription, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed: list[bool] = []
+    monkeypatch.setattr(
+        can.interfaces.virtual.VirtualBus, "shutdown", lambda self: closed.append(True)
+    )
+    slow = CanBusConfig(interface="virtual", channel="slow", bitrate=10_000)
+    with pytest.raises(Exception, match="of the CAN bus"):
+        open_cell(cell.model_copy(update={"can": slow}), robot)
+    assert closed
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel"), [("no_such_thing", "x"), ("socketcan", "no_such_can7")]
+)
+def test_a_bus_that_cannot_be_opened(
+    cell: CellConfig, robot: RobotDescription, interface: str, channel: str
+) -> None:
+    bus = CanBusConfig(interface=interface, channel=channel)
+    with pytest.raises(TransportError, match=rf"{interface}:{channel} cannot be opened.*check"):
+        open_cell(cell.model_copy(update={"can": bus}), robot)
