@@ -81,7 +81,9 @@ def measure(arm: KnownArm) -> Measure:
         samples = trajectory.samples_per_period
         random = np.random.default_rng(seed)
         times = np.arange(samples * FINE) * (CYCLE_S / FINE)
-        q, v, a = (f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration))
+        q, v, a = (
+            f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
+        )
         standard = arm.standard if parameters is None else parameters
         tau = torque(arm.model, q, v, a, standard)
         if torque_filter is not None:

@@ -163,7 +163,9 @@ class TestCombination:
 class TestIndependentColumns:
     def test_keep_the_better_readable_of_two_that_are_one(self) -> None:
         column = np.random.default_rng(0).normal(size=(20, 1))
-        base = independent_columns(np.hstack([2.0 * column, column]), ("m2", "Izz1"), ("kg", "kg m^2"))
+        base = independent_columns(
+            np.hstack([2.0 * column, column]), ("m2", "Izz1"), ("kg", "kg m^2")
+        )
         assert base.words == ("Izz1 + 2 m2",)
 
     def test_refuse_a_regressor_without_any_effect(self) -> None:
