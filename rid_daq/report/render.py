@@ -48,7 +48,9 @@ def number(value: float | int | None, digits: int = 4) -> str:
     if not math.isfinite(value):
         return "not finite"
     text = f"{value:.{digits}g}"
-    if "e" in text:
+    if "e+" in text and abs(value) < 1e6:
+        text = f"{float(text):.0f}"
+    elif "e" in text:
         mantissa, exponent = text.split("e")
         power = str(int(exponent)).translate(_SUPERSCRIPT)
         return f"{mantissa}·10{power}".replace("-", "\N{MINUS SIGN}")

@@ -1,0 +1,158 @@
+"""`rid-daq demo`: the whole story on the bundled simulated cell, with a report, no hardware."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Any
+
+import typer
+
+from acquisition.motion_samples import plan_motion
+from acquisition.run_folder import RunFolder, RunStatus
+from config.errors import RidDaqError
+from config.load import load_cell, to_yaml
+from config.motion import MultipointMotion
+from identification.experiment_design import design_two_harmonic
+from rid_daq.console import AsJson, Console
+from rid_daq.demo_story import DEMO_CELL, Motions
+from rid_daq.exit_codes import ExitCode
+from rid_daq.result import Result, check, new_result, verdict, write_result
+from rid_daq.sections import cell_section, truth_case
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.side_by_side import run_stories
+from rid_daq.versions import software_versions
+
+PERIOD_S = 10.0
+FLOOR_RATIO_LIMIT = 1.3
+INSIDE_SHARE_LIMIT = 0.9
+
+
+def demo(
+    seed: Annotated[
+        int, typer.Option(min=0, help="Of motions and noise; the same seed, the same numbers.")
+    ] = 1,
+    periods: Annotated[
+        int, typer.Option(min=2, help=f"Periods of {PERIOD_S:g} s to measure.")
+    ] = 16,
+    points: Annotated[
+        int, typer.Option(min=2, help="Random points of the validation motion.")
+    ] = 20,
+    runs: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """Run the whole story on the bundled simulated cell; no hardware is needed or moved.
+
+    Design an excitation, record it, record a validation motion, average, identify, validate and
+    report. It is done twice side by side: on a robot with effects that no model has, and on one
+    without, where the true parameters must lie inside their intervals.
+    """
+    console = Console(as_json)
+    started_s = time.monotonic()
+    loaded = load_cell(DEMO_CELL)
+    folder = RunFolder.create(runs, "demo", kind="demo", software=software_versions())
+    console.say(f"Simulated cell {loaded.config.name}, seed {seed}: no hardware is moved.")
+    try:
+        excitation = design_two_harmonic(
+            loaded.robot, PERIOD_S, loaded.config.cycle_time_s, seed=seed, periods=periods
+        )
+        validation = MultipointMotion(
+            kind="multipoint", robot=loaded.robot.name, points=points, seed=seed
+        )
+        for name, content in loaded.files.items():
+            folder.write(name, content)
+        folder.write("motion.yaml", to_yaml(excitation, "The demo's excitation.").encode())
+        folder.write("validation.yaml", to_yaml(validation, "The demo's validation.").encode())
+        console.say("Excitation designed by the two-harmonic heuristic, verified within limits.")
+        total_s = sum(
+            plan_motion(motion, loaded.robot, loaded.config.cycle_time_s).duration_s
+            for motion in (excitation, validation)
+        )
+        motions = Motions(excitation, validation)
+        stories = run_stories(folder, motions, total_s, seed, console)
+        result = new_result(
+            f"rid-daq demo on the simulated cell {loaded.config.name}", loaded.robot.name
+        )
+        result["cell"] = cell_section(loaded.config)
+        result["seed"] = seed
+        _tell_main_story(result, stories[True])
+        result["truth"] = [
+            truth_case("effects that no model has: on", stories[True]["estimate"]),
+            truth_case("effects that no model has: off", stories[False]["estimate"]),
+        ]
+        result["without_unmodelled"] = {
+            key: stories[False][key] for key in ("average", "estimate", "validation")
+        }
+        result["verdict"] = _verdict(result)
+        result["timing"] = {
+            "elapsed_s": time.monotonic() - started_s,
+            "created_utc": folder.manifest().created_utc,
+            "run_ids": [run for story in stories.values() for run in story["run_ids"]],
+            "loops": stories[True]["loops"],
+        }
+        report = write_result(folder, result)
+        passed = result["verdict"]["passed"]
+        folder.finish(RunStatus.COMPLETE, {"verdict": "passed" if passed else "failed"})
+    except (RidDaqError, SystemExit, KeyboardInterrupt) as error:
+        folder.finish(RunStatus.STOPPED, {"why": str(error) or "interrupted"})
+        raise
+    console.document(result | {"folder": str(folder.path), "report": str(report)})
+    _say(console, result)
+    console.verdict(passed, result["verdict"]["headline"])
+    console.say(f"Report: {report}")
+    if not passed:
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _tell_main_story(result: Result, story: dict[str, Any]) -> None:
+    for key in ("runs", "average", "estimate", "validation", "curves"):
+        result[key] = story[key]
+
+
+def _verdict(result: Result) -> dict[str, Any]:
+    worst = max(result["validation"]["axes"], key=lambda axis: axis["error_over_floor"])
+    on, off = result["truth"]
+    checks = [
+        check(
+            f"validation error over the floor, worst axis ({worst['joint']})",
+            worst["error_over_floor"],
+            "≤",
+            FLOOR_RATIO_LIMIT,
+        ),
+        check(
+            "true parameters inside two sigma, unmodelled effects off",
+            100.0 * off["inside"] / off["of"],
+            "≥",
+            100.0 * INSIDE_SHARE_LIMIT,
+            "%",
+        ),
+    ]
+    passed = all(line["passed"] for line in checks)
+    return verdict(
+        checks,
+        "Passed: the model predicts the validation run as well as the truth does"
+        if passed
+        else "Failed: see the line marked NO",
+        f"The floor is the error that the plant's true parameters leave: noise, and effects that no"
+        f" model has. With those effects on, {on['inside']} of {on['of']} true parameters lie"
+        f" inside their interval; with them off, {off['inside']} of {off['of']}.",
+    )
+
+
+def _say(console: Console, result: Result) -> None:
+    console.say()
+    console.table(
+        ("axis", "rms torque", "error", "floor", "error/floor"),
+        [
+            (
+                axis["joint"],
+                f"{axis['rms_torque']:.2f} {axis['unit']}",
+                f"{axis['rms_error']:.3f} {axis['unit']}",
+                f"{axis['floor']:.3f} {axis['unit']}",
+                f"{axis['error_over_floor']:.3f}",
+            )
+            for axis in result["validation"]["axes"]
+        ],
+    )
+    for case in result["truth"]:
+        console.say(case["sentence"])
+    console.say(f"Took {result['timing']['elapsed_s']:.1f} s.")

@@ -1,0 +1,183 @@
+"""The demo's story on one simulated robot: record, average, identify, validate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from acquisition.control_block import Progress, TaskState
+from acquisition.experiment import RecordOutcome, record_motion
+from acquisition.journal import read_journal
+from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.periods import average_periods
+from acquisition.recording import Recording
+from acquisition.run_folder import RunFolder, RunStatus
+from config.cell import CellConfig
+from config.errors import ConfigError, SafetyStop
+from config.load import LoadedCell, load_cell
+from config.motion import FourierMotion, MultipointMotion
+from config.robot import RobotDescription
+from identification.estimate_file import write_estimate
+from identification.estimators import estimate_periodic
+from identification.validation import validate
+from mock_hw.cell import SimulatedCell
+from rid_daq.curves import spectrum_curves, torque_curves, validation_section
+from rid_daq.sections import (
+    average_section,
+    estimate_section,
+    loop_section,
+    motion_sentence,
+    run_section,
+)
+from rid_daq.truth import true_parameters
+from rid_daq.versions import software_versions
+
+DEMO_CELL = "ir361"
+
+Show = Callable[[float, str], None]
+"""Called with the seconds of motion that are done, and a word on what is being done."""
+
+
+@dataclass(frozen=True)
+class Motions:
+    """What the robot does: the excitation, and the motion that the model is judged by."""
+
+    excitation: FourierMotion
+    validation: MultipointMotion
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One recorded motion of the story."""
+
+    folder: RunFolder
+    outcome: RecordOutcome
+    recording: Recording
+
+
+def tell_story(
+    folder: RunFolder, motions: Motions, seed: int, unmodelled: bool, show: Show
+) -> dict[str, Any]:
+    """Run the story on one simulated robot; return the sections of its result.
+
+    Parameters
+    ----------
+    folder
+        The demo's run folder; the two runs become folders below it.
+    motions
+        What is run.
+    seed
+        Of the simulation.
+    unmodelled
+        Whether the robot has the effects that no model has.
+    show
+        Told how far the story is.
+
+    Raises
+    ------
+    RidDaqError
+        A step failed; the message says which.
+    """
+    loaded = load_cell(DEMO_CELL)
+    robot, cell, plant = loaded.robot, loaded.config, loaded.plant
+    if plant is None:
+        raise ConfigError(f"cell {cell.name}: names no plant, so nothing can be simulated")
+    with SimulatedCell(
+        cell, robot, plant, realtime=False, seed=seed, unmodelled=unmodelled
+    ) as simulated:
+        tell = _Recorder(folder, loaded, simulated.cell, unmodelled, show)
+        excited = tell.record("excitation", motions.excitation)
+        validated = tell.record("validation", motions.validation)
+    show(tell.done_s, "identifying")
+    average = average_periods(excited.recording)
+    estimate = estimate_periodic(robot, [average], cell_name=cell.name)
+    write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
+    truth = estimate.base.from_standard(true_parameters(estimate.model, robot, plant))
+    noise_nm = np.sqrt(average.torque_variance)
+    validation = validate(estimate, validated.recording, noise_nm=noise_nm)
+    floor = validate(replace(estimate, values=truth), validated.recording)
+    return {
+        "runs": [
+            run_section(role, motion_sentence(motion), run.recording, robot)
+            for role, motion, run in (
+                ("Excitation", motions.excitation, excited),
+                ("Validation", motions.validation, validated),
+            )
+        ],
+        "average": average_section(average, robot),
+        "estimate": estimate_section(estimate, truth),
+        "validation": validation_section(
+            validation,
+            robot,
+            f"{motions.validation.points} random points, not used for the estimate.",
+            floor.rms_nm,
+        ),
+        "curves": {
+            "torque": torque_curves(validation, robot),
+            "spectrum": spectrum_curves(estimate, average),
+        },
+        "loops": [
+            loop_section(role, run.outcome.statistics)
+            for role, run in (("Excitation", excited), ("Validation", validated))
+        ],
+        "run_ids": [excited.folder.run_id, validated.folder.run_id],
+    }
+
+
+class _Recorder:
+    """Records motions one after the other on one simulated cell."""
+
+    def __init__(
+        self, folder: RunFolder, loaded: LoadedCell, cell: CellConfig, unmodelled: bool, show: Show
+    ) -> None:
+        self._root = folder.path / _name(unmodelled)
+        self._loaded = loaded
+        self._cell = cell
+        self._show = show
+        self.done_s = 0.0
+
+    def record(self, role: str, motion: FourierMotion | MultipointMotion) -> Recorded:
+        """Record one motion into a run folder of its own.
+
+        Raises
+        ------
+        SafetyStop
+            It did not come to its end.
+        """
+        robot = self._loaded.robot
+        samples = plan_motion(motion, robot, self._cell.cycle_time_s)
+        folder = RunFolder.create(self._root, role, software=software_versions())
+        for name, content in self._loaded.files.items():
+            folder.write(name, content)
+        outcome = self._run(robot, samples, folder, role)
+        folder.finish(
+            RunStatus.COMPLETE if outcome.complete else RunStatus.STOPPED,
+            {"robot": robot.name, "rows": outcome.rows},
+        )
+        if outcome.stop is not None:
+            raise SafetyStop(f"the demo's {role} was stopped: {outcome.stop.text}")
+        self.done_s += samples.duration_s
+        return Recorded(folder, outcome, read_journal(outcome.path).recording())
+
+    def _run(
+        self, robot: RobotDescription, samples: MotionSamples, folder: RunFolder, role: str
+    ) -> RecordOutcome:
+        shown_s = 0.0
+
+        def on_progress(progress: Progress) -> None:
+            nonlocal shown_s
+            now_s = time.monotonic()
+            if progress.state is TaskState.MOVING and now_s - shown_s > 0.2:
+                shown_s = now_s
+                into_s = max(0, progress.sample_index) * samples.sample_period_s
+                self._show(self.done_s + into_s, role)
+
+        return record_motion(self._cell, robot, samples, folder, on_progress=on_progress)
+
+
+def _name(unmodelled: bool) -> str:
+    return "with_unmodelled" if unmodelled else "without_unmodelled"
