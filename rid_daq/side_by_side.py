@@ -20,7 +20,7 @@ from rid_daq.exit_codes import ExitCode
 
 _END_PATIENCE_S = 30.0
 # One thread a process: two processes fill two cores, and sums keep their order.
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+_ONE_THREAD: dict[str, str] = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def run_stories(
@@ -63,7 +63,7 @@ def run_stories(
             with _environment(_ONE_THREAD):
                 process.start()
             theirs.close()
-            stack.callback(_end, process)
+            stack.push(_Ending(process))
             lines[stack.enter_context(ours)] = unmodelled
         done_s = dict.fromkeys(lines.values(), 0.0)
         with console.progress("recording", total_s, "s of motion, two robots") as display:
@@ -122,15 +122,24 @@ def _leave(_signal: int, _frame: object) -> NoReturn:
     raise SystemExit(ExitCode.TERMINATED)
 
 
-def _end(process: SpawnProcess) -> None:
-    """End a story's process; it stops its robot on the way."""
-    if process.is_alive():
-        process.terminate()
-    process.join(_END_PATIENCE_S)
-    if process.is_alive():
-        process.kill()
-        process.join()
-    process.close()
+class _Ending:
+    """Ends a story's process; one that is still at work stops its robot on the way."""
+
+    def __init__(self, process: SpawnProcess) -> None:
+        self._process = process
+
+    def __enter__(self) -> _Ending:
+        return self
+
+    def __exit__(self, kind: object, error: object, traceback: object) -> None:
+        process = self._process
+        if kind is not None and process.is_alive():
+            process.terminate()
+        process.join(_END_PATIENCE_S)
+        if process.is_alive():
+            process.kill()
+            process.join()
+        process.close()
 
 
 @contextlib.contextmanager
