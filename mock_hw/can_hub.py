@@ -43,15 +43,10 @@ class _Client:
         self.role: Role | None = None
         self.urgent: frozenset[int] = frozenset()
         self.idle = True
-        self.until_ns = FOREVER_NS
+        self.due_ns = FOREVER_NS
         self.on_frames = False
-        self.wake_ns = FOREVER_NS
         self.number = 0
         self.inbox: deque[bytes] = deque(maxlen=_INBOX_FRAMES)
-
-    @property
-    def holds_time(self) -> bool:
-        return self.role in (Role.MASTER, Role.DEVICE)
 
 
 class CanHub:
@@ -95,7 +90,9 @@ class CanHub:
         self._epoch_ns = time.time_ns() - time.monotonic_ns() if realtime else 0
         self._now_ns = time.monotonic_ns() if realtime else 0
         self._clients: dict[int, _Client] = {}
+        self._timed: list[_Client] = []
         self._joining: list[_Client] = []
+        self._to_wake: list[_Client] = []
         self._next_key = 0
         self._busy = 0
         self._masters = 0
@@ -136,9 +133,9 @@ class CanHub:
         """Move time on while nobody works; return how long to listen for clients [s]."""
         while self._busy == 0:
             next_ns = self._wire.next_ns
-            for client in self._clients.values():
-                if client.holds_time:
-                    next_ns = min(next_ns, client.until_ns, client.wake_ns)
+            for client in self._timed:
+                if client.due_ns < next_ns:
+                    next_ns = client.due_ns
             if not self._masters:
                 if next_ns > self._horizon_ns and self._joining:
                     self._now_ns = max(self._now_ns, self._horizon_ns)
@@ -149,7 +146,8 @@ class CanHub:
                     return wait_s
             elif next_ns == FOREVER_NS:
                 break
-            self._now_ns = max(self._now_ns, next_ns)
+            if next_ns > self._now_ns:
+                self._now_ns = next_ns
             self._handle_event()
         self._give_out(observers_only=True)
         return FOREVER_NS * 1e-9
@@ -162,23 +160,27 @@ class CanHub:
         return (next_ns - simulated_ns - (time.monotonic_ns() - wall_ns)) * 1e-9
 
     def _handle_event(self) -> None:
+        """Do what is due now: end a frame, wake clients, and only then start the next frame."""
         wire, now_ns = self._wire, self._now_ns
+        over = False
         if wire.sending and wire.next_ns <= now_ns:
-            delivery = wire.step()
-            if delivery is not None:
+            if (delivery := wire.step()) is not None:
                 self._deliver(delivery)
-        over = not wire.backlog(now_ns)
-        for client in [*self._clients.values()]:
-            if client.idle and client.holds_time:
-                due_ns = min(client.until_ns, client.wake_ns)
-                if due_ns <= now_ns or (over and client.on_frames and client.inbox):
-                    self._wake(client)
+            over = not wire.backlog(now_ns)
+        for client in self._timed:
+            if client.idle and (
+                client.due_ns <= now_ns or (over and client.on_frames and client.inbox)
+            ):
+                self._to_wake.append(client)
+        for client in self._to_wake:
+            self._wake(client)
+        self._to_wake.clear()
         if self._busy == 0 and not wire.sending and wire.next_ns <= now_ns:
             wire.step()
 
     def _wake(self, client: _Client) -> None:
         client.idle = False
-        client.until_ns = client.wake_ns = FOREVER_NS
+        client.due_ns = FOREVER_NS
         self._busy += 1
         self._send_inbox(client, pack(PacketKind.WAKE, 0, client.number, self._now_ns))
 
@@ -197,9 +199,9 @@ class CanHub:
             if client.key != key and client.role is not None:
                 client.inbox.append(record)
                 if frame.can_id in client.urgent:
-                    client.wake_ns = frame.time_ns
-                elif client.on_frames and client.wake_ns == FOREVER_NS:
-                    client.wake_ns = frame.time_ns + _LONGEST_BURST_NS
+                    client.due_ns = frame.time_ns
+                elif client.on_frames:
+                    client.due_ns = min(client.due_ns, frame.time_ns + _LONGEST_BURST_NS)
         if self._log is not None:
             stamp_us = (frame.time_ns + self._epoch_ns) // 1000
             width, identifier = 3, frame.can_id
@@ -215,7 +217,7 @@ class CanHub:
 
     def _give_out(self, *, observers_only: bool) -> None:
         for client in [*self._clients.values()]:
-            if client.inbox and not (observers_only and client.holds_time):
+            if client.inbox and not (observers_only and client.role != Role.OBSERVER):
                 self._send_inbox(client, pack(PacketKind.FRAMES, 0, 0, self._now_ns))
 
     def _send_inbox(self, client: _Client, header: bytes) -> None:
@@ -227,7 +229,7 @@ class CanHub:
                 client.socket.send(pack(PacketKind.FRAMES) + b"".join(some))
             client.socket.send(header + b"".join(inbox))
         except BlockingIOError:
-            if client.holds_time and not self._realtime:
+            if client in self._timed:
                 self._drop(client)
         except OSError:
             self._drop(client)
@@ -286,11 +288,10 @@ class CanHub:
             now_ns = time.monotonic_ns() if self._realtime else self._now_ns
             for frame in unpack_frames(packet):
                 self._wire.queue((client.key, frame.port), frame, now_ns)
-            if kind == PacketKind.IDLE and client.holds_time and not self._realtime:
+            if kind == PacketKind.IDLE and client in self._timed:
                 client.number = number
-                client.until_ns = time_ns
                 client.on_frames = bool(flag)
-                client.wake_ns = now_ns if client.inbox and flag else FOREVER_NS
+                client.due_ns = now_ns if client.inbox and flag else time_ns
                 if not client.idle:
                     client.idle = True
                     self._busy -= 1
@@ -307,7 +308,8 @@ class CanHub:
         self._welcome(client)
 
     def _welcome(self, client: _Client) -> None:
-        if client.holds_time and not self._realtime:
+        if client.role != Role.OBSERVER and not self._realtime:
+            self._timed.append(client)
             client.idle = False
             self._busy += 1
         client.inbox.clear()
@@ -321,7 +323,8 @@ class CanHub:
         if client in self._joining:
             self._joining.remove(client)
             return
-        if client.holds_time and not self._realtime:
+        if client in self._timed:
+            self._timed.remove(client)
             if not client.idle:
                 self._busy -= 1
             if client.role == Role.MASTER:

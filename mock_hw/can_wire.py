@@ -68,7 +68,7 @@ class CanWire:
             queue = self._queues[source] = deque()
         elif queue:
             ready_ns = max(ready_ns, queue[-1].time_ns)
-        queue.append(frame._replace(time_ns=ready_ns))
+        queue.append(frame if ready_ns == frame.time_ns else WireFrame(ready_ns, *frame[1:]))
         if self._sending is None:
             self._look_ahead()
 
@@ -89,21 +89,17 @@ class CanWire:
     def _look_ahead(self) -> None:
         earliest_ns = FOREVER_NS
         for queue in self._queues.values():
-            if queue and queue[0].time_ns < earliest_ns:
+            if queue[0].time_ns < earliest_ns:
                 earliest_ns = queue[0].time_ns
         self.next_ns = max(earliest_ns, self._free_ns)
 
     def _start(self, start_ns: int) -> None:
-        winner: Source | None = None
-        best: tuple[int, Source] | None = None
-        for source, queue in self._queues.items():
-            if queue and queue[0].time_ns <= start_ns:
-                key = (arbitration_key(queue[0].can_id), source)
-                if best is None or key < best:
-                    best, winner = key, source
-        if winner is None:
-            self._look_ahead()
-            return
+        ready = [
+            (arbitration_key(queue[0].can_id), source)
+            for source, queue in self._queues.items()
+            if queue[0].time_ns <= start_ns
+        ]
+        _, winner = min(ready)
         queue = self._queues[winner]
         frame = queue.popleft()
         if not queue:
@@ -112,4 +108,4 @@ class CanWire:
         bits = frame_bits(frame.can_id, data, frame.length)
         self._free_ns = start_ns + round(bits * self._bit_ns)
         self.next_ns = start_ns + round((bits - INTERMISSION_BITS) * self._bit_ns)
-        self._sending = Delivery(winner, frame._replace(time_ns=self.next_ns))
+        self._sending = Delivery(winner, WireFrame(self.next_ns, *frame[1:]))

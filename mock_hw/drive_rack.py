@@ -20,7 +20,7 @@ from mock_hw.drive_objects import DriveIdentity
 from mock_hw.plant import Plant
 from mock_hw.simulated_drive import SimulatedDrive
 
-CONTROL_PERIOD_S = 0.002
+CONTROL_PERIOD_S = 0.004
 """How often the drives look at their axes between events [s]."""
 
 
