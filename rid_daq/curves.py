@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from acquisition.periods import PeriodAverage
 from config.robot import RobotDescription
-from identification.bin_equations import bin_equations
 from identification.estimators import Estimate
+from identification.period_comparison import compare_period
 from identification.validation import Validation
 from rid_daq.sections import rounded, thinned, units
 
@@ -74,64 +74,86 @@ def validation_section(
 
 
 def torque_curves(validation: Validation, robot: RobotDescription) -> dict[str, Any]:
-    """Return measured and predicted torque over time, thinned for drawing."""
+    """Return measured and predicted torque over time, thinned for drawing; and what counts."""
     rows = thinned(len(validation.time_s))
-    time_s = validation.time_s[rows] - validation.time_s[0]
-    return {
-        "time_s": rounded(time_s, 7),
-        "axes": [
+    axes: list[dict[str, Any]] = []
+    for i, joint in enumerate(robot.joints):
+        error, share = _known(validation.rms_nm[i]), _known(validation.relative_percent[i])
+        unit = units(joint)[1]
+        caption = "stands still"
+        if error is not None and share is not None:
+            caption = f"rms error {error:.3g} {unit}, {share:.3g} % of the torque"
+        axes.append(
             {
                 "joint": joint.name,
-                "unit": units(joint)[1],
+                "unit": unit,
+                "caption": caption,
                 "measured": rounded(validation.measured_nm[rows, i]),
                 "predicted": rounded(validation.predicted_nm[rows, i]),
+                "counted": [int(moving) for moving in validation.moving[rows, i]],
             }
-            for i, joint in enumerate(robot.joints)
-        ],
+        )
+    return {
+        "sentence": "Grey: standstill, where the error does not count.",
+        "time_s": rounded(validation.time_s[rows] - validation.time_s[0], 7),
+        "axes": axes,
     }
 
 
-def spectrum_curves(estimate: Estimate, average: PeriodAverage) -> dict[str, Any]:
-    """Return what a mean period leaves over per harmonic, and the noise floor, as amplitudes.
+def period_curves(estimate: Estimate, average: PeriodAverage) -> dict[str, Any]:
+    """Return a mean period's torques over time, and by frequency against the noise floor.
 
     Parameters
     ----------
     estimate
         The estimate, of a periodic recording.
     average
-        One of the averaged periods behind it.
+        The averaged periods behind it.
+
+    Returns
+    -------
+    dict
+        `torque` as `torque_curves` has it, and `spectrum`.
     """
-    equations = bin_equations(
-        estimate.model,
-        estimate.base,
-        average,
-        band_hz=estimate.band_hz,
-        standstill_rad_s=estimate.standstill_rad_s,
-    )
-    residual = _amplitude(equations.rhs - equations.matrix @ estimate.values)
-    noise = _amplitude(equations.torque_sigma)
-    harmonics = np.arange(1, equations.harmonics + 1)
-    return {
-        "sentence": "Amplitude at every harmonic of what the model leaves of the mean period's"
-        " torque, standstill included, and of what the noise between periods leaves there"
-        f" ({average.periods_kept} periods averaged, anti-alias filter divided out).",
-        "frequency_hz": rounded(harmonics / equations.period_s, 7),
-        "axes": [
+    comparison = compare_period(estimate, average)
+    rows = thinned(len(comparison.time_s))
+    torque: list[dict[str, Any]] = []
+    spectrum: list[dict[str, Any]] = []
+    for i, joint in enumerate(estimate.robot.joints):
+        residual = float(estimate.residual_nm[i])
+        unit = units(joint)[1]
+        torque.append(
             {
                 "joint": joint.name,
-                "residual_nm": rounded(residual[i]),
-                "noise_nm": rounded(noise[i]),
+                "unit": unit,
+                "caption": f"rms residual of the fit {residual:.3g} {unit}",
+                "measured": rounded(comparison.measured_nm[rows, i]),
+                "predicted": rounded(comparison.predicted_nm[rows, i]),
+                "counted": [1] * len(comparison.time_s[rows]),
             }
-            for i, joint in enumerate(estimate.robot.joints)
-        ],
+        )
+        spectrum.append(
+            {
+                "joint": joint.name,
+                "measured_nm": rounded(comparison.measured_spectrum_nm[1:, i]),
+                "residual_nm": rounded(comparison.residual_spectrum_nm[1:, i]),
+                "noise_nm": rounded(comparison.noise_spectrum_nm[1:, i]),
+            }
+        )
+    return {
+        "torque": {
+            "sentence": f"The mean of {average.periods_kept} periods; the model was fitted to it.",
+            "time_s": rounded(comparison.time_s[rows], 7),
+            "axes": torque,
+        },
+        "spectrum": {
+            "sentence": "Per harmonic of the mean period: torque, what the model leaves of it"
+            " (standstill included), and what the noise between periods leaves there"
+            f" ({average.periods_kept} averaged). Anti-alias filter divided out.",
+            "frequency_hz": rounded(comparison.frequency_hz[1:], 7),
+            "axes": spectrum,
+        },
     }
-
-
-def _amplitude(rows: FloatArray) -> FloatArray:
-    """Return the amplitudes of harmonics 1 to H from rows of shape (n, 2 H + 1)."""
-    harmonics = rows.shape[1] // 2
-    real, imaginary = rows[:, 1 : harmonics + 1], rows[:, harmonics + 1 :]
-    return np.asarray(np.sqrt(2.0) * np.hypot(real, imaginary))
 
 
 def _known(value: float) -> float | None:

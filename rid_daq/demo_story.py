@@ -25,7 +25,7 @@ from identification.estimate_file import write_estimate
 from identification.estimators import estimate_periodic
 from identification.validation import validate
 from mock_hw.cell import SimulatedCell
-from rid_daq.curves import spectrum_curves, torque_curves, validation_section
+from rid_daq.curves import period_curves, torque_curves, validation_section
 from rid_daq.sections import (
     average_section,
     estimate_section,
@@ -117,8 +117,8 @@ def tell_story(
             floor.rms_nm,
         ),
         "curves": {
+            "spectrum": period_curves(estimate, average)["spectrum"],
             "torque": torque_curves(validation, robot),
-            "spectrum": spectrum_curves(estimate, average),
         },
         "loops": [
             loop_section(role, run.outcome.statistics)

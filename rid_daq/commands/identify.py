@@ -12,7 +12,7 @@ from acquisition.run_list import find_run
 from identification.estimate_file import write_estimate
 from identification.estimators import BAND_HZ, STANDSTILL_RAD_S, Estimate, ModelOptions
 from rid_daq.console import AsJson, Console
-from rid_daq.curves import spectrum_curves
+from rid_daq.curves import period_curves
 from rid_daq.identification_job import estimate_runs
 from rid_daq.report.render import number
 from rid_daq.result import write_result
@@ -69,7 +69,7 @@ def identify(
     if first.is_periodic:
         average = average_periods(first.recording)
         result["average"] = average_section(average, first.robot)
-        result.setdefault("curves", {})["spectrum"] = spectrum_curves(estimate, average)
+        result["curves"] = period_curves(estimate, average)
     path = write_result(first.folder, result)
     console.document({"model": str(output), "report": str(path), "estimate": result["estimate"]})
     _tell(console, estimate, result["estimate"]["sentence"])

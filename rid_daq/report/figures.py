@@ -12,7 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-MEASURED, PREDICTED, WRONG, FLOOR, GRID = "#1f2933", "#2563eb", "#c2410c", "#8593a3", "#e3e8ee"
+MEASURED, PREDICTED, WRONG, FAINT, GRID = "#1f2933", "#3b82f6", "#c2410c", "#b6c0cb", "#e3e8ee"
 
 _STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: small, searchable, in the page's font
@@ -31,63 +31,80 @@ _STYLE: Any = {
 }
 
 
-def torque_figure(
-    time_s: Sequence[float],
-    measured: Sequence[float],
-    predicted: Sequence[float],
-    unit: str,
-    name: str,
-) -> str:
+def torque_figure(time_s: Sequence[float], axis: dict[str, Any], name: str) -> str:
     """Draw one axis' measured and predicted torque, and their difference below.
 
     Parameters
     ----------
-    time_s, measured, predicted
+    time_s
         One value a sample.
-    unit
-        The torque's unit.
+    axis
+        `measured`, `predicted`, `counted` (0: drawn grey), one value a sample; `unit`.
     name
         A word for the drawing's element names, different for every figure of a page.
     """
-    t, tau, model = (np.asarray(x, dtype=float) for x in (time_s, measured, predicted))
+    t = np.asarray(time_s, dtype=float)
+    measured = np.asarray(axis["measured"], dtype=float)
+    predicted = np.asarray(axis["predicted"], dtype=float)
+    counted = np.asarray(axis["counted"], dtype=bool)
+    error = measured - predicted
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(9.6, 3.5), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-        top.plot(t, tau, color=MEASURED, linewidth=0.8, label="measured")
-        top.plot(t, model, color=PREDICTED, linewidth=1.1, label="predicted")
-        top.set_ylabel(f"torque [{unit}]")
+        top.plot(t, np.where(counted, np.nan, predicted), color=FAINT, linewidth=0.8)
+        top.plot(t, measured, color=MEASURED, linewidth=1.4, label="measured")
+        top.plot(
+            t,
+            np.where(counted, predicted, np.nan),
+            color=PREDICTED,
+            linewidth=0.9,
+            label="predicted",
+        )
+        top.set_ylabel(f"torque [{axis['unit']}]")
         top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
-        bottom.plot(t, tau - model, color=WRONG, linewidth=0.8)
-        bottom.axhline(0.0, color=FLOOR, linewidth=0.6)
-        bottom.set_ylabel(f"error [{unit}]")
+        bottom.plot(t, np.where(counted, np.nan, error), color=FAINT, linewidth=0.8)
+        bottom.plot(t, np.where(counted, error, np.nan), color=WRONG, linewidth=0.8)
+        reach = 1.2 * float(np.max(np.abs(error[counted]), initial=0.0))
+        if reach > 0.0:
+            bottom.set_ylim(-reach, reach)
+        bottom.set_ylabel(f"error [{axis['unit']}]")
         bottom.set_xlabel("time [s]")
         bottom.set_xlim(float(t[0]), float(t[-1]))
         return _svg(figure, name)
 
 
 def spectrum_figure(frequency_hz: Sequence[float], axes: Sequence[dict[str, Any]]) -> str:
-    """Draw every axis' residual amplitude per bin against the noise floor of the mean period.
+    """Draw every axis' torque, residual and noise floor per harmonic of the mean period.
 
     Parameters
     ----------
     frequency_hz
-        The bins.
+        The harmonics.
     axes
-        One mapping an axis: `joint`, `residual_nm`, `noise_nm`, one value a bin each.
+        One mapping an axis: `joint`, `measured_nm`, `residual_nm`, `noise_nm`, one value a
+        harmonic each.
     """
     f = np.asarray(frequency_hz, dtype=float)
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(9.6, 2.9), layout="constrained")
-        panels = np.atleast_1d(figure.subplots(1, len(axes), sharey=True, squeeze=True))
-        for panel, axis in zip(panels, axes, strict=True):
-            residual = np.asarray(axis["residual_nm"], dtype=float)
-            noise = np.asarray(axis["noise_nm"], dtype=float)
-            panel.semilogy(f, residual, ".", color=WRONG, markersize=3.0, label="residual")
-            panel.semilogy(f, noise, color=FLOOR, linewidth=1.2, label="noise floor")
+        figure = Figure(figsize=(9.6, 1.0 + 2.2 * -(-len(axes) // 3)), layout="constrained")
+        columns = min(3, len(axes))
+        panels = figure.subplots(-(-len(axes) // 3), columns, sharey=True, squeeze=False).ravel()
+        for panel, axis in zip(panels, axes, strict=False):
+            lines = (
+                ("measured_nm", "torque", {"color": FAINT, "marker": "s", "linestyle": ""}),
+                ("residual_nm", "residual", {"color": WRONG, "marker": "o", "linestyle": ""}),
+                ("noise_nm", "noise floor", {"color": MEASURED, "linewidth": 1.2}),
+            )
+            for key, label, style in lines:
+                values = np.asarray(axis[key], dtype=float)
+                panel.semilogy(f, values, label=label, markersize=2.5, **style)
             panel.set_title(axis["joint"], fontsize=9.0)
             panel.set_xlabel("frequency [Hz]")
-        panels[0].set_ylabel("torque amplitude")
-        panels[0].legend(loc="upper right")
+        for panel in panels[len(axes) :]:
+            panel.set_visible(False)
+        panels[0].set_ylabel("rms torque")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=3)
         return _svg(figure, "spectrum")
 
 

@@ -35,6 +35,8 @@ def render_report(result: dict[str, Any]) -> str:
     )
     environment.filters["number"] = number
     environment.filters["duration"] = duration
+    environment.filters["unit"] = unit
+    environment.filters["moment"] = moment
     template = environment.get_template("report.html")
     return template.render(result=result, figures=_figures(result))
 
@@ -64,6 +66,16 @@ def duration(seconds: float) -> str:
     return f"{int(seconds // 60)} min {seconds % 60:.0f} s"
 
 
+def unit(text: str) -> str:
+    """Return a unit with its powers raised."""
+    return text.replace("^2", "²").replace("^3", "³")
+
+
+def moment(stamp: str) -> str:
+    """Return an ISO 8601 time stamp of UTC to the minute, as people write it."""
+    return f"{stamp[:16].replace('T', ' ')} UTC"
+
+
 def _figures(result: dict[str, Any]) -> dict[str, Any]:
     """Draw what the result has curves for: name to inline SVG, or list of such."""
     figures: dict[str, Any] = {}
@@ -71,15 +83,7 @@ def _figures(result: dict[str, Any]) -> dict[str, Any]:
     if "torque" in curves:
         torque = curves["torque"]
         figures["torque"] = [
-            Markup(
-                torque_figure(
-                    torque["time_s"],
-                    axis["measured"],
-                    axis["predicted"],
-                    axis["unit"],
-                    f"torque{position}",
-                )
-            )
+            Markup(torque_figure(torque["time_s"], axis, f"torque{position}"))
             for position, axis in enumerate(torque["axes"])
         ]
     if "spectrum" in curves:

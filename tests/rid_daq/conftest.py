@@ -122,11 +122,14 @@ def result() -> dict[str, Any]:
         },
         "curves": {
             "torque": {
+                "sentence": "Grey: standstill, where the error does not count.",
                 "time_s": time_s,
                 "axes": [
                     {
                         "joint": joint,
                         "unit": "N m",
+                        "caption": "rms error 4.31 N m, 6.07 % of the torque",
+                        "counted": [int(i % 50 > 5) for i in range(count)],
                         "measured": [
                             wave(i, k) + 3.0 * math.sin(7.7 * i * i) for i in range(count)
                         ],
@@ -141,6 +144,7 @@ def result() -> dict[str, Any]:
                 "axes": [
                     {
                         "joint": joint,
+                        "measured_nm": [20.0 / (1.0 + f) + 0.03 for f in frequency_hz],
                         "residual_nm": [2.0 / (1.0 + f) + 0.03 for f in frequency_hz],
                         "noise_nm": [0.04 for _ in frequency_hz],
                     }
