@@ -193,7 +193,7 @@ class DriveSetup:
                 self._port.write(r.index, r.subindex, r.encoded(r.value))
             except SdoAbort as abort:
                 refusal = f" (write refused: {abort_text(abort.code)})"
-        required = "" if r.value is None else r.words(r.value)
+        required = "" if r.value is None else r.words(r.value & r.mask)
         try:
             found = self._port.read_int(r.index, r.subindex, signed=r.signed)
         except SdoAbort as abort:
@@ -206,7 +206,7 @@ class DriveSetup:
         else:
             verdict = "ok" if found & r.mask == r.value & r.mask else self._fault(r)
         wrong = refusal if verdict != "ok" else ""
-        self._note(r.index, r.subindex, r.name, required, r.words(found) + wrong, verdict)
+        self._note(r.index, r.subindex, r.name, required, r.words(found & r.mask) + wrong, verdict)
 
     def _fault(self, requirement: Requirement) -> Verdict:
         allowed = self._axis.node_id in self._cell.drive_safety.allow_drive_without_watchdog

@@ -71,6 +71,7 @@ def test_everything_read_back_is_listed(bench: Any) -> None:
     assert (watch.joint, watch.required, watch.found) == ("base", "7F0050h", "7F0050h")
     assert bench.found("6007h:00").found == "3"
     assert bench.found("60C2h:02").found == "-3"
+    assert bench.found("1000h:00").found == "402"
     assert bench.found("605Bh:00").found == "not in this drive"
     assert bench.found("1A00h:02").found == "60640020h"
 
@@ -181,7 +182,9 @@ class TestRefusals:
 
     def test_a_drive_without_cyclic_synchronous_velocity(self, bench: Any) -> None:
         bench.drives[0].objects[0x6502, 0] = (0x2ED).to_bytes(4, "little")
-        with pytest.raises(PreflightError, match="cyclic synchronous velocity 6502h:00 is 2EDh"):
+        with pytest.raises(
+            PreflightError, match="cyclic synchronous velocity 6502h:00 is 0h, required: 100h"
+        ):
             bench.axes.bring_up()
 
     def test_a_device_that_is_no_drive(self, bench: Any) -> None:
