@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from pydantic import ValidationError
 
-from config.errors import ConfigError, RecordingError
+from config.errors import ConfigError, EstimationError, RecordingError
 from config.model import ConfigModel
 from config.robot import RobotDescription
 from identification.base_parameters import BaseParameters
@@ -106,7 +106,10 @@ def read_estimate(path: Path) -> Estimate:
         raise ConfigError(
             f"{path}: not an estimate as this program writes it: {where}: {first['msg']}"
         ) from error
-    return _to_estimate(document, path)
+    try:
+        return _to_estimate(document)
+    except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix
+        raise ConfigError(f"{path}: not an estimate that fits itself: {error}") from error
 
 
 def estimate_document(estimate: Estimate) -> EstimateDocument:
@@ -158,15 +161,15 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
     )
 
 
-def _to_estimate(document: EstimateDocument, path: Path) -> Estimate:
+def _to_estimate(document: EstimateDocument) -> Estimate:
+    """Return the estimate that stands in a file."""
     names = tuple(parameter.name for parameter in document.parameters)
     options = ModelOptions(**document.model.model_dump())
     expected = options.build(document.robot).parameter_names
     strangers = [name for name in names if name not in expected]
     if strangers or document.standard_parameters != expected:
-        raise ConfigError(
-            f"{path}: its parameters ({', '.join(strangers or names)}) are not those of the robot"
-            " that stands in it"
+        raise EstimationError(
+            f"the parameters {', '.join(strangers or names)} are not those of the robot in the file"
         )
     base = BaseParameters(
         names=names,

@@ -75,7 +75,7 @@ def test_the_position_points_at_the_key(tmp_path: Path) -> None:
 
 
 def test_an_unknown_cell_lists_the_bundled_ones() -> None:
-    with pytest.raises(ConfigError, match="Bundled cells: .*ir361"):
+    with pytest.raises(ConfigError, match=r"Bundled cells: .*ir361"):
         load_cell("nothing-like-it")
 
 

@@ -65,8 +65,7 @@ def test_a_trap_is_refused_where_it_stands(text: bytes, position: str, says: str
 
 def test_an_alias_bomb_is_refused_before_it_unfolds() -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
-    for level in range(1, 10):
-        lines.append(f"a{level}: &a{level} [" + ", ".join([f"*a{level - 1}"] * 10) + "]")
+    lines += [f"a{n}: &a{n} [" + ", ".join([f"*a{n - 1}"] * 10) + "]" for n in range(1, 10)]
     with pytest.raises(ConfigError, match="expanding aliases"):
         parse_yaml("\n".join(lines).encode(), "bomb.yaml")
 
