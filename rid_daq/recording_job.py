@@ -138,17 +138,14 @@ def progress_shown(
     samples: MotionSamples, show: Callable[[float, str], None]
 ) -> Callable[[Progress], None]:
     """Return what turns the task's progress into periods done (seconds, if not periodic)."""
+    done = 0.0
 
     def update(progress: Progress) -> None:
-        row = progress.sample_index
-        if progress.state is not TaskState.MOVING:
-            line = _STATES[progress.state]
-        else:
-            line = _PHASES[progress.phase]
-        if row >= 0:
-            show(_done(samples, row), line)
-        else:
-            show(0.0 if progress.state < TaskState.STOPPING else _total(samples)[0], line)
+        nonlocal done
+        if progress.sample_index >= 0:
+            done = _done(samples, progress.sample_index)
+        moving = progress.state is TaskState.MOVING
+        show(done, _PHASES[progress.phase] if moving else _STATES[progress.state])
 
     return update
 

@@ -104,18 +104,19 @@ def _serve(
     """Tell one story and send it; the main function of its process."""
     # Ctrl-C reaches the whole group; the program decides, and ends this process by SIGTERM.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
-    try:
-        line.send(
-            tell_story(
-                folder, motions, seed, unmodelled, lambda done_s, doing: line.send((done_s, doing))
-            )
-        )
-    except RidDaqError as error:
-        kind = getattr(errors, type(error).__name__, DriverError)
-        line.send(kind(str(error)))
-    except BrokenPipeError:
-        pass  # the program is gone: everything has been stopped on the way here
+
+    def show(done_s: float, doing: str) -> None:
+        line.send((done_s, doing))
+
+    # Where the program is gone, everything has been stopped on the way here.
+    with contextlib.suppress(BrokenPipeError):
+        try:
+            line.send(tell_story(folder, motions, seed, unmodelled, show))
+        except RidDaqError as error:
+            kind = getattr(errors, type(error).__name__, DriverError)
+            line.send(kind(str(error)))
 
 
 def _leave(_signal: int, _frame: object) -> NoReturn:

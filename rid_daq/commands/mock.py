@@ -9,13 +9,16 @@ from typing import Annotated
 
 import typer
 
+from acquisition.termination import TERMINATION, ignore_termination
 from config.cell import CellConfig
-from config.errors import ConfigError, LockedError
+from config.errors import ConfigError, LockedError, TransportError
 from config.load import load_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.runtime_directory import runtime_directory
 from rid_daq.cells import is_served
 from rid_daq.console import AsJson, Console
+
+_LOOK_S = 2.0
 
 
 def mock(
@@ -67,8 +70,24 @@ def mock(
         )
         console.say(f"Listen in:  {listen}")
         console.say(f"Use it:     rid-daq check {cell}")
-        signal.sigwait({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+        _wait(loaded.config)
     console.say("Ended.")
+
+
+def _wait(cell: CellConfig) -> None:
+    """Wait for a signal to end; what this process was told to ignore (nohup) stays ignored.
+
+    Raises
+    ------
+    TransportError
+        The simulated bus is not served any more.
+    """
+    ending = {number for number in TERMINATION if signal.getsignal(number) != signal.SIG_IGN}
+    signal.pthread_sigmask(signal.SIG_BLOCK, ending)
+    while signal.sigtimedwait(ending, _LOOK_S) is None:
+        if not is_served(cell):
+            raise TransportError(f"cell {cell.name}: its simulated bus died; start it again")
+    ignore_termination()
 
 
 def _check_channel(cell: CellConfig) -> None:

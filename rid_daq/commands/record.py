@@ -10,6 +10,7 @@ import typer
 
 from acquisition.motion_samples import plan_motion
 from acquisition.run_folder import RunFolder, RunStatus
+from acquisition.termination import ignore_termination
 from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError, RidDaqError
 from config.load import LoadedCell, load_cell, load_motion
@@ -66,6 +67,8 @@ def record(
     try:
         with reachable_cell(loaded, realtime=realtime, seed=seed) as reachable:
             run = record_run(reachable, loaded.robot, asked, samples, folder, console)
+            if run.outcome.interrupted_by is not None:
+                ignore_termination()  # a second Ctrl-C must not cost the report
     except (RidDaqError, SystemExit, KeyboardInterrupt) as error:
         folder.finish(RunStatus.STOPPED, {"why": str(error) or "interrupted"})
         raise

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from typing import Any
@@ -131,7 +132,19 @@ def test_control_characters_of_devices_never_reach_the_terminal() -> None:
     assert printable("drive says \x1b[2J\x07\n\tµ") == "drive says \\x1b[2J\\x07\n\tµ"
 
 
-def test_termination_becomes_143() -> None:
-    with pytest.raises(SystemExit) as end:
-        app._terminate(15, None)
-    assert end.value.code == ExitCode.TERMINATED
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 143)]
+)
+def test_the_first_signal_ends_the_program_and_later_ones_change_nothing(
+    number: signal.Signals, code: int
+) -> None:
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {other: signal.getsignal(other) for other in numbers}
+    try:
+        with pytest.raises(SystemExit) as end:
+            app._end_once(number, None)
+        assert end.value.code == code
+        assert all(signal.getsignal(other) == signal.SIG_IGN for other in numbers)
+    finally:
+        for other, handler in before.items():
+            signal.signal(other, handler)
