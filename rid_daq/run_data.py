@@ -63,17 +63,18 @@ def read_run(folder: RunFolder) -> RunData:
     ConfigError, DataQualityError
         The robot or map file in it was changed so that it cannot be meant.
     """
+    if not (folder.file(RECORDING).exists() or folder.file(SOURCE).exists()):
+        raise RecordingError(
+            f"{folder.path}: holds neither {RECORDING} nor {SOURCE}; nothing was recorded in this"
+            " run"
+        )
     robot = load_robot(str(folder.file(ROBOT)))
     if folder.file(RECORDING).exists():
         journal = read_journal(folder.file(RECORDING))
         return RunData(folder, journal.recording(), robot, damage=journal.damage.notes)
-    if folder.file(SOURCE).exists():
-        import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
-        recording, report = import_csv(folder.file(SOURCE), import_map, run_id=folder.run_id)
-        return RunData(folder, replace(recording, robot_name=robot.name), robot, report)
-    raise RecordingError(
-        f"{folder.path}: holds neither {RECORDING} nor {SOURCE}; nothing was recorded in this run"
-    )
+    import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
+    recording, report = import_csv(folder.file(SOURCE), import_map, run_id=folder.run_id)
+    return RunData(folder, replace(recording, robot_name=robot.name), robot, report)
 
 
 def result_of(data: RunData) -> Result:

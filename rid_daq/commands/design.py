@@ -24,7 +24,7 @@ def design(
         Path, typer.Option("--output", "-o", metavar="MOTION", help="The motion file to write.")
     ],
     period_s: Annotated[
-        float, typer.Option("--period", min=0.1, help="Period [s], a whole number of cycles.")
+        float, typer.Option("--period", min=0.1, max=3600.0, help="Period [s], whole cycles.")
     ] = 10.0,
     periods: Annotated[int, typer.Option(min=2, help="Periods that count.")] = 16,
     highest_harmonic: Annotated[

@@ -1,0 +1,198 @@
+"""The commands one after the other, on a simulated cell: what a newcomer does."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.journal import read_journal
+from acquisition.run_folder import RunFolder
+from rid_daq.app import run
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder made by init, with an excitation run and a validation run in it."""
+    folder = tmp_path_factory.mktemp("workshop")
+    assert run(["init", str(folder)]) == 0
+    motion = folder / "motion.yaml"
+    motion.write_text(motion.read_text().replace("periods: 8", "periods: 4"))
+    validation = folder / "validation.yaml"
+    validation.write_text(validation.read_text().replace("points: 20", "points: 6"))
+    runs = ["--runs", str(folder / "runs")]
+    cell = str(folder / "cell.yaml")
+    assert run(["record", cell, str(motion), "--label", "excitation", *runs]) == 0
+    assert run(["record", cell, str(validation), "--label", "validation", *runs]) == 0
+    assert run(["identify", "excitation", "-o", str(folder / "model.json"), *runs]) == 0
+    return folder
+
+
+@pytest.fixture
+def runs(workshop: Path) -> list[str]:
+    return ["--runs", str(workshop / "runs")]
+
+
+def _document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    document = json.loads(capsys.readouterr().out)
+    assert isinstance(document, dict)
+    return document
+
+
+def test_a_run_folder_holds_everything_and_says_so(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["runs", "--verify", "--json", *runs]) == 0
+    first, second = _document(capsys)["runs"]
+    assert (first["label"], second["label"]) == ("excitation", "validation")
+    assert first["status"] == "complete"
+    folder = RunFolder.open(Path(first["folder"]))
+    assert {
+        "cell.yaml", "robot.yaml", "plant.yaml", "motion.yaml", "recording.mcap",
+        "result.json", "report.html",
+    } <= set(folder.manifest().files)  # fmt: skip
+    assert folder.manifest().software["rid-daq"]
+
+
+def test_average_says_what_was_kept_and_the_noise(
+    runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["average", "excitation", "--json", *runs]) == 0
+    average = _document(capsys)["average"]
+    assert average["periods_kept"] == 4
+    assert average["samples_per_period"] == 1250
+    assert average["rejected"] == []
+    noise = [axis["torque_noise"] for axis in average["axes"]]
+    assert noise == pytest.approx([1.2, 1.5, 0.5], rel=0.15)
+
+
+def test_identify_writes_a_model_with_intervals(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["identify", "excitation", "--json", *runs]) == 0
+    document = _document(capsys)
+    model = json.loads(Path(document["model"]).read_text())
+    assert model["cell"] == "my_cell"
+    parameters = {entry["name"]: entry for entry in document["estimate"]["parameters"]}
+    assert parameters["fv_axis1"]["value"] == pytest.approx(25.0, rel=0.1)
+    assert all(entry["std"] > 0.0 for entry in parameters.values())
+    assert Path(document["report"]).read_text().count("<svg") >= 4
+
+
+def test_validate_passes_and_fails_by_its_limits(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["validate", str(workshop / "model.json"), "validation", *runs]
+    assert run([*words, "--limits", "10", "--json"]) == 0
+    passed = _document(capsys)
+    assert passed["verdict"]["passed"] is True
+    assert all(axis["relative_error_percent"] < 5.0 for axis in passed["validation"]["axes"])
+    assert run([*words, "--limits", "10,0.01,10"]) == 1
+    assert "Failed: axis2 beyond the limit" in capsys.readouterr().out
+    assert run(words) == 0
+    assert "no limits were given" in capsys.readouterr().out
+
+
+def test_report_is_written_again_from_the_results_alone(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = RunFolder.open(next((workshop / "runs").iterdir()))
+    before = (folder.path / "report.html").read_bytes()
+    (folder.path / "report.html").unlink()
+    assert run(["report", str(folder.path)]) == 0
+    assert f"Report: {folder.path / 'report.html'}" in capsys.readouterr().out
+    assert (folder.path / "report.html").read_bytes() == before
+
+
+def test_a_changed_file_is_found(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = RunFolder.open(next((workshop / "runs").iterdir()))
+    motion = folder.path / "motion.yaml"
+    before = motion.read_bytes()
+    motion.write_bytes(before + b"# changed\n")
+    try:
+        assert run(["runs", "--verify", *runs]) == 7
+        assert "motion.yaml" in capsys.readouterr().err
+    finally:
+        motion.write_bytes(before)
+
+
+def test_design_writes_a_motion_that_record_takes(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = tmp_path / "designed.yaml"
+    words = ["design", str(workshop / "cell.yaml"), "-o", str(motion), "--tries", "5", "--json"]
+    assert run(words) == 0
+    document = _document(capsys)
+    assert document["condition_number"] > 1.0
+    assert all(axis["velocity_percent"] <= 100.0 for axis in document["axes"])
+    assert motion.read_text().startswith("# Two-harmonic excitation for robot my_robot")
+    assert run(words) == 2  # nothing is overwritten unasked
+
+
+def test_check_reads_every_drive_and_moves_nothing(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["check", str(workshop / "cell.yaml"), "--seconds", "0.5"]
+    assert run([*words, "--json"]) == 0
+    document = _document(capsys)
+    assert document["passed"] is True
+    watchdogs = [line for line in document["lines"] if line["what"].startswith("6007h")]
+    assert [line["where"] for line in watchdogs] == [
+        "axis1, node 1", "axis2, node 2", "axis3, node 3",
+    ]  # fmt: skip
+    assert all(line["required"] == line["found"] == "3" for line in watchdogs)
+
+
+def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
+    workshop: Path, tmp_path: Path
+) -> None:
+    words = [
+        sys.executable, "-m", "rid_daq", "record", str(workshop / "cell.yaml"),
+        str(workshop / "motion.yaml"), "--realtime", "--runs", str(tmp_path),
+    ]  # fmt: skip
+    with subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    ) as program:
+        assert program.stdout is not None
+        line = ""
+        while not line.startswith("recording:"):
+            line = program.stdout.readline()
+            assert line, "the program ended before it moved"
+        for _ in range(3):
+            program.send_signal(signal.SIGINT)
+        said = program.stdout.read()
+    assert program.returncode == 130
+    assert "Traceback" not in said
+    assert re.search(r"Stopped: .* into the motion", said)
+    (folder,) = tmp_path.iterdir()
+    assert RunFolder.open(folder).manifest().status == "stopped"
+    journal = read_journal(folder / "recording.mcap")
+    assert journal.damage.finished
+    assert "Stopped before its end" in (folder / "report.html").read_text()
+
+
+def test_a_served_cell_is_joined_and_served_once(workshop: Path, tmp_path: Path) -> None:
+    cell = tmp_path / "cell.yaml"
+    text = (workshop / "cell.yaml").read_text()
+    cell.write_text(text.replace("channel: my_cell", f"channel: test_{tmp_path.name}"[:60]))
+    (tmp_path / "robot.yaml").write_text((workshop / "robot.yaml").read_text())
+    words = [sys.executable, "-m", "rid_daq", "mock", str(cell)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as served:
+        assert served.stdout is not None
+        said = [served.stdout.readline() for _ in range(3)]
+        try:
+            assert any("can_logger -i rid_sim -c test_" in line for line in said)
+            assert run(["mock", str(cell)]) == 8
+            assert run(["check", str(cell), "--seconds", "0.3"]) == 0
+        finally:
+            served.send_signal(signal.SIGINT)
+        assert "Ended." in served.stdout.read()
+    assert served.returncode == 0
