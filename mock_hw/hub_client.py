@@ -119,17 +119,21 @@ class HubClient:
         TransportError
             The hub is gone.
         """
-        return self._wait_lockstep(until_ns, on_frames) if self.lockstep else self._wait(until_ns)
+        if not self.lockstep:
+            return self._wait(until_ns)
+        self.begin_wait(until_ns, on_frames)
+        return self.end_wait()
 
-    def close(self) -> None:
-        """Send what is in the outbox if the hub is still there, and disconnect."""
-        with contextlib.suppress(TransportError):
-            self._flush()
-        self._socket.close()
-
-    def _wait_lockstep(self, until_ns: int, on_frames: bool) -> list[WireFrame]:
+    def begin_wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> None:
+        """Do the first half of a lock-step `wait`: from now on this client does not hold time."""
         self._number = (self._number + 1) & 0xFFFFFFFF
         self._transmit(pack(PacketKind.IDLE, on_frames, self._number, until_ns))
+
+    def end_wait(self) -> list[WireFrame]:
+        """Do the second half of a lock-step `wait`: return once it has ended.
+
+        An answer to an earlier wait, which was interrupted, does not end this one.
+        """
         frames: list[WireFrame] = []
         while True:
             packet = self._receive()
@@ -138,6 +142,12 @@ class HubClient:
             if kind == PacketKind.WAKE and number == self._number:
                 self.now_ns = time_ns
                 return frames
+
+    def close(self) -> None:
+        """Send what is in the outbox if the hub is still there, and disconnect."""
+        with contextlib.suppress(TransportError):
+            self._flush()
+        self._socket.close()
 
     def _wait(self, until_ns: int) -> list[WireFrame]:
         self._flush()

@@ -15,21 +15,29 @@ from drivers.canopen.frames import Frame, sdo_answer_cob_id, sdo_request_cob_id
 from mock_hw.axis_port import AxisPort
 from mock_hw.can_hub import CanHub
 from mock_hw.drive_objects import DriveIdentity
+from mock_hw.hub_client import HubClient
 from mock_hw.hub_process import listening_socket
+from mock_hw.hub_protocol import Role
 from mock_hw.simulated_drive import SimulatedDrive
 
 
 class ServedHub:
-    """A hub and where it is."""
+    """A hub, where it is, and the clients that the test lets join."""
 
     def __init__(self, path: Path, log: StringIO) -> None:
         self.path = path
         self.log = log
+        self.clients: list[HubClient] = []
+
+    def join(self, role: Role, urgent: tuple[int, ...] = ()) -> HubClient:
+        self.clients.append(HubClient(self.path, role, urgent))
+        return self.clients[-1]
 
 
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
     """Serve a hub until the test's end."""
+    hubs: list[ServedHub] = []
     stoppers: list[tuple[int, threading.Thread]] = []
 
     def start(*, realtime: bool = False, bitrate: int = 1_000_000) -> ServedHub:
@@ -50,9 +58,13 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
         thread.start()
         stoppers.append((stopper, thread))
         assert ready.wait(10.0)
-        return ServedHub(path, log)
+        hubs.append(ServedHub(path, log))
+        return hubs[-1]
 
     yield start
+    for hub in hubs:
+        for client in hub.clients:
+            client.close()
     for stopper, thread in stoppers:
         os.write(stopper, b"x")
         thread.join(10.0)
