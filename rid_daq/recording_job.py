@@ -71,6 +71,11 @@ class RecordedRun:
         return RunStatus.COMPLETE if self.outcome.complete else RunStatus.STOPPED
 
     @property
+    def is_periodic(self) -> bool:
+        """Whether it holds whole periods."""
+        return self.recording is not None and self.recording.samples_per_period is not None
+
+    @property
     def stop_sentence(self) -> str:
         """What stopped, where in the motion, and what to do; empty for a complete run."""
         stop = self.outcome.stop

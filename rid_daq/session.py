@@ -15,8 +15,9 @@ from typing import Annotated
 
 import typer
 
+from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig
-from config.errors import LockedError, RecordingError
+from config.errors import LockedError, RecordingError, RidDaqError
 
 RunsFolder = Annotated[
     Path, typer.Option("--runs", help="The folder that holds the run folders.", show_default=True)
@@ -61,6 +62,24 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
+
+
+def as_label(text: str) -> str:
+    """Return text, such as a file's name, as a run's label may be."""
+    return re.sub(r"[^\w .-]", "_", text)[:64] or "run"
+
+
+@contextlib.contextmanager
+def unfinished(folder: RunFolder) -> Iterator[None]:
+    """Mark a run as stopped, with the reason, where the `with` is left by an error or a signal."""
+    try:
+        yield
+    except BaseException as error:
+        told = isinstance(error, RidDaqError)
+        why = str(error) if told else "interrupted, or failed by itself"
+        with contextlib.suppress(RidDaqError):
+            folder.finish(RunStatus.STOPPED, {"why": why})
+        raise
 
 
 def _lock_folder() -> Path:

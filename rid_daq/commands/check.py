@@ -17,11 +17,10 @@ from config.robot import RobotDescription
 from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
 from drivers.cell import Cell, open_cell
 from drivers.interfaces import DriveSetting
+from drivers.servo_can import COLLECT_FRACTION
 from rid_daq.cells import reachable_cell
 from rid_daq.console import AsJson, Console
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
-
-COLLECT_FRACTION = 0.6
 
 _NEXT: dict[str, str] = {
     "1016": "this drive would not stop when this computer dies: set 1016h in the drive's own tool,"

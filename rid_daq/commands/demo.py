@@ -9,7 +9,6 @@ import typer
 
 from acquisition.motion_samples import plan_motion
 from acquisition.run_folder import RunFolder, RunStatus
-from config.errors import RidDaqError
 from config.load import load_cell, to_yaml
 from config.motion import MultipointMotion
 from identification.experiment_design import design_two_harmonic
@@ -18,7 +17,7 @@ from rid_daq.demo_story import DEMO_CELL, Motions
 from rid_daq.exit_codes import ExitCode
 from rid_daq.result import Result, check, new_result, verdict, write_result
 from rid_daq.sections import cell_section, truth_case
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.session import DEFAULT_RUNS, RunsFolder, unfinished
 from rid_daq.side_by_side import run_stories
 from rid_daq.versions import software_versions
 
@@ -51,7 +50,7 @@ def demo(
     loaded = load_cell(DEMO_CELL)
     folder = RunFolder.create(runs, "demo", kind="demo", software=software_versions())
     console.say(f"Simulated cell {loaded.config.name}, seed {seed}: no hardware is moved.")
-    try:
+    with unfinished(folder):
         excitation = design_two_harmonic(
             loaded.robot, PERIOD_S, loaded.config.cycle_time_s, seed=seed, periods=periods
         )
@@ -92,9 +91,6 @@ def demo(
         report = write_result(folder, result)
         passed = result["verdict"]["passed"]
         folder.finish(RunStatus.COMPLETE, {"verdict": "passed" if passed else "failed"})
-    except (RidDaqError, SystemExit, KeyboardInterrupt) as error:
-        folder.finish(RunStatus.STOPPED, {"why": str(error) or "interrupted"})
-        raise
     console.document(result | {"folder": str(folder.path), "report": str(report)})
     _say(console, result)
     console.verdict(passed, result["verdict"]["headline"])

@@ -10,13 +10,13 @@ import typer
 
 from acquisition.import_csv import import_csv
 from acquisition.run_folder import RunFolder, RunStatus
-from config.errors import ConfigError, RidDaqError
+from config.errors import ConfigError
 from config.import_map import ImportMap, RowRange
 from config.load import load_bundled_or_path, load_robot, to_yaml
 from rid_daq.console import AsJson, Console
 from rid_daq.result import verdict, write_result
 from rid_daq.run_data import MAP, ROBOT, SOURCE, RunData, result_of
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
 from rid_daq.versions import software_versions
 
 
@@ -53,9 +53,9 @@ def import_(
         )
     recording, report = import_csv(file, columns)
     folder = RunFolder.create(
-        runs, label or _as_label(file.stem), kind="import", software=software_versions()
+        runs, label or as_label(file.stem), kind="import", software=software_versions()
     )
-    try:
+    with unfinished(folder):
         folder.write(SOURCE, file.read_bytes())
         folder.write(MAP, to_yaml(columns, f"How {SOURCE} was read.").encode())
         folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name} as used.").encode())
@@ -68,9 +68,6 @@ def import_(
         result["verdict"] = verdict([], headline, "; ".join(report.lines()[:2]) + ".")
         path = write_result(folder, result)
         folder.finish(RunStatus.COMPLETE, {"robot": robot.name, "rows": report.rows_used})
-    except (RidDaqError, OSError):
-        folder.finish(RunStatus.STOPPED)
-        raise
     console.document(
         {
             "run": folder.run_id,
@@ -96,8 +93,3 @@ def _row_range(text: str) -> RowRange:
     if found is None or first < 1 or (last is not None and last <= first):
         raise ConfigError(f"--rows {text}: give FIRST-LAST, such as 355-5090, or FIRST-")
     return RowRange(first=first, last=last)
-
-
-def _as_label(text: str) -> str:
-    """Return text as a run's label may be."""
-    return re.sub(r"[^\w .-]", "_", text)[:64] or "import"

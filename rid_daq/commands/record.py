@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 
 from acquisition.motion_samples import plan_motion
-from acquisition.run_folder import RunFolder, RunStatus
+from acquisition.run_folder import RunFolder
 from acquisition.termination import ignore_termination
 from config.cell import CellConfig
-from config.errors import ConfigError, PreflightError, RidDaqError
+from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, load_cell, load_motion
 from config.motion import FourierMotion, MultipointMotion
 from rid_daq.cells import reachable_cell
@@ -20,7 +20,7 @@ from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import exit_code_of_stop
 from rid_daq.recording_job import RecordedRun, record_run
 from rid_daq.result import write_result
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
 from rid_daq.versions import software_versions
 
 
@@ -60,18 +60,17 @@ def record(
     samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
     if not loaded.config.simulated:
         _ask_whether_cleared(loaded.config, cleared)
-    folder = RunFolder.create(runs, label or motion.stem, software=software_versions())
-    for name, content in loaded.files.items():
-        folder.write(name, content)
-    folder.write("motion.yaml", motion.read_bytes())
-    try:
-        with reachable_cell(loaded, realtime=realtime, seed=seed) as reachable:
+    with reachable_cell(loaded, realtime=realtime, seed=seed) as reachable:
+        folder = RunFolder.create(
+            runs, label or as_label(motion.stem), software=software_versions()
+        )
+        with unfinished(folder):
+            for name, content in loaded.files.items():
+                folder.write(name, content)
+            folder.write("motion.yaml", motion.read_bytes())
             run = record_run(reachable, loaded.robot, asked, samples, folder, console)
-            if run.outcome.interrupted_by is not None:
-                ignore_termination()  # a second Ctrl-C must not cost the report
-    except (RidDaqError, SystemExit, KeyboardInterrupt) as error:
-        folder.finish(RunStatus.STOPPED, {"why": str(error) or "interrupted"})
-        raise
+        if run.outcome.interrupted_by is not None:
+            ignore_termination()  # a second Ctrl-C must not cost the report
     report = write_result(folder, run.result)
     folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
     _tell(console, run, folder, report)
@@ -134,5 +133,7 @@ def _tell(console: Console, run: RecordedRun, folder: RunFolder, report: Path) -
     else:
         console.verdict(True, f"Recorded: {folder.path}")
     console.say(f"Report: {report}")
-    if outcome.stop is None:
+    if outcome.stop is None and run.is_periodic:
         console.say(f"Next: rid-daq identify {folder.path}")
+    elif outcome.stop is None:
+        console.say(f"Next: rid-daq validate MODEL {folder.path}")

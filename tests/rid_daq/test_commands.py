@@ -156,7 +156,7 @@ def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
 ) -> None:
     words = [
         sys.executable, "-m", "rid_daq", "record", str(workshop / "cell.yaml"),
-        str(workshop / "motion.yaml"), "--realtime", "--runs", str(tmp_path),
+        str(workshop / "validation.yaml"), "--realtime", "--runs", str(tmp_path),
     ]  # fmt: skip
     with subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from acquisition.run_folder import RunFolder
 from config.cell import CellConfig
 from config.errors import LockedError, RecordingError
 from config.load import load_cell
-from rid_daq.session import hold_cell
+from rid_daq.session import as_label, hold_cell, unfinished
 
 
 @pytest.fixture
@@ -74,3 +75,19 @@ def test_a_symbolic_link_is_not_followed(cell: CellConfig, tmp_path: Path) -> No
     with pytest.raises(RecordingError), hold_cell(cell, tmp_path):
         pass
     assert not (tmp_path / "victim").exists()
+
+
+def test_a_run_that_fails_says_why(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "test")
+    with pytest.raises(RecordingError), unfinished(folder):
+        raise RecordingError("the disk is full")
+    manifest = folder.manifest()
+    assert manifest.status == "stopped"
+    assert manifest.facts == {"why": "the disk is full"}
+
+
+def test_any_file_name_makes_a_label() -> None:
+    assert as_label("my motion (2)") == "my motion _2_"
+    label = as_label("../" * 40)
+    assert "/" not in label
+    assert len(label) <= 64
