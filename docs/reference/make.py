@@ -1,0 +1,146 @@
+"""Write the reference pages from the code: `python docs/reference/make.py`.
+
+`tests/test_reference.py` fails when a page differs from what the code says.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import io
+import json
+import os
+import typing
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from config.cell import CellConfig
+from config.import_map import ImportMap
+from config.motion import FourierMotion, MultipointMotion
+from config.plant import PlantConfig
+from config.robot import RobotDescription
+
+HERE = Path(__file__).resolve().parent
+
+PAGES = {
+    "cell files": CellConfig,
+    "robot files": RobotDescription,
+    "motion files: periodic excitation": FourierMotion,
+    "motion files: validation": MultipointMotion,
+    "import maps": ImportMap,
+    "plant files (simulation only)": PlantConfig,
+}
+
+
+def command_line() -> str:
+    """Return the page of the command line: every command's own help."""
+    os.environ.update(COLUMNS="80", TERMINAL_WIDTH="80", NO_COLOR="1")
+    from rid_daq.app import COMMANDS
+
+    parts = ["# Command line\n\nGenerated from the program's own help.\n", _help([])]
+    parts += [f"## {name}\n\n{_help([name])}" for name in COMMANDS]
+    return "\n".join(parts)
+
+
+def files() -> str:
+    """Return the page of the file formats: every key, its kind, its default."""
+    parts = [
+        "# Files\n\nGenerated from the schema. Every file is YAML; an unknown key is an error."
+        " `rid-daq init DIR` writes commented examples.\n"
+    ]
+    for title, model in PAGES.items():
+        parts.append(f"## {title[0].upper()}{title[1:]}\n")
+        seen: list[type[BaseModel]] = []
+        _model(model, seen, parts)
+    return "\n".join(parts)
+
+
+def _help(arguments: list[str]) -> str:
+    from rid_daq.app import run
+
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output):
+        run([*arguments, "--help"])
+    text = "\n".join(line.rstrip() for line in output.getvalue().splitlines())
+    return f"```\n{text.strip()}\n```\n"
+
+
+def _model(model: type[BaseModel], seen: list[type[BaseModel]], parts: list[str]) -> None:
+    seen.append(model)
+    parts.append(f"### {model.__name__}\n\n{inspect.getdoc(model)}\n")
+    parts.append("| key | kind | default |\n|---|---|---|")
+    inner: list[type[BaseModel]] = []
+    for name, field in model.model_fields.items():
+        kind, models = _kind(field.annotation)
+        parts.append(f"| `{name}` | {kind}{_bounds(field.metadata)} | {_default(field)} |")
+        inner += models
+    parts.append("")
+    for child in inner:
+        if child not in seen:
+            _model(child, seen, parts)
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    if field.default is None:
+        return "left out"
+    if isinstance(field.default, BaseModel):
+        return "its own defaults"
+    return f"`{json.dumps(field.default, ensure_ascii=False)}`"
+
+
+def _bounds(metadata: list[Any]) -> str:
+    signs = {
+        "ge": "≥ {}",
+        "gt": "> {}",
+        "le": "≤ {}",
+        "lt": "< {}",
+        "min_length": "at least {}",
+        "max_length": "at most {}",
+        "pattern": "like `{}`",
+    }
+    words = [
+        sign.format(getattr(m, key))
+        for m in metadata
+        for key, sign in signs.items()
+        if getattr(m, key, None) is not None
+    ]
+    return f" ({', '.join(words)})" if words else ""
+
+
+def _kind(annotation: Any) -> tuple[str, list[type[BaseModel]]]:
+    """Describe an annotation in words, and list the models in it."""
+    if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
+        return annotation.__name__, [annotation]
+    origin = typing.get_origin(annotation)
+    arguments = typing.get_args(annotation)
+    if origin is typing.Literal:
+        return " or ".join(f"`{a}`" for a in arguments), []
+    if origin is typing.Annotated:
+        word, models = _kind(arguments[0])
+        metadata = [m for a in arguments[1:] for m in getattr(a, "metadata", [a])]
+        return word + _bounds(metadata), models
+    if not arguments:
+        words = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+        return words.get(annotation, "none"), []
+    parts = [_kind(a) for a in arguments if a is not Ellipsis]
+    models = [model for _, found in parts for model in found]
+    if origin is tuple:
+        if Ellipsis in arguments:
+            return f"list of {parts[0][0]}", models
+        return f"{len(parts)} of {parts[0][0]}", models
+    return " or ".join(word for word, _ in parts), models
+
+
+def main() -> None:
+    """Write both pages."""
+    (HERE / "command-line.md").write_text(command_line(), encoding="utf-8")
+    (HERE / "files.md").write_text(files(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
