@@ -243,6 +243,11 @@ def rounded(values: np.ndarray[Any, Any], digits: int = 5) -> list[float]:
 def loop_sentence(statistics: CycleStatistics) -> str:
     """Say how well the cyclic task kept its time."""
     missed = sum(statistics.missed_frames)
+    if statistics.cycles and statistics.lateness_max_s == 0.0:
+        return (
+            f"{statistics.cycles} cycles, {statistics.overruns} overruns, {missed} missed answers,"
+            " in simulated time (lock-step): how late cycles begin on this computer is not told."
+        )
     return (
         f"{statistics.cycles} cycles, {statistics.overruns} overruns, {missed} missed answers;"
         f" cycles began {_microseconds(statistics.lateness_p50_s)} late in the median,"

@@ -24,6 +24,7 @@ _STYLE: Any = {
     "axes.spines.right": False,
     "axes.edgecolor": "#8593a3",
     "axes.grid": True,
+    "axes.axisbelow": True,
     "grid.color": GRID,
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.0,
@@ -150,9 +151,10 @@ def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str
     """
     number = np.asarray(counts, dtype=float)
     places = np.arange(len(number))
-    labels = [f"{low:g}–{high:g}" for low, high in itertools.pairwise(edges_us)] + [
-        f"≥ {edges_us[-1]:g}"
-    ]
+    labels = [
+        f"{low:g}–{high:g}" if low < 1000.0 else f"{low / 1000.0:g}–{high / 1000.0:g} ms"
+        for low, high in itertools.pairwise(edges_us)
+    ] + [f"≥ {edges_us[-1] / 1000.0:g} ms"]
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(9.6, 2.4), layout="constrained")
         panel = figure.subplots()
