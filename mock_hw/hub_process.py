@@ -19,7 +19,7 @@ from pathlib import Path
 from config.errors import RidDaqError, TransportError
 from mock_hw.can_hub import CanHub
 
-LINGER_NS = 5_000_000_000
+LINGER_NS = 3_000_000_000
 """How long the hub outlives the process that started it, so that the drives can stop."""
 
 _PR_SET_TIMERSLACK = 29

@@ -1,0 +1,225 @@
+"""The simulated cell as processes: repeatable to the byte, safe when masters die, and tidy."""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from config.errors import TransportError
+from config.load import LoadedCell, load_cell
+from drivers.canopen.emcy import parse_emcy
+from drivers.cell import open_cell
+from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
+from mock_hw.can_wire import WireFrame
+from mock_hw.cell import SimulatedCell
+from mock_hw.drives_process import LONGEST_WAIT_S
+from mock_hw.hub_client import HubClient
+from mock_hw.hub_protocol import Role
+
+SPEED_RAD_S = 0.3
+MOVE_FOR_EVER = f"""
+import os, sys
+import numpy as np
+from config.load import load_cell
+from drivers.cell import open_cell
+
+loaded = load_cell("ir361")
+config = loaded.config.model_copy(
+    update={{"can": loaded.config.can.model_copy(update={{"channel": sys.argv[1]}})}}
+)
+
+def move():
+    with open_cell(config, loaded.robot) as cell:
+        cell.axes.bring_up()
+        cell.axes.start()
+        next_s = cell.axes.enable()
+        for cycle in range(10**9):
+            next_s += config.cycle_time_s
+            cell.clock.sleep_until(next_s)
+            now_s = cell.axes.sync()
+            cell.axes.collect(now_s + 0.6 * config.cycle_time_s)
+            assert cell.axes.command(np.full(3, {SPEED_RAD_S} * np.sin(cycle * 0.02)))
+            cell.axes.beat(now_s)
+            if cycle == 100:
+                print("moving", flush=True)
+            if cycle > 100 and abs(np.sin(cycle * 0.02)) > 0.99 and "once" in sys.argv:
+                os.kill(os.getpid(), 9)
+"""
+
+
+@pytest.fixture(scope="module")
+def loaded() -> LoadedCell:
+    return load_cell("ir361")
+
+
+@pytest.fixture
+def short_path() -> Iterator[Path]:
+    """A folder whose name leaves room for a socket's."""
+    path = Path("/tmp") / f"rid-daq-test-{os.getpid()}"
+    path.mkdir(mode=0o700)
+    yield path
+    shutil.rmtree(path, ignore_errors=True)
+
+
+def simulate(loaded: LoadedCell, *, realtime: bool = False, **options: object) -> SimulatedCell:
+    assert loaded.plant is not None
+    return SimulatedCell(
+        loaded.config, loaded.robot, loaded.plant, realtime=realtime, seed=5, **options
+    )
+
+
+def run_a_little(simulated: SimulatedCell, loaded: LoadedCell) -> AxisSnapshot:
+    """Bring up, enable, move for a second, and leave."""
+    with open_cell(simulated.cell, loaded.robot) as cell:
+        cell.axes.bring_up()
+        cell.axes.start()
+        next_s = cell.axes.enable()
+        for cycle in range(125):
+            next_s += simulated.cell.cycle_time_s
+            cell.clock.sleep_until(next_s)
+            now_s = cell.axes.sync()
+            cell.axes.collect(now_s + 0.6 * simulated.cell.cycle_time_s)
+            assert cell.axes.received.all()
+            assert cell.axes.command(np.full(3, SPEED_RAD_S * math.sin(0.05 * cycle)))
+            cell.axes.beat(now_s)
+        assert cell.axes.take_events() == ()
+        truth = simulated.axes()
+        assert truth.enabled.all()
+        assert abs(truth.time_s - cell.clock.now_s()) < 0.010
+        assert cell.axes.position == pytest.approx(truth.position, abs=1e-2)
+        assert np.abs(truth.velocity).max() > 0.05
+    return simulated.axes()
+
+
+def test_a_lock_step_run_is_repeatable_to_the_byte(loaded: LoadedCell, tmp_path: Path) -> None:
+    logs = [tmp_path / "one.log", tmp_path / "two.log"]
+    for log in logs:
+        with simulate(loaded, log=log) as simulated:
+            folder = Path(simulated.channel).parent
+            assert folder.stat().st_mode & 0o077 == 0
+            start_s = time.monotonic()
+            end = run_a_little(simulated, loaded)
+            assert not end.enabled.any()
+            with open_cell(simulated.cell, loaded.robot) as cell:
+                cell.axes.bring_up()
+        assert not folder.exists()
+        assert multiprocessing.active_children() == []
+        assert time.monotonic() - start_s < 20.0
+    one, two = sorted((log.read_bytes() for log in logs), key=len)
+    assert len(one.splitlines()) > 1000
+    assert two.startswith(one), "they differ in how long they went on without a master alone"
+    assert len(two) - len(one) < 1000
+
+
+def stopped(axes: AxisSnapshot) -> bool:
+    return not axes.enabled.any() and bool(np.abs(axes.velocity).max() < 1e-3)
+
+
+def watch(observer: HubClient, seconds: float) -> list[WireFrame]:
+    """Return what comes within so many seconds of the wall clock."""
+    frames: list[WireFrame] = []
+    until_ns = time.monotonic_ns() + round(seconds * 1e9)
+    while time.monotonic_ns() < until_ns:
+        frames += observer.wait(until_ns)
+    return frames
+
+
+def test_a_killed_masters_axes_are_at_rest_in_time(loaded: LoadedCell) -> None:
+    with simulate(loaded) as simulated:
+        observer = HubClient(Path(simulated.channel), Role.OBSERVER)
+        before = simulated.axes().position
+        command = [sys.executable, "-c", MOVE_FOR_EVER + "move()", simulated.channel, "once"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as master:
+            assert master.stdout is not None
+            assert master.stdout.readline() == "moving\n"
+            assert master.wait(60.0) == -signal.SIGKILL
+        deadline_s = time.monotonic() + 20.0
+        frames = []
+        at_rest = simulated.axes()
+        while not stopped(at_rest) and time.monotonic() < deadline_s:
+            frames += watch(observer, 0.002)
+            at_rest = simulated.axes()
+        frames += watch(observer, 0.5)
+        observer.close()
+    assert np.abs(at_rest.position - before).min() > 0.05, "it had moved"
+    last_sync_s = max(f.time_ns for f in frames if f.can_id == 0x080) * 1e-9
+    cut = [f for f in frames if 0x081 <= f.can_id <= 0x083]
+    assert [parse_emcy(f.data).code for f in cut] == [0x8130] * 3
+    assert all(f.time_ns * 1e-9 < last_sync_s + 0.100 for f in cut)
+    ramp_s = SPEED_RAD_S / loaded.config.drive_safety.quick_stop_deceleration_rad_s2
+    assert at_rest.time_s < last_sync_s + 0.100 + ramp_s + LONGEST_WAIT_S
+
+
+def test_the_drives_outlive_their_killed_program_until_they_have_stopped(
+    short_path: Path,
+) -> None:
+    program = (
+        MOVE_FOR_EVER
+        + """
+from pathlib import Path
+from mock_hw.cell import SimulatedCell
+if __name__ == "__main__":
+    with SimulatedCell(
+        loaded.config,
+        loaded.robot,
+        loaded.plant,
+        realtime=False,
+        seed=0,
+        directory=Path(sys.argv[2]),
+    ) as simulated:
+        move()
+"""
+    )
+    script = short_path / "program.py"
+    script.write_text(program)
+    channel = short_path / "ir361.sock"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(
+        [sys.executable, str(script), str(channel), str(short_path), "once"],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment,
+    ) as master:
+        assert master.stdout is not None
+        assert master.stdout.readline() == "moving\n"
+        observer = HubClient(channel, Role.OBSERVER)
+        reader = SnapshotReader(short_path / "ir361.axes")
+        master.wait(60.0)
+    with pytest.raises(TransportError, match="gone"):
+        watch(observer, 30.0)
+    observer.close()
+    with reader:
+        end = reader.read()
+    assert stopped(end)
+    tick, deadline_s = threading.Event(), time.monotonic() + 10.0
+    while len([*short_path.iterdir()]) > 1 and time.monotonic() < deadline_s:
+        tick.wait(0.01)
+    assert [path.name for path in short_path.iterdir()] == ["program.py"]
+
+
+def test_a_cell_that_is_served_already_is_refused(loaded: LoadedCell, short_path: Path) -> None:
+    with simulate(loaded, directory=short_path):
+        with (
+            pytest.raises(TransportError, match="another simulated bus"),
+            simulate(loaded, directory=short_path),
+        ):
+            pass
+        assert (short_path / "ir361.sock").is_socket()
+    assert [*short_path.iterdir()] == []
+
+
+def test_a_cell_that_is_not_running_has_no_axes(loaded: LoadedCell) -> None:
+    with pytest.raises(TransportError, match="not running"):
+        simulate(loaded).axes()
