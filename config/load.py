@@ -15,6 +15,7 @@ from pydantic_core import ErrorDetails
 
 from config.cell import CellConfig
 from config.errors import ConfigError
+from config.import_map import ImportMap
 from config.motion import FourierMotion, Motion, MultipointMotion
 from config.plant import PlantConfig
 from config.robot import RobotDescription
@@ -80,6 +81,27 @@ def load_robot(reference: str) -> RobotDescription:
     """
     text, name, _ = _read(reference, "robots", None)
     return validate(parse_yaml(text, name), RobotDescription)
+
+
+def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
+    """Load an import map, bundled or a path, and the robot that it names.
+
+    Raises
+    ------
+    ConfigError
+        A file is missing or says something that cannot be meant, or the joints do not match.
+    """
+    text, name, folder = _read(reference, "maps", None)
+    tree = parse_yaml(text, name)
+    import_map = validate(tree, ImportMap)
+    robot_text, robot_name, _ = _read(import_map.robot, "robots", folder)
+    robot = validate(parse_yaml(robot_text, robot_name), RobotDescription)
+    if import_map.joint_names != robot.joint_names:
+        raise ConfigError(
+            f"{tree.where(('joints',))}: joints are {', '.join(import_map.joint_names)}, robot"
+            f" {robot.name} has {', '.join(robot.joint_names)}: name them alike, base to flange"
+        )
+    return import_map, robot
 
 
 def load_motion(path: str | Path) -> FourierMotion | MultipointMotion:

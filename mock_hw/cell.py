@@ -134,7 +134,15 @@ class SimulatedCell:
             self._log,
             private_folder=self._directory is None,
         )
-        drives = DrivesSettings(self._cell, self._robot, self._plant, self._seed, socket, snapshot)
+        drives = DrivesSettings(
+            self._cell,
+            self._robot,
+            self._plant,
+            self._seed,
+            self._realtime,
+            socket,
+            snapshot,
+        )
         hub_pipe = _launch(stack, serve_hub, hub)
         drives_pipe = _launch(stack, serve_drives, drives)
         _wait_until_ready("hub", hub_pipe)

@@ -18,7 +18,7 @@ from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_c
 from mock_hw.axis_snapshot import SnapshotWriter
 from mock_hw.drive_rack import DriveRack
 from mock_hw.hub_client import HubClient
-from mock_hw.hub_process import leave_interrupts_to_parent
+from mock_hw.hub_process import keep_pace, leave_interrupts_to_parent
 from mock_hw.hub_protocol import Role
 
 LONGEST_WAIT_S = 0.010
@@ -33,6 +33,7 @@ class DrivesSettings:
     robot: RobotDescription
     plant: PlantConfig
     seed: int
+    realtime: bool
     socket: Path
     snapshot: Path
 
@@ -48,6 +49,7 @@ def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
     try:
         with _rack_on_bus(settings, pipe) as (rack, client):
             gc.freeze()
+            keep_pace(settings.realtime)
             pipe.send(None)
             pipe.close()
             with contextlib.suppress(TransportError):

@@ -11,8 +11,8 @@ import typer
 from acquisition.import_csv import import_csv
 from acquisition.run_folder import RunFolder, RunStatus
 from config.errors import ConfigError
-from config.import_map import ImportMap, RowRange
-from config.load import load_bundled_or_path, load_robot, to_yaml
+from config.import_map import RowRange
+from config.load import load_import_map, to_yaml
 from rid_daq.console import AsJson, Console
 from rid_daq.result import verdict, write_result
 from rid_daq.run_data import MAP, ROBOT, SOURCE, RunData, result_of
@@ -42,15 +42,9 @@ def import_(
     few sound rows is refused with exit code 6.
     """
     console = Console(as_json)
-    columns = load_bundled_or_path(import_map, "maps", ImportMap)
+    columns, robot = load_import_map(import_map)
     if rows is not None:
         columns = columns.model_copy(update={"rows": _row_range(rows)})
-    robot = load_robot(columns.robot)
-    if columns.joint_names != robot.joint_names:
-        raise ConfigError(
-            f"map {columns.name}: joints are {', '.join(columns.joint_names)}, robot {robot.name}"
-            f" has {', '.join(robot.joint_names)}: name them alike, base to flange"
-        )
     recording, report = import_csv(file, columns)
     folder = RunFolder.create(
         runs, label or as_label(file.stem), kind="import", software=software_versions()

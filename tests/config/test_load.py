@@ -10,6 +10,7 @@ from config.errors import ConfigError
 from config.load import (
     bundled_names,
     load_cell,
+    load_import_map,
     load_motion,
     load_robot,
     to_yaml,
@@ -103,3 +104,21 @@ def test_an_unknown_key_of_a_motion_names_the_allowed_ones(tmp_path: Path) -> No
     path.write_text("kind: multipoint\nrobot: ir361\nseed: 1\nsped_fraction: 0.5\n")
     with pytest.raises(ConfigError, match="did you mean speed_fraction"):
         load_motion(path)
+
+
+def test_an_import_map_finds_its_robot_beside_itself_and_their_joints_must_match(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "robot.yaml").write_bytes(load_cell("ir361").files["robot.yaml"])
+    joints = "".join(f"  - {{joint: axis{n}, position: {n}, torque: {n + 3}}}\n" for n in (1, 2, 3))
+    text = (
+        f"name: m\nrobot: robot.yaml\ncolumns: 7\ntime: {{column: 0, unit: s}}\njoints:\n{joints}"
+    )
+    path = tmp_path / "map.yaml"
+    path.write_text(text + "plausible: {position: 7.0, speed: 4.0, torque: 800.0}\n")
+    import_map, robot = load_import_map(str(path))
+    assert robot == load_robot("ir361")
+    assert import_map.joint_names == robot.joint_names
+    path.write_text(path.read_text().replace("axis3", "axis4"))
+    with pytest.raises(ConfigError, match=r"map\.yaml:5:1: joints are .*axis4"):
+        load_import_map(str(path))
