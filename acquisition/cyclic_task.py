@@ -101,6 +101,7 @@ class CyclicTask:
         self._origin_s = 0.0
         self._cycle = 0
         self._late_frames = 0
+        self._unrecorded_s = 0.0  # lateness of a cycle that was given up before its row
 
     def run(self, samples: MotionSamples) -> StopReason | None:
         """Enable the drives, approach, stream `samples`, hold, stop and disable.
@@ -198,6 +199,7 @@ class CyclicTask:
         lateness_s = max(0.0, self._clock.now_s() - deadline_s)
         skipped = int(lateness_s / self._period_s)
         self._cycle += skipped
+        self._unrecorded_s = lateness_s = max(lateness_s, self._unrecorded_s)
         return lateness_s, 1 + skipped
 
     def _order_to_stop(self) -> StopReason | None:
@@ -274,6 +276,7 @@ class CyclicTask:
         valid: list[int],
     ) -> StopReason | None:
         axes = self._axes
+        self._unrecorded_s = 0.0
         row = (
             time_s,
             lateness_s,

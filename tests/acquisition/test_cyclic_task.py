@@ -249,6 +249,7 @@ def test_after_a_long_pause_the_stop_comes_before_anything_else(
     assert bench.axes.stopped_at == sent_before
     gaps = np.diff(bench.axes.sync_times_s)
     assert gaps.min() > 0.9 * T, "no catching up"
+    assert bench.rows()["lateness_s"].max() == pytest.approx(0.2), "what stopped it is on record"
 
 
 def test_a_bus_that_is_lost_ends_the_motion_and_the_clean_up_goes_on(
