@@ -33,3 +33,15 @@ def test_the_same_seed_gives_the_same_numbers_bit_for_bit(
     assert 0 < off["inside"] <= 23
     assert [check["limit"] for check in first["verdict"]["checks"]] == [1.3, 90.0]
     assert all(axis["error_over_floor"] < 1.3 for axis in first["validation"]["axes"])
+
+
+def test_the_whole_demo_reaches_what_it_is_held_to(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["demo", "--json", "--runs", str(tmp_path)]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["average"]["periods_kept"] == 16
+    assert document["validation"]["has_floor"]
+    assert all(axis["error_over_floor"] <= 1.3 for axis in document["validation"]["axes"])
+    off = document["truth"][1]
+    assert off["inside"] >= 0.9 * off["of"]
