@@ -7,7 +7,9 @@ read it. Nothing of it ever comes over the bus: a real robot has no such file.
 from __future__ import annotations
 
 import mmap
-import struct
+import os
+import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -17,9 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from config.errors import TransportError
 
-_HEADER = struct.Struct("<qqd")  # sequence number (odd while writing), axes, time
+# Eight-byte words: sequence number (odd while writing), axes, time; each is stored at one stroke.
+_SEQUENCE, _AXES, _TIME = 0, 1, 2
+_HEADER_WORDS = 3
 _ROWS = 4
-_ATTEMPTS = 10_000
+_PATIENCE_S = 2.0
+"""A writer may lose the processor in the middle of a snapshot; after this it is taken for dead."""
 
 FILE_NAME = "axes.bin"
 
@@ -49,15 +54,16 @@ class SnapshotWriter:
     """Writes snapshots into a file; the file is there, all zeros, once this has been made."""
 
     def __init__(self, path: Path, axes: int) -> None:
-        size = _HEADER.size + 8 * _ROWS * axes
+        size = 8 * (_HEADER_WORDS + _ROWS * axes)
         with path.open("w+b") as file:
             file.truncate(size)
             self._memory = mmap.mmap(file.fileno(), size)
-        self._axes = axes
+        self._words = np.frombuffer(self._memory, np.uint64, _HEADER_WORDS)
+        numbers = np.frombuffer(self._memory, np.float64)
+        self._time = numbers[_TIME : _TIME + 1]
+        self._rows = numbers[_HEADER_WORDS:].reshape(_ROWS, axes)
         self._sequence = 0
-        self._rows = np.frombuffer(self._memory, np.float64, offset=_HEADER.size).reshape(
-            _ROWS, axes
-        )
+        self._words[_AXES] = axes
 
     def write(
         self,
@@ -68,13 +74,14 @@ class SnapshotWriter:
         enabled: ArrayLike,
     ) -> None:
         """Write one snapshot; readers see it whole or not at all."""
-        _HEADER.pack_into(self._memory, 0, self._sequence + 1, self._axes, time_s)
+        self._words[_SEQUENCE] = self._sequence + 1
+        self._time[0] = time_s
         self._rows[0] = position
         self._rows[1] = velocity
         self._rows[2] = torque
         self._rows[3] = enabled
         self._sequence += 2
-        _HEADER.pack_into(self._memory, 0, self._sequence, self._axes, time_s)
+        self._words[_SEQUENCE] = self._sequence
 
 
 class SnapshotReader:
@@ -101,14 +108,22 @@ class SnapshotReader:
         TransportError
             The writer has died while writing.
         """
-        for _ in range(_ATTEMPTS):
+        give_up_s = time.monotonic() + _PATIENCE_S
+        while time.monotonic() < give_up_s:
+            before = self._sequence()
             content = self._memory[:]
-            before, axes, time_s = _HEADER.unpack_from(content)
-            after, _, _ = _HEADER.unpack_from(self._memory)
-            if before == after and before % 2 == 0:
-                rows = np.frombuffer(content, np.float64, offset=_HEADER.size).reshape(_ROWS, axes)
-                return AxisSnapshot(time_s, rows[0], rows[1], rows[2], rows[3] != 0.0)
+            if before == self._sequence() and before % 2 == 0:
+                axes = int(np.frombuffer(content, np.uint64, _HEADER_WORDS)[_AXES])
+                numbers = np.frombuffer(content, np.float64)
+                rows = numbers[_HEADER_WORDS:].reshape(_ROWS, axes)
+                return AxisSnapshot(
+                    float(numbers[_TIME]), rows[0], rows[1], rows[2], rows[3] != 0.0
+                )
+            os.sched_yield()
         raise TransportError("the simulated axes' snapshot is torn: its writer died")
+
+    def _sequence(self) -> int:
+        return int.from_bytes(self._memory[:8], sys.byteorder)
 
     def __enter__(self) -> SnapshotReader:
         """Return the reader itself."""
