@@ -34,7 +34,7 @@ _MANIFEST_BYTES = 4 << 20
 class RunStatus(StrEnum):
     """What became of a run."""
 
-    RUNNING = "running"
+    UNFINISHED = "unfinished"
     COMPLETE = "complete"
     STOPPED = "stopped"
     RECOVERED = "recovered"
@@ -128,7 +128,7 @@ class RunFolder:
                 run_id=run_id,
                 label=label,
                 kind=kind,
-                status=RunStatus.RUNNING,
+                status=RunStatus.UNFINISHED,
                 created_utc=_utc(created_ns),
                 software=software or {},
             )
@@ -275,7 +275,7 @@ class RunFolder:
         """
         manifest = self.manifest()
         problems = []
-        if manifest.status == RunStatus.RUNNING:
+        if manifest.status == RunStatus.UNFINISHED:
             problems.append("the run was not finished: it is still running, or was killed")
         present = set()
         try:

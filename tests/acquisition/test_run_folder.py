@@ -40,7 +40,7 @@ def test_ids_are_unique_and_sort_by_time(times_ns: list[int]) -> None:
 def test_a_new_run_says_what_it_is(folder: RunFolder, root: Path) -> None:
     manifest = folder.manifest()
     assert folder.path == root.resolve() / folder.run_id
-    assert (manifest.label, manifest.kind, manifest.status) == ("first run", "record", "running")
+    assert (manifest.label, manifest.kind, manifest.status) == ("first run", "record", "unfinished")
     assert manifest.created_utc == "2025-10-09T08:53:20.000+00:00"
     assert manifest.software == {"rid-daq": "0.1.0"}
 
