@@ -24,6 +24,7 @@ from config.errors import ConfigError
 from config.motion import FourierMotion, MultipointMotion
 from config.robot import RobotDescription
 
+LONGEST_MOTION_S = 4 * 3600.0
 APPROACH_SPEED_FRACTION = 0.3
 RAMP_GROWTH = 1.25
 RAMP_ATTEMPTS = 20
@@ -128,6 +129,7 @@ def plan_motion(
         value and the limit.
     """
     if isinstance(motion, FourierMotion):
+        _refuse_endless(motion)
         samples = _plan_fourier(motion, robot, sample_period_s)
     else:
         path = multipoint_path(motion, robot, sample_period_s)
@@ -136,6 +138,16 @@ def plan_motion(
         )
     verify_limits(samples, robot)
     return samples
+
+
+def _refuse_endless(motion: FourierMotion) -> None:
+    periods = motion.transient_periods + motion.periods
+    duration_s = periods * motion.period_s + 2 * motion.ramp_s
+    if duration_s > LONGEST_MOTION_S:
+        raise ConfigError(
+            f"the motion takes {duration_s:.6g} s: {periods} periods of {motion.period_s:.6g} s and"
+            f" its ramps; at most {LONGEST_MOTION_S:g} s can be run. Give fewer or shorter periods"
+        )
 
 
 def approach(

@@ -20,6 +20,7 @@ from pydantic import Field, JsonValue, ValidationError
 from acquisition.run_id import new_run_id
 from config.errors import ConfigError, RecordingError
 from config.model import ConfigModel
+from config.whole_file import write_whole
 
 MANIFEST = "manifest.json"
 RECORDING = "recording.mcap"
@@ -308,23 +309,11 @@ class RunFolder:
         self._write(self.path / MANIFEST, manifest.model_dump_json(indent=2).encode() + b"\n")
 
     def _write(self, path: Path, data: bytes) -> None:
-        temporary = path.with_name(f"{path.name}.tmp")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            temporary.unlink(missing_ok=True)
-            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
-            with open(os.open(temporary, flags, 0o644), "wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(path)
-            descriptor = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
-            try:
-                os.fsync(descriptor)
-            finally:
-                os.close(descriptor)
         except OSError as error:
-            raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
+            raise RecordingError(f"{path.parent}: cannot be made: {error.strerror}") from error
+        write_whole(path, data)
 
 
 def _read(path: Path, limit: int | None) -> bytes:

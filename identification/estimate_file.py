@@ -13,9 +13,10 @@ from typing import Literal
 import numpy as np
 from pydantic import ValidationError
 
-from config.errors import ConfigError, EstimationError, RecordingError
+from config.errors import ConfigError, EstimationError
 from config.model import ConfigModel
 from config.robot import RobotDescription
+from config.whole_file import write_whole
 from identification.base_parameters import BaseParameters
 from identification.estimators import Estimate, ModelOptions
 
@@ -78,10 +79,7 @@ def write_estimate(path: Path, estimate: Estimate) -> None:
         The file cannot be written.
     """
     text = estimate_document(estimate).model_dump_json(indent=1) + "\n"
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{path}: the estimate cannot be written: {error.strerror}") from error
+    write_whole(path, text.encode())
 
 
 def read_estimate(path: Path) -> Estimate:

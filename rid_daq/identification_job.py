@@ -15,6 +15,7 @@ from identification.estimators import (
     estimate_periodic,
     estimate_smoothed,
 )
+from identification.torque_filter import without_torque_filter
 from rid_daq.run_data import RunData
 
 
@@ -62,7 +63,7 @@ def estimate_runs(
         )
     return estimate_smoothed(
         robot,
-        [smooth_nonperiodic(item.recording, band_hz) for item in data],
+        [smooth_nonperiodic(without_torque_filter(item.recording), band_hz) for item in data],
         options=options,
         standstill_rad_s=standstill_rad_s,
         cell_name=cell_name,

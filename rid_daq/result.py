@@ -8,9 +8,7 @@ simulated runs with the same seed agree in all the rest, bit for bit.
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -105,24 +103,3 @@ def write_result(folder: RunFolder, result: Result) -> Path:
     text = json.dumps(result, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
     folder.write(RESULT, text.encode())
     return folder.write(REPORT, render_report(result).encode())
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file outside a run folder so that it is whole or not there at all.
-
-    Raises
-    ------
-    RecordingError
-        The file cannot be written.
-    """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with part.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            part.unlink()
-        raise RecordingError(f"{path}: cannot write: {error.strerror}") from None

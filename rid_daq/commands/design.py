@@ -12,9 +12,9 @@ from acquisition.motion_samples import MotionSamples, plan_motion
 from config.errors import ConfigError
 from config.load import load_cell, to_yaml
 from config.robot import RobotDescription
+from config.whole_file import write_whole
 from identification.experiment_design import condition_number, design_two_harmonic
 from rid_daq.console import AsJson, Console
-from rid_daq.result import write_text
 from rid_daq.sections import units
 
 
@@ -61,7 +61,7 @@ def design(
         f" {loaded.config.cycle_time_ms} ms.\nCondition number {condition:.4g}; the best of"
         f" {tries} draws from seed {seed}."
     )
-    write_text(output, to_yaml(motion, comment))
+    write_whole(output, to_yaml(motion, comment).encode())
     console.document(
         {
             "motion": str(output),

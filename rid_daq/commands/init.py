@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from config.errors import ConfigError
+from config.whole_file import write_whole
 from rid_daq.console import AsJson, Console
-from rid_daq.result import write_text
 
 
 def init(
@@ -36,7 +36,7 @@ def init(
     except OSError as error:
         raise ConfigError(f"{folder}: cannot make the folder: {error.strerror}") from None
     for name, text in files.items():
-        write_text(folder / name, text)
+        write_whole(folder / name, text.encode())
     console.document({"folder": str(folder), "files": list(files)})
     console.say(f"{folder}: wrote {', '.join(files)}.")
     console.say("Next, on the simulated cell that they describe:")

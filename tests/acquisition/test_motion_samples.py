@@ -251,3 +251,11 @@ class TestMotionSamples:
         rows["phase"][:] = Phase.MAIN
         with pytest.raises(ConfigError, match="10 samples of the main phase are not 2 periods"):
             MotionSamples(ROBOT.joint_names, T, **rows, samples_per_period=4, periods=2)
+
+
+@pytest.mark.parametrize("changes", [{"period_s": 1e9}, {"periods": 10_000}, {"ramp_s": 1e9}])
+def test_an_endless_motion_is_refused_before_it_fills_the_memory(
+    changes: dict[str, float],
+) -> None:
+    with pytest.raises(ConfigError, match=r"the motion takes .* at most 14400 s"):
+        plan_motion(fourier(**changes), load_robot("ir361"), 0.008)

@@ -196,3 +196,14 @@ def test_a_served_cell_is_joined_and_served_once(workshop: Path, tmp_path: Path)
             served.send_signal(signal.SIGINT)
         assert "Ended." in served.stdout.read()
     assert served.returncode == 0
+
+
+def test_a_run_that_is_not_periodic_is_identified_through_the_anti_alias_filter(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    model = tmp_path / "model.json"
+    assert run(["identify", "validation", "-o", str(model), *runs]) == 0
+    capsys.readouterr()
+    assert run(["validate", str(model), "excitation", "--json", *runs]) == 0
+    for axis in _document(capsys)["validation"]["axes"]:
+        assert axis["relative_error_percent"] < 5.0

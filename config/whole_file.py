@@ -1,0 +1,42 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+from config.errors import RecordingError
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file so that a reader, even after a power cut, finds all of it or what was before.
+
+    The bytes go into `<name>.tmp` beside it, reach the disk, and take the file's place.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be written; what was there before is untouched.
+    """
+    temporary = path.with_name(f"{path.name}.tmp")
+    try:
+        try:
+            temporary.unlink(missing_ok=True)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
+            with open(os.open(temporary, flags, 0o644), "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(path)
+        except OSError:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+            raise
+        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
