@@ -96,7 +96,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("mock real/cell.yaml", 2, "simulated"),
     ("design ir361 -o good.yaml", 2, "already there"),
     ("design ir361 -o new.yaml --period 9.999", 2, "whole number of cycles"),
-    ("design ir361 -o missing/new.yaml --tries 1", 7, "cannot write"),
+    ("design ir361 -o missing/new.yaml --tries 1", 7, "cannot be written"),
     ("design ir361 -o new.yaml --period 1e9 --tries 1", 2, "--period"),
     ("init good.yaml/below", 2, "cannot make the folder"),
     ("import missing.csv --map ur10e_31", 2, "cannot read"),
