@@ -12,7 +12,7 @@ import pytest
 from acquisition.run_folder import RunFolder
 from config.errors import RecordingError
 from rid_daq.report.render import duration, number, render_report
-from rid_daq.result import check, new_result, read_result, verdict, write_result, write_text
+from rid_daq.result import check, new_result, read_result, verdict, write_result
 
 
 class _Page(HTMLParser):
@@ -153,11 +153,6 @@ def test_a_file_that_is_no_result_is_refused(content: bytes, folder: RunFolder) 
 def test_a_run_without_a_result_is_told_apart(folder: RunFolder) -> None:
     with pytest.raises(RecordingError, match="yet"):
         read_result(folder)
-
-
-def test_a_folder_that_cannot_be_written_is_a_storage_error(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="cannot write"):
-        write_text(tmp_path / "missing" / "model.json", "{}")
 
 
 def test_a_verdict_without_checks_is_none_and_one_failure_fails_it() -> None:
