@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
@@ -13,7 +14,17 @@ Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 
 JointType = Literal["revolute", "prismatic"]
-FrictionTerm = Literal["coulomb", "viscous", "offset", "cubic", "cube_root"]
+FrictionTerm = Literal[
+    "coulomb",
+    "viscous",
+    "offset",
+    "asymmetric",
+    "cubic",
+    "cube_root",
+    "stribeck",
+    "temperature",
+    "load",
+]
 
 
 class KinematicRow(ConfigModel):
@@ -31,22 +42,44 @@ class KinematicRow(ConfigModel):
     d_m: float = 0.0
 
 
+_ROW_FIELDS: Final = tuple(KinematicRow.model_fields)
+
+
 class Kinematics(ConfigModel):
     """A table of rows, base to flange.
 
     In the modified convention frame i-1 becomes frame i by
     Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d), all of row i; in the standard
-    convention by Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha).
+    convention by Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha). `calibration` holds, row by row,
+    what a kinematic calibration found to be added to the nominal values.
     """
 
     convention: Literal["modified_dh", "standard_dh"]
     rows: tuple[KinematicRow, ...] = Field(min_length=1)
+    calibration: tuple[KinematicRow, ...] = ()
 
     @model_validator(mode="after")
-    def _beta_needs_modified(self) -> Kinematics:
-        if self.convention == "standard_dh" and any(row.beta_rad for row in self.rows):
+    def _checks(self) -> Kinematics:
+        rows = (*self.rows, *self.calibration)
+        if self.convention == "standard_dh" and any(row.beta_rad for row in rows):
             raise ValueError("beta_rad exists in the modified_dh convention only")
+        if self.calibration and len(self.calibration) != len(self.rows):
+            raise ValueError(
+                f"calibration has {len(self.calibration)} rows of offsets for {len(self.rows)} rows"
+            )
         return self
+
+    @property
+    def calibrated_rows(self) -> tuple[KinematicRow, ...]:
+        """The rows with the offsets of a kinematic calibration added."""
+        if not self.calibration:
+            return self.rows
+        return tuple(
+            KinematicRow(
+                **{name: getattr(row, name) + getattr(offset, name) for name in _ROW_FIELDS}
+            )
+            for row, offset in zip(self.rows, self.calibration, strict=True)
+        )
 
     def modified_rows(self) -> tuple[KinematicRow, ...]:
         """Return the rows in the modified convention.
@@ -55,9 +88,10 @@ class Kinematics(ConfigModel):
         `a_m` and `alpha_rad` (from axis n to the flange) are left out, since no link's motion
         depends on them.
         """
+        rows = self.calibrated_rows
         if self.convention == "modified_dh":
-            return self.rows
-        before = (KinematicRow(), *self.rows[:-1])
+            return rows
+        before = (KinematicRow(), *rows[:-1])
         return tuple(
             KinematicRow(
                 alpha_rad=previous.alpha_rad,
@@ -65,7 +99,7 @@ class Kinematics(ConfigModel):
                 theta_rad=row.theta_rad,
                 d_m=row.d_m,
             )
-            for previous, row in zip(before, self.rows, strict=True)
+            for previous, row in zip(before, rows, strict=True)
         )
 
 
@@ -107,7 +141,16 @@ class Rotor(ConfigModel):
 
 
 class Joint(ConfigModel):
-    """One joint: its kind, limits, gear and what its model contains."""
+    """One joint: its kind, limits, gear and what its model contains.
+
+    `armature` adds the plain inertia mu^2 I_M of a motor whose mounting is not known, at the link
+    side; `rotor` is the better model where it is. `friction` lists the terms of the joint's
+    friction (physics: section 4): `asymmetric` is Coulomb friction of a size for each direction,
+    `stribeck` starts from the speed `stribeck_velocity` [rad/s or m/s], `temperature` lets Coulomb
+    and viscous friction change linearly away from `reference_temperature_k`, `load` grows with the
+    torque that the gear transmits. `efficiency` (0 to 1) is where the estimate of the gear's
+    efficiency starts (5.16, 5.17); without it the gear loses nothing.
+    """
 
     name: str = Field(pattern=r"^[A-Za-z][\w-]{0,31}$")
     type: JointType = "revolute"
@@ -116,6 +159,10 @@ class Joint(ConfigModel):
     rotor: Rotor | None = None
     torque_constant_nm_per_a: Positive | None = None
     friction: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
+    stribeck_velocity: Positive = 0.05
+    reference_temperature_k: Positive = 298.15
+    armature: bool = False
+    efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
 
     @model_validator(mode="after")
     def _checks(self) -> Joint:
@@ -123,19 +170,73 @@ class Joint(ConfigModel):
             raise ValueError("gear_ratio must not be 0")
         if len(set(self.friction)) != len(self.friction):
             raise ValueError("friction names a term twice")
+        for twice in ("coulomb", "offset"):
+            if {"asymmetric", twice} <= set(self.friction):
+                raise ValueError(
+                    f"friction names asymmetric and {twice}, which say the same: asymmetric stands"
+                    " for coulomb and offset together"
+                )
+        if self.efficiency is not None and "load" in self.friction:
+            raise ValueError(
+                "efficiency and the friction term load say the same of a gear: choose one"
+            )
+        if self.armature and self.rotor is not None:
+            raise ValueError("armature and rotor say the same inertia twice: choose one")
         return self
 
 
 class GravitySpring(ConfigModel):
-    """A gravity-compensation spring across one joint (3.36-3.38), angle zero with the link up."""
+    """A gravity-compensation spring across one joint (3.36-3.38), angle zero with the link up.
+
+    `physical` needs the distances `l_m` and `r_m` of the spring's ends from the axis; `fourier`
+    (3.37) fits three harmonics of the angle where they are not known.
+    """
 
     joint: str
-    l_m: Positive
-    r_m: Positive
+    form: Literal["physical", "fourier"] = "physical"
+    l_m: Positive | None = None
+    r_m: Positive | None = None
+
+    @model_validator(mode="after")
+    def _needs_distances(self) -> GravitySpring:
+        if self.form == "physical" and (self.l_m is None or self.r_m is None):
+            raise ValueError("a physical spring needs l_m and r_m; form: fourier does without")
+        return self
+
+
+class LinkCad(ConfigModel):
+    """What the drawing says of a link, in its frame (modified convention, frame i on axis i).
+
+    `inertia_kg_m2` is xx, xy, xz, yy, yz, zz about the centre of gravity, elements of the matrix.
+    `uncertainty` is the standard deviation of every value as a share of its size.
+    """
+
+    mass_kg: NonNegative
+    centre_m: Vector3 = (0.0, 0.0, 0.0)
+    inertia_kg_m2: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    uncertainty: Annotated[float, Field(gt=0.0)] = 0.1
+
+    @model_validator(mode="after")
+    def _physical(self) -> Self:
+        xx, xy, xz, yy, yz, zz = self.inertia_kg_m2
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        slack = 1e-6 * abs(moments[2])
+        if moments[0] < -slack or moments[0] + moments[1] < moments[2] - slack:
+            raise ValueError(
+                f"inertia_kg_m2 has the principal moments {', '.join(f'{m:.4g}' for m in moments)}:"
+                " none may be negative, nor larger than the other two together; check the order"
+                " xx, xy, xz, yy, yz, zz and the signs"
+            )
+        return self
 
 
 class RobotDescription(ConfigModel):
-    """A serial robot: kinematics, joints, rotors, spring, gravity. Inertias are measured."""
+    """A serial robot: kinematics, joints, rotors, spring, gravity. Inertias are measured.
+
+    `coupling` is C of q = C alpha (5.18), for wrists whose motors move several joints: alpha are
+    the motors' angles over their gear ratios. `cad` is what the drawings say of the links, base to
+    flange; it is a prior, never a result.
+    """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
     gravity_m_s2: Vector3 = (0.0, 0.0, -9.81)
@@ -143,6 +244,20 @@ class RobotDescription(ConfigModel):
     tool_offset_m: Vector3 = (0.0, 0.0, 0.0)
     joints: tuple[Joint, ...] = Field(min_length=1)
     spring: GravitySpring | None = None
+    coupling: tuple[tuple[float, ...], ...] | None = None
+    cad: tuple[LinkCad, ...] | None = None
+
+    @model_validator(mode="after")
+    def _fits_joints(self) -> RobotDescription:
+        n = len(self.joints)
+        if self.cad is not None and len(self.cad) != n:
+            raise ValueError(f"cad has {len(self.cad)} links for {n} joints")
+        if self.coupling is not None:
+            if [len(row) for row in self.coupling] != [n] * n:
+                raise ValueError(f"coupling must have {n} rows of {n} numbers")
+            if np.linalg.cond(np.array(self.coupling)) > 1e6:
+                raise ValueError("coupling cannot be inverted: q = C alpha must hold both ways")
+        return self
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:

@@ -1,59 +1,96 @@
-"""`Friction`: the term of every joint's friction, linear in its coefficients."""
+"""`Friction`: the term of every actuator's friction, linear in its coefficients."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Literal
 
 import numpy as np
 
 from config.errors import EstimationError
-from config.robot import FrictionTerm, RobotDescription
+from config.robot import FrictionTerm, Joint, RobotDescription
 from dynamics.kinematics import FloatArray
+from dynamics.motion import Motion
+from dynamics.shape import ShapeParameter
 
-_SYMBOLS: Final[dict[FrictionTerm, str]] = {
+SLOWEST_STRIBECK: Final = 1e-3
+FASTEST_STRIBECK: Final = 2.0
+
+FrictionFunction = Literal[
+    "coulomb", "viscous", "offset", "forward", "backward", "cubic", "cube_root", "stribeck",
+    "coulomb_by_temperature", "viscous_by_temperature",
+]  # fmt: skip
+
+_FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
+    "coulomb": ("coulomb",),
+    "viscous": ("viscous",),
+    "offset": ("offset",),
+    "asymmetric": ("forward", "backward"),
+    "cubic": ("cubic",),
+    "cube_root": ("cube_root",),
+    "stribeck": ("stribeck",),
+    "temperature": ("coulomb_by_temperature", "viscous_by_temperature"),
+    "load": (),  # a loss of the gear: see `Transmission`
+}
+_SYMBOLS: Final[dict[FrictionFunction, str]] = {
     "coulomb": "fc",
     "viscous": "fv",
     "offset": "fo",
+    "forward": "fcp",
+    "backward": "fcn",
     "cubic": "f3",
     "cube_root": "fcr",
+    "stribeck": "fs",
+    "coulomb_by_temperature": "fcT",
+    "viscous_by_temperature": "fvT",
 }
-_REVOLUTE_UNITS: Final[dict[FrictionTerm, str]] = {
-    "coulomb": "N m",
-    "viscous": "N m s/rad",
-    "offset": "N m",
-    "cubic": "N m (s/rad)^3",
-    "cube_root": "N m (s/rad)^(1/3)",
-}
-_PRISMATIC_UNITS: Final[dict[FrictionTerm, str]] = {
-    "coulomb": "N",
-    "viscous": "N s/m",
-    "offset": "N",
-    "cubic": "N (s/m)^3",
-    "cube_root": "N (s/m)^(1/3)",
+# The unit for a revolute and for a prismatic joint.
+_UNITS: Final[dict[FrictionFunction, tuple[str, str]]] = {
+    "coulomb": ("N m", "N"),
+    "viscous": ("N m s/rad", "N s/m"),
+    "offset": ("N m", "N"),
+    "forward": ("N m", "N"),
+    "backward": ("N m", "N"),
+    "cubic": ("N m (s/rad)^3", "N (s/m)^3"),
+    "cube_root": ("N m (s/rad)^(1/3)", "N (s/m)^(1/3)"),
+    "stribeck": ("N m", "N"),
+    "coulomb_by_temperature": ("N m/K", "N/K"),
+    "viscous_by_temperature": ("N m s/(rad K)", "N s/(m K)"),
 }
 
 
 @dataclass(frozen=True)
 class FrictionColumn:
-    """One friction coefficient: which term, of which joint (from 0), its name and unit."""
+    """One friction coefficient: which function, of which joint (from 0), its name and unit."""
 
     joint: int
-    term: FrictionTerm
+    function: FrictionFunction
     parameter_name: str
     unit: str
+    reference_temperature_k: float
+
+
+@dataclass(frozen=True)
+class StribeckSpeed:
+    """Speed at which the Stribeck friction of a joint (from 0) has fallen to 1/e (2.10)."""
+
+    joint: int
+    parameter: ShapeParameter
 
 
 @dataclass(frozen=True)
 class Friction:
-    """Friction of the joints, link side, in the terms that each joint chose (2.8-2.14).
+    """Friction of the actuators, link side, in the terms that each joint chose (2.8-2.14).
 
-    With `sign_smoothing_rad_s` > 0, sign(v) of the Coulomb term is tanh(v / sign_smoothing_rad_s).
+    With `sign_smoothing_rad_s` > 0, sign(v) is tanh(v / sign_smoothing_rad_s). Asymmetric friction
+    is f+ while moving forward, f- while moving backward, both positive where they brake.
     """
 
     columns: tuple[FrictionColumn, ...]
     sign_smoothing_rad_s: float = 0.0
+    stribeck: tuple[StribeckSpeed, ...] = ()
 
+    through_gears = False
     name = "friction"
 
     def __post_init__(self) -> None:
@@ -69,16 +106,26 @@ class Friction:
     ) -> Friction:
         """Take the friction terms of the robot's joints, joint by joint."""
         columns = tuple(
-            FrictionColumn(
-                joint=j,
-                term=term,
-                parameter_name=f"{_SYMBOLS[term]}_{joint.name}",
-                unit=(_PRISMATIC_UNITS if joint.type == "prismatic" else _REVOLUTE_UNITS)[term],
-            )
+            _column(j, joint, function)
             for j, joint in enumerate(robot.joints)
             for term in joint.friction
+            for function in _FUNCTIONS[term]
         )
-        return cls(columns, sign_smoothing_rad_s)
+        stribeck = tuple(
+            StribeckSpeed(
+                j,
+                ShapeParameter(
+                    f"vs_{joint.name}",
+                    "m/s" if joint.type == "prismatic" else "rad/s",
+                    joint.stribeck_velocity,
+                    min(SLOWEST_STRIBECK, joint.stribeck_velocity),
+                    max(FASTEST_STRIBECK, joint.stribeck_velocity),
+                ),
+            )
+            for j, joint in enumerate(robot.joints)
+            if "stribeck" in joint.friction
+        )
+        return cls(columns, sign_smoothing_rad_s, stribeck)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -90,24 +137,83 @@ class Friction:
         """The units, in the order of the names."""
         return tuple(column.unit for column in self.columns)
 
-    def fill_torque(self, motion: FloatArray, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, coefficients), for `motion`, (3, samples, n): q, v, a."""
-        for c, column in enumerate(self.columns):
-            out[:, column.joint, c] = self._shape(column.term, motion[1, :, column.joint])
+    @property
+    def shape(self) -> tuple[ShapeParameter, ...]:
+        """The nonlinear parameters: the Stribeck speeds, joint by joint."""
+        return tuple(speed.parameter for speed in self.stribeck)
 
-    def fill_base_wrench(self, motion: FloatArray, out: FloatArray) -> None:
+    def with_shape(self, values: FloatArray) -> Friction:
+        """Return the same friction with other Stribeck speeds."""
+        return replace(
+            self,
+            stribeck=tuple(
+                replace(speed, parameter=replace(speed.parameter, value=float(value)))
+                for speed, value in zip(self.stribeck, values, strict=True)
+            ),
+        )
+
+    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, n, coefficients).
+
+        Raises
+        ------
+        EstimationError
+            Where friction depends on temperature and the motion's is not known.
+        """
+        for c, column in enumerate(self.columns):
+            out[:, column.joint, c] = self._values(column, motion)
+
+    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
         """Leave `out` zero: friction acts between two links, and the base feels none of it."""
 
-    def _shape(self, term: FrictionTerm, v: FloatArray) -> FloatArray:
-        match term:
+    def _values(self, column: FrictionColumn, motion: Motion) -> FloatArray:
+        v = motion.actuator[1, :, column.joint]
+        match column.function:
             case "coulomb":
-                smoothing = self.sign_smoothing_rad_s
-                return np.tanh(v / smoothing) if smoothing else np.sign(v)
+                return self._sign(v)
             case "viscous":
                 return v
             case "offset":
                 return np.ones_like(v)
+            case "forward":
+                return np.maximum(self._sign(v), 0.0)
+            case "backward":
+                return np.minimum(self._sign(v), 0.0)
             case "cubic":
                 return v**3
             case "cube_root":
                 return np.cbrt(v)
+            case "stribeck":
+                speed = next(s.parameter.value for s in self.stribeck if s.joint == column.joint)
+                return self._sign(v) * np.exp(-np.abs(v) / speed)
+            case "coulomb_by_temperature":
+                return self._sign(v) * _warmth(column, motion)
+            case "viscous_by_temperature":
+                return v * _warmth(column, motion)
+
+    def _sign(self, v: FloatArray) -> FloatArray:
+        smoothing = self.sign_smoothing_rad_s
+        return np.tanh(v / smoothing) if smoothing else np.sign(v)
+
+
+def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
+    revolute, prismatic = _UNITS[function]
+    return FrictionColumn(
+        joint=j,
+        function=function,
+        parameter_name=f"{_SYMBOLS[function]}_{joint.name}",
+        unit=prismatic if joint.type == "prismatic" else revolute,
+        reference_temperature_k=joint.reference_temperature_k,
+    )
+
+
+def _warmth(column: FrictionColumn, motion: Motion) -> FloatArray:
+    """Return how much warmer a drive is than its reference, (samples,) [K]."""
+    temperature = motion.conditions.temperature_k
+    if temperature is None:
+        raise EstimationError(
+            f"{column.parameter_name} depends on the drive's temperature, and the recording has"
+            " none: record or import it, or leave the friction term `temperature` out"
+        )
+    shape = motion.actuator.shape[1:]
+    return np.broadcast_to(temperature, shape)[:, column.joint] - column.reference_temperature_k

@@ -80,6 +80,8 @@ def fill_rotors(
     rotor_axis: FloatArray,
     rotor_ratio: FloatArray,
     motion: FloatArray,
+    actuator: FloatArray,
+    own_torque: FloatArray,
     of_base: bool,
     out: FloatArray,
 ) -> None:
@@ -91,8 +93,10 @@ def fill_rotors(
         As in `Chain`.
     rotor_joint, rotor_link, rotor_axis, rotor_ratio
         As in `Rotors`.
-    motion : (3, samples, n) array
-        Joint positions, velocities, accelerations.
+    motion, actuator : (3, samples, n) arrays
+        Positions, velocities, accelerations of the joints and of the actuators.
+    own_torque : (n, n) array
+        C^-T: the joint torques (columns) that are one unit of torque on one actuator.
     of_base : bool
         Whether the rows of `out` are the six components of the base wrench or the n joints.
     out : (samples, 6 or n, rotors) array
@@ -120,13 +124,15 @@ def fill_rotors(
                     continue
                 j = rotor_joint[r]
                 axis = _load(rotor_axis, r)
-                spin = rotor_ratio[r] * motion[1, sample, j]
-                spin_up = rotor_ratio[r] * motion[2, sample, j]
+                spin = rotor_ratio[r] * actuator[1, sample, j]
+                spin_up = rotor_ratio[r] * actuator[2, sample, j]
                 load = _add(_scale(spin_up, axis), _scale(spin, _cross(w, axis)))
                 for k in range(active):
                     out[sample, k, r] = _dot(_load(angular, k), load)
                 if not of_base:
-                    out[sample, j, r] += rotor_ratio[r] * (spin_up + _dot(axis, dw))
+                    own = rotor_ratio[r] * (spin_up + _dot(axis, dw))
+                    for k in range(joints):
+                        out[sample, k, r] += own_torque[k, j] * own
 
 
 @njit(cache=True)

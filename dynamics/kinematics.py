@@ -60,7 +60,7 @@ class Chain:
         rows = robot.kinematics.modified_rows()
         tool = np.array(robot.tool_offset_m)
         if robot.kinematics.convention == "standard_dh":  # the half row from axis n to the flange
-            last = robot.kinematics.rows[-1]
+            last = robot.kinematics.calibrated_rows[-1]
             tool = _rotation_x(last.alpha_rad) @ tool + np.array([last.a_m, 0.0, 0.0])
         return cls(
             rows=np.array([[r.alpha_rad, r.beta_rad, r.theta_rad, r.a_m, r.d_m] for r in rows]),

@@ -7,10 +7,11 @@ from typing import Final
 
 from dynamics.kernels import fill_rigid_body
 from dynamics.kinematics import Chain, FloatArray
+from dynamics.motion import Motion
 
 PARAMETERS_PER_LINK: Final = 10
-_SYMBOLS: Final = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-_UNITS: Final = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
+SYMBOLS: Final = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+UNITS: Final = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,28 +25,30 @@ class RigidBodies:
 
     chain: Chain
 
+    through_gears = True
     name = "rigid_body"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Ten names a link, link by link."""
-        return tuple(f"{s}{link}" for link in range(1, self.chain.n + 1) for s in _SYMBOLS)
+        return tuple(f"{s}{link}" for link in range(1, self.chain.n + 1) for s in SYMBOLS)
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
         """The units, in the order of the names."""
-        return _UNITS * self.chain.n
+        return UNITS * self.chain.n
 
-    def fill_torque(self, motion: FloatArray, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, 10 n), for `motion`, (3, samples, n): q, v, a."""
+    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, n, 10 n)."""
         self._fill(motion, False, out)
+        motion.to_actuators(out)
 
-    def fill_base_wrench(self, motion: FloatArray, out: FloatArray) -> None:
-        """Fill `out`, (samples, 6, 10 n), for `motion`, (3, samples, n): q, v, a."""
+    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, 6, 10 n)."""
         self._fill(motion, True, out)
 
-    def _fill(self, motion: FloatArray, of_base: bool, out: FloatArray) -> None:
+    def _fill(self, motion: Motion, of_base: bool, out: FloatArray) -> None:
         c = self.chain
         fill_rigid_body(
-            c.rows, c.fixed_rotations, c.prismatic, c.gravity_m_s2, motion, of_base, out
+            c.rows, c.fixed_rotations, c.prismatic, c.gravity_m_s2, motion.joint, of_base, out
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -11,24 +11,35 @@ import numpy.typing as npt
 
 from config.errors import EstimationError
 from config.robot import RobotDescription
+from dynamics.armature import Armature
+from dynamics.conditions import Conditions
 from dynamics.friction import Friction
 from dynamics.kinematics import Chain, FloatArray
+from dynamics.motion import Motion
+from dynamics.payload import Payload
 from dynamics.rigid_body import RigidBodies
 from dynamics.rotors import Rotors
+from dynamics.shape import ShapeParameter
 from dynamics.spring import Spring
+from dynamics.transmission import Transmission
 
 
 class Term(Protocol):
     """A part of the model: names, units, and the columns that belong to them.
 
-    To give robots a new effect, write a class like this and add it to `RobotModel.terms`.
-    `motion` is (3, samples, n): q, v, a; `out` is zero on entry and has a column a parameter.
+    To give robots a new effect, write a class like this and add it to `RobotModel.terms`. `out` is
+    zero on entry and has a column a parameter.
     """
 
     @property
     @abstractmethod
     def name(self) -> str:
         """What the group of parameters is called."""
+
+    @property
+    @abstractmethod
+    def through_gears(self) -> bool:
+        """Whether the gears transmit this torque, so that their efficiency acts on it."""
 
     @property
     @abstractmethod
@@ -41,11 +52,11 @@ class Term(Protocol):
         """The units, in the order of the names."""
 
     @abstractmethod
-    def fill_torque(self, motion: FloatArray, out: FloatArray) -> None:
+    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, parameters): actuator torque, link side, per unit parameter."""
 
     @abstractmethod
-    def fill_base_wrench(self, motion: FloatArray, out: FloatArray) -> None:
+    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, 6, parameters): base wrench per unit parameter."""
 
 
@@ -61,11 +72,17 @@ class RobotModel:
         The geometry.
     terms : tuple of Term
         The rigid bodies first, so that the first 10 n parameters are always the links'.
+    transmission : Transmission
+        What the gears take of the torque that they transmit.
+    coupling : (n, n) array, or None
+        C of q = C alpha, where the actuators move several joints (5.18).
     """
 
     joint_names: tuple[str, ...]
     chain: Chain
     terms: tuple[Term, ...]
+    transmission: Transmission = field(default_factory=Transmission)
+    coupling: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if len(self.joint_names) != self.chain.n:
@@ -85,9 +102,12 @@ class RobotModel:
         rotors: bool = True,
         friction: bool = True,
         spring: bool = True,
+        payload: bool = False,
         sign_smoothing_rad_s: float = 0.0,
     ) -> RobotModel:
         """Build the model of what the description has, less the terms that are switched off.
+
+        `rotors` stands for plain armatures too, `payload` adds an unknown body on the last link.
 
         Raises
         ------
@@ -100,13 +120,23 @@ class RobotModel:
         terms: list[Term] = [RigidBodies(chain)]
         if rotors and any(joint.rotor is not None for joint in robot.joints):
             terms.append(Rotors.from_description(robot))
+        if rotors and any(joint.armature for joint in robot.joints):
+            terms.append(Armature.from_description(robot))
         if friction and any(joint.friction for joint in robot.joints):
             terms.append(
                 Friction.from_description(robot, sign_smoothing_rad_s=sign_smoothing_rad_s)
             )
         if spring and robot.spring is not None:
             terms.append(Spring.from_description(robot))
-        return cls(robot.joint_names, chain, tuple(terms))
+        if payload:
+            terms.append(Payload(chain))
+        return cls(
+            robot.joint_names,
+            chain,
+            tuple(terms),
+            Transmission.from_description(robot, friction=friction),
+            None if robot.coupling is None else np.array(robot.coupling),
+        )
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -127,9 +157,70 @@ class RobotModel:
             for term, start, end in zip(self.terms, [0, *ends[:-1]], ends, strict=True)
         }
 
+    @property
+    def _shape(self) -> tuple[ShapeParameter, ...]:
+        friction = (term.shape for term in self.terms if isinstance(term, Friction))
+        return (*(p for shape in friction for p in shape), *self.transmission.shape)
+
+    @property
+    def shape_names(self) -> tuple[str, ...]:
+        """The parameters that the torque is not linear in: Stribeck speeds, losses of gears."""
+        return tuple(parameter.name for parameter in self._shape)
+
+    @property
+    def shape_units(self) -> tuple[str, ...]:
+        """Their units, in the order of the names."""
+        return tuple(parameter.unit for parameter in self._shape)
+
+    @property
+    def shape_values(self) -> FloatArray:
+        """Their values, in the order of the names."""
+        return np.array([parameter.value for parameter in self._shape])
+
+    @property
+    def shape_bounds(self) -> FloatArray:
+        """The ranges that they must stay in, (shape parameters, 2)."""
+        return np.array([(p.low, p.high) for p in self._shape]).reshape(-1, 2)
+
+    def with_shape(self, values: npt.ArrayLike) -> RobotModel:
+        """Return the same model with other values of `shape_names`.
+
+        Raises
+        ------
+        EstimationError
+            Where there are not as many values as names.
+        """
+        shape = np.asarray(values, dtype=np.float64)
+        if shape.shape != (len(self._shape),):
+            raise EstimationError(
+                f"the model has {len(self._shape)} shape parameters"
+                f" ({', '.join(self.shape_names) or 'none'}), got an array of shape {shape.shape}"
+            )
+        terms: list[Term] = []
+        for term in self.terms:
+            if isinstance(term, Friction):
+                count = len(term.shape)
+                term, shape = term.with_shape(shape[:count]), shape[count:]
+            terms.append(term)
+        return replace(self, terms=tuple(terms), transmission=self.transmission.with_shape(shape))
+
+    def motion(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        a: npt.ArrayLike,
+        conditions: Conditions | None = None,
+    ) -> Motion:
+        """Return a motion of this robot; see `Motion.of`."""
+        return Motion.of(q, v, a, self.chain.n, self.coupling, conditions)
+
 
 def regressor(
-    model: RobotModel, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    conditions: Conditions | None = None,
 ) -> FloatArray:
     """Return Phi with tau = Phi theta, the actuators' torques at the link side.
 
@@ -139,26 +230,38 @@ def regressor(
         The robot.
     q, v, a : (samples, n) arrays
         Joint positions, velocities, accelerations [rad or m, per s, per s^2].
+    conditions : Conditions, optional
+        Temperature, load and payload, where the model depends on them.
 
     Returns
     -------
     (samples, n, parameters) array
-        N m (N for a prismatic joint) per unit of each of `model.parameter_names`.
+        N m (N for a prismatic joint) per unit of each of `model.parameter_names`. Without coupling
+        an actuator's torque is its joint's.
 
     Raises
     ------
     EstimationError
-        Where q, v and a do not all have the shape (samples, n).
+        Where q, v and a do not all have the shape (samples, n), or a condition is missing.
     """
-    motion = _motion(model, q, v, a)
-    out = np.zeros((*motion.shape[1:], len(model.parameter_names)))
+    motion = model.motion(q, v, a, conditions)
+    out = np.zeros((*motion.joint.shape[1:], len(model.parameter_names)))
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
         term.fill_torque(motion, out[:, :, columns])
+    factors = model.transmission.factors(motion)
+    if factors is not None:
+        for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+            if term.through_gears:
+                out[:, :, columns] *= factors[:, :, np.newaxis]
     return out
 
 
 def base_wrench_regressor(
-    model: RobotModel, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    conditions: Conditions | None = None,
 ) -> FloatArray:
     """Return Phi_e with w = Phi_e theta, the wrench that the base exerts on the robot.
 
@@ -167,10 +270,8 @@ def base_wrench_regressor(
 
     Parameters
     ----------
-    model : RobotModel
-        The robot.
-    q, v, a : (samples, n) arrays
-        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
+    model, q, v, a, conditions
+        As for `regressor`.
 
     Returns
     -------
@@ -183,8 +284,8 @@ def base_wrench_regressor(
     EstimationError
         Where q, v and a do not all have the shape (samples, n).
     """
-    motion = _motion(model, q, v, a)
-    out = np.zeros((motion.shape[1], 6, len(model.parameter_names)))
+    motion = model.motion(q, v, a, conditions)
+    out = np.zeros((motion.joint.shape[1], 6, len(model.parameter_names)))
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
         term.fill_base_wrench(motion, out[:, :, columns])
     return out
@@ -196,6 +297,7 @@ def torque(
     v: npt.ArrayLike,
     a: npt.ArrayLike,
     parameters: npt.ArrayLike,
+    conditions: Conditions | None = None,
 ) -> FloatArray:
     """Return the actuators' torques at the link side, (samples, n) [N m or N].
 
@@ -207,29 +309,50 @@ def torque(
         Joint positions, velocities, accelerations [rad or m, per s, per s^2].
     parameters : (parameters,) array
         Values of `model.parameter_names`, in their order and units.
+    conditions : Conditions, optional
+        Temperature and payload; the load is computed here.
 
     Raises
     ------
     EstimationError
-        Where a shape does not fit the model.
+        Where a shape does not fit the model, or a condition is missing.
     """
+    theta = _checked(model, parameters)
+    if model.transmission.losses:
+        load = load_torque(model, q, v, a, theta, conditions)
+        conditions = replace(conditions or Conditions(), load_nm=load)
+    tau: FloatArray = regressor(model, q, v, a, conditions) @ theta
+    return tau
+
+
+def load_torque(
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    parameters: npt.ArrayLike,
+    conditions: Conditions | None = None,
+) -> FloatArray:
+    """Return the torque that each gear would transmit if it lost nothing, (samples, n) [N m or N].
+
+    Links, payload and spring, in actuator coordinates: what `Conditions.load_nm` wants.
+    """
+    theta = _checked(model, parameters)
+    motion = model.motion(q, v, a, conditions)
+    load = np.zeros(motion.joint.shape[1:])
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        if term.through_gears:
+            out = np.zeros((*load.shape, len(term.parameter_names)))
+            term.fill_torque(motion, out)
+            load += out @ theta[columns]
+    return load
+
+
+def _checked(model: RobotModel, parameters: npt.ArrayLike) -> FloatArray:
     theta = np.asarray(parameters, dtype=np.float64)
     if theta.shape != (len(model.parameter_names),):
         raise EstimationError(
             f"the model has {len(model.parameter_names)} parameters, got an array of shape"
             f" {theta.shape}"
         )
-    tau: FloatArray = regressor(model, q, v, a) @ theta
-    return tau
-
-
-def _motion(model: RobotModel, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike) -> FloatArray:
-    """Stack q, v, a into one fresh array, so that kernels are compiled for one type only."""
-    shapes = [np.shape(x) for x in (q, v, a)]
-    expected = (*shapes[0][:1], model.chain.n)
-    if shapes != [expected] * 3:
-        raise EstimationError(
-            f"q, v and a must all have the shape (samples, {model.chain.n}), got"
-            f" {', '.join(map(str, shapes))}"
-        )
-    return np.array((q, v, a), dtype=np.float64)
+    return theta

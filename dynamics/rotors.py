@@ -10,6 +10,7 @@ from config.errors import EstimationError
 from config.robot import RobotDescription
 from dynamics.kernels import fill_rotors
 from dynamics.kinematics import Chain, FloatArray, IntArray
+from dynamics.motion import Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +19,8 @@ class Rotors:
 
     What remains of a rotor after its mass, its transverse inertia and I_M e e^T have been lumped
     into the link that carries it: the load I_M mu (q.. e + q. w x e) on that link, and
-    I_M (mu^2 q.. + mu e.w') on its joint's actuator. The base feels the first only.
+    I_M (mu^2 q.. + mu e.w') on its joint's actuator. The base feels the first only. Where a wrist
+    couples the axes, q of the rotor's own motion is its actuator's coordinate.
 
     Attributes
     ----------
@@ -40,6 +42,7 @@ class Rotors:
     axis: FloatArray
     ratio: FloatArray
 
+    through_gears = False
     name = "rotors"
 
     def __post_init__(self) -> None:
@@ -79,15 +82,20 @@ class Rotors:
         """The units, in the order of the names."""
         return ("kg m^2",) * len(self.joint)
 
-    def fill_torque(self, motion: FloatArray, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, rotors), for `motion`, (3, samples, n): q, v, a."""
+    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, n, rotors)."""
         self._fill(motion, False, out)
+        motion.to_actuators(out)
 
-    def fill_base_wrench(self, motion: FloatArray, out: FloatArray) -> None:
-        """Fill `out`, (samples, 6, rotors), for `motion`, (3, samples, n): q, v, a."""
+    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, 6, rotors)."""
         self._fill(motion, True, out)
 
-    def _fill(self, motion: FloatArray, of_base: bool, out: FloatArray) -> None:
+    def _fill(self, motion: Motion, of_base: bool, out: FloatArray) -> None:
         c = self.chain
+        own: FloatArray = np.eye(c.n)
+        if motion.coupling is not None:
+            own = np.ascontiguousarray(np.linalg.inv(motion.coupling).T)
         place = (self.joint, self.link, self.axis, self.ratio)
-        fill_rotors(c.rows, c.fixed_rotations, c.prismatic, *place, motion, of_base, out)
+        moves = (motion.joint, motion.actuator)
+        fill_rotors(c.rows, c.fixed_rotations, c.prismatic, *place, *moves, own, of_base, out)

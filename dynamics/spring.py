@@ -9,6 +9,9 @@ import numpy as np
 from config.errors import ConfigError
 from config.robot import RobotDescription
 from dynamics.kinematics import FloatArray
+from dynamics.motion import Motion
+
+FOURIER_HARMONICS = 3
 
 
 @dataclass(frozen=True)
@@ -17,16 +20,15 @@ class Spring:
 
     The points lie `l_m` and `r_m` from the joint's axis. The actuator's torque against the spring,
     k l r sin q - P0 l r sin q / L with L = sqrt(l^2 + r^2 - 2 l r cos q), is linear in the
-    parameters `k_spring` and `P0_spring` = k l0.
+    parameters `k_spring` and `P0_spring` = k l0. Without the distances it is a Fourier series of
+    the angle (3.37): `A1_spring` cos q + `B1_spring` sin q + ... up to the third harmonic.
     """
 
     joint: int
-    l_m: float
-    r_m: float
+    distances_m: tuple[float, float] | None
 
+    through_gears = True
     name = "spring"
-    parameter_names = ("k_spring", "P0_spring")
-    parameter_units = ("N/m", "N")
 
     @classmethod
     def from_description(cls, robot: RobotDescription) -> Spring:
@@ -46,21 +48,41 @@ class Spring:
                 f"robot {robot.name!r}: spring.joint {spring.joint!r} is prismatic;"
                 " a gravity spring acts across a revolute joint"
             )
+        if spring.form == "fourier" or spring.l_m is None or spring.r_m is None:
+            return cls(joint, None)
         if spring.l_m == spring.r_m:
             raise ConfigError(
                 f"robot {robot.name!r}: spring.l_m and spring.r_m are both {spring.l_m} m, so its"
                 " ends would meet at zero angle; check the two distances"
             )
-        return cls(joint, spring.l_m, spring.r_m)
+        return cls(joint, (spring.l_m, spring.r_m))
 
-    def fill_torque(self, motion: FloatArray, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, 2), for `motion`, (3, samples, n): q, v, a."""
-        q = motion[0, :, self.joint]
-        product = self.l_m * self.r_m
-        length = np.sqrt(self.l_m**2 + self.r_m**2 - 2.0 * product * np.cos(q))
-        lever = product * np.sin(q)
-        out[:, self.joint, 0] = lever
-        out[:, self.joint, 1] = -lever / length
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Two names, or six of the Fourier form."""
+        if self.distances_m is not None:
+            return ("k_spring", "P0_spring")
+        return tuple(f"{s}{k}_spring" for k in range(1, FOURIER_HARMONICS + 1) for s in "AB")
 
-    def fill_base_wrench(self, motion: FloatArray, out: FloatArray) -> None:
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """The units, in the order of the names."""
+        return ("N/m", "N") if self.distances_m is not None else ("N m",) * (2 * FOURIER_HARMONICS)
+
+    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, n, 2 or 6)."""
+        q = motion.joint[0, :, self.joint]
+        if self.distances_m is None:
+            for k in range(1, FOURIER_HARMONICS + 1):
+                out[:, self.joint, 2 * k - 2] = np.cos(k * q)
+                out[:, self.joint, 2 * k - 1] = np.sin(k * q)
+        else:
+            l, r = self.distances_m  # noqa: E741 (the thesis's letters)
+            length = np.sqrt(l**2 + r**2 - 2.0 * l * r * np.cos(q))
+            lever = l * r * np.sin(q)
+            out[:, self.joint, 0] = lever
+            out[:, self.joint, 1] = -lever / length
+        motion.to_actuators(out)
+
+    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
         """Leave `out` zero: the spring acts between two links."""

@@ -18,7 +18,8 @@ from config.model import ConfigModel
 from config.robot import RobotDescription
 from config.whole_file import write_whole
 from identification.base_parameters import BaseParameters
-from identification.estimators import Estimate, ModelOptions
+from identification.estimators import Estimate
+from identification.model_options import ModelOptions
 
 LARGEST_FILE_BYTES = 50_000_000
 

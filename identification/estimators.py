@@ -23,6 +23,7 @@ from dynamics.robot_model import RobotModel, regressor
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.bin_equations import BinEquations, bin_equations
 from identification.least_squares import Solution, Triangle, sandwich, solve
+from identification.model_options import ModelOptions
 from identification.time_equations import time_blocks
 from identification.white_equations import WhiteEquations, residual_covariance, whiten
 
@@ -30,26 +31,6 @@ BAND_HZ = 10.0
 STANDSTILL_RAD_S = 0.02
 REWEIGHTINGS = 10
 BLOCK_ROWS = 4096
-
-
-@dataclass(frozen=True)
-class ModelOptions:
-    """Which terms the model has; see `RobotModel.from_description`."""
-
-    rotors: bool = True
-    friction: bool = True
-    spring: bool = True
-    sign_smoothing_rad_s: float = 0.0
-
-    def build(self, robot: RobotDescription) -> RobotModel:
-        """Build the model of a robot with these terms."""
-        return RobotModel.from_description(
-            robot,
-            rotors=self.rotors,
-            friction=self.friction,
-            spring=self.spring,
-            sign_smoothing_rad_s=self.sign_smoothing_rad_s,
-        )
 
 
 @dataclass(frozen=True, eq=False)

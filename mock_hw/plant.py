@@ -257,18 +257,24 @@ def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
     """Return the kernel's spring: its joint, -1 for none, then k, free length, l and r."""
     if robot.spring is None or plant.spring is None:
         return np.array([-1.0, 0.0, 0.0, 1.0, 0.5])
-    if plant.spring.free_length_m > robot.spring.l_m + robot.spring.r_m:
+    l_m, r_m = robot.spring.l_m, robot.spring.r_m
+    if l_m is None or r_m is None:
+        raise ConfigError(
+            f"robot {robot.name!r}: a simulated spring needs its distances: state spring.l_m and"
+            " spring.r_m"
+        )
+    if plant.spring.free_length_m > l_m + r_m:
         raise ConfigError(
             f"plant {plant.name!r}: spring.free_length_m {plant.spring.free_length_m} is longer"
-            f" than the spring ever gets, {robot.spring.l_m + robot.spring.r_m} m"
+            f" than the spring ever gets, {l_m + r_m} m"
         )
     return np.array(
         [
             robot.joint_names.index(robot.spring.joint),
             plant.spring.stiffness_n_per_m,
             plant.spring.free_length_m,
-            robot.spring.l_m,
-            robot.spring.r_m,
+            l_m,
+            r_m,
         ]
     )
 

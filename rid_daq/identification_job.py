@@ -11,10 +11,10 @@ from identification.estimators import (
     BAND_HZ,
     STANDSTILL_RAD_S,
     Estimate,
-    ModelOptions,
     estimate_periodic,
     estimate_smoothed,
 )
+from identification.model_options import ModelOptions
 from identification.torque_filter import without_torque_filter
 from rid_daq.run_data import RunData
 

@@ -10,7 +10,8 @@ import typer
 from acquisition.periods import average_periods
 from acquisition.run_list import find_run
 from identification.estimate_file import write_estimate
-from identification.estimators import BAND_HZ, STANDSTILL_RAD_S, Estimate, ModelOptions
+from identification.estimators import BAND_HZ, STANDSTILL_RAD_S, Estimate
+from identification.model_options import ModelOptions
 from rid_daq.console import AsJson, Console
 from rid_daq.curves import period_curves
 from rid_daq.identification_job import estimate_runs

@@ -96,11 +96,12 @@ class Damper:
     """An effect of one's own: torque against the first joint, proportional to cos q1."""
 
     name = "damper"
+    through_gears = False
     parameter_names = ("damping",)
     parameter_units = ("N m s/rad",)
 
     def fill_torque(self, motion, out) -> None:
-        q, v, _ = motion
+        q, v, _ = motion.joint
         out[:, 0, 0] = v[:, 0] * np.cos(q[:, 0])
 
     def fill_base_wrench(self, motion, out) -> None:

@@ -13,7 +13,8 @@ from acquisition.periods import average_periods
 from acquisition.recording import Recording
 from config.errors import ConfigError, RecordingError
 from identification.estimate_file import read_estimate, write_estimate
-from identification.estimators import Estimate, ModelOptions, estimate_periodic, predict
+from identification.estimators import Estimate, estimate_periodic, predict
+from identification.model_options import ModelOptions
 
 
 @pytest.fixture(scope="module")

@@ -22,12 +22,12 @@ from dynamics.robot_model import torque
 from identification import time_equations
 from identification.estimators import (
     Estimate,
-    ModelOptions,
     estimate_periodic,
     estimate_smoothed,
     predict,
 )
 from identification.experiment_design import design_two_harmonic
+from identification.model_options import ModelOptions
 
 Measure = Callable[..., Recording]
 Run = Callable[..., Recording]

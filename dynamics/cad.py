@@ -1,0 +1,64 @@
+"""Standard parameters out of a robot's drawings, with their stated uncertainty."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from config.errors import ConfigError
+from config.robot import LinkCad, RobotDescription
+from dynamics.kinematics import FloatArray
+from dynamics.rigid_body import PARAMETERS_PER_LINK
+from dynamics.robot_model import RobotModel
+
+
+def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
+    """Return what the drawings say of a model's standard parameters.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The model.
+    robot : RobotDescription
+        Its robot, with `cad`.
+
+    Returns
+    -------
+    values : (parameters,) array
+        The links' inertial parameters about their frames' origins; zero for all others.
+    sigmas : (parameters,) array
+        Their standard deviations: the stated share of the link's mass, of its first moment and of
+        the size of its inertia; infinite where the drawings say nothing (friction, rotors, spring).
+
+    Raises
+    ------
+    ConfigError
+        Where the robot has no `cad`.
+    """
+    if robot.cad is None:
+        raise ConfigError(
+            f"robot {robot.name!r} has no cad values: state mass, centre and inertia of its links"
+            " under `cad` in the robot file"
+        )
+    values = np.zeros(len(model.parameter_names))
+    sigmas = np.full(len(values), np.inf)
+    for link, cad in enumerate(robot.cad):
+        columns = slice(PARAMETERS_PER_LINK * link, PARAMETERS_PER_LINK * (link + 1))
+        values[columns] = _about_origin(cad)
+        sigmas[columns] = cad.uncertainty * _sizes(values[columns])
+    return values, sigmas
+
+
+def _about_origin(cad: LinkCad) -> FloatArray:
+    """Return the ten parameters of a link about its frame's origin (parallel axes)."""
+    mass, c = cad.mass_kg, np.array(cad.centre_m)
+    steiner = mass * (c @ c * np.eye(3) - np.outer(c, c))
+    xx, xy, xz, yy, yz, zz = cad.inertia_kg_m2
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) + steiner
+    return np.array([mass, *(mass * c), *inertia[np.triu_indices(3)]])
+
+
+def _sizes(link: FloatArray) -> FloatArray:
+    """Return what a share of uncertainty is taken of: mass, first moment, inertia as a whole."""
+    moment = max(float(np.linalg.norm(link[1:4])), 1e-3 * link[0])
+    inertia = max(float(link[4] + link[7] + link[9]) / 3.0, 1e-6 * link[0])
+    return np.array([max(link[0], 1e-6), *(moment,) * 3, *(inertia,) * 6])

@@ -1,0 +1,50 @@
+"""`Payload`: the term of an unknown body on the last link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynamics.kinematics import Chain, FloatArray
+from dynamics.motion import Motion
+from dynamics.rigid_body import PARAMETERS_PER_LINK, SYMBOLS, UNITS, RigidBodies
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """Ten inertial parameters of a payload, in the frame of the last link (5.6).
+
+    `mL`, first moment `sxL syL szL`, inertia about the frame's origin `IxxL` to `IzzL`. They act
+    where `Conditions.payload` says that it is attached, so that runs with and without it tell the
+    payload from the last link.
+    """
+
+    chain: Chain
+
+    through_gears = True
+    name = "payload"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The ten names."""
+        return tuple(f"{symbol}L" for symbol in SYMBOLS)
+
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """The units, in the order of the names."""
+        return UNITS
+
+    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, n, 10)."""
+        if motion.conditions.payload:
+            links = np.zeros((*out.shape[:2], PARAMETERS_PER_LINK * self.chain.n))
+            RigidBodies(self.chain).fill_torque(motion, links)
+            out[...] = links[:, :, -PARAMETERS_PER_LINK:]
+
+    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, 6, 10)."""
+        if motion.conditions.payload:
+            links = np.zeros((*out.shape[:2], PARAMETERS_PER_LINK * self.chain.n))
+            RigidBodies(self.chain).fill_base_wrench(motion, links)
+            out[...] = links[:, :, -PARAMETERS_PER_LINK:]
