@@ -83,7 +83,8 @@ class Friction:
     """Friction of the actuators, link side, in the terms that each joint chose (2.8-2.14).
 
     With `sign_smoothing_rad_s` > 0, sign(v) is tanh(v / sign_smoothing_rad_s). Asymmetric friction
-    is f+ while moving forward, f- while moving backward, both positive where they brake.
+    is f+ while moving forward, f- while moving backward, both positive where they brake. All
+    functions are analytic on either side of v = 0, so that a complex step goes through them.
     """
 
     columns: tuple[FrictionColumn, ...]
@@ -176,16 +177,17 @@ class Friction:
             case "offset":
                 return np.ones_like(v)
             case "forward":
-                return np.maximum(self._sign(v), 0.0)
+                return 0.5 * (self._sign(v) + np.abs(np.sign(v.real)))
             case "backward":
-                return np.minimum(self._sign(v), 0.0)
+                return 0.5 * (self._sign(v) - np.abs(np.sign(v.real)))
             case "cubic":
                 return v**3
             case "cube_root":
-                return np.cbrt(v)
+                direction = np.sign(v.real)
+                return direction * (direction * v) ** (1.0 / 3.0)
             case "stribeck":
                 speed = next(s.parameter.value for s in self.stribeck if s.joint == column.joint)
-                return self._sign(v) * np.exp(-np.abs(v) / speed)
+                return self._sign(v) * np.exp(-np.sign(v.real) * v / speed)
             case "coulomb_by_temperature":
                 return self._sign(v) * _warmth(column, motion)
             case "viscous_by_temperature":
@@ -193,7 +195,7 @@ class Friction:
 
     def _sign(self, v: FloatArray) -> FloatArray:
         smoothing = self.sign_smoothing_rad_s
-        return np.tanh(v / smoothing) if smoothing else np.sign(v)
+        return np.tanh(v / smoothing) if smoothing else np.sign(v.real)
 
 
 def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:

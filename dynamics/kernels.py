@@ -6,6 +6,7 @@ of its actuator, or of the base, which asks for a component of the base wrench. 
 then appears in a row with its virtual power on that row's screw. This is the modified recursive
 Newton-Euler method (appendix B) with the backward recursion replaced by its transpose.
 
+Motions may be complex: the derivatives are taken by the complex step (see `inverse_dynamics`).
 Vectors are tuples, which the compiler keeps in registers. All kernels share one file because
 numba's cache on disk notices a change in the kernel's own file only.
 """
@@ -21,7 +22,7 @@ Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]  # its columns
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def fill_rigid_body(
     rows: FloatArray,
     fixed_rotations: FloatArray,
@@ -45,11 +46,13 @@ def fill_rigid_body(
         Zero on entry. Per link: m, sx, sy, sz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz.
     """
     _, samples, joints = motion.shape
-    angular = np.zeros((out.shape[1], 3))
-    linear = np.zeros((out.shape[1], 3))
+    angular = np.zeros((out.shape[1], 3), motion.dtype)
+    linear = np.zeros((out.shape[1], 3), motion.dtype)
     for sample in range(samples):
-        w = dw = (0.0, 0.0, 0.0)
-        dv = (-gravity[0], -gravity[1], -gravity[2])  # gravity is an acceleration of the base
+        zero = 0.0 * motion[0, sample, 0]
+        w = dw = (zero, zero, zero)
+        # Gravity is an acceleration of the base.
+        dv = (zero - gravity[0], zero - gravity[1], zero - gravity[2])
         active = _start_screws(of_base, angular, linear)
         for i in range(joints):
             q, qd, qdd = motion[0, sample, i], motion[1, sample, i], motion[2, sample, i]
@@ -70,7 +73,7 @@ def fill_rigid_body(
                 _project(_load(angular, k), _load(linear, k), w, dw, dv, out[sample, k], 10 * i)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def fill_rotors(
     rows: FloatArray,
     fixed_rotations: FloatArray,
@@ -103,10 +106,11 @@ def fill_rotors(
         Zero on entry.
     """
     _, samples, joints = motion.shape
-    angular = np.zeros((out.shape[1], 3))
-    linear = np.zeros((out.shape[1], 3))
+    angular = np.zeros((out.shape[1], 3), motion.dtype)
+    linear = np.zeros((out.shape[1], 3), motion.dtype)
     for sample in range(samples):
-        w = dw = (0.0, 0.0, 0.0)
+        zero = 0.0 * motion[0, sample, 0]
+        w = dw = (zero, zero, zero)
         active = _start_screws(of_base, angular, linear)
         for link in range(joints + 1):
             if link > 0:
@@ -135,12 +139,13 @@ def fill_rotors(
                         out[sample, k, r] += own_torque[k, j] * own
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _joint(
     row: FloatArray, fixed: FloatArray, prismatic: bool, q: float
 ) -> tuple[Rotation, Vector]:
     """Return rotation and origin of the joint's frame in the frame before it."""
-    theta, d = (row[2], row[4] + q) if prismatic else (row[2] + q, row[4])
+    zero = 0.0 * q
+    theta, d = (zero + row[2], row[4] + q) if prismatic else (row[2] + q, zero + row[4])
     c, s = np.cos(theta), np.sin(theta)
     x = (fixed[0, 0], fixed[1, 0], fixed[2, 0])
     y = (fixed[0, 1], fixed[1, 1], fixed[2, 1])
@@ -149,7 +154,7 @@ def _joint(
     return rotation, (row[3] + d * z[0], d * z[1], d * z[2])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _angular_motion(
     rotation: Rotation, w: Vector, dw: Vector, prismatic: bool, qd: float, qdd: float
 ) -> tuple[Vector, Vector]:
@@ -160,7 +165,7 @@ def _angular_motion(
     return (w[0], w[1], w[2] + qd), (dw[0] + w[1] * qd, dw[1] - w[0] * qd, dw[2] + qdd)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _start_screws(of_base: bool, angular: FloatArray, linear: FloatArray) -> int:
     """Start the six screws of the base, forces first; return how many screws are active."""
     if not of_base:
@@ -173,14 +178,14 @@ def _start_screws(of_base: bool, angular: FloatArray, linear: FloatArray) -> int
     return 6
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _start_screw(angular: FloatArray, linear: FloatArray, k: int, prismatic: bool) -> None:
     """Start the screw of a joint in its own frame: along z."""
     _store(angular, k, (0.0, 0.0, 0.0 if prismatic else 1.0))
     _store(linear, k, (0.0, 0.0, 1.0 if prismatic else 0.0))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _project(
     turning: Vector,
     sliding: Vector,
@@ -207,18 +212,18 @@ def _project(
     row[first + 9] = turning[2] * dw[2] + t[2] * w[2]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _centripetal(w: Vector, p: Vector) -> Vector:
     return _cross(w, _cross(w, p))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _turn(rotation: Rotation, v: Vector) -> Vector:
     """Express a vector of the frame before in the rotated frame."""
     return (_dot(rotation[0], v), _dot(rotation[1], v), _dot(rotation[2], v))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _cross(a: Vector, b: Vector) -> Vector:
     return (
         a[1] * b[2] - a[2] * b[1],
@@ -227,26 +232,26 @@ def _cross(a: Vector, b: Vector) -> Vector:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _add(a: Vector, b: Vector) -> Vector:
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _scale(factor: float, a: Vector) -> Vector:
     return (factor * a[0], factor * a[1], factor * a[2])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _load(array: FloatArray, k: int) -> Vector:
     return (array[k, 0], array[k, 1], array[k, 2])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _store(array: FloatArray, k: int, vector: Vector) -> None:
     array[k, 0], array[k, 1], array[k, 2] = vector

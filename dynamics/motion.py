@@ -65,7 +65,9 @@ class Motion:
                 raise EstimationError(
                     f"{name} has the shape {np.shape(values)}, the motion {expected}"
                 )
-        joint = np.array((q, v, a), dtype=np.float64)
+        joint = np.array((q, v, a))
+        if joint.dtype.kind != "c":
+            joint = joint.astype(np.float64, copy=False)
         if coupling is None:
             return cls(joint, joint, None, conditions)
         actuator = np.ascontiguousarray(joint @ np.linalg.inv(coupling).T)

@@ -38,13 +38,13 @@ class Payload:
     def fill_torque(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, 10)."""
         if motion.conditions.payload:
-            links = np.zeros((*out.shape[:2], PARAMETERS_PER_LINK * self.chain.n))
+            links = np.zeros((*out.shape[:2], PARAMETERS_PER_LINK * self.chain.n), out.dtype)
             RigidBodies(self.chain).fill_torque(motion, links)
             out[...] = links[:, :, -PARAMETERS_PER_LINK:]
 
     def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, 6, 10)."""
         if motion.conditions.payload:
-            links = np.zeros((*out.shape[:2], PARAMETERS_PER_LINK * self.chain.n))
+            links = np.zeros((*out.shape[:2], PARAMETERS_PER_LINK * self.chain.n), out.dtype)
             RigidBodies(self.chain).fill_base_wrench(motion, links)
             out[...] = links[:, :, -PARAMETERS_PER_LINK:]

@@ -245,7 +245,7 @@ def regressor(
         Where q, v and a do not all have the shape (samples, n), or a condition is missing.
     """
     motion = model.motion(q, v, a, conditions)
-    out = np.zeros((*motion.joint.shape[1:], len(model.parameter_names)))
+    out = np.zeros((*motion.joint.shape[1:], len(model.parameter_names)), motion.joint.dtype)
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
         term.fill_torque(motion, out[:, :, columns])
     factors = model.transmission.factors(motion)
@@ -285,7 +285,7 @@ def base_wrench_regressor(
         Where q, v and a do not all have the shape (samples, n).
     """
     motion = model.motion(q, v, a, conditions)
-    out = np.zeros((motion.joint.shape[1], 6, len(model.parameter_names)))
+    out = np.zeros((motion.joint.shape[1], 6, len(model.parameter_names)), motion.joint.dtype)
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
         term.fill_base_wrench(motion, out[:, :, columns])
     return out
