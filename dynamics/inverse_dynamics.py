@@ -21,6 +21,8 @@ from dynamics.robot_model import RobotModel, load_torque, regressor
 
 STEP: Final = 1e-30
 
+ComplexArray = npt.NDArray[np.complex128]
+
 
 def torque_derivatives(
     model: RobotModel,
@@ -59,8 +61,8 @@ def torque_derivatives(
         load = load_torque(model, q, v, a, theta, conditions)
         conditions = replace(conditions or Conditions(), load_nm=load)
 
-    def torques(*motion: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]:
-        return np.asarray(regressor(model, *motion, conditions) @ theta)
+    def torques(motion: ComplexArray) -> ComplexArray:
+        return _complex_regressor(model, motion, conditions) @ theta
 
     steps = list(_steps(torques, q, v, a))
     n = model.chain.n
@@ -131,8 +133,9 @@ def regressor_gradient(
     if weights.shape != expected:
         raise EstimationError(f"weights must have the shape {expected}, got {weights.shape}")
 
-    def weighed(*motion: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]:
-        return np.einsum("snp,snp->s", weights, regressor(model, *motion, conditions))
+    def weighed(motion: ComplexArray) -> ComplexArray:
+        phi = _complex_regressor(model, motion, conditions)
+        return np.asarray(np.sum(weights * phi, axis=(1, 2)))
 
     steps = list(_steps(weighed, q, v, a))
     n = model.chain.n
@@ -140,8 +143,15 @@ def regressor_gradient(
     return by_q, by_v, by_a
 
 
+def _complex_regressor(
+    model: RobotModel, motion: ComplexArray, conditions: Conditions | None
+) -> ComplexArray:
+    q, v, a = motion
+    return np.asarray(regressor(model, q, v, a, conditions), np.complex128)
+
+
 def _steps(
-    function: Callable[..., npt.NDArray[np.complex128]],
+    function: Callable[[ComplexArray], ComplexArray],
     *motion: npt.ArrayLike,
 ) -> Iterator[FloatArray]:
     """Yield the derivative of a function of q, v, a by each column of q, then of v, then of a."""
@@ -149,5 +159,5 @@ def _steps(
     for kind in range(len(point)):
         for joint in range(point.shape[2]):
             point[kind, :, joint] += 1j * STEP
-            yield np.asarray(function(*point).imag / STEP)
+            yield np.asarray(function(point).imag / STEP)
             point[kind, :, joint] -= 1j * STEP

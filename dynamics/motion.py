@@ -70,7 +70,7 @@ class Motion:
             joint = joint.astype(np.float64, copy=False)
         if coupling is None:
             return cls(joint, joint, None, conditions)
-        actuator = np.ascontiguousarray(joint @ np.linalg.inv(coupling).T)
+        actuator = np.array(joint @ np.linalg.inv(coupling).T, joint.dtype, order="C")
         return cls(joint, actuator, coupling, conditions)
 
     def to_actuators(self, rows: FloatArray) -> None:

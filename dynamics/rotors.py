@@ -95,7 +95,7 @@ class Rotors:
         c = self.chain
         own: FloatArray = np.eye(c.n)
         if motion.coupling is not None:
-            own = np.ascontiguousarray(np.linalg.inv(motion.coupling).T)
+            own = np.array(np.linalg.inv(motion.coupling).T, np.float64, order="C")
         place = (self.joint, self.link, self.axis, self.ratio)
         moves = (motion.joint, motion.actuator)
         fill_rotors(c.rows, c.fixed_rotations, c.prismatic, *place, *moves, own, of_base, out)
