@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from config.bodies import Workspace
 from config.model import ConfigModel
 from config.robot import NonNegative, Positive
 
@@ -112,6 +113,7 @@ class CellConfig(ConfigModel):
     supervision: Supervision = Supervision()
     torque_filter: ButterworthFilter | None = None
     validation_limits_percent: tuple[Positive, ...] | None = None
+    workspace: Workspace = Workspace()
 
     @model_validator(mode="after")
     def _consistent(self) -> CellConfig:

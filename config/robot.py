@@ -7,6 +7,7 @@ from typing import Annotated, Final, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from config.bodies import Body
 from config.model import ConfigModel
 
 Vector3 = tuple[float, float, float]
@@ -235,7 +236,7 @@ class RobotDescription(ConfigModel):
 
     `coupling` is C of q = C alpha (5.18), for wrists whose motors move several joints: alpha are
     the motors' angles over their gear ratios. `cad` is what the drawings say of the links, base to
-    flange; it is a prior, never a result.
+    flange; it is a prior, never a result. `bodies` is the space that the links take.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
@@ -246,10 +247,14 @@ class RobotDescription(ConfigModel):
     spring: GravitySpring | None = None
     coupling: tuple[tuple[float, ...], ...] | None = None
     cad: tuple[LinkCad, ...] | None = None
+    bodies: tuple[Body, ...] = ()
 
     @model_validator(mode="after")
     def _fits_joints(self) -> RobotDescription:
         n = len(self.joints)
+        for body in self.bodies:
+            if body.link > n:
+                raise ValueError(f"a body sits on link {body.link} of {n}")
         if self.cad is not None and len(self.cad) != n:
             raise ValueError(f"cad has {len(self.cad)} links for {n} joints")
         if self.coupling is not None:

@@ -131,6 +131,66 @@ def forward(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     return tool
 
 
+def jacobian(chain: Chain, q: npt.ArrayLike) -> FloatArray:
+    """Return the geometric Jacobian of the tool point.
+
+    Parameters
+    ----------
+    chain : Chain
+        The arm.
+    q : (samples, n) array
+        Joint positions [rad or m].
+
+    Returns
+    -------
+    (samples, 6, n) array
+        Linear velocity of the tool point, then angular velocity, in the base frame, per unit of
+        each joint's speed.
+
+    Raises
+    ------
+    EstimationError
+        Where q does not have the shape (samples, n).
+    """
+    transforms = link_transforms(chain, q)
+    last = transforms[:, -1]
+    tool = last[:, :3, :3] @ chain.tool_m + last[:, :3, 3]
+    axes = np.where(chain.prismatic[:, np.newaxis], 0.0, transforms[:, :, :3, 2])
+    links = np.full(len(tool), chain.n)
+    out = np.empty((len(tool), 6, chain.n))
+    out[:, :3] = point_jacobian(chain, transforms, links, tool)
+    out[:, 3:] = axes.transpose(0, 2, 1)
+    return out
+
+
+def point_jacobian(
+    chain: Chain, transforms: FloatArray, links: IntArray, points_m: FloatArray
+) -> FloatArray:
+    """Return how points that are fixed to links move with the joints.
+
+    Parameters
+    ----------
+    chain : Chain
+        The arm.
+    transforms : (samples, n, 4, 4) array
+        Where its links are, by `link_transforms`.
+    links : (samples,) int array
+        The link that carries each point, 0 for the base.
+    points_m : (samples, 3) array
+        The points, in the base frame.
+
+    Returns
+    -------
+    (samples, 3, n) array
+        Velocity in the base frame per unit of each joint's speed.
+    """
+    axes, origins = transforms[:, :, :3, 2], transforms[:, :, :3, 3]
+    turning = np.cross(axes, points_m[:, np.newaxis] - origins)
+    moving = np.where(chain.prismatic[:, np.newaxis], axes, turning)
+    moves = np.arange(1, chain.n + 1) <= np.asarray(links)[:, np.newaxis]
+    return np.asarray((moving * moves[:, :, np.newaxis]).transpose(0, 2, 1))
+
+
 def _rotation_x(angle: float) -> FloatArray:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])

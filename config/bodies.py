@@ -1,0 +1,71 @@
+"""`Body`: what space a link takes, for collision checks."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from config.model import ConfigModel
+
+Point = tuple[float, float, float]
+Length = Annotated[float, Field(gt=0.0)]
+
+
+class Capsule(ConfigModel):
+    """A cylinder with round ends; a ball where both ends are the same point."""
+
+    kind: Literal["capsule"]
+    link: Annotated[int, Field(ge=0)]
+    start_m: Point
+    end_m: Point
+    radius_m: Length
+
+
+class Hull(ConfigModel):
+    """The convex hull of some points: a mesh, simplified."""
+
+    kind: Literal["hull"]
+    link: Annotated[int, Field(ge=0)]
+    points_m: tuple[Point, ...] = Field(min_length=4, max_length=2000)
+
+
+Body = Annotated[Capsule | Hull, Field(discriminator="kind")]
+
+
+class Plane(ConfigModel):
+    """A wall or a floor, in the base frame: the robot stays where `normal` . p > `offset_m`."""
+
+    name: str
+    normal: Point
+    offset_m: float
+
+    @model_validator(mode="after")
+    def _unit_normal(self) -> Plane:
+        length = sum(c * c for c in self.normal) ** 0.5
+        if abs(length - 1.0) > 1e-6:
+            raise ValueError(f"normal must be a unit vector, its length is {length:.6g}")
+        return self
+
+
+class Box(ConfigModel):
+    """A box along the axes of the base frame, to keep out of or to stay in."""
+
+    name: str
+    keep: Literal["out", "in"]
+    min_m: Point
+    max_m: Point
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Box:
+        if any(low >= high for low, high in zip(self.min_m, self.max_m, strict=True)):
+            raise ValueError(f"min_m {self.min_m} must be below max_m {self.max_m} on every axis")
+        return self
+
+
+class Workspace(ConfigModel):
+    """Where the robot may be. Bodies of the base (link 0) are held against nothing here."""
+
+    planes: tuple[Plane, ...] = ()
+    boxes: tuple[Box, ...] = ()
+    clearance_m: Annotated[float, Field(ge=0.0)] = 0.02
