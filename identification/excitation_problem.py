@@ -1,8 +1,8 @@
-"""`ExcitationProblem`: how good a periodic motion is, by how much it breaks limits, and gradients.
+"""`ExcitationProblem`: how good a periodic motion is and by how much it breaks limits.
 
-The motion of joint j is q0 + sum_k a_k sin(k w t) + b_k cos(k w t) (2.30). Everything asked of it is
-a smooth function of these coefficients: the criterion through the exact gradient of the regressor,
-the limits as squared violations. Sampled at a handful of points per highest harmonic
+The motion of joint j is q0 + sum_k a_k sin(k w t) + b_k cos(k w t) (2.30). All that is asked of it
+is a smooth function of these coefficients: the criterion through the exact gradient of the
+regressor, the limits as squared violations. Sampled at a handful of points per highest harmonic
 (physics: section 10); `optimal_design` verifies the result on a dense grid.
 """
 
@@ -31,6 +31,7 @@ POINTS_PER_HARMONIC = 8
 LIMIT_POINTS_PER_HARMONIC = 24
 SIGN_SMOOTHING_SHARE = 0.02
 NORM_POWER = 6
+INFORMATION_SHARE = 0.3
 CLEARANCE_SCALE_M = 0.05
 DECIMALS = 6
 START_POSES = 500
@@ -51,7 +52,8 @@ class ExcitationProblem:
         The highest harmonic of every joint, N.
     criterion : "d_optimal" or "condition"
         Minus the log determinant of the information per parameter, or the log of the condition
-        number (2.25, 2.26), smoothed.
+        number (2.25, 2.26), smoothed, plus a share of the former: the condition number alone does
+        not mind how small a motion is.
     limit_fraction : float
         Share of the position, velocity, acceleration and torque limits that may be used.
     expected_noise_nm : (n,) array
@@ -115,7 +117,7 @@ class ExcitationProblem:
 
     @cached_property
     def _scales(self) -> FloatArray:
-        """What a variable of one stands for, (n, 2 N + 1): half the range, the largest amplitude."""
+        """What a variable of one stands for, (n, 2 N + 1): half range, largest amplitudes."""
         omega = 2.0 * math.pi / self.period_s * np.arange(1, self.harmonics + 1)
         rows = []
         for joint in self.robot.joints:
@@ -211,15 +213,14 @@ class ExcitationProblem:
                 return np.asarray(x.ravel())
         nearest = int(np.argmin(distances))
         raise ConfigError(
-            f"in none of {START_POSES} random poses is robot {self.robot.name!r} clear of itself and"
-            f" of the workspace; in the last one {self.clearances.names[nearest]} are"
-            f" {distances[nearest]:.3f} m apart: check `bodies` in the robot file and `workspace` in"
-            " the cell file"
+            f"in none of {START_POSES} random poses is robot {self.robot.name!r} clear of itself"
+            f" and of the workspace; in the last one {self.clearances.names[nearest]} are"
+            f" {distances[nearest]:.3f} m apart: check `bodies` in the robot file and `workspace`"
+            " in the cell file"
         )
 
     def value(self, x: FloatArray, penalty: float) -> tuple[float, FloatArray]:
         """Return criterion plus `penalty` times the squared violations, and the gradient."""
-        n = len(self.robot.joints)
         q, v, a = self.motion(x, self._coarse)
         phi = regressor(self.model, q, v, a)
         weights = np.zeros_like(phi)
@@ -250,7 +251,6 @@ class ExcitationProblem:
             share = 1.0 / (len(q) * CLEARANCE_SCALE_M**2)
             worth += penalty * share * float(np.sum(short**2))
             gradient += penalty * 2.0 * share * by_q.T @ self._coarse[0]
-        assert gradient.shape == (n, 2 * self.harmonics + 1)
         return worth, np.asarray((gradient * self._scales).ravel())
 
     def _bounds(self, kind: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -275,20 +275,19 @@ class ExcitationProblem:
         scaled = information / np.outer(size, size)
         eigenvalues, vectors = np.linalg.eigh(scaled)
         eigenvalues = np.maximum(eigenvalues, 1e-14)
-        if self.criterion == "d_optimal":
-            b = len(size)
-            worth = -float(np.sum(np.log(eigenvalues)) + 2.0 * np.sum(np.log(size))) / b
-            inner = -(vectors / eigenvalues) @ vectors.T / b
-            by_information = inner / np.outer(size, size)
-        else:
+        b = len(size)
+        worth = -float(np.sum(np.log(eigenvalues)) + 2.0 * np.sum(np.log(size))) / b
+        by_information = -(vectors / eigenvalues) @ vectors.T / b / np.outer(size, size)
+        if self.criterion == "condition":
             # The p-norms of the eigenvalues and of their inverses stand for the largest ones.
             high = (eigenvalues / eigenvalues[-1]) ** NORM_POWER
             low = (eigenvalues[0] / eigenvalues) ** NORM_POWER
-            worth = 0.5 * (math.log(eigenvalues[-1]) - math.log(eigenvalues[0]))
-            worth += 0.5 / NORM_POWER * (math.log(high.sum()) + math.log(low.sum()))
+            condition = 0.5 * (math.log(eigenvalues[-1]) - math.log(eigenvalues[0]))
+            condition += 0.5 / NORM_POWER * (math.log(high.sum()) + math.log(low.sum()))
             slope = 0.5 * (high / high.sum() - low / low.sum()) / eigenvalues
             inner = (vectors * slope) @ vectors.T
-            by_information = inner / np.outer(size, size)
+            worth = condition + INFORMATION_SHARE * worth
+            by_information = INFORMATION_SHARE * by_information + inner / np.outer(size, size)
             by_information -= np.diag(np.sum(inner * scaled, axis=1) / size**2)
         by_rows = 2.0 / len(rows) * rows @ by_information
         return worth, np.asarray(by_rows)

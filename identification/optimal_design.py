@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
@@ -134,7 +134,9 @@ def verify(
     points = DENSE_POINTS_PER_HARMONIC * problem.harmonics
     trajectory = FourierTrajectory.from_motion(motion, problem.robot, motion.period_s / points)
     times = trajectory.sample_times_s
-    q, v, a = (f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration))
+    q, v, a = (
+        f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
+    )
     model = RobotModel.from_description(problem.robot)
     uses = _torque_uses(problem, model, q, v, a) + _clearance_uses(problem, q)
     broken += [
@@ -173,7 +175,7 @@ def candidates(
     transient_periods: int = 1,
     jobs: int = -1,
     scheduler: str | None = None,
-) -> Iterator[Candidate]:
+) -> Generator[Candidate]:
     """Refine many starts side by side, and yield each as it is ready.
 
     Parameters
@@ -214,14 +216,14 @@ def _backend(scheduler: str | None) -> Any:
     if scheduler is None:
         return nullcontext()
     try:
-        from dask.distributed import Client  # noqa: PLC0415 (an optional extra, slow to import)
+        from dask.distributed import Client
     except ImportError as error:
         raise ConfigError(
             "--scheduler needs Dask, which is not installed: install rid-daq with its extra"
             " `cluster`, or leave the option out"
         ) from error
     try:
-        Client(scheduler, timeout="10s")
+        Client(scheduler, timeout="10s")  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise ConfigError(
             f"no Dask scheduler answers at {scheduler}: {error}. Start one with `dask scheduler`,"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,12 +11,29 @@ import typer
 
 from acquisition.motion_samples import MotionSamples, plan_motion
 from config.errors import ConfigError
-from config.load import load_cell, to_yaml
+from config.load import LoadedCell, load_cell, to_yaml
+from config.motion import FourierMotion
 from config.robot import RobotDescription
 from config.whole_file import write_whole
+from identification.estimate_file import read_estimate
 from identification.experiment_design import condition_number, design_two_harmonic
 from rid_daq.console import AsJson, Console
+from rid_daq.design_job import Search, excitation_problem, search
 from rid_daq.sections import units
+
+
+class Method(StrEnum):
+    """How the excitation is found."""
+
+    OPTIMAL = "optimal"
+    TWO_HARMONIC = "two-harmonic"
+
+
+class CriterionName(StrEnum):
+    """What is optimal."""
+
+    CONDITION = "condition"
+    D_OPTIMAL = "d-optimal"
 
 
 def design(
@@ -23,56 +41,138 @@ def design(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="MOTION", help="The motion file to write.")
     ],
+    method: Annotated[
+        Method, typer.Option(help="By gradients from many starts, or the quick heuristic (3.22).")
+    ] = Method.OPTIMAL,
+    criterion: Annotated[
+        CriterionName, typer.Option(help="Smallest condition number, or largest information.")
+    ] = CriterionName.D_OPTIMAL,
     period_s: Annotated[
         float, typer.Option("--period", min=0.1, max=3600.0, help="Period [s], whole cycles.")
     ] = 10.0,
     periods: Annotated[int, typer.Option(min=2, help="Periods that count.")] = 16,
     highest_harmonic: Annotated[
-        int, typer.Option("--harmonics", min=2, help="The highest harmonic used.")
-    ] = 8,
-    tries: Annotated[int, typer.Option(min=1, help="How many motions are compared.")] = 200,
+        int | None,
+        typer.Option("--harmonics", min=2, help="The highest harmonic used; 5, heuristic 8."),
+    ] = None,
+    starts: Annotated[int, typer.Option(min=1, help="Starts that are refined (optimal).")] = 6,
+    budget_s: Annotated[
+        float | None,
+        typer.Option(
+            "--budget", min=1.0, help="End after the start that is ready after this time [s]."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="A Dask scheduler to compute on, as tcp://host:8786."),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(metavar="MODEL", help="A model file to hold torque limits by."),
+    ] = None,
+    given: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="MODEL", help="Models of earlier runs, whose information counts."),
+    ] = None,
+    tries: Annotated[int, typer.Option(min=1, help="Motions compared (two-harmonic).")] = 200,
     seed: Annotated[int, typer.Option(min=0, help="Where they are drawn from.")] = 0,
     overwrite: Annotated[bool, typer.Option(help="Replace MOTION if it is there.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Choose an excitation by the two-harmonic heuristic and verify it densely.
+    """Choose an excitation and verify it densely.
 
-    One low and one high harmonic an axis; of many draws the one with the smallest condition number
-    is kept. The motion written has passed the check of every limit, ramps included.
+    `optimal` refines random starts by exact gradients, on all cores, within the limits on
+    position, speed, acceleration, torque, workspace and self-collision; the same seed and starts
+    give the same motion. `two-harmonic` takes the best of many draws of one low and one high
+    harmonic an axis. The motion written has passed the check of every limit, ramps included.
     """
     console = Console(as_json)
     if output.exists() and not overwrite:
         raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
     loaded = load_cell(cell)
-    motion = design_two_harmonic(
-        loaded.robot,
-        period_s,
-        loaded.config.cycle_time_s,
-        highest_harmonic=highest_harmonic,
-        tries=tries,
-        seed=seed,
-        periods=periods,
-    )
+    robot = loaded.robot
+    found: Search | None = None
+    if method is Method.OPTIMAL:
+        problem = excitation_problem(
+            loaded.config,
+            robot,
+            period_s=period_s,
+            periods=periods,
+            harmonics=highest_harmonic or 5,
+            criterion="condition" if criterion is CriterionName.CONDITION else "d_optimal",
+            model=None if model is None else read_estimate(model),
+            given=[read_estimate(path) for path in given or ()],
+        )
+        found = search(
+            problem,
+            loaded.config,
+            console,
+            seed=seed,
+            starts=starts,
+            periods=periods,
+            budget_s=budget_s,
+            scheduler=scheduler,
+        )
+        motion = found.best.motion
+        origin = (
+            f"the best of {len(found.trials)} starts from seed {seed} by the criterion"
+            f" {criterion.value}."
+        )
+    else:
+        motion = design_two_harmonic(
+            robot,
+            period_s,
+            loaded.config.cycle_time_s,
+            highest_harmonic=highest_harmonic or 8,
+            tries=tries,
+            seed=seed,
+            periods=periods,
+        )
+        origin = f"the best of {tries} draws of two harmonics from seed {seed}."
+    _write(console, loaded, motion, output, origin, found)
+    console.say(f"Next: rid-daq record {cell} {output}")
+
+
+def _write(
+    console: Console,
+    loaded: LoadedCell,
+    motion: FourierMotion,
+    output: Path,
+    origin: str,
+    found: Search | None,
+) -> None:
+    """Write the motion file, and say what is in it."""
     samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
     condition = condition_number(loaded.robot, motion)
     axes = _use_of_limits(samples, loaded.robot)
     comment = (
-        f"Two-harmonic excitation for robot {loaded.robot.name}, verified within its limits at"
-        f" {loaded.config.cycle_time_ms} ms.\nCondition number {condition:.4g}; the best of"
-        f" {tries} draws from seed {seed}."
+        f"Excitation for robot {loaded.robot.name}, verified within its limits at"
+        f" {loaded.config.cycle_time_ms} ms.\nCondition number {condition:.4g}; {origin}"
     )
     write_whole(output, to_yaml(motion, comment).encode())
-    console.document(
-        {
-            "motion": str(output),
-            "condition_number": condition,
-            "duration_s": samples.duration_s,
-            "axes": axes,
-        }
-    )
+    document: dict[str, Any] = {
+        "motion": str(output),
+        "condition_number": condition,
+        "duration_s": samples.duration_s,
+        "axes": axes,
+    }
+    if found is not None:
+        document["limits"] = [
+            {"what": use.what, "used": use.used, "limit": use.limit, "unit": use.unit}
+            for use in found.best.uses
+        ]
+        document["trials"] = [
+            {"elapsed_s": t.elapsed_s, "seed": t.seed, "worth": t.worth, "broken": list(t.broken)}
+            for t in found.trials
+        ]
+        document["interrupted"] = found.interrupted
+    console.document(document)
+    if found is not None and found.interrupted:
+        console.verdict(None, "Interrupted: this is the best motion found so far.")
     console.say(
-        f"{output}: {motion.periods} periods of {period_s:g} s, {samples.duration_s:.1f} s in all,"
-        f" condition number {condition:.4g}. Verified between the samples too."
+        f"{output}: {motion.periods} periods of {motion.period_s:g} s,"
+        f" {samples.duration_s:.1f} s in all, condition number {condition:.4g}. Verified between"
+        " the samples too."
     )
     console.table(
         ("axis", "range", "max speed", "of limit", "max acceleration", "of limit"),
@@ -88,7 +188,22 @@ def design(
             for axis in axes
         ],
     )
-    console.say(f"Next: rid-daq record {cell} {output}")
+    if found is None:
+        return
+    torques = [use for use in found.best.uses if use.unit != "m"]
+    shares = ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in torques)
+    console.say(
+        f"Largest torque expected, axis by axis: {shares} % of the limit."
+        if torques
+        else "Torque is not checked: the robot file has no `cad`, and no --model is given."
+    )
+    distances = [use for use in found.best.uses if use.unit == "m"]
+    nearest = min(distances, key=lambda use: use.used, default=None)
+    console.say(
+        f"Nearest approach: {1000.0 * nearest.used:.0f} mm, {nearest.what}."
+        if nearest is not None
+        else "Collisions are not checked: neither `bodies` nor a `workspace` is stated."
+    )
 
 
 def _use_of_limits(samples: MotionSamples, robot: RobotDescription) -> list[dict[str, Any]]:
