@@ -237,12 +237,17 @@ class RobotDescription(ConfigModel):
     `coupling` is C of q = C alpha (5.18), for wrists whose motors move several joints: alpha are
     the motors' angles over their gear ratios. `cad` is what the drawings say of the links, base to
     flange; it is a prior, never a result. `bodies` is the space that the links take.
+    `base_offset_m` is the origin of frame 0 in the frame of the whole robot, whose axes it has;
+    `tool_rpy_rad` turns the tool's frame against the last one's (roll, pitch, yaw as in a URDF).
+    Both matter to exports alone.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
     gravity_m_s2: Vector3 = (0.0, 0.0, -9.81)
+    base_offset_m: Vector3 = (0.0, 0.0, 0.0)
     kinematics: Kinematics
     tool_offset_m: Vector3 = (0.0, 0.0, 0.0)
+    tool_rpy_rad: Vector3 = (0.0, 0.0, 0.0)
     joints: tuple[Joint, ...] = Field(min_length=1)
     spring: GravitySpring | None = None
     coupling: tuple[tuple[float, ...], ...] | None = None

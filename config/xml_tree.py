@@ -1,0 +1,159 @@
+"""XML text to plain elements with their lines, without XML's traps.
+
+Document types are refused, and with them every entity (expansion bombs, files and addresses pulled
+in); size and depth are bounded.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+from xml.parsers import expat
+
+from config.errors import ConfigError
+
+MAX_BYTES: Final = 20_000_000
+MAX_DEPTH: Final = 60
+
+
+@dataclass(frozen=True)
+class XmlElement:
+    """One element: its tag, attributes, children and the line where it begins.
+
+    `file` is what the file is called in messages.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    file: str
+    children: list[XmlElement] = field(default_factory=list)
+    text: str = ""
+
+    @property
+    def where(self) -> str:
+        """`file:line` of this element."""
+        return f"{self.file}:{self.line}"
+
+    def all(self, tag: str) -> list[XmlElement]:
+        """Return the children of one tag."""
+        return [child for child in self.children if child.tag == tag]
+
+    def one(self, tag: str) -> XmlElement | None:
+        """Return the only child of one tag, or None.
+
+        Raises
+        ------
+        ConfigError
+            Where there are two.
+        """
+        found = self.all(tag)
+        if len(found) > 1:
+            raise ConfigError(f"{found[1].where}: <{self.tag}> has a second <{tag}>")
+        return found[0] if found else None
+
+    def attribute(self, name: str) -> str:
+        """Return an attribute.
+
+        Raises
+        ------
+        ConfigError
+            Where it is missing.
+        """
+        value = self.attributes.get(name)
+        if value is None:
+            raise ConfigError(f"{self.where}: <{self.tag}> has no {name!r}")
+        return value
+
+    def numbers(self, name: str, count: int, default: tuple[float, ...]) -> tuple[float, ...]:
+        """Return `count` finite numbers of an attribute, or the default where it is missing.
+
+        Raises
+        ------
+        ConfigError
+            Where the attribute is anything else.
+        """
+        text = self.attributes.get(name)
+        if text is None:
+            return default
+        try:
+            values = tuple(float(word) for word in text.split())
+        except ValueError:
+            values = ()
+        if len(values) != count or not all(abs(value) < 1e12 for value in values):
+            raise ConfigError(
+                f"{self.where}: {name} of <{self.tag}> is {text!r}, not {count} finite"
+                f" number{'s' if count > 1 else ''}"
+            )
+        return values
+
+    def number(self, name: str) -> float:
+        """Return one finite number.
+
+        Raises
+        ------
+        ConfigError
+            Where the attribute is missing or anything else.
+        """
+        self.attribute(name)
+        return self.numbers(name, 1, ())[0]
+
+
+def parse_xml(data: bytes, name: str) -> XmlElement:
+    """Parse one XML document and return its root.
+
+    Parameters
+    ----------
+    data
+        The file's bytes, in an encoding that XML declares.
+    name
+        What to call the file in messages.
+
+    Raises
+    ------
+    ConfigError
+        The text is not XML, has a document type, is too large or too deep.
+    """
+    if len(data) > MAX_BYTES:
+        raise ConfigError(f"{name}: {len(data)} bytes; at most {MAX_BYTES} are read")
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    top = XmlElement("", {}, 0, name)
+    open_elements = [top]
+    texts: list[str] = [""]
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        if len(open_elements) > MAX_DEPTH:
+            raise ConfigError(f"{name}:{parser.CurrentLineNumber}: nested deeper than {MAX_DEPTH}")
+        element = XmlElement(tag, dict(attributes), parser.CurrentLineNumber, name)
+        open_elements[-1].children.append(element)
+        open_elements.append(element)
+        texts.append("")
+
+    def end(_tag: str) -> None:
+        element = open_elements.pop()
+        object.__setattr__(element, "text", texts.pop().strip())
+
+    def characters(text: str) -> None:
+        texts[-1] += text
+
+    def refuse(*_: object) -> None:
+        raise ConfigError(
+            f"{name}:{parser.CurrentLineNumber}: a document type or entity is declared; a robot"
+            " needs none: delete the declaration"
+        )
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = characters
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise ConfigError(
+            f"{name}:{error.lineno}:{error.offset + 1}: not XML: {expat.ErrorString(error.code)}"
+        ) from None
+    except (LookupError, ValueError) as error:
+        raise ConfigError(f"{name}: not XML: {error}") from None
+    return top.children[0]
