@@ -14,10 +14,11 @@ import time
 
 import numpy as np
 
+from acquisition.excitation import FourierTrajectory
 from config.bodies import Box, Plane, Workspace
 from config.load import load_robot
 from dynamics.cad import cad_parameters
-from dynamics.robot_model import RobotModel
+from dynamics.robot_model import RobotModel, regressor
 from identification.excitation_problem import ExcitationProblem
 from identification.experiment_design import condition_number, design_two_harmonic
 from identification.optimal_design import Candidate, candidates
@@ -29,6 +30,19 @@ PERIOD_S = 10.0
 HARMONICS = 5
 CYCLE_S = 0.002
 DRAWS = 40
+
+
+def unscaled(problem: ExcitationProblem, candidate: Candidate) -> float:
+    """Return the condition number of the plain base regressor, in SI units."""
+    times = np.arange(0.0, PERIOD_S, 0.01)
+    trajectory = FourierTrajectory.from_motion(candidate.motion, problem.robot, 0.01)
+    phi = regressor(
+        RobotModel.from_description(problem.robot),
+        trajectory.position(times),
+        trajectory.velocity(times),
+        trajectory.acceleration(times),
+    )
+    return float(np.linalg.cond(problem.base.columns(phi).reshape(-1, len(problem.base))))
 
 
 def main() -> int:
@@ -76,6 +90,8 @@ def main() -> int:
     heuristic = design_two_harmonic(robot, PERIOD_S, CYCLE_S, tries=tries)
     peer = condition_number(robot, heuristic)
     print(f"two-harmonic heuristic, {tries} draws in the same time, no obstacles: {peer:.1f}")
+    if best is not None:
+        print(f"the same motion, columns not scaled: {unscaled(problem, best):.0f}")
     print("published for such arms: figaroh 64 in 400 s, FloBaRoID 378 in 220 s")
     value = best.condition_number if best is not None else float("inf")
     holds = value <= BAR

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Generator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -206,7 +207,9 @@ def candidates(
         )
         for seed in seeds
     )
-    with _backend(scheduler):
+    with _backend(scheduler), warnings.catch_warnings():
+        # A caller that has seen enough closes this generator, which is no reason for a warning.
+        warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
         yield from parallel(tasks)
 
