@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
@@ -28,6 +29,14 @@ class Hull(ConfigModel):
     kind: Literal["hull"]
     link: Annotated[int, Field(ge=0)]
     points_m: tuple[Point, ...] = Field(min_length=4, max_length=2000)
+
+    @model_validator(mode="after")
+    def _spans_a_volume(self) -> Hull:
+        points = np.array(self.points_m)
+        sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if sizes[2] <= 1e-6 * sizes[0]:
+            raise ValueError("points_m lie in one plane: give points that span a volume")
+        return self
 
 
 Body = Annotated[Capsule | Hull, Field(discriminator="kind")]

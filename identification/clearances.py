@@ -10,7 +10,6 @@ import numpy as np
 
 from acquisition.arrays import FloatArray
 from config.bodies import Body, Box, Capsule, Plane, Workspace
-from config.errors import ConfigError
 from config.robot import RobotDescription
 from dynamics.kinematics import Chain, link_transforms, point_jacobian
 
@@ -156,12 +155,7 @@ def _body_solid(body: Body, number: int) -> _Solid:
     points = coal.StdVec_Vec3s()
     for point in body.points_m:
         points.append(np.array(point))
-    try:
-        hull = coal.Convex.convexHull(points, True, "Qt")
-    except RuntimeError as error:
-        raise ConfigError(
-            f"{name}: its points span no volume; give points that do not lie in one plane"
-        ) from error
+    hull = coal.Convex.convexHull(points, True, "Qt")
     return _Solid(name, body.link, hull, np.eye(3), np.zeros(3))
 
 

@@ -1,4 +1,4 @@
-"""Optimal excitations: better than the heuristic, reproducible, and never handed over unverified."""
+"""Optimal excitations: better than the heuristic, reproducible, verified before they are used."""
 
 from __future__ import annotations
 
