@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from config.robot import RobotDescription
 from dynamics.kinematics import FloatArray
 from dynamics.motion import Motion
@@ -49,3 +51,10 @@ class Armature:
 
     def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
         """Leave `out` zero: nothing is known of where the motor sits."""
+
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights * columns change with the motion; see `Term`."""
+        out = np.zeros((len(weights), *motion.actuator.shape))
+        for column, j in enumerate(self.joints):
+            out[:, 2, :, j] = weights[:, :, j, column]
+        return motion.by_joints(out)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, Literal
 
 import numpy as np
 
 from config.errors import EstimationError
 from config.robot import FrictionTerm, Joint, RobotDescription
+from dynamics.complex_step import Values, slopes
 from dynamics.kinematics import FloatArray
 from dynamics.motion import Motion
 from dynamics.shape import ShapeParameter
@@ -162,13 +164,25 @@ class Friction:
             Where friction depends on temperature and the motion's is not known.
         """
         for c, column in enumerate(self.columns):
-            out[:, column.joint, c] = self._values(column, motion)
+            speed = motion.actuator[1, :, column.joint]
+            out[:, column.joint, c] = self._values(column, motion, speed)
 
     def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
         """Leave `out` zero: friction acts between two links, and the base feels none of it."""
 
-    def _values(self, column: FrictionColumn, motion: Motion) -> FloatArray:
-        v = motion.actuator[1, :, column.joint]
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights * columns change with the motion; see `Term`.
+
+        The jump of a hard sign is left out.
+        """
+        out = np.zeros((len(weights), *motion.actuator.shape))
+        for c, column in enumerate(self.columns):
+            speed = motion.actuator[1, :, column.joint]
+            values = partial(self._values, column, motion)
+            out[:, 1, :, column.joint] += weights[:, :, column.joint, c] * slopes(values, speed)
+        return motion.by_joints(out)
+
+    def _values(self, column: FrictionColumn, motion: Motion, v: Values) -> Values:
         match column.function:
             case "coulomb":
                 return self._sign(v)
@@ -193,7 +207,7 @@ class Friction:
             case "viscous_by_temperature":
                 return v * _warmth(column, motion)
 
-    def _sign(self, v: FloatArray) -> FloatArray:
+    def _sign(self, v: Values) -> Values:
         smoothing = self.sign_smoothing_rad_s
         return np.tanh(v / smoothing) if smoothing else np.sign(v.real)
 

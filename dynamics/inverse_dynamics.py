@@ -1,15 +1,12 @@
-"""Derivatives of the inverse dynamics, exact to rounding, and the joint-space inertia.
+"""How torque and regressor change with the motion, and the joint-space inertia.
 
-All are taken by the complex step (Squire and Trapp 1998): f(x + i h) = f(x) + i h f'(x) + O(h^2),
-so with h = 1e-30 the imaginary part over h is the derivative without any difference being taken.
-The regressor's kernels and terms accept complex motions, so each effect is written down once only.
+Nothing is differenced: the kernels run backwards (reverse mode, as in Griewank and Walther 2008),
+and what acts on one joint alone takes the complex step.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,11 +14,8 @@ import numpy.typing as npt
 from config.errors import EstimationError
 from dynamics.conditions import Conditions
 from dynamics.kinematics import FloatArray
-from dynamics.robot_model import RobotModel, load_torque, regressor
-
-STEP: Final = 1e-30
-
-ComplexArray = npt.NDArray[np.complex128]
+from dynamics.robot_model import RobotModel, checked_parameters, load_torque
+from dynamics.transmission import Transmission
 
 
 def torque_derivatives(
@@ -37,46 +31,53 @@ def torque_derivatives(
     Parameters
     ----------
     model : RobotModel
-        The robot. The derivative of a hard sign(v) is 0; smooth it to see the jump.
+        The robot. The jumps of a hard sign(v) and of gear losses are left out.
     q, v, a : (samples, n) arrays
         Joint positions, velocities, accelerations [rad or m, per s, per s^2].
     parameters : (parameters,) array
         Values of `model.parameter_names`.
     conditions : Conditions, optional
-        Temperature and payload.
+        Temperature and payload; the load is computed here.
 
     Returns
     -------
     by_q, by_v, by_a : (samples, n, n) arrays
-        Element (s, i, j) is the derivative of torque i by coordinate j; `by_a` is the joint-space
-        inertia, rows in actuator coordinates.
+        Element (s, i, j) is the derivative of torque i by coordinate j of the joints.
 
     Raises
     ------
     EstimationError
-        Where a shape does not fit the model.
+        Where a shape does not fit the model, or a condition is missing.
     """
-    theta = np.asarray(parameters, dtype=np.float64)
+    theta = checked_parameters(model, parameters)
     if model.transmission.losses:
         load = load_torque(model, q, v, a, theta, conditions)
         conditions = replace(conditions or Conditions(), load_nm=load)
-
-    def torques(motion: ComplexArray) -> ComplexArray:
-        return _complex_regressor(model, motion, conditions) @ theta
-
-    steps = list(_steps(torques, q, v, a))
-    n = model.chain.n
-    by_q, by_v, by_a = (np.stack(steps[k * n : (k + 1) * n], axis=-1) for k in range(3))
+    motion = model.motion(q, v, a, conditions)
+    _, samples, n = motion.joint.shape
+    factors = model.transmission.factors(motion)
+    out = np.zeros((n, 3, samples, n))
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        # Sum i is the torque of actuator i.
+        one_row = np.eye(n)[:, np.newaxis, :, np.newaxis] * theta[columns]
+        weights = np.broadcast_to(one_row, (n, samples, *one_row.shape[2:]))
+        by_motion = term.torque_gradient(motion, weights)
+        if factors is not None and term.through_gears:
+            by_motion *= factors.T[:, np.newaxis, :, np.newaxis]
+        out += by_motion
+    by_q, by_v, by_a = np.ascontiguousarray(out.transpose(1, 2, 0, 3))
     return by_q, by_v, by_a
 
 
 def mass_matrix(model: RobotModel, q: npt.ArrayLike, parameters: npt.ArrayLike) -> FloatArray:
     """Return the joint-space inertia with rotors and armatures, (samples, n, n).
 
+    Its rows are joint torques (not actuator torques), before any loss in the gears.
+
     Parameters
     ----------
     model : RobotModel
-        The robot.
+        The robot, without its payload.
     q : (samples, n) array
         Joint positions [rad or m].
     parameters : (parameters,) array
@@ -87,12 +88,18 @@ def mass_matrix(model: RobotModel, q: npt.ArrayLike, parameters: npt.ArrayLike) 
     EstimationError
         Where a shape does not fit the model.
     """
-    position = np.asarray(q, dtype=np.float64)
-    rest = np.zeros_like(position)
-    lossless = replace(model, transmission=type(model.transmission)())
-    inertia = torque_derivatives(lossless, position, rest, rest, parameters)[2]
+    inertial = replace(
+        model,
+        terms=tuple(t for t in model.terms if t.name in ("rigid_body", "rotors", "armature")),
+        transmission=Transmission(),
+    )
+    theta = checked_parameters(model, parameters)
+    kept = [theta[columns] for name, columns in model.parameter_groups.items()]
+    kept = [part for part, term in zip(kept, model.terms, strict=True) if term in inertial.terms]
+    rest = np.zeros_like(np.asarray(q, dtype=np.float64))
+    inertia = torque_derivatives(inertial, q, rest, rest, np.concatenate(kept))[2]
     if model.coupling is not None:
-        inertia = np.einsum("ji,sjk->sik", np.linalg.inv(model.coupling), inertia)
+        inertia = np.einsum("ij,sik->sjk", np.linalg.inv(model.coupling), inertia)
     return inertia
 
 
@@ -111,7 +118,7 @@ def regressor_gradient(
     Parameters
     ----------
     model : RobotModel
-        The robot.
+        The robot. The jumps of a hard sign(v) and of gear losses are left out.
     q, v, a : (samples, n) arrays
         Joint positions, velocities, accelerations [rad or m, per s, per s^2].
     weights : (samples, n, parameters) array
@@ -127,37 +134,18 @@ def regressor_gradient(
     Raises
     ------
     EstimationError
-        Where a shape does not fit the model.
+        Where a shape does not fit the model, or a condition is missing.
     """
-    expected = (*np.shape(q), len(model.parameter_names))
+    motion = model.motion(q, v, a, conditions)
+    expected = (*motion.joint.shape[1:], len(model.parameter_names))
     if weights.shape != expected:
         raise EstimationError(f"weights must have the shape {expected}, got {weights.shape}")
-
-    def weighed(motion: ComplexArray) -> ComplexArray:
-        phi = _complex_regressor(model, motion, conditions)
-        return np.asarray(np.sum(weights * phi, axis=(1, 2)))
-
-    steps = list(_steps(weighed, q, v, a))
-    n = model.chain.n
-    by_q, by_v, by_a = (np.stack(steps[k * n : (k + 1) * n], axis=-1) for k in range(3))
+    factors = model.transmission.factors(motion)
+    out = np.zeros(motion.joint.shape)
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        on_term = weights[np.newaxis, :, :, columns]
+        if factors is not None and term.through_gears:
+            on_term = on_term * factors[:, :, np.newaxis]
+        out += term.torque_gradient(motion, on_term)[0]
+    by_q, by_v, by_a = out
     return by_q, by_v, by_a
-
-
-def _complex_regressor(
-    model: RobotModel, motion: ComplexArray, conditions: Conditions | None
-) -> ComplexArray:
-    q, v, a = motion
-    return np.asarray(regressor(model, q, v, a, conditions), np.complex128)
-
-
-def _steps(
-    function: Callable[[ComplexArray], ComplexArray],
-    *motion: npt.ArrayLike,
-) -> Iterator[FloatArray]:
-    """Yield the derivative of a function of q, v, a by each column of q, then of v, then of a."""
-    point = np.array(motion, dtype=np.complex128)
-    for kind in range(len(point)):
-        for joint in range(point.shape[2]):
-            point[kind, :, joint] += 1j * STEP
-            yield np.asarray(function(point).imag / STEP)
-            point[kind, :, joint] -= 1j * STEP

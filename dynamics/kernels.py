@@ -1,257 +1,231 @@
-"""The compiled sweeps along the chain; the only file of the package that imports numba.
+"""The compiled sweeps along the chain that fill the regressors' columns.
 
-Both kernels carry, from the base outwards, the motion of each link and the *screws* that are asked
-about, all in the link's own frame. A screw is a unit motion: of a joint, which asks for the torque
-of its actuator, or of the base, which asks for a component of the base wrench. A load on a link
-then appears in a row with its virtual power on that row's screw. This is the modified recursive
+Both carry, from the base outwards, the motion of each link and the *screws* that are asked about,
+all in the link's own frame. A screw is a unit motion: of a joint, which asks for the torque of its
+actuator, or of the base, which asks for a component of the base wrench. A load on a link then
+appears in a row with its virtual power on that row's screw. This is the modified recursive
 Newton-Euler method (appendix B) with the backward recursion replaced by its transpose.
 
-Motions may be complex: the derivatives are taken by the complex step (see `inverse_dynamics`).
-Vectors are tuples, which the compiler keeps in registers. All kernels share one file because
-numba's cache on disk notices a change in the kernel's own file only.
+Eight samples are computed at once, `first` to `last` - 1 of the motion. Numba's cache on disk
+notices a change in a kernel's own file only: after a change in `lanes` or `vectors`, touch the
+kernels' files.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from dynamics.kinematics import BoolArray, FloatArray, IntArray
+from dynamics.kinematics import ChainArrays, FloatArray, IntArray
+from dynamics.lanes import LANES, gather, kernel, scatter, store, store_transposed
+from dynamics.vectors import (
+    Vector,
+    add,
+    angular_motion,
+    cross,
+    dot,
+    eight_from,
+    joint_frame,
+    load_vector,
+    scale,
+    store_vector,
+    turn,
+    unit_vector,
+    zero_vector,
+)
 
-Vector = tuple[float, float, float]
-Rotation = tuple[Vector, Vector, Vector]  # its columns
+RotorArrays = tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
+@kernel
 def fill_rigid_body(
-    rows: FloatArray,
-    fixed_rotations: FloatArray,
-    prismatic: BoolArray,
-    gravity: FloatArray,
+    chain: ChainArrays,
     motion: FloatArray,
     of_base: bool,
+    first_link: int,
     out: FloatArray,
+    first: int,
+    last: int,
 ) -> None:
-    """Fill the columns of the ten parameters of every link.
+    """Fill the columns of the ten parameters of every link from `first_link` (from 0) on.
 
     Parameters
     ----------
-    rows, fixed_rotations, prismatic, gravity
-        As in `Chain`.
+    chain : tuple of arrays
+        `Chain.arrays`.
     motion : (3, samples, n) array
         Joint positions, velocities, accelerations.
     of_base : bool
         Whether the rows of `out` are the six components of the base wrench or the n joints.
-    out : (samples, 6 or n, 10 n) array
-        Zero on entry. Per link: m, sx, sy, sz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz.
+    first_link : int
+        The first link that has columns.
+    out : (samples, 6 or n, 10 (n - first_link)) array
+        All of it is written, known zeros too; the columns must be neighbours in memory.
+        Per link: m, sx, sy, sz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz.
+    first, last : int
+        The samples to fill.
     """
-    _, samples, joints = motion.shape
-    angular = np.zeros((out.shape[1], 3), motion.dtype)
-    linear = np.zeros((out.shape[1], 3), motion.dtype)
-    for sample in range(samples):
-        zero = 0.0 * motion[0, sample, 0]
-        w = dw = (zero, zero, zero)
+    rows, fixed_rotations, prismatic, gravity = chain
+    joints, columns = motion.shape[2], out.shape[2]
+    angular = np.empty((out.shape[1], 3, LANES))
+    linear = np.empty((out.shape[1], 3, LANES))
+    tile = np.zeros((out.shape[1], columns, LANES))
+    for start in range(first, last, LANES):
+        samples = eight_from(start, last)
+        w = dw = zero_vector()
         # Gravity is an acceleration of the base.
-        dv = (zero - gravity[0], zero - gravity[1], zero - gravity[2])
-        active = _start_screws(of_base, angular, linear)
+        dv = (w[0] - gravity[0], w[1] - gravity[1], w[2] - gravity[2])
+        active = _start_base_screws(of_base, angular, linear)
         for i in range(joints):
-            q, qd, qdd = motion[0, sample, i], motion[1, sample, i], motion[2, sample, i]
-            rotation, offset = _joint(rows[i], fixed_rotations[i], prismatic[i], q)
-            dv = _turn(rotation, _add(dv, _add(_cross(dw, offset), _centripetal(w, offset))))
-            w, dw = _angular_motion(rotation, w, dw, prismatic[i], qd, qdd)
+            q, qd = gather(motion[0], samples, i), gather(motion[1], samples, i)
+            qdd = gather(motion[2], samples, i)
+            rotation, offset = joint_frame(rows[i], fixed_rotations[i], prismatic[i], q)
+            centripetal = cross(w, cross(w, offset))
+            dv = turn(rotation, add(dv, add(cross(dw, offset), centripetal)))
+            w, dw = angular_motion(rotation, w, dw, prismatic[i], qd, qdd)
             if prismatic[i]:
                 dv = (dv[0] + 2.0 * w[1] * qd, dv[1] - 2.0 * w[0] * qd, dv[2] + qdd)
             for k in range(active):
-                turning = _load(angular, k)
-                sliding = _add(_load(linear, k), _cross(turning, offset))
-                _store(angular, k, _turn(rotation, turning))
-                _store(linear, k, _turn(rotation, sliding))
+                turning = load_vector(angular, k)
+                sliding = add(load_vector(linear, k), cross(turning, offset))
+                store_vector(turn(rotation, turning), angular, k)
+                store_vector(turn(rotation, sliding), linear, k)
             if not of_base:
-                _start_screw(angular, linear, i, prismatic[i])
+                _start_joint_screw(angular, linear, i, prismatic[i])
                 active = i + 1
-            for k in range(active):
-                _project(_load(angular, k), _load(linear, k), w, dw, dv, out[sample, k], 10 * i)
+            if i >= first_link:
+                _project(angular, linear, active, w, dw, dv, tile, 10 * (i - first_link))
+        for k in range(out.shape[1]):
+            for column in range(0, columns, LANES):
+                place = min(column, columns - LANES)
+                store_transposed(out, samples, k, place, tile)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
+@kernel
 def fill_rotors(
-    rows: FloatArray,
-    fixed_rotations: FloatArray,
-    prismatic: BoolArray,
-    rotor_joint: IntArray,
-    rotor_link: IntArray,
-    rotor_axis: FloatArray,
-    rotor_ratio: FloatArray,
+    chain: ChainArrays,
+    rotors: RotorArrays,
     motion: FloatArray,
     actuator: FloatArray,
-    own_torque: FloatArray,
     of_base: bool,
     out: FloatArray,
+    first: int,
+    last: int,
 ) -> None:
     """Fill the column of every rotor's polar inertia (physics: section 3).
 
     Parameters
     ----------
-    rows, fixed_rotations, prismatic
-        As in `Chain`.
-    rotor_joint, rotor_link, rotor_axis, rotor_ratio
-        As in `Rotors`.
+    chain : tuple of arrays
+        `Chain.arrays`.
+    rotors : tuple of arrays
+        joint, link, axis and ratio as in `Rotors`; then (n, n) C^-T: the joint torques (columns)
+        that are one unit of torque on one actuator.
     motion, actuator : (3, samples, n) arrays
         Positions, velocities, accelerations of the joints and of the actuators.
-    own_torque : (n, n) array
-        C^-T: the joint torques (columns) that are one unit of torque on one actuator.
     of_base : bool
         Whether the rows of `out` are the six components of the base wrench or the n joints.
     out : (samples, 6 or n, rotors) array
         Zero on entry.
+    first, last : int
+        The samples to fill.
     """
-    _, samples, joints = motion.shape
-    angular = np.zeros((out.shape[1], 3), motion.dtype)
-    linear = np.zeros((out.shape[1], 3), motion.dtype)
-    for sample in range(samples):
-        zero = 0.0 * motion[0, sample, 0]
-        w = dw = (zero, zero, zero)
-        active = _start_screws(of_base, angular, linear)
+    rows, fixed_rotations, prismatic, _ = chain
+    rotor_joint, rotor_link, rotor_axis, rotor_ratio, own_torque = rotors
+    joints = motion.shape[2]
+    angular = np.empty((out.shape[1], 3, LANES))
+    linear = np.empty((out.shape[1], 3, LANES))
+    for start in range(first, last, LANES):
+        samples = eight_from(start, last)
+        w = dw = zero_vector()
+        active = _start_base_screws(of_base, angular, linear)
         for link in range(joints + 1):
             if link > 0:
                 i = link - 1
-                q, qd, qdd = motion[0, sample, i], motion[1, sample, i], motion[2, sample, i]
-                rotation, _ = _joint(rows[i], fixed_rotations[i], prismatic[i], q)
-                w, dw = _angular_motion(rotation, w, dw, prismatic[i], qd, qdd)
+                q, qd = gather(motion[0], samples, i), gather(motion[1], samples, i)
+                qdd = gather(motion[2], samples, i)
+                rotation, _ = joint_frame(rows[i], fixed_rotations[i], prismatic[i], q)
+                w, dw = angular_motion(rotation, w, dw, prismatic[i], qd, qdd)
                 for k in range(active):
-                    _store(angular, k, _turn(rotation, _load(angular, k)))
+                    store_vector(turn(rotation, load_vector(angular, k)), angular, k)
                 if not of_base:
-                    _start_screw(angular, linear, i, prismatic[i])
+                    _start_joint_screw(angular, linear, i, prismatic[i])
                     active = link
             for r in range(len(rotor_link)):
                 if rotor_link[r] != link:
                     continue
                 j = rotor_joint[r]
-                axis = _load(rotor_axis, r)
-                spin = rotor_ratio[r] * actuator[1, sample, j]
-                spin_up = rotor_ratio[r] * actuator[2, sample, j]
-                load = _add(_scale(spin_up, axis), _scale(spin, _cross(w, axis)))
-                for k in range(active):
-                    out[sample, k, r] = _dot(_load(angular, k), load)
-                if not of_base:
-                    own = rotor_ratio[r] * (spin_up + _dot(axis, dw))
-                    for k in range(joints):
-                        out[sample, k, r] += own_torque[k, j] * own
+                axis = (rotor_axis[r, 0], rotor_axis[r, 1], rotor_axis[r, 2])
+                spin = rotor_ratio[r] * gather(actuator[1], samples, j)
+                spin_up = rotor_ratio[r] * gather(actuator[2], samples, j)
+                load = add(scale(spin_up, axis), scale(spin, cross(w, axis)))
+                own = rotor_ratio[r] * (spin_up + dot(axis, dw))
+                for k in range(out.shape[1]):
+                    row = 0.0 * own
+                    if k < active:
+                        row = dot(load_vector(angular, k), load)
+                    if not of_base:
+                        row = row + own_torque[k, j] * own
+                    scatter(row, out[:, k], samples, r)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _joint(
-    row: FloatArray, fixed: FloatArray, prismatic: bool, q: float
-) -> tuple[Rotation, Vector]:
-    """Return rotation and origin of the joint's frame in the frame before it."""
-    zero = 0.0 * q
-    theta, d = (zero + row[2], row[4] + q) if prismatic else (row[2] + q, zero + row[4])
-    c, s = np.cos(theta), np.sin(theta)
-    x = (fixed[0, 0], fixed[1, 0], fixed[2, 0])
-    y = (fixed[0, 1], fixed[1, 1], fixed[2, 1])
-    z = (fixed[0, 2], fixed[1, 2], fixed[2, 2])
-    rotation = (_add(_scale(c, x), _scale(s, y)), _add(_scale(c, y), _scale(-s, x)), z)
-    return rotation, (row[3] + d * z[0], d * z[1], d * z[2])
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _angular_motion(
-    rotation: Rotation, w: Vector, dw: Vector, prismatic: bool, qd: float, qdd: float
-) -> tuple[Vector, Vector]:
-    """Carry angular velocity and acceleration over a joint."""
-    w, dw = _turn(rotation, w), _turn(rotation, dw)
-    if prismatic:
-        return w, dw
-    return (w[0], w[1], w[2] + qd), (dw[0] + w[1] * qd, dw[1] - w[0] * qd, dw[2] + qdd)
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _start_screws(of_base: bool, angular: FloatArray, linear: FloatArray) -> int:
+@kernel
+def _start_base_screws(of_base: bool, angular: FloatArray, linear: FloatArray) -> int:
     """Start the six screws of the base, forces first; return how many screws are active."""
     if not of_base:
         return 0
-    angular[:] = 0.0
-    linear[:] = 0.0
     for k in range(3):
-        linear[k, k] = 1.0
-        angular[3 + k, k] = 1.0
+        store_vector(zero_vector(), angular, k)
+        store_vector(unit_vector(k), linear, k)
+        store_vector(unit_vector(k), angular, 3 + k)
+        store_vector(zero_vector(), linear, 3 + k)
     return 6
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _start_screw(angular: FloatArray, linear: FloatArray, k: int, prismatic: bool) -> None:
+@kernel
+def _start_joint_screw(angular: FloatArray, linear: FloatArray, k: int, prismatic: bool) -> None:
     """Start the screw of a joint in its own frame: along z."""
-    _store(angular, k, (0.0, 0.0, 0.0 if prismatic else 1.0))
-    _store(linear, k, (0.0, 0.0, 1.0 if prismatic else 0.0))
+    store_vector(unit_vector(3 if prismatic else 2), angular, k)
+    store_vector(unit_vector(2 if prismatic else 3), linear, k)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
+@kernel
 def _project(
-    turning: Vector,
-    sliding: Vector,
+    angular: FloatArray,
+    linear: FloatArray,
+    active: int,
     w: Vector,
     dw: Vector,
     dv: Vector,
-    row: FloatArray,
+    tile: FloatArray,
     first: int,
 ) -> None:
-    """Write the virtual power, on a screw, of a link's ten unit inertial loads.
+    """Write the virtual power, on each active screw, of a link's ten unit inertial loads.
 
-    Force m dv + dw x s + w x (w x s), moment s x dv + I dw + w x (I w), with the triple products
-    turned until the parameter stands alone.
+    Force m dv + dw x s + w x (w x s), moment s x dv + I dw + w x (I w): per unit parameter the
+    force of sx, sy, sz (a column of [dw] + [w][w] each) and the moment of each element of I do not
+    depend on the screw.
     """
-    row[first] = _dot(sliding, dv)
-    moment = _add(_cross(sliding, dw), _add(_cross(_cross(sliding, w), w), _cross(dv, turning)))
-    row[first + 1], row[first + 2], row[first + 3] = moment
-    t = _cross(turning, w)
-    row[first + 4] = turning[0] * dw[0] + t[0] * w[0]
-    row[first + 5] = turning[0] * dw[1] + turning[1] * dw[0] + t[0] * w[1] + t[1] * w[0]
-    row[first + 6] = turning[0] * dw[2] + turning[2] * dw[0] + t[0] * w[2] + t[2] * w[0]
-    row[first + 7] = turning[1] * dw[1] + t[1] * w[1]
-    row[first + 8] = turning[1] * dw[2] + turning[2] * dw[1] + t[1] * w[2] + t[2] * w[1]
-    row[first + 9] = turning[2] * dw[2] + t[2] * w[2]
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _centripetal(w: Vector, p: Vector) -> Vector:
-    return _cross(w, _cross(w, p))
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _turn(rotation: Rotation, v: Vector) -> Vector:
-    """Express a vector of the frame before in the rotated frame."""
-    return (_dot(rotation[0], v), _dot(rotation[1], v), _dot(rotation[2], v))
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _cross(a: Vector, b: Vector) -> Vector:
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _add(a: Vector, b: Vector) -> Vector:
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _scale(factor: float, a: Vector) -> Vector:
-    return (factor * a[0], factor * a[1], factor * a[2])
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _load(array: FloatArray, k: int) -> Vector:
-    return (array[k, 0], array[k, 1], array[k, 2])
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _store(array: FloatArray, k: int, vector: Vector) -> None:
-    array[k, 0], array[k, 1], array[k, 2] = vector
+    xx, yy, zz = w[0] * w[0], w[1] * w[1], w[2] * w[2]
+    xy, xz, yz = w[0] * w[1], w[0] * w[2], w[1] * w[2]
+    of_sx = (-(yy + zz), xy + dw[2], xz - dw[1])
+    of_sy = (xy - dw[2], -(xx + zz), yz + dw[0])
+    of_sz = (xz + dw[1], yz - dw[0], -(xx + yy))
+    of_ixx = (dw[0], xz, -xy)
+    of_ixy = (dw[1] - xz, dw[0] + yz, xx - yy)
+    of_ixz = (dw[2] + xy, zz - xx, dw[0] - yz)
+    of_iyy = (-yz, dw[1], xy)
+    of_iyz = (yy - zz, dw[2] - xy, dw[1] + xz)
+    of_izz = (yz, -xz, dw[2])
+    for k in range(active):
+        turning, sliding = load_vector(angular, k), load_vector(linear, k)
+        moment = cross(dv, turning)
+        store(dot(sliding, dv), tile, k, first)
+        store(dot(sliding, of_sx) + moment[0], tile, k, first + 1)
+        store(dot(sliding, of_sy) + moment[1], tile, k, first + 2)
+        store(dot(sliding, of_sz) + moment[2], tile, k, first + 3)
+        store(dot(turning, of_ixx), tile, k, first + 4)
+        store(dot(turning, of_ixy), tile, k, first + 5)
+        store(dot(turning, of_ixz), tile, k, first + 6)
+        store(dot(turning, of_iyy), tile, k, first + 7)
+        store(dot(turning, of_iyz), tile, k, first + 8)
+        store(dot(turning, of_izz), tile, k, first + 9)

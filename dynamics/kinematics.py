@@ -14,6 +14,7 @@ from config.robot import RobotDescription
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
+ChainArrays = tuple[FloatArray, FloatArray, BoolArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +81,11 @@ class Chain:
         rotations = np.array([_rotation_x(row[0]) @ _rotation_y(row[1]) for row in self.rows])
         rotations.setflags(write=False)
         return rotations
+
+    @property
+    def arrays(self) -> ChainArrays:
+        """What the kernels need: rows, fixed_rotations, prismatic, gravity_m_s2."""
+        return self.rows, self.fixed_rotations, self.prismatic, self.gravity_m_s2
 
 
 def link_transforms(chain: Chain, q: npt.ArrayLike) -> FloatArray:

@@ -77,3 +77,15 @@ class Motion:
         """Turn joint torques (samples, n, any) into actuator torques C^T tau (5.19), in place."""
         if self.coupling is not None:
             rows[...] = np.einsum("ji,sjp->sip", self.coupling, rows)
+
+    def to_joints(self, weights: FloatArray) -> FloatArray:
+        """Turn weights (any, samples, n, any) on actuators' rows into weights on joints' rows."""
+        if self.coupling is not None:
+            weights = np.einsum("ji,rsip->rsjp", self.coupling, weights)
+        return weights
+
+    def by_joints(self, by_actuators: FloatArray) -> FloatArray:
+        """Turn derivatives (..., n) by the actuators' coordinates into such by the joints'."""
+        if self.coupling is not None:
+            by_actuators = by_actuators @ np.linalg.inv(self.coupling)
+        return by_actuators

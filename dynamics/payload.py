@@ -8,7 +8,7 @@ import numpy as np
 
 from dynamics.kinematics import Chain, FloatArray
 from dynamics.motion import Motion
-from dynamics.rigid_body import PARAMETERS_PER_LINK, SYMBOLS, UNITS, RigidBodies
+from dynamics.rigid_body import SYMBOLS, UNITS, fill_links, links_gradient
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +38,16 @@ class Payload:
     def fill_torque(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, 10)."""
         if motion.conditions.payload:
-            links = np.zeros((*out.shape[:2], PARAMETERS_PER_LINK * self.chain.n), out.dtype)
-            RigidBodies(self.chain).fill_torque(motion, links)
-            out[...] = links[:, :, -PARAMETERS_PER_LINK:]
+            fill_links(self.chain, motion, self.chain.n - 1, False, out)
+            motion.to_actuators(out)
 
     def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, 6, 10)."""
         if motion.conditions.payload:
-            links = np.zeros((*out.shape[:2], PARAMETERS_PER_LINK * self.chain.n), out.dtype)
-            RigidBodies(self.chain).fill_base_wrench(motion, links)
-            out[...] = links[:, :, -PARAMETERS_PER_LINK:]
+            fill_links(self.chain, motion, self.chain.n - 1, True, out)
+
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights * columns change with the motion; see `Term`."""
+        if not motion.conditions.payload:
+            return np.zeros((len(weights), *motion.joint.shape))
+        return links_gradient(self.chain, motion, self.chain.n - 1, weights)

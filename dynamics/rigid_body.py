@@ -5,13 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
+from dynamics.gradient_kernels import pull_back
 from dynamics.kernels import fill_rigid_body
-from dynamics.kinematics import Chain, FloatArray
+from dynamics.kinematics import Chain, FloatArray, IntArray
 from dynamics.motion import Motion
+from dynamics.threads import share_out
 
 PARAMETERS_PER_LINK: Final = 10
 SYMBOLS: Final = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 UNITS: Final = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
+_NO_INDEX: Final[IntArray] = np.empty(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +45,79 @@ class RigidBodies:
 
     def fill_torque(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, 10 n)."""
-        self._fill(motion, False, out)
+        fill_links(self.chain, motion, 0, False, out)
         motion.to_actuators(out)
 
     def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, 6, 10 n)."""
-        self._fill(motion, True, out)
+        fill_links(self.chain, motion, 0, True, out)
 
-    def _fill(self, motion: Motion, of_base: bool, out: FloatArray) -> None:
-        c = self.chain
-        fill_rigid_body(
-            c.rows, c.fixed_rotations, c.prismatic, c.gravity_m_s2, motion.joint, of_base, out
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights * columns change with the motion; see `Term`."""
+        return links_gradient(self.chain, motion, 0, weights)
+
+
+def fill_links(
+    chain: Chain, motion: Motion, first_link: int, of_base: bool, out: FloatArray
+) -> None:
+    """Fill the columns of the links from `first_link` (from 0) on, in the joints' rows.
+
+    Parameters
+    ----------
+    chain : Chain
+        The arm.
+    motion : Motion
+        The motion.
+    first_link : int
+        The first link with columns.
+    of_base : bool
+        Whether the rows are the six components of the base wrench or the n joints.
+    out : (samples, 6 or n, 10 (n - first_link)) array
+        Written whole, known zeros too. Its columns must be neighbours in memory.
+    """
+
+    def fill(first: int, last: int) -> None:
+        fill_rigid_body(chain.arrays, motion.joint, of_base, first_link, out, first, last)
+
+    share_out(len(out), fill)
+
+
+def links_gradient(
+    chain: Chain, motion: Motion, first_link: int, weights: FloatArray
+) -> FloatArray:
+    """Return how sums of weights * columns change with the motion of the joints.
+
+    Parameters
+    ----------
+    chain, motion, first_link
+        As for `fill_links`.
+    weights : (sums, samples, n, 10 (n - first_link)) array
+        Weights on the columns, in the rows of the actuators.
+
+    Returns
+    -------
+    (sums, 3, samples, n) array
+        Derivatives of each sum by q, v and a.
+    """
+    out = np.zeros((len(weights), *motion.joint.shape))
+    no_rotors = (_NO_INDEX, _NO_INDEX, np.empty((0, 3)), np.empty(0), np.eye(chain.n))
+    weights = motion.to_joints(weights)
+    unweighted = np.broadcast_to(0.0, (*weights.shape[:3], 1))
+
+    def pull(first: int, last: int) -> None:
+        pull_back(
+            chain.arrays,
+            no_rotors,
+            motion.joint,
+            motion.actuator,
+            first_link,
+            weights,
+            unweighted,
+            out,
+            out,
+            first,
+            last,
         )
+
+    share_out(motion.joint.shape[1], pull)
+    return out

@@ -59,6 +59,13 @@ class Term(Protocol):
     def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, 6, parameters): base wrench per unit parameter."""
 
+    @abstractmethod
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights (sums, samples, n, parameters) * torque columns change.
+
+        The result, (sums, 3, samples, n), holds their derivatives by q, v and a of the joints.
+        """
+
 
 @dataclass(frozen=True, eq=False)
 class RobotModel:
@@ -317,7 +324,7 @@ def torque(
     EstimationError
         Where a shape does not fit the model, or a condition is missing.
     """
-    theta = _checked(model, parameters)
+    theta = checked_parameters(model, parameters)
     if model.transmission.losses:
         load = load_torque(model, q, v, a, theta, conditions)
         conditions = replace(conditions or Conditions(), load_nm=load)
@@ -337,7 +344,7 @@ def load_torque(
 
     Links, payload and spring, in actuator coordinates: what `Conditions.load_nm` wants.
     """
-    theta = _checked(model, parameters)
+    theta = checked_parameters(model, parameters)
     motion = model.motion(q, v, a, conditions)
     load = np.zeros(motion.joint.shape[1:])
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
@@ -348,7 +355,14 @@ def load_torque(
     return load
 
 
-def _checked(model: RobotModel, parameters: npt.ArrayLike) -> FloatArray:
+def checked_parameters(model: RobotModel, parameters: npt.ArrayLike) -> FloatArray:
+    """Return the parameters as an array.
+
+    Raises
+    ------
+    EstimationError
+        Where there is not one value for each of the model's parameters.
+    """
     theta = np.asarray(parameters, dtype=np.float64)
     if theta.shape != (len(model.parameter_names),):
         raise EstimationError(

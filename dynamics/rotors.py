@@ -8,9 +8,11 @@ import numpy as np
 
 from config.errors import EstimationError
 from config.robot import RobotDescription
-from dynamics.kernels import fill_rotors
+from dynamics.gradient_kernels import pull_back
+from dynamics.kernels import RotorArrays, fill_rotors
 from dynamics.kinematics import Chain, FloatArray, IntArray
 from dynamics.motion import Motion
+from dynamics.threads import share_out
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +93,42 @@ class Rotors:
         """Fill `out`, (samples, 6, rotors)."""
         self._fill(motion, True, out)
 
-    def _fill(self, motion: Motion, of_base: bool, out: FloatArray) -> None:
-        c = self.chain
-        own: FloatArray = np.eye(c.n)
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights * columns change with the motion; see `Term`."""
+        by_joint = np.zeros((len(weights), *motion.joint.shape))
+        by_actuator = np.zeros_like(by_joint)
+        weights = motion.to_joints(weights)
+        unweighted = np.broadcast_to(0.0, (*weights.shape[:3], 1))
+        rotors = self._arrays(motion)
+
+        def pull(first: int, last: int) -> None:
+            pull_back(
+                self.chain.arrays,
+                rotors,
+                motion.joint,
+                motion.actuator,
+                self.chain.n,
+                unweighted,
+                weights,
+                by_joint,
+                by_actuator,
+                first,
+                last,
+            )
+
+        share_out(motion.joint.shape[1], pull)
+        return by_joint + motion.by_joints(by_actuator)
+
+    def _arrays(self, motion: Motion) -> RotorArrays:
+        own = np.eye(self.chain.n)
         if motion.coupling is not None:
-            own = np.array(np.linalg.inv(motion.coupling).T, np.float64, order="C")
-        place = (self.joint, self.link, self.axis, self.ratio)
-        moves = (motion.joint, motion.actuator)
-        fill_rotors(c.rows, c.fixed_rotations, c.prismatic, *place, *moves, own, of_base, out)
+            own = np.ascontiguousarray(np.linalg.inv(motion.coupling).T, dtype=np.float64)
+        return self.joint, self.link, self.axis, self.ratio, own
+
+    def _fill(self, motion: Motion, of_base: bool, out: FloatArray) -> None:
+        chain, rotors = self.chain.arrays, self._arrays(motion)
+
+        def fill(first: int, last: int) -> None:
+            fill_rotors(chain, rotors, motion.joint, motion.actuator, of_base, out, first, last)
+
+        share_out(len(out), fill)

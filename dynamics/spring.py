@@ -8,6 +8,7 @@ import numpy as np
 
 from config.errors import ConfigError
 from config.robot import RobotDescription
+from dynamics.complex_step import Values, slopes
 from dynamics.kinematics import FloatArray
 from dynamics.motion import Motion
 
@@ -71,18 +72,24 @@ class Spring:
 
     def fill_torque(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, 2 or 6)."""
-        q = motion.joint[0, :, self.joint]
-        if self.distances_m is None:
-            for k in range(1, FOURIER_HARMONICS + 1):
-                out[:, self.joint, 2 * k - 2] = np.cos(k * q)
-                out[:, self.joint, 2 * k - 1] = np.sin(k * q)
-        else:
-            l, r = self.distances_m  # noqa: E741 (the thesis's letters)
-            length = np.sqrt(l**2 + r**2 - 2.0 * l * r * np.cos(q))
-            lever = l * r * np.sin(q)
-            out[:, self.joint, 0] = lever
-            out[:, self.joint, 1] = -lever / length
+        out[:, self.joint] = self._columns(motion.joint[0, :, self.joint])
         motion.to_actuators(out)
 
     def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
         """Leave `out` zero: the spring acts between two links."""
+
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights * columns change with the motion; see `Term`."""
+        out = np.zeros((len(weights), *motion.joint.shape))
+        steepness = slopes(self._columns, motion.joint[0, :, self.joint])
+        on_joint = motion.to_joints(weights)[:, :, self.joint]
+        out[:, 0, :, self.joint] = np.sum(on_joint * steepness, axis=-1)
+        return out
+
+    def _columns(self, q: Values) -> Values:
+        if self.distances_m is None:
+            harmonics = range(1, FOURIER_HARMONICS + 1)
+            return np.stack([f(k * q) for k in harmonics for f in (np.cos, np.sin)], axis=-1)
+        l, r = self.distances_m  # noqa: E741 (the thesis's letters)
+        lever = l * r * np.sin(q)
+        return np.stack([lever, -lever / np.sqrt(l**2 + r**2 - 2.0 * l * r * np.cos(q))], axis=-1)
