@@ -7,15 +7,27 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork
 
-from acquisition.arrays import FloatArray
+from acquisition.arrays import FloatArray, IntArray
 from config.errors import EstimationError
 
 
 def triangular_factor(matrix: FloatArray) -> FloatArray:
     """Return R of the QR factorisation of a matrix, shape (min(rows, columns), columns)."""
-    factor: FloatArray = np.asarray(np.linalg.qr(matrix, mode="r"))
-    return factor
+    return _factor_in_place(np.array(matrix, order="F"))
+
+
+def _factor_in_place(work: FloatArray) -> FloatArray:
+    """Return R of a Fortran-ordered matrix that may be overwritten."""
+    rows, columns = work.shape
+    if rows == 0:
+        return work
+    size = int(dgeqrf_lwork(rows, columns)[0])
+    factor, _, _, info = dgeqrf(work, lwork=size, overwrite_a=1)
+    if info != 0 or not np.isfinite(factor[: min(rows, columns)]).all():
+        raise EstimationError("the equations hold a value that is not finite: check the recording")
+    return np.triu(factor[: min(rows, columns)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,34 +36,54 @@ class Triangle:
 
     Attributes
     ----------
-    factor : ndarray, shape (at most p + 1, p + 1)
+    factor : ndarray, shape (at most c + 1, c + 1)
         R of the QR factorisation of [A y]; the last column belongs to y.
+    columns : ndarray of int, shape (c,)
+        The parameters that these rows depend on; their other columns are zero and left out.
+    parameters : int
+        The number of all parameters, p.
     rows : int
         Rows behind it.
     """
 
     factor: FloatArray
+    columns: IntArray
+    parameters: int
     rows: int = 0
 
     @classmethod
-    def empty(cls, parameters: int) -> Triangle:
+    def empty(cls, parameters: int, columns: IntArray | None = None) -> Triangle:
         """Return the triangle of no rows at all."""
-        return cls(np.zeros((0, parameters + 1)))
+        columns = np.arange(parameters) if columns is None else columns
+        return cls(np.zeros((0, len(columns) + 1)), columns, parameters)
 
     def add(self, matrix: FloatArray, rhs: FloatArray, rows: int | None = None) -> Triangle:
-        """Return the triangle with a block added: `matrix` (rows, p), `rhs` (rows,).
+        """Return the triangle with a block added: `matrix` (rows, c), `rhs` (rows,).
 
         `rows` says how many equations the block is worth, where some of it is projected out.
         """
         if len(rhs) == 0:
             return self
-        stacked = np.vstack([self.factor, np.column_stack([matrix, rhs])])
+        known, width = len(self.factor), len(self.columns)
+        stacked = np.empty((known + len(rhs), width + 1), order="F")
+        stacked[:known] = self.factor
+        stacked[known:, :width] = matrix
+        stacked[known:, width] = rhs
         rows = len(rhs) if rows is None else rows
-        return Triangle(triangular_factor(stacked), self.rows + rows)
+        factor = _factor_in_place(stacked)
+        return Triangle(factor, self.columns, self.parameters, self.rows + rows)
+
+    def full(self) -> FloatArray:
+        """Return the factor with a column for every parameter, shape (any, p + 1)."""
+        wide = np.zeros((len(self.factor), self.parameters + 1))
+        wide[:, self.columns] = self.factor[:, :-1]
+        wide[:, -1] = self.factor[:, -1]
+        return wide
 
     def residual_sum(self, values: FloatArray) -> float:
         """Return the sum of squares of y - A x over all rows, for any x of shape (p,)."""
-        return float(np.sum((self.factor[:, -1] - self.factor[:, :-1] @ values) ** 2))
+        rest = self.factor[:, -1] - self.factor[:, :-1] @ values[self.columns]
+        return float(np.sum(rest**2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +135,7 @@ def solve(
             f"{rows} equations are left for {p} parameters: record longer, or leave out fewer"
             " samples"
         )
-    stacked = np.vstack([w * part.factor for w, part in zip(weights, parts, strict=True)])
+    stacked = np.vstack([w * part.full() for w, part in zip(weights, parts, strict=True)])
     factor = triangular_factor(stacked)
     upper, rhs = factor[:p, :p], factor[:p, p]
     size = np.linalg.norm(upper, axis=0)
