@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from dynamics.kinematics import FloatArray
 
@@ -25,3 +27,12 @@ class Conditions:
     temperature_k: FloatArray | None = None
     load_nm: FloatArray | None = None
     payload: bool = False
+
+    def part(self, samples: slice) -> Conditions:
+        """Return the conditions of some of the samples."""
+        temperature, load = self.temperature_k, self.load_nm
+        if temperature is not None and np.ndim(temperature) == 2:
+            temperature = temperature[samples]
+        return replace(
+            self, temperature_k=temperature, load_nm=None if load is None else load[samples]
+        )

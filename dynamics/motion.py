@@ -65,13 +65,19 @@ class Motion:
                 raise EstimationError(
                     f"{name} has the shape {np.shape(values)}, the motion {expected}"
                 )
-        joint = np.array((q, v, a))
-        if joint.dtype.kind != "c":
-            joint = joint.astype(np.float64, copy=False)
+        joint = np.array((q, v, a), dtype=np.float64)
         if coupling is None:
             return cls(joint, joint, None, conditions)
         actuator = np.array(joint @ np.linalg.inv(coupling).T, joint.dtype, order="C")
         return cls(joint, actuator, coupling, conditions)
+
+    def part(self, samples: slice) -> Motion:
+        """Return the motion of some of the samples."""
+        joint = np.ascontiguousarray(self.joint[:, samples])
+        actuator = joint
+        if self.coupling is not None:
+            actuator = np.ascontiguousarray(self.actuator[:, samples])
+        return Motion(joint, actuator, self.coupling, self.conditions.part(samples))
 
     def to_actuators(self, rows: FloatArray) -> None:
         """Turn joint torques (samples, n, any) into actuator torques C^T tau (5.19), in place."""

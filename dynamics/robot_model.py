@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -21,50 +22,11 @@ from dynamics.rigid_body import RigidBodies
 from dynamics.rotors import Rotors
 from dynamics.shape import ShapeParameter
 from dynamics.spring import Spring
+from dynamics.term import Term
+from dynamics.threads import share_out
 from dynamics.transmission import Transmission
 
-
-class Term(Protocol):
-    """A part of the model: names, units, and the columns that belong to them.
-
-    To give robots a new effect, write a class like this and add it to `RobotModel.terms`. `out` is
-    zero on entry and has a column a parameter.
-    """
-
-    @property
-    @abstractmethod
-    def name(self) -> str:
-        """What the group of parameters is called."""
-
-    @property
-    @abstractmethod
-    def through_gears(self) -> bool:
-        """Whether the gears transmit this torque, so that their efficiency acts on it."""
-
-    @property
-    @abstractmethod
-    def parameter_names(self) -> tuple[str, ...]:
-        """One name a column, unlike every other term's."""
-
-    @property
-    @abstractmethod
-    def parameter_units(self) -> tuple[str, ...]:
-        """The units, in the order of the names."""
-
-    @abstractmethod
-    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, parameters): actuator torque, link side, per unit parameter."""
-
-    @abstractmethod
-    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
-        """Fill `out`, (samples, 6, parameters): base wrench per unit parameter."""
-
-    @abstractmethod
-    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
-        """Return how sums of weights (sums, samples, n, parameters) * torque columns change.
-
-        The result, (sums, 3, samples, n), holds their derivatives by q, v and a of the joints.
-        """
+BLOCK_SAMPLES: Final = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +107,7 @@ class RobotModel:
             None if robot.coupling is None else np.array(robot.coupling),
         )
 
-    @property
+    @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """The standard parameters, term by term."""
         return tuple(name for term in self.terms for name in term.parameter_names)
@@ -155,7 +117,7 @@ class RobotModel:
         """Their units, in the order of the names."""
         return tuple(unit for term in self.terms for unit in term.parameter_units)
 
-    @property
+    @cached_property
     def parameter_groups(self) -> dict[str, slice]:
         """Which columns belong to which term: `rigid_body`, `rotors`, `friction`, `spring`."""
         ends = np.cumsum([len(term.parameter_names) for term in self.terms]).tolist()
@@ -252,15 +214,66 @@ def regressor(
         Where q, v and a do not all have the shape (samples, n), or a condition is missing.
     """
     motion = model.motion(q, v, a, conditions)
-    out = np.zeros((*motion.joint.shape[1:], len(model.parameter_names)), motion.joint.dtype)
-    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
-        term.fill_torque(motion, out[:, :, columns])
-    factors = model.transmission.factors(motion)
-    if factors is not None:
-        for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
-            if term.through_gears:
-                out[:, :, columns] *= factors[:, :, np.newaxis]
+    out = np.empty((*motion.joint.shape[1:], len(model.parameter_names)))
+
+    def fill(first: int, last: int) -> None:
+        for start in range(first, last, BLOCK_SAMPLES):
+            piece = slice(start, min(start + BLOCK_SAMPLES, last))
+            _fill(model, motion.part(piece), out[piece])
+
+    share_out(len(out), fill)
     return out
+
+
+def regressor_blocks(
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    conditions: Conditions | None = None,
+    *,
+    block: int = BLOCK_SAMPLES,
+) -> Iterator[tuple[slice, FloatArray]]:
+    """Yield the regressor piece by piece, so that its memory does not grow with the recording.
+
+    Parameters
+    ----------
+    model, q, v, a, conditions
+        As for `regressor`.
+    block : int
+        Samples a piece; the default stays in a core's cache.
+
+    Yields
+    ------
+    samples : slice
+        The samples of the piece.
+    phi : (samples, n, parameters) array
+        Their regressor. The next piece overwrites it.
+
+    Raises
+    ------
+    EstimationError
+        As for `regressor`.
+    """
+    motion = model.motion(q, v, a, conditions)
+    _, samples, n = motion.joint.shape
+    buffer = np.empty((min(block, samples), n, len(model.parameter_names)))
+    for start in range(0, samples, block):
+        piece = slice(start, min(start + block, samples))
+        phi = buffer[: piece.stop - start]
+        _fill(model, motion.part(piece), phi)
+        yield piece, phi
+
+
+def _fill(model: RobotModel, motion: Motion, out: FloatArray) -> None:
+    factors = model.transmission.factors(motion)
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        own = out[:, :, columns]
+        if not isinstance(term, RigidBodies):  # which write all
+            own[...] = 0.0
+        term.fill_torque(motion, own)
+        if factors is not None and term.through_gears:
+            own *= factors[:, :, np.newaxis]
 
 
 def base_wrench_regressor(
@@ -292,7 +305,7 @@ def base_wrench_regressor(
         Where q, v and a do not all have the shape (samples, n).
     """
     motion = model.motion(q, v, a, conditions)
-    out = np.zeros((motion.joint.shape[1], 6, len(model.parameter_names)), motion.joint.dtype)
+    out = np.zeros((motion.joint.shape[1], 6, len(model.parameter_names)))
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
         term.fill_base_wrench(motion, out[:, :, columns])
     return out
@@ -328,7 +341,9 @@ def torque(
     if model.transmission.losses:
         load = load_torque(model, q, v, a, theta, conditions)
         conditions = replace(conditions or Conditions(), load_nm=load)
-    tau: FloatArray = regressor(model, q, v, a, conditions) @ theta
+    tau = np.empty(np.shape(q))
+    for samples, phi in regressor_blocks(model, q, v, a, conditions):
+        tau[samples] = (phi.reshape(-1, len(theta)) @ theta).reshape(phi.shape[:2])
     return tau
 
 
