@@ -23,7 +23,6 @@ from dynamics.rotors import Rotors
 from dynamics.shape import ShapeParameter
 from dynamics.spring import Spring
 from dynamics.term import Term
-from dynamics.threads import share_out
 from dynamics.transmission import Transmission
 
 BLOCK_SAMPLES: Final = 512
@@ -215,13 +214,7 @@ def regressor(
     """
     motion = model.motion(q, v, a, conditions)
     out = np.empty((*motion.joint.shape[1:], len(model.parameter_names)))
-
-    def fill(first: int, last: int) -> None:
-        for start in range(first, last, BLOCK_SAMPLES):
-            piece = slice(start, min(start + BLOCK_SAMPLES, last))
-            _fill(model, motion.part(piece), out[piece])
-
-    share_out(len(out), fill)
+    _fill(model, motion, out)
     return out
 
 
