@@ -244,8 +244,9 @@ def rotation_of_rpy(roll: float, pitch: float, yaw: float) -> FloatArray:
 
 def rpy_of_rotation(rotation: FloatArray) -> tuple[float, float, float]:
     """Return roll, pitch and yaw of a rotation (3, 3), to rounding at every attitude."""
-    pitch = float(np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0])))
-    yaw = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+    level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
+    pitch = float(np.arctan2(-rotation[2, 0], level))
+    yaw = float(np.arctan2(rotation[1, 0], rotation[0, 0])) if level > 1e-15 else 0.0
     rest = rotation_of_rpy(0.0, pitch, yaw).T @ rotation  # whatever yaw is near pitch = 90 degrees
     return float(np.arctan2(rest[2, 1], rest[1, 1])), pitch, yaw
 

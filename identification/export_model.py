@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import nnls
@@ -12,9 +13,13 @@ from acquisition.arrays import FloatArray, read_only
 from config.errors import EstimationError
 from config.robot import Joint, RobotDescription
 from dynamics.conditions import Conditions
-from dynamics.kinematics import Chain
+from dynamics.friction import Friction
+from dynamics.payload import Payload
 from dynamics.rigid_body import PARAMETERS_PER_LINK
-from dynamics.robot_model import RobotModel, Term
+from dynamics.robot_model import RobotModel
+from dynamics.spring import Spring
+
+T = TypeVar("T")
 
 SPEEDS = 200
 SLOWEST_SHARE = 0.02
@@ -115,13 +120,13 @@ class ExportModel:
                     " consistent parameters, or measure with a motion that shows this link"
                 )
 
-    def term(self, name: str) -> tuple[Term, FloatArray] | None:
+    def term(self, kind: type[T]) -> tuple[T, FloatArray] | None:
         """Return a term of the model and its parameters' values, or None."""
-        columns = self.model.parameter_groups.get(name)
-        if columns is None:
-            return None
-        term = next(term for term in self.model.terms if term.name == name)
-        return term, self.parameters[columns]
+        groups = self.model.parameter_groups.values()
+        for term, columns in zip(self.model.terms, groups, strict=True):
+            if isinstance(term, kind):
+                return term, self.parameters[columns]
+        return None
 
     def of(self, parameter: str) -> float:
         """Return one parameter's value, 0 where the model does not have it."""
@@ -164,7 +169,7 @@ class ExportModel:
 
         With classical friction it is that friction. Temperatures are the reference's.
         """
-        found = self.term("friction")
+        found = self.term(Friction)
         if found is None or self.couples(joint):
             return StraightFriction(0.0, 0.0, 0.0)
         term, values = found
@@ -205,7 +210,7 @@ class ExportModel:
         for j, joint in enumerate(self.robot.joints):
             lines += self._left_out_of(j, joint, armatures=armatures)
         spring = self.robot.spring
-        if spring is not None and (found := self.term("spring")) is not None:
+        if spring is not None and (found := self.term(Spring)) is not None:
             term, values = found
             words = ", ".join(
                 f"{name} = {value:.6g} {unit}"
@@ -214,7 +219,7 @@ class ExportModel:
                 )
             )
             lines.append(f"the spring across {spring.joint} ({words})")
-        if self.model.terms[-1].name == "payload":
+        if self.term(Payload) is not None:
             lines.append("the payload: the last link is the robot's own")
         gravity = float(np.linalg.norm(self.model.chain.gravity_m_s2))
         if abs(gravity - 9.81) > 1e-6:
@@ -241,7 +246,8 @@ class ExportModel:
             lines.append(
                 f"the constant part of the friction of {joint.name}: {straight.offset:.6g}"
             )
-        curved = [t for t in self._friction_of(joint) if t in _CURVED]
+        names = self.model.parameter_names
+        curved = [word for key, word in _CURVED.items() if f"{key}_{joint.name}" in names]
         if curved:
             lines.append(
                 f"the friction of {joint.name} is a line through the model's {', '.join(curved)}"
@@ -253,20 +259,8 @@ class ExportModel:
         ]
         return lines
 
-    def _friction_of(self, joint: Joint) -> tuple[str, ...]:
-        names = self.model.parameter_names
-        return tuple(
-            word for symbol, word in _CURVED_SYMBOLS.items() if f"{symbol}_{joint.name}" in names
-        )
 
-
-_CURVED_SYMBOLS = {
-    "f3": "cubic",
-    "fcr": "cube root",
-    "fs": "Stribeck",
-    "fcT": "temperature",
-}
-_CURVED = tuple(_CURVED_SYMBOLS.values())
+_CURVED = {"f3": "cubic", "fcr": "cube root", "fs": "Stribeck", "fcT": "temperature"}
 
 
 def with_origin(model: ExportModel, *lines: str) -> ExportModel:
