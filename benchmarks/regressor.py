@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-import pinocchio as pin
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
 from dynamics.inverse_dynamics import regressor_gradient, torque_derivatives
 from dynamics.kinematics import Chain, FloatArray
