@@ -56,6 +56,8 @@ class PeriodAverage:
         Single rows without valid data inside the kept periods; left out of the mean.
     torque_filter : ButterworthFilter or None
         The analog filter that the torques passed; not yet divided out.
+    temperature_k : ndarray, shape (n,), or None
+        Mean temperature of each drive over the kept periods [K], where it was recorded.
     """
 
     joint_names: tuple[str, ...]
@@ -70,9 +72,13 @@ class PeriodAverage:
     rejected: tuple[RejectedPeriod, ...] = ()
     missing_samples: int = 0
     torque_filter: ButterworthFilter | None = None
+    temperature_k: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
+        if self.temperature_k is not None:
+            warmth = read_only("temperature_k", self.temperature_k, float, (n,), DataQualityError)
+            object.__setattr__(self, "temperature_k", warmth)
         position = read_only("mean position", self.position, float, (None, n), DataQualityError)
         samples = len(position)
         shapes: dict[str, tuple[int, ...]] = {
@@ -170,7 +176,19 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
         rejected=reasons,
         missing_samples=missing,
         torque_filter=recording.torque_filter,
+        temperature_k=_mean_temperature(recording, samples, good),
     )
+
+
+def _mean_temperature(recording: Recording, samples: int, good: BoolArray) -> FloatArray | None:
+    """Return the mean over the rows of the good periods, (n,) [K]."""
+    if recording.temperature_k is None:
+        return None
+    main = (recording.phase == Phase.MAIN) & (recording.sample_index >= 0)
+    start = _first_main_index(recording, main, samples)
+    rows = np.flatnonzero(main & recording.valid)
+    kept = rows[good[(recording.sample_index[rows] - start) // samples]]
+    return np.asarray(recording.temperature_k[kept].mean(axis=0))
 
 
 def _cut(recording: Recording, samples: int) -> tuple[FloatArray, BoolArray]:

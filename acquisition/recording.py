@@ -40,6 +40,8 @@ class Recording:
         Rows of one period where the motion was periodic.
     torque_filter : ButterworthFilter or None
         The analog filter that the measured torques passed.
+    temperature_k : ndarray, shape (samples, joints), or None
+        Temperature of each joint's drive [K].
     source : "cell" or "import"
         Measured by this program, or read from a file.
     cell_name, robot_name, run_id : str
@@ -58,6 +60,7 @@ class Recording:
     sample_period_s: float | None = None
     samples_per_period: int | None = None
     torque_filter: ButterworthFilter | None = None
+    temperature_k: FloatArray | None = None
     cell_name: str = ""
     robot_name: str = ""
     run_id: str = ""
@@ -79,10 +82,9 @@ class Recording:
                 "sample_index", self.sample_index, np.int64, rows, RecordingError
             ),
         }
-        if self.target_position is not None:
-            fields["target_position"] = read_only(
-                "target_position", self.target_position, float, table, RecordingError
-            )
+        for name in ("target_position", "temperature_k"):
+            if getattr(self, name) is not None:
+                fields[name] = read_only(name, getattr(self, name), float, table, RecordingError)
         for name, array in fields.items():
             object.__setattr__(self, name, array)
         steps = np.diff(time_s)

@@ -42,6 +42,8 @@ class SmoothedSignals:
     cutoff_hz : float
         Where the low-pass reaches -3 dB. Rows are not independent of each other: a signal limited
         to this band is worth about 2 cutoff_hz values a second.
+    temperature_k : ndarray, shape (samples, joints), or None
+        Temperature of each drive [K], where it was recorded.
     """
 
     joint_names: tuple[str, ...]
@@ -53,6 +55,7 @@ class SmoothedSignals:
     segment: IntArray
     sample_period_s: float
     cutoff_hz: float
+    temperature_k: FloatArray | None = None
 
     def __post_init__(self) -> None:
         time_s = read_only("time_s", self.time_s, float, (None,), DataQualityError)
@@ -61,6 +64,9 @@ class SmoothedSignals:
         for name in ("position", "velocity", "acceleration", "torque_nm"):
             array = read_only(name, getattr(self, name), float, table, DataQualityError)
             object.__setattr__(self, name, array)
+        if self.temperature_k is not None:
+            warmth = read_only("temperature_k", self.temperature_k, float, table, DataQualityError)
+            object.__setattr__(self, "temperature_k", warmth)
         segment = read_only("segment", self.segment, np.int64, rows, DataQualityError)
         object.__setattr__(self, "segment", segment)
 
@@ -74,6 +80,7 @@ class _Segment(NamedTuple):
     velocity: FloatArray
     acceleration: FloatArray
     torque_nm: FloatArray
+    temperature_k: FloatArray
 
 
 def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> FloatArray:
@@ -106,7 +113,8 @@ def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignal
 
     Rows that are not valid are left out. A gap of more than 5 median steps cuts the recording; of
     each segment 2 / `cutoff_hz` is left out at both ends, where the filter has no past or future,
-    and a segment shorter than 6 / `cutoff_hz` is left out as a whole.
+    and a segment shorter than 6 / `cutoff_hz` is left out as a whole. Temperatures, which change
+    slowly and in the steps of their sensor, are interpolated by straight lines.
 
     Parameters
     ----------
@@ -148,6 +156,7 @@ def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignal
                 np.asarray(path.derivative(1)(grid[inner])),
                 np.asarray(path.derivative(2)(grid[inner])),
                 smooth_torque[inner],
+                _temperature_at(recording, grid[inner]),
             )
         )
     if not segments:
@@ -166,7 +175,16 @@ def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignal
         segment=np.repeat(np.arange(len(segments)), [len(piece.time_s) for piece in segments]),
         sample_period_s=step_s,
         cutoff_hz=cutoff_hz,
+        temperature_k=None if recording.temperature_k is None else joined.temperature_k,
     )
+
+
+def _temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:
+    """Return the drives' temperatures at other times, (times, joints); no joints where unknown."""
+    if recording.temperature_k is None:
+        return np.empty((len(time_s), 0))
+    stamps, measured = recording.time_s[recording.valid], recording.temperature_k[recording.valid]
+    return np.stack([np.interp(time_s, stamps, joint) for joint in measured.T], axis=1)
 
 
 def resample_periods(recording: Recording, period_s: float) -> Recording:
@@ -218,6 +236,7 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
         sample_period_s=sample_period_s,
         samples_per_period=samples_per_period,
         torque_filter=recording.torque_filter,
+        temperature_k=None if recording.temperature_k is None else _temperature_at(recording, grid),
         cell_name=recording.cell_name,
         robot_name=recording.robot_name,
         run_id=recording.run_id,

@@ -238,3 +238,16 @@ class TestRefusals:
         with pytest.raises(DataQualityError, match="no noise variance"):
             replace(average, periods_kept=1)
         assert isinstance(average, PeriodAverage)
+
+
+def test_temperature_is_the_mean_over_the_good_periods() -> None:
+    """A drive that warms up by a kelvin a period; a knocked period does not count."""
+    recording = record(periods=5)
+    period = (np.arange(len(recording)) - RUN_IN) // K - 1
+    warm = replace(recording, temperature_k=np.stack([300.0 + period, 310.0 + 0.0 * period], 1))
+    assert average_periods(recording).temperature_k is None
+    assert average_periods(warm).temperature_k == pytest.approx([302.0, 310.0])
+
+    average = average_periods(knocked(warm, period=4, size=50.0, rows=10))
+    assert [rejected.index for rejected in average.rejected] == [4]
+    assert average.temperature_k == pytest.approx([301.5, 310.0])

@@ -63,3 +63,11 @@ def test_refuses_what_is_not_finite(name: str) -> None:
 def test_refuses_what_does_not_fit_together(change: dict[str, Any], message: str) -> None:
     with pytest.raises(RecordingError, match=message):
         Recording(**(fields() | change))
+
+
+def test_holds_the_drives_temperatures_where_they_are_known() -> None:
+    assert Recording(**fields()).temperature_k is None
+    warm = np.full((5, 2), 310.0)
+    assert Recording(**(fields() | {"temperature_k": warm})).temperature_k is not None
+    with pytest.raises(RecordingError, match=r"temperature_k must have shape \(5, 2\)"):
+        Recording(**(fields() | {"temperature_k": warm[0]}))

@@ -135,3 +135,32 @@ class TestResamplePeriods:
     def test_refuses_less_than_two_periods(self) -> None:
         with pytest.raises(DataQualityError, match="holds 1 whole periods of 8 s"):
             resample_periods(uneven(duration_s=13.0), 8.0)
+
+
+class TestTemperature:
+    @staticmethod
+    def warming() -> Recording:
+        recording = uneven(duration_s=13.0)
+        warmth = 300.0 + 0.5 * (recording.time_s - 100.0)
+        return replace(recording, temperature_k=np.stack([warmth, warmth + 5.0], axis=1))
+
+    def test_follows_its_stamps_without_ringing(self) -> None:
+        smooth = smooth_nonperiodic(self.warming(), 9.4)
+        expected = 300.0 + 0.5 * (smooth.time_s - 100.0)
+        np.testing.assert_allclose(smooth.temperature_k[:, 0], expected, atol=1e-9)
+        np.testing.assert_allclose(smooth.temperature_k[:, 1], expected + 5.0, atol=1e-9)
+
+        recording = uneven()
+        step = np.where(recording.time_s < 106.0, 300.0, 301.0)[:, np.newaxis] * np.ones(2)
+        smooth = smooth_nonperiodic(replace(recording, temperature_k=step), 9.4)
+        assert smooth.temperature_k.min() == 300.0
+        assert smooth.temperature_k.max() == 301.0
+
+    def test_comes_along_when_periods_are_put_on_a_grid(self) -> None:
+        resampled = resample_periods(self.warming(), 4.0)
+        expected = 300.0 + 0.5 * (resampled.time_s - 100.0)
+        np.testing.assert_allclose(resampled.temperature_k[:, 0], expected, atol=1e-9)
+
+    def test_is_unknown_where_it_was_not_recorded(self) -> None:
+        assert smooth_nonperiodic(uneven(), 9.4).temperature_k is None
+        assert resample_periods(uneven(duration_s=13.0), 4.0).temperature_k is None
