@@ -1,11 +1,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from config.errors import EstimationError
 from config.load import load_robot
-from dynamics.kinematics import Chain, forward, link_transforms
+from dynamics.kinematics import Chain, forward, jacobian, link_transforms, point_jacobian
 
 
 @pytest.mark.parametrize("n", range(1, 8))
@@ -25,6 +26,36 @@ def test_the_tool_point_rides_on_the_last_link(random_arm) -> None:
     tool = np.array([*robot.tool_offset_m, 1.0])
     expected = (link_transforms(chain, q)[:, -1] @ tool)[:, :3]
     np.testing.assert_allclose(forward(chain, q), expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("n", range(1, 8))
+def test_jacobians_are_pinocchios(n, random_arm, judge, random_links) -> None:
+    """Of the tool point, and of a point on every link and on the base."""
+    robot = random_arm(n, seed=n)
+    chain, model = Chain.from_description(robot), judge(robot, random_links(n, n)).model
+    q = np.random.default_rng(n).uniform(-2.0, 2.0, (4, n))
+    transforms = link_transforms(chain, q)
+    for k, sample in enumerate(q):
+        data = model.createData()
+        pin.computeJointJacobians(model, data, sample)
+
+        def expected(link: int, point: np.ndarray, data=data) -> np.ndarray:
+            here = pin.SE3(np.eye(3), point)
+            world = pin.getJointJacobian(model, data, link, pin.ReferenceFrame.WORLD)
+            return here.toActionMatrixInverse() @ np.reshape(world, (6, n))
+
+        tool = forward(chain, q)[k]
+        ours = jacobian(chain, q)[k]
+        np.testing.assert_allclose(ours, expected(n, tool), rtol=0, atol=1e-12)
+
+        point = np.array([0.3, -0.2, 0.5])
+        links = np.arange(n + 1)
+        places, points = np.repeat(transforms[[k]], n + 1, axis=0), np.tile(point, (n + 1, 1))
+        ours = point_jacobian(chain, places, links, points)
+        np.testing.assert_array_equal(ours[0], 0.0)
+        for link in links[1:]:
+            theirs = expected(int(link), point)[:3]
+            np.testing.assert_allclose(ours[link], theirs, rtol=0, atol=1e-12)
 
 
 def test_a_standard_table_leads_to_its_flange() -> None:

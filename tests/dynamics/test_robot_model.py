@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from config.errors import EstimationError
-from dynamics.robot_model import RobotModel, base_wrench_regressor, regressor, torque
+from dynamics.conditions import Conditions
+from dynamics.robot_model import (
+    RobotModel,
+    base_wrench_regressor,
+    regressor,
+    regressor_blocks,
+    torque,
+)
 
 
 @pytest.fixture
@@ -55,6 +62,24 @@ def test_torque_is_the_regressor_times_the_parameters(model, random_motion) -> N
     theta = np.random.default_rng(5).standard_normal(41)
     expected = regressor(model, q, v, a) @ theta
     np.testing.assert_allclose(torque(model, q, v, a, theta), expected, rtol=0, atol=1e-9)
+
+
+def test_pieces_of_the_regressor_are_the_regressor_in_one_place_of_memory(ir361) -> None:
+    """Also where it depends on each sample's temperature and load."""
+    joint = {"friction": ("viscous", "temperature"), "efficiency": 0.9}
+    joints = tuple(j.model_copy(update=joint) for j in ir361.joints)
+    model = RobotModel.from_description(ir361.model_copy(update={"joints": joints}), payload=True)
+    rng = np.random.default_rng(3)
+    motion = rng.standard_normal((3, 50, 3))
+    conditions = Conditions(rng.uniform(290.0, 320.0, (50, 3)), rng.standard_normal((50, 3)), True)
+    expected = regressor(model, *motion, conditions)
+    places = set()
+    for samples, phi in regressor_blocks(model, *motion, conditions, block=16):
+        np.testing.assert_array_equal(phi, expected[samples])
+        expected[samples] = np.nan
+        places.add(phi.__array_interface__["data"])
+    assert np.isnan(expected).all()
+    assert len(places) == 1
 
 
 def test_every_sample_stands_for_itself(model, random_motion) -> None:
