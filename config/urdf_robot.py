@@ -210,7 +210,7 @@ def _joint(joint: UrdfJoint, name: str, ratio: float | None, notes: list[str]) -
             position_min=low,
             position_max=high,
             velocity=velocity,
-            acceleration=ACCELERATION_PER_VELOCITY * velocity,
+            acceleration=round(ACCELERATION_PER_VELOCITY * velocity, 9),
             torque=joint.limits["effort"],
         ),
         gear_ratio=1.0 if ratio is None else ratio,
@@ -250,7 +250,9 @@ def _cad(
                 LinkCad(
                     mass_kg=mass,
                     centre_m=_vector(centre),
-                    inertia_kg_m2=tuple(inertia[np.triu_indices(3)].tolist()),
+                    inertia_kg_m2=tuple(
+                        round(x, 15) + 0.0 for x in inertia[np.triu_indices(3)].tolist()
+                    ),
                 )
             )
         except ValidationError as error:
@@ -312,5 +314,10 @@ def _plain_name(name: str) -> str:
 
 
 def _vector(values: FloatArray) -> Vector3:
-    x, y, z = (0.0 if abs(value) < 1e-12 else float(value) for value in values)
+    x, y, z = (_clean(value) for value in values)
     return x, y, z
+
+
+def _clean(value: float) -> float:
+    """Return a value without rounding's dust, to a femtometre."""
+    return 0.0 if abs(value) < 1e-12 else round(float(value), 15)

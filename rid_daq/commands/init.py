@@ -17,14 +17,36 @@ def init(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Where to write; it may exist already.")
     ],
+    urdf: Annotated[
+        Path | None,
+        typer.Option("--urdf", metavar="FILE", help="Make robot and cell from this URDF."),
+    ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option("--base", metavar="LINK", help="The URDF's link that stands still."),
+    ] = None,
+    tip: Annotated[
+        str | None,
+        typer.Option("--tip", metavar="LINK", help="The URDF's link that is the tool point."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Write a commented cell, robot and two motions to start from.
 
-    They run as they are, on a simulated cell. Change them towards your own robot.
+    They run as they are, on a simulated cell. Change them towards your own robot. With --urdf the
+    robot, its limits and its links come from that file.
     """
     console = Console(as_json)
-    files = _starter_files()
+    notes: tuple[str, ...] = ()
+    if urdf is not None:
+        from rid_daq.urdf_starter import urdf_files
+
+        files, made = urdf_files(urdf, base, tip)
+        notes = made.notes
+    elif base is not None or tip is not None:
+        raise ConfigError("--base and --tip name links of a URDF: give it with --urdf")
+    else:
+        files = _starter_files()
     present = [name for name in files if (folder / name).exists()]
     if present:
         raise ConfigError(
@@ -37,11 +59,18 @@ def init(
         raise ConfigError(f"{folder}: cannot make the folder: {error.strerror}") from None
     for name, text in files.items():
         write_whole(folder / name, text.encode())
-    console.document({"folder": str(folder), "files": list(files)})
+    console.document({"folder": str(folder), "files": list(files), "notes": list(notes)})
     console.say(f"{folder}: wrote {', '.join(files)}.")
-    console.say("Next, on the simulated cell that they describe:")
-    console.say(f"  rid-daq check {folder / 'cell.yaml'}")
-    console.say(f"  rid-daq record {folder / 'cell.yaml'} {folder / 'motion.yaml'}")
+    for note in notes:
+        console.say(f"  {note}")
+    cell, motion = folder / "cell.yaml", folder / "motion.yaml"
+    if "motion.yaml" in files:
+        console.say("Next, on the simulated cell that they describe:")
+        console.say(f"  rid-daq check {cell}")
+    else:
+        console.say("Next, after a look at limits and rotors in robot.yaml:")
+        console.say(f"  rid-daq design {cell} -o {motion}")
+    console.say(f"  rid-daq record {cell} {motion}")
 
 
 def _starter_files() -> dict[str, str]:
