@@ -140,7 +140,8 @@ def _plant(robot: RobotDescription) -> PlantConfig:
 def _axis(joint: Joint, inertia: float) -> SimulatedAxis:
     torque, ratio = joint.limits.torque, abs(joint.gear_ratio)
     inertia = max(inertia, 1e-3 * torque / joint.limits.acceleration)
-    gain = float(np.clip(torque / joint.limits.velocity, *(w * inertia for w in BANDWIDTH_RAD_S)))
+    slowest, fastest = BANDWIDTH_RAD_S
+    gain = min(max(torque / joint.limits.velocity, slowest * inertia), fastest * inertia)
     # Not more friction than the loop overcomes at once: without rotors wrists are light.
     friction = min(FRICTION_SHARE * torque, BREAKAWAY_SPEED_RAD_S * gain)
     return SimulatedAxis(
