@@ -7,6 +7,7 @@ and what acts on one joint alone takes the complex step.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,8 @@ from dynamics.conditions import Conditions
 from dynamics.kinematics import FloatArray
 from dynamics.robot_model import RobotModel, checked_parameters, load_torque
 from dynamics.transmission import Transmission
+
+INERTIAL_TERMS: Final = ("rigid_body", "rotors", "armature")
 
 
 def torque_derivatives(
@@ -88,16 +91,16 @@ def mass_matrix(model: RobotModel, q: npt.ArrayLike, parameters: npt.ArrayLike) 
     EstimationError
         Where a shape does not fit the model.
     """
+    theta = checked_parameters(model, parameters)
     inertial = replace(
         model,
-        terms=tuple(t for t in model.terms if t.name in ("rigid_body", "rotors", "armature")),
+        terms=tuple(term for term in model.terms if term.name in INERTIAL_TERMS),
         transmission=Transmission(),
     )
-    theta = checked_parameters(model, parameters)
-    kept = [theta[columns] for name, columns in model.parameter_groups.items()]
-    kept = [part for part, term in zip(kept, model.terms, strict=True) if term in inertial.terms]
+    groups = model.parameter_groups
+    kept = np.concatenate([theta[groups[term.name]] for term in inertial.terms])
     rest = np.zeros_like(np.asarray(q, dtype=np.float64))
-    inertia = torque_derivatives(inertial, q, rest, rest, np.concatenate(kept))[2]
+    inertia = torque_derivatives(inertial, q, rest, rest, kept)[2]
     if model.coupling is not None:
         inertia = np.einsum("ij,sik->sjk", np.linalg.inv(model.coupling), inertia)
     return inertia

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from config.errors import EstimationError
 from dynamics.gradient_kernels import pull_back
 from dynamics.kernels import fill_rigid_body
 from dynamics.kinematics import Chain, FloatArray, IntArray
@@ -74,7 +75,19 @@ def fill_links(
         Whether the rows are the six components of the base wrench or the n joints.
     out : (samples, 6 or n, 10 (n - first_link)) array
         Written whole, known zeros too. Its columns must be neighbours in memory.
+
+    Raises
+    ------
+    EstimationError
+        Where `out` is not such an array: the kernel would write beside it.
     """
+    _, samples, n = motion.joint.shape
+    expected = (samples, 6 if of_base else n, PARAMETERS_PER_LINK * (n - first_link))
+    if out.shape != expected or out.dtype != np.float64 or not out[:1, :1].flags.c_contiguous:
+        raise EstimationError(
+            f"the links' columns need an array of floats of the shape {expected} whose last axis"
+            f" is contiguous, got {out.shape} of {out.dtype} with strides {out.strides}"
+        )
 
     def fill(first: int, last: int) -> None:
         fill_rigid_body(chain.arrays, motion.joint, of_base, first_link, out, first, last)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from config.errors import EstimationError
+from dynamics.rigid_body import RigidBodies
 from dynamics.robot_model import RobotModel, base_wrench_regressor, regressor, torque
 
 ARMS = [(n, seed, None) for n in range(1, 8) for seed in range(3)]
@@ -66,3 +68,18 @@ def test_ten_parameters_a_link_named_and_with_units(ir361) -> None:
         "m2 sx2 sy2 sz2 Ixx2 Ixy2 Ixz2 Iyy2 Iyz2 Izz2"
     )
     assert model.parameter_units == ("kg", *["kg m"] * 3, *["kg m^2"] * 6) * 3
+
+
+@pytest.mark.parametrize(
+    "out",
+    [np.zeros((8, 3, 20)), np.zeros((8, 3, 60))[:, :, ::2], np.zeros((8, 3, 30), np.float32)],
+    ids=["shape", "gaps", "type"],
+)
+def test_memory_that_the_kernel_cannot_fill_is_refused(out, ir361, random_motion) -> None:
+    model = links_only(ir361)
+    with pytest.raises(EstimationError, match="whose last axis is contiguous"):
+        RigidBodies(model.chain).fill_torque(model.motion(*random_motion(3, 0)), out)
+
+
+def test_no_samples_have_no_rows(ir361) -> None:
+    assert regressor(links_only(ir361), *np.zeros((3, 0, 3))).shape == (0, 3, 30)
