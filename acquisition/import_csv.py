@@ -14,12 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.arrays import BoolArray, FloatArray, IntArray
+from acquisition.import_columns import ImportColumns
 from acquisition.import_report import DamagedRow, ImportReport, group_damaged
 from acquisition.motion_samples import Phase
 from acquisition.recording import Recording
 from acquisition.smoothing import GAP_STEPS, resample_periods
 from config.errors import ConfigError, DataQualityError
 from config.import_map import ImportMap
+from config.robot import RobotDescription
 
 LARGEST_FILE_BYTES = 500_000_000
 FEWEST_ROWS = 100
@@ -30,29 +32,24 @@ JUMP_FACTOR = 1.5
 JUMP_SLACK = 1e-3
 LEAP_STEPS = 1000.0
 SHORT_RUN = 10
-
-_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-_POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3}
-_VELOCITY = {
-    "rad/s": 1.0,
-    "deg/s": math.pi / 180.0,
-    "rpm": 2.0 * math.pi / 60.0,
-    "m/s": 1.0,
-    "mm/s": 1e-3,
-}
-_CURRENT = {"A": 1.0, "mA": 1e-3}
-_TORQUE = {"Nm": 1.0, "mNm": 1e-3, "N": 1.0}
+COLDEST_K = 223.15
+HOTTEST_K = 473.15
 
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """Rows of a file in SI, link side; `row` counts from 1."""
+    """Rows of a file in SI, link side; `row` counts from 1.
+
+    Positions and velocities are still the actuators' where the robot has a coupling. Without
+    temperatures that array has no columns.
+    """
 
     row: IntArray
     time_s: FloatArray
     position: FloatArray
     velocity: FloatArray
     torque: FloatArray
+    temperature: FloatArray
 
     def keep(self, mask: BoolArray) -> _Table:
         return _Table(
@@ -61,11 +58,16 @@ class _Table:
             self.position[mask],
             self.velocity[mask],
             self.torque[mask],
+            self.temperature[mask],
         )
 
 
 def import_csv(
-    path: Path, import_map: ImportMap, *, run_id: str = ""
+    path: Path,
+    import_map: ImportMap,
+    robot: RobotDescription | None = None,
+    *,
+    run_id: str = "",
 ) -> tuple[Recording, ImportReport]:
     """Read a CSV file by a map; damaged rows are left out and named in the report.
 
@@ -79,6 +81,8 @@ def import_csv(
         The file.
     import_map : ImportMap
         Its columns and units.
+    robot : RobotDescription, optional
+        The map's robot; needed where the map leaves gear ratios or torque constants to it.
     run_id : str
         Provenance of the recording.
 
@@ -93,12 +97,13 @@ def import_csv(
     Raises
     ------
     ConfigError
-        The file cannot be read.
+        The file cannot be read, or map and robot leave out what turns its columns into SI.
     DataQualityError
         The file is hopeless: more than half of it damaged, too short, without motion, or with
         velocities that contradict the positions.
     """
-    table, damaged, rows_read = _read(path, import_map)
+    columns = ImportColumns.of(import_map, robot)
+    table, damaged, rows_read = _read(path, import_map, columns)
     table = _leave_out_absurd(table, import_map, damaged)
     table = _leave_out_disorder(table, damaged)
     table = _leave_out_jumps(table, import_map, damaged)
@@ -111,7 +116,8 @@ def import_csv(
             f" (at least half of them and {FEWEST_ROWS} are needed): wrong map or broken file."
             f" {named}"
         )
-    travel = np.ptp(table.position, axis=0)
+    position = columns.joint_positions(table.position)
+    travel = np.ptp(position, axis=0)
     if travel.max() < STANDSTILL:
         raise DataQualityError(
             f"{path.name}: no joint moves more than {travel.max():.2g} rad in the rows used:"
@@ -135,8 +141,9 @@ def import_csv(
     recording = Recording(
         joint_names=import_map.joint_names,
         time_s=table.time_s,
-        position=table.position,
+        position=position,
         torque_nm=table.torque,
+        temperature_k=table.temperature if table.temperature.size else None,
         valid=np.ones(used, dtype=np.bool_),
         phase=np.full(used, Phase.MAIN, dtype=np.uint8),
         sample_index=np.full(used, -1, dtype=np.int64),
@@ -149,9 +156,11 @@ def import_csv(
     return recording, report
 
 
-def _read(path: Path, import_map: ImportMap) -> tuple[_Table, list[DamagedRow], int]:
+def _read(
+    path: Path, import_map: ImportMap, conversion: ImportColumns
+) -> tuple[_Table, list[DamagedRow], int]:
     """Return the rows that parse, in SI, those that do not, and how many were read."""
-    columns, factors = _columns(import_map)
+    columns = conversion.columns
     separator = {"tab": "\t", "space": None}.get(import_map.delimiter, import_map.delimiter)
     damaged: list[DamagedRow] = []
     numbers: list[list[float]] = []
@@ -175,41 +184,18 @@ def _read(path: Path, import_map: ImportMap) -> tuple[_Table, list[DamagedRow], 
             continue
         rows.append(row)
     with np.errstate(over="ignore"):
-        values = np.array(numbers, dtype=np.float64).reshape(-1, len(columns)) * factors
+        values = np.array(numbers, dtype=np.float64).reshape(-1, len(columns))
+        values = values * conversion.factors + conversion.offsets
     n = len(import_map.joints)
     table = _Table(
         row=np.array(rows, dtype=np.int64),
         time_s=values[:, 0],
         position=values[:, 1 : 1 + n],
         torque=values[:, 1 + n : 1 + 2 * n],
-        velocity=values[:, 1 + 2 * n :],
+        velocity=values[:, 1 + 2 * n : 1 + 3 * n],
+        temperature=values[:, 1 + 3 * n :],
     )
     return table, damaged, len(rows) + len(damaged)
-
-
-def _columns(import_map: ImportMap) -> tuple[list[int], FloatArray]:
-    """Return the columns used (time, positions, torques, velocities) and their factors to SI.
-
-    A joint without a velocity column gets a column of NaN.
-    """
-    units = import_map.units
-    columns, factors = [import_map.time.column], [_TIME[import_map.time.unit]]
-    for joint in import_map.joints:
-        columns.append(joint.position)
-        factors.append(_POSITION[units.position] / joint.gear_ratio)
-    for joint in import_map.joints:
-        if joint.current is not None and joint.torque_constant_nm_per_a is not None:
-            columns.append(joint.current)
-            factor = _CURRENT[units.current] * joint.torque_constant_nm_per_a
-        else:
-            columns.append(joint.torque if joint.torque is not None else joint.position)
-            factor = _TORQUE[units.torque]
-        factors.append(factor * joint.gear_ratio)
-    for joint in import_map.joints:
-        columns.append(joint.position if joint.velocity is None else joint.velocity)
-        factor = math.nan if joint.velocity is None else _VELOCITY[units.velocity]
-        factors.append(factor / joint.gear_ratio)
-    return columns, np.array(factors)
 
 
 def _lines(path: Path) -> list[str]:
@@ -228,7 +214,7 @@ def _lines(path: Path) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def _not_a_number(fields: list[str], columns: list[int]) -> str:
+def _not_a_number(fields: list[str], columns: tuple[int, ...]) -> str:
     for column in columns:
         try:
             float(fields[column])
@@ -248,17 +234,19 @@ def _leave_out_absurd(table: _Table, import_map: ImportMap, damaged: list[Damage
     table = table.keep(sound)
     sound = np.ones(len(table.row), dtype=np.bool_)
     has_velocity = np.array([joint.velocity is not None for joint in import_map.joints])
-    for quantity, values, limit in (
-        ("position", table.position, plausible.position),
-        ("velocity", np.where(has_velocity, table.velocity, 0.0), plausible.speed),
-        ("torque", table.torque, plausible.torque),
+    velocity = np.where(has_velocity, table.velocity, 0.0)
+    for quantity, values, low, high in (
+        ("position", table.position, -plausible.position, plausible.position),
+        ("velocity", velocity, -plausible.speed, plausible.speed),
+        ("torque", table.torque, -plausible.torque, plausible.torque),
+        ("temperature", table.temperature, COLDEST_K, HOTTEST_K),
     ):
-        bad = ~(np.abs(values) <= limit)
+        bad = ~((values >= low) & (values <= high))
         for row in np.flatnonzero(bad.any(axis=1) & sound):
             joint = int(np.argmax(bad[row]))
             detail = (
                 f"{quantity} of {import_map.joint_names[joint]} is {values[row, joint]:.6g},"
-                f" plausible is up to {limit:g}"
+                f" plausible is {low:g} to {high:g}"
             )
             damaged.append(DamagedRow(int(table.row[row]), "with an absurd value", detail))
         sound &= ~bad.any(axis=1)

@@ -29,16 +29,19 @@ class ImportUnits(ConfigModel):
     velocity: VelocityUnit = "rad/s"
     current: Literal["A", "mA"] = "A"
     torque: Literal["Nm", "mNm", "N"] = "Nm"
+    temperature: Literal["C", "K"] = "C"
 
 
 class ImportJoint(ConfigModel):
     """One joint's columns, counted from 0.
 
     Torque comes from a `torque` column, or from a `current` column times
-    `torque_constant_nm_per_a`. Where the columns are the motor's, `gear_ratio` (motor turns per
-    joint turn, negative where the motor turns against the joint) brings them to the link side;
-    the torque constant is then the motor's too. `velocity` is optional: it is not used in place of
-    the position's derivative, but compared with it, so that a wrong column or unit is found.
+    `torque_constant_nm_per_a`; without that, times the link-side constant that the robot file
+    states. Where a joint's columns are its motor's, `gear_ratio` (motor turns per joint turn,
+    negative where the motor turns against the joint) brings them to the link side; the map's torque
+    constant is then the motor's too. `velocity` is optional: it is not used in place of the
+    position's derivative, but compared with it, so that a wrong column or unit is found.
+    `temperature` is the drive's, for friction that depends on it: every joint has it, or none.
     """
 
     joint: str
@@ -46,14 +49,15 @@ class ImportJoint(ConfigModel):
     velocity: Column | None = None
     current: Column | None = None
     torque: Column | None = None
+    temperature: Column | None = None
     torque_constant_nm_per_a: Positive | None = None
-    gear_ratio: float = 1.0
+    gear_ratio: float | None = None
 
     @model_validator(mode="after")
     def _one_torque(self) -> ImportJoint:
         if (self.current is None) == (self.torque is None):
             raise ValueError("give either a torque column or a current column, not both or none")
-        if (self.current is None) != (self.torque_constant_nm_per_a is None):
+        if self.current is None and self.torque_constant_nm_per_a is not None:
             raise ValueError("torque_constant_nm_per_a belongs to a current column: give both")
         if self.gear_ratio == 0.0:
             raise ValueError("gear_ratio must not be 0")
@@ -90,6 +94,11 @@ class ImportMap(ConfigModel):
     `columns` is the number of columns of a sound row; a row with another number is damaged.
     `period_s` says that the rows used hold whole periods of that length, which are then averaged;
     without it the recording is taken as not periodic and smoothed.
+
+    `side: motor` says that all columns are the motors': positions are divided, torques multiplied
+    by the robot's gear ratios (or a joint's own `gear_ratio`). Where the robot states a `coupling`
+    C, these positions alpha become the joints' q = C alpha (5.18). With `side: link`, positions are
+    the joints'. Torques are the actuators', seen from the link side, either way.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
@@ -100,6 +109,7 @@ class ImportMap(ConfigModel):
     header_rows: Annotated[int, Field(ge=0, le=1000)] = 0
     time: TimeColumn
     units: ImportUnits = ImportUnits()
+    side: Literal["link", "motor"] = "link"
     joints: tuple[ImportJoint, ...] = Field(min_length=1)
     plausible: Plausible = Plausible()
     rows: RowRange = RowRange()
@@ -114,7 +124,7 @@ class ImportMap(ConfigModel):
             raise ValueError("two joints have the same name")
         used: dict[int, str] = {self.time.column: "time"}
         for joint in self.joints:
-            for quantity in ("position", "velocity", "current", "torque"):
+            for quantity in ("position", "velocity", "current", "torque", "temperature"):
                 column: int | None = getattr(joint, quantity)
                 if column is None:
                     continue
@@ -126,6 +136,12 @@ class ImportMap(ConfigModel):
                 if column in used:
                     raise ValueError(f"column {column} is both {used[column]} and {role}")
                 used[column] = role
+        without = [joint.joint for joint in self.joints if joint.temperature is None]
+        if 0 < len(without) < len(self.joints):
+            raise ValueError(
+                f"{', '.join(without)} has no temperature column, other joints have: give every"
+                " joint one, or none"
+            )
         return self
 
     @property

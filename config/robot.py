@@ -150,7 +150,8 @@ class Joint(ConfigModel):
     `stribeck` starts from the speed `stribeck_velocity` [rad/s or m/s], `temperature` lets Coulomb
     and viscous friction change linearly away from `reference_temperature_k`, `load` grows with the
     torque that the gear transmits. `efficiency` (0 to 1) is where the estimate of the gear's
-    efficiency starts (5.16, 5.17); without it the gear loses nothing.
+    efficiency starts (5.16, 5.17); without it the gear loses nothing. `torque_constant_nm_per_a` is
+    torque at the link side, gear included, per ampere of the motor.
     """
 
     name: str = Field(pattern=r"^[A-Za-z][\w-]{0,31}$")
@@ -214,7 +215,7 @@ class LinkCad(ConfigModel):
 
     mass_kg: NonNegative
     centre_m: Vector3 = (0.0, 0.0, 0.0)
-    inertia_kg_m2: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    inertia_kg_m2: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     uncertainty: Annotated[float, Field(gt=0.0)] = 0.1
 
     @model_validator(mode="after")

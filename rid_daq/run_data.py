@@ -73,7 +73,7 @@ def read_run(folder: RunFolder) -> RunData:
         journal = read_journal(folder.file(RECORDING))
         return RunData(folder, journal.recording(), robot, damage=journal.damage.notes)
     import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
-    recording, report = import_csv(folder.file(SOURCE), import_map, run_id=folder.run_id)
+    recording, report = import_csv(folder.file(SOURCE), import_map, robot, run_id=folder.run_id)
     return RunData(folder, replace(recording, robot_name=robot.name), robot, report)
 
 

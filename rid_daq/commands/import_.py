@@ -45,7 +45,7 @@ def import_(
     columns, robot = load_import_map(import_map)
     if rows is not None:
         columns = columns.model_copy(update={"rows": _row_range(rows)})
-    recording, report = import_csv(file, columns)
+    recording, report = import_csv(file, columns, robot)
     folder = RunFolder.create(
         runs, label or as_label(file.stem), kind="import", software=software_versions()
     )

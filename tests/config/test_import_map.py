@@ -38,6 +38,8 @@ def test_a_minimal_map_is_enough() -> None:
         ({"joints": [JOINT, JOINT]}, "two joints have the same name"),
         ({"decimal": ","}, "decimal and delimiter"),
         ({"rows": {"first": 9, "last": 9}}, "last 9 must be after first 9"),
+        ({"joints": [JOINT | {"temperature": 2}]}, "both torque of a and temperature of a"),
+        ({"side": "load"}, "'link' or 'motor'"),
         ({"units": {"position": "grad"}}, "'rad', 'deg', 'rev', 'm' or 'mm'"),
     ],
 )
@@ -59,3 +61,11 @@ def test_bundled_maps_fit_their_robot(name: str) -> None:
 
 def test_maps_are_bundled_for_both_layouts() -> None:
     assert {"ur10e_19", "ur10e_31"} <= set(bundled_names("maps"))
+
+
+def test_temperatures_are_there_for_every_joint_or_for_none() -> None:
+    joints = [{"joint": "a", "position": 1, "torque": 2, "temperature": 3}]
+    assert read(joints=joints).joints[0].temperature == 3
+    joints.append({"joint": "b", "position": 4, "torque": 5})
+    with pytest.raises(ValidationError, match="b has no temperature column, other joints have"):
+        read(joints=joints, columns=6)
