@@ -81,8 +81,12 @@ class Motion:
 
     def to_actuators(self, rows: FloatArray) -> None:
         """Turn joint torques (samples, n, any) into actuator torques C^T tau (5.19), in place."""
-        if self.coupling is not None:
-            rows[...] = np.einsum("ji,sjp->sip", self.coupling, rows)
+        if self.coupling is None:
+            return
+        mixed = self.coupling - np.eye(len(self.coupling))
+        before = {j: rows[:, j].copy() for j in np.flatnonzero(mixed.any(axis=1))}
+        for j, i in zip(*np.nonzero(mixed), strict=True):
+            rows[:, i] += mixed[j, i] * before[j]
 
     def to_joints(self, weights: FloatArray) -> FloatArray:
         """Turn weights (any, samples, n, any) on actuators' rows into weights on joints' rows."""

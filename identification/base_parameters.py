@@ -9,7 +9,7 @@ merged into them.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -17,12 +17,14 @@ from scipy.linalg import qr, solve_triangular
 
 from acquisition.arrays import FloatArray, read_only
 from config.errors import EstimationError
+from dynamics.conditions import Conditions
 from dynamics.robot_model import RobotModel, base_wrench_regressor, regressor
+from dynamics.transmission import Transmission
 from identification.least_squares import triangular_factor
 
 Outputs = Literal["torque", "wrench", "combined"]
 
-_RIGID = re.compile(r"(m|s[xyz]|I[xyz]{2})(\d+)")
+_RIGID = re.compile(r"(m|s[xyz]|I[xyz]{2})(\d+|L)")
 # First kept to first merged away: Iyy, sz and m of a link merge into others (Khalil's choice).
 _KEEP_ORDER = ("Izz", "Ixx", "Ixy", "Ixz", "Iyz", "sx", "sy", "Iyy", "sz", "m")
 _ROUNDING = 1e-10
@@ -80,6 +82,12 @@ class BaseParameters:
         """Return the base regressor (..., b) out of a standard regressor (..., p)."""
         return standard_regressor[..., list(self.kept)]
 
+    def to_standard(self, values: FloatArray) -> FloatArray:
+        """Return standard parameters (p,) with the same torques: heads only, others zero."""
+        standard = np.zeros(len(self.standard_names))
+        standard[list(self.kept)] = values
+        return standard
+
     def from_standard(self, parameters: FloatArray) -> FloatArray:
         """Return beta = K theta, shape (b,), of standard parameters of shape (p,)."""
         theta = np.asarray(parameters, dtype=float)
@@ -107,7 +115,8 @@ def base_parameters(
         The robot.
     outputs : "torque", "wrench" or "combined"
         What is measured: joint torques (the internal model), the six components of the reaction
-        on the base plate (external), or both.
+        on the base plate (external), or both. Gears count as lossless; a payload as measured both
+        with and without it.
     tolerance : float
         A column whose part independent of the columns kept is smaller than this fraction of it
         counts as dependent.
@@ -126,11 +135,15 @@ def base_parameters(
     shape = (samples, len(model.joint_names))
     q = random.uniform(-np.pi, np.pi, shape)
     v, a = random.normal(0.0, 2.0, shape), random.normal(0.0, 5.0, shape)
+    lossless = replace(model, transmission=Transmission())
+    temperature = random.uniform(280.0, 350.0, shape)
     parts: list[FloatArray] = []
-    if outputs != "wrench":
-        parts.append(regressor(model, q, v, a))
-    if outputs != "torque":
-        parts.append(base_wrench_regressor(model, q, v, a))
+    for payload in (False, True) if "payload" in model.parameter_groups else (False,):
+        conditions = Conditions(temperature_k=temperature, payload=payload)
+        if outputs != "wrench":
+            parts.append(regressor(lossless, q, v, a, conditions))
+        if outputs != "torque":
+            parts.append(base_wrench_regressor(lossless, q, v, a, conditions))
     columns = len(model.parameter_names)
     stacked = np.vstack([part.reshape(-1, columns) for part in parts])
     return independent_columns(stacked, model.parameter_names, model.parameter_units, tolerance)
@@ -174,8 +187,9 @@ def _priority(name: str) -> tuple[int, int, int]:
     """Return a sort key: friction and spring, then rigid bodies by `_KEEP_ORDER`, then rotors."""
     rigid = _RIGID.fullmatch(name)
     if rigid is not None:
-        return (1, _KEEP_ORDER.index(rigid[1]), int(rigid[2]))
-    return (2, 0, 0) if name.startswith("Im") else (0, 0, 0)
+        link = 0 if rigid[2] == "L" else int(rigid[2])
+        return (1, _KEEP_ORDER.index(rigid[1]), link)
+    return (2, 0, 0) if name.startswith(("Im", "Ia")) else (0, 0, 0)
 
 
 def _greedy(triangle: FloatArray, tolerance: float) -> list[int]:

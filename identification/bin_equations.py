@@ -18,8 +18,10 @@ from acquisition.arrays import BoolArray, FloatArray
 from acquisition.periods import PeriodAverage
 from acquisition.spectrum import Bins, differentiate_on_bins, filter_response, to_bins
 from config.errors import EstimationError
-from dynamics.robot_model import RobotModel, regressor
+from dynamics.conditions import Conditions
+from dynamics.robot_model import RobotModel
 from identification.base_parameters import BaseParameters
+from identification.torque_columns import torque_columns
 
 NYQUIST_FRACTION = 0.8
 GRID_STEP_S = 0.001
@@ -41,8 +43,8 @@ class BinEquations:
         The highest bin, H.
     period_s : float
         The period [s].
-    matrix : ndarray, shape (n, 2 H + 1, b)
-        Base regressor of each joint on the bins.
+    matrix : ndarray, shape (n, 2 H + 1, b or b + s)
+        Base regressor of each joint on the bins, and slopes where they were asked for.
     rhs : ndarray, shape (n, 2 H + 1)
         Torque with the anti-alias filter divided out [N m or N].
     free : tuple of ndarray, n of shape (2 H + 1, any)
@@ -77,6 +79,8 @@ def bin_equations(
     *,
     band_hz: float,
     standstill_rad_s: float,
+    payload: bool = False,
+    standard: FloatArray | None = None,
 ) -> BinEquations:
     """Set up the equations of one mean period.
 
@@ -90,6 +94,10 @@ def bin_equations(
         Highest frequency used; less where the sampling or the anti-alias filter ends before.
     standstill_rad_s : float
         Below this speed a joint's friction is left free; 0 trusts sign(v) everywhere.
+    payload : bool
+        Whether the run carried the unknown payload.
+    standard : ndarray, shape (p,), optional
+        Where to linearise the nonlinear parameters; see `torque_columns`.
 
     Raises
     ------
@@ -108,10 +116,13 @@ def bin_equations(
     )
     period_s = average.period_s
     times = np.arange(len(q)) / len(q) * period_s
-    matrix = np.zeros((len(model.joint_names), 2 * harmonics + 1, len(base)))
+    width = len(base) + (0 if standard is None else len(model.shape_names))
+    matrix = np.zeros((len(model.joint_names), 2 * harmonics + 1, width))
+    conditions = Conditions(temperature_k=average.temperature_k, payload=payload)
     for start in range(0, len(q), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
-        phi = base.columns(regressor(model, q[rows], v[rows], a[rows]))
+        motion = (q[rows], v[rows], a[rows])
+        phi = torque_columns(model, base, motion, conditions, standard)
         projection = _projection(times[rows], period_s, harmonics) / len(q)
         projected = projection @ phi.reshape(len(phi), -1)
         matrix += projected.reshape(2 * harmonics + 1, *phi.shape[1:]).transpose(1, 0, 2)

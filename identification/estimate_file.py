@@ -15,10 +15,10 @@ from pydantic import ValidationError
 
 from config.errors import ConfigError, EstimationError
 from config.model import ConfigModel
-from config.robot import RobotDescription
+from config.robot import FrictionTerm, RobotDescription
 from config.whole_file import write_whole
 from identification.base_parameters import BaseParameters
-from identification.estimators import Estimate
+from identification.estimate import Estimate, Weighting
 from identification.model_options import ModelOptions
 
 LARGEST_FILE_BYTES = 50_000_000
@@ -32,6 +32,15 @@ class _Options(ConfigModel):
     friction: bool
     spring: bool
     sign_smoothing_rad_s: float
+    friction_terms: tuple[FrictionTerm, ...] | None = None
+    payload: bool = False
+
+
+class _Shape(ConfigModel):
+    name: str
+    unit: str
+    value: float
+    sigma: float
 
 
 class _Parameter(ConfigModel):
@@ -48,13 +57,14 @@ class EstimateDocument(ConfigModel):
     """What stands in the file; see `Estimate` for the meaning."""
 
     kind: Literal["rid-daq estimate"]
-    format: Literal[1]
+    format: Literal[1, 2]
     software: str
     cell: str
     runs: tuple[str, ...]
     method: Literal["periodic", "smoothed"]
     band_hz: float
     standstill_rad_s: float
+    weighting: Weighting = "ml"
     periods: int
     equations: int
     condition_number: float
@@ -62,11 +72,14 @@ class EstimateDocument(ConfigModel):
     noise_nm: Row | None
     left_out_fraction: Row
     parameters: tuple[_Parameter, ...]
+    shape_parameters: tuple[_Shape, ...] = ()
     unseen: tuple[str, ...]
     standard_parameters: tuple[str, ...]
     combination: Matrix
     covariance_noise: Matrix | None
     covariance_residual: Matrix
+    covariance_honest: Matrix | None = None
+    shape_covariance: Matrix = ()
     model: _Options
     robot: RobotDescription
 
@@ -113,7 +126,7 @@ def read_estimate(path: Path) -> Estimate:
 
 def estimate_document(estimate: Estimate) -> EstimateDocument:
     """Return an estimate as what stands in its file."""
-    base = estimate.base
+    base, model = estimate.base, estimate.model
     noise = estimate.sigma_noise
     parameters = tuple(
         _Parameter(
@@ -129,13 +142,14 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
     )
     return EstimateDocument(
         kind="rid-daq estimate",
-        format=1,
+        format=2,
         software=f"rid-daq {version('rid-daq')}",
         cell=estimate.cell_name,
         runs=estimate.run_ids,
         method=estimate.method,
         band_hz=estimate.band_hz,
         standstill_rad_s=estimate.standstill_rad_s,
+        weighting=estimate.weighting,
         periods=estimate.periods,
         equations=estimate.equations,
         condition_number=estimate.condition_number,
@@ -143,6 +157,16 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         noise_nm=None if estimate.noise_nm is None else _row(estimate.noise_nm),
         left_out_fraction=_row(estimate.left_out_fraction),
         parameters=parameters,
+        shape_parameters=tuple(
+            _Shape(name=name, unit=unit, value=float(value), sigma=float(sigma))
+            for name, unit, value, sigma in zip(
+                model.shape_names,
+                model.shape_units,
+                model.shape_values,
+                estimate.shape_sigma,
+                strict=True,
+            )
+        ),
         unseen=base.unseen,
         standard_parameters=base.standard_names,
         combination=_matrix(base.combination),
@@ -150,11 +174,15 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
             None if estimate.covariance_noise is None else _matrix(estimate.covariance_noise)
         ),
         covariance_residual=_matrix(estimate.covariance_residual),
+        covariance_honest=_matrix(estimate.covariance_honest),
+        shape_covariance=_matrix(estimate.shape_covariance),
         model=_Options(
             rotors=estimate.options.rotors,
             friction=estimate.options.friction,
             spring=estimate.options.spring,
             sign_smoothing_rad_s=estimate.options.sign_smoothing_rad_s,
+            friction_terms=estimate.options.friction_terms,
+            payload=estimate.options.payload,
         ),
         robot=estimate.robot,
     )
@@ -163,8 +191,10 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
 def _to_estimate(document: EstimateDocument) -> Estimate:
     """Return the estimate that stands in a file."""
     names = tuple(parameter.name for parameter in document.parameters)
-    options = ModelOptions(**document.model.model_dump())
-    expected = options.build(document.robot).parameter_names
+    shape = tuple(parameter.value for parameter in document.shape_parameters)
+    options = ModelOptions(**document.model.model_dump(), shape=shape or None)
+    model = options.build(document.robot)
+    expected = model.parameter_names
     strangers = [name for name in names if name not in expected]
     if strangers or document.standard_parameters != expected:
         raise EstimationError(
@@ -188,6 +218,8 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
             None if document.covariance_noise is None else np.array(document.covariance_noise)
         ),
         covariance_residual=np.array(document.covariance_residual),
+        covariance_honest=np.array(document.covariance_honest or document.covariance_residual),
+        shape_covariance=np.array(document.shape_covariance).reshape(len(shape), len(shape)),
         condition_number=document.condition_number,
         equations=document.equations,
         residual_nm=np.array(document.residual_nm),
@@ -196,6 +228,7 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         method=document.method,
         band_hz=document.band_hz,
         standstill_rad_s=document.standstill_rad_s,
+        weighting=document.weighting,
         periods=document.periods,
         cell_name=document.cell,
         run_ids=document.runs,

@@ -100,12 +100,29 @@ class Solution:
         Of the weighted matrix with its columns scaled to length one (2.25, 2.26).
     rows : int
         Equations used.
+    factor : ndarray, shape (p + 1, p + 1)
+        R of the QR factorisation of the weighted [A y].
     """
 
     values: FloatArray
     covariance: FloatArray
     condition_number: float
     rows: int
+    factor: FloatArray
+
+    @property
+    def information(self) -> FloatArray:
+        """A^T W A, shape (p, p)."""
+        upper = self.factor[:-1, :-1]
+        return np.asarray(upper.T @ upper)
+
+    def leading(self, count: int) -> tuple[FloatArray, float]:
+        """Return the minimiser with the first `count` parameters alone, and its cost.
+
+        The others are zero; the cost is the weighted sum of squares that is left.
+        """
+        values = solve_triangular(self.factor[:count, :count], self.factor[:count, -1])
+        return values, float(np.sum(self.factor[count:, -1] ** 2))
 
 
 def solve(
@@ -155,29 +172,5 @@ def solve(
         covariance=inverse @ inverse.T,
         condition_number=float(singular[0] / singular[-1]),
         rows=rows,
+        factor=factor,
     )
-
-
-def sandwich(covariance: FloatArray, scores: FloatArray, rows: int) -> FloatArray:
-    """Return the covariance that the residuals themselves show, whatever their colour.
-
-    Residuals of the same cluster (a frequency bin, a stretch of time) may be correlated and of any
-    size; those of different clusters are taken as independent (the cluster-robust sandwich).
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (p, p)
-        (A^T W A)^-1.
-    scores : ndarray, shape (clusters, p)
-        A_c^T W r_c of every cluster c.
-    rows : int
-        Equations behind them.
-    """
-    clusters, p = scores.shape
-    if clusters <= 1 or rows <= p:
-        raise EstimationError(
-            f"{clusters} clusters of {rows} residuals say nothing of {p} parameters' scatter"
-        )
-    correction = clusters / (clusters - 1) * (rows - 1) / (rows - p)
-    half = scores @ covariance
-    return np.asarray(correction * (half.T @ half))

@@ -9,7 +9,7 @@ import numpy as np
 from acquisition.arrays import FloatArray
 from acquisition.periods import PeriodAverage
 from identification.bin_equations import bin_equations
-from identification.estimators import Estimate
+from identification.estimate import Estimate
 
 
 @dataclass(frozen=True, eq=False)

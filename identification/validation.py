@@ -10,7 +10,8 @@ from acquisition.arrays import BoolArray, FloatArray, read_only
 from acquisition.recording import Recording
 from acquisition.smoothing import low_pass, smooth_nonperiodic
 from config.errors import DataQualityError, EstimationError
-from identification.estimators import BAND_HZ, STANDSTILL_RAD_S, Estimate, predict
+from identification.estimate import Estimate, predict
+from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
 from identification.torque_filter import without_torque_filter
 
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquisition.arrays import FloatArray
 from identification.bin_equations import BinEquations, both_parts
+from identification.intervals import Cluster
 
 NEGLIGIBLE_SIGMAS = 0.1
-OCTAVES = 3
-FEWEST_FREEDOMS = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +35,19 @@ class WhiteEquations:
     sigma: FloatArray
     rows: int
 
+    def reweighted(self, weights: FloatArray) -> WhiteEquations:
+        """Return the rows times the roots of some weights."""
+        root = np.sqrt(weights)
+        return replace(self, matrix=self.matrix * root[:, np.newaxis], rhs=self.rhs * root)
+
     def residual(self, values: FloatArray) -> FloatArray:
         """Return the whitened residual of some parameters, shape (2 H + 1,)."""
         return np.asarray(self.rhs - self.matrix @ values)
 
 
-def whiten(equations: BinEquations, inertia: FloatArray) -> tuple[WhiteEquations, ...]:
+def whiten(
+    equations: BinEquations, inertia: FloatArray, *, uniform: bool = False
+) -> tuple[WhiteEquations, ...]:
     """Return each joint's equations over their noise.
 
     Parameters
@@ -52,12 +57,16 @@ def whiten(equations: BinEquations, inertia: FloatArray) -> tuple[WhiteEquations
     inertia : ndarray, shape (n, n)
         Size of the joint-space inertia [kg m^2], through which the noise of the position's second
         derivative becomes torque; zero leaves the torque's own noise.
+    uniform : bool
+        Divide all rows by the same number, the noise's RMS (ordinary least squares).
     """
     omega = 2.0 * np.pi / equations.period_s * np.arange(equations.harmonics + 1)
     variance = inertia**2 @ equations.position_sigma**2 * omega**4
     # Where a simulation has no noise at all, every row counts alike.
     floor = 1e-9 * float(np.linalg.norm(equations.rhs)) + 1e-150
     sigma = np.sqrt(equations.torque_sigma**2 + both_parts(variance.T).T + floor**2)
+    if uniform:
+        sigma = np.full_like(sigma, float(np.sqrt(np.mean(sigma**2))))
     white = []
     for j, free in enumerate(equations.free):
         weight = 1.0 / sigma[j]
@@ -83,10 +92,7 @@ def _significant(free: FloatArray) -> FloatArray:
 def residual_covariance(
     white: Iterable[tuple[WhiteEquations, ...]], values: FloatArray, covariance: FloatArray
 ) -> FloatArray:
-    """Return the covariance that the residuals show instead of the measured noise, shape (b, b).
-
-    The residual's power is taken joint by joint and octave by octave: model error is largest where
-    the motion is, at low frequency, and must not be diluted by the quiet rest of the band.
+    """Return the covariance that residuals taken for white show, joint by joint, shape (b, b).
 
     Parameters
     ----------
@@ -98,35 +104,25 @@ def residual_covariance(
         Its covariance by the measured noise, (A^T A)^-1.
     """
     meat = np.zeros_like(covariance)
-    for part in (part for parts in white for part in parts if part.rows > 0):
-        error = part.residual(values)
-        kept_share = part.rows / len(part.rhs)
-        for rows in _octaves(part, covariance, kept_share):
-            matrix = part.matrix[rows]
-            freedom = _freedom(matrix, covariance, kept_share)
-            meat += np.sum(error[rows] ** 2) / max(freedom, 1.0) * (matrix.T @ matrix)
+    for joint in zip(*white, strict=True):
+        grams = [part.matrix.T @ part.matrix for part in joint]
+        gram = np.sum(grams, axis=0)
+        freedom = sum(part.rows for part in joint) - float(np.sum(gram * covariance))
+        power = sum(float(np.sum(part.residual(values) ** 2)) for part in joint)
+        meat += power / max(freedom, 1.0) * gram
     return np.asarray(covariance @ meat @ covariance)
 
 
-def _octaves(
-    part: WhiteEquations, covariance: FloatArray, kept_share: float
-) -> list[NDArray[np.bool_]]:
-    """Return which rows form a group, low to high; a group poor in freedom joins the next."""
-    harmonics = len(part.rhs) // 2
-    bins = both_parts(np.arange(harmonics + 1, dtype=float))
-    upper = [harmonics / 2.0**octave for octave in range(OCTAVES, -1, -1)]
-    groups: list[NDArray[np.bool_]] = []
-    below = -1.0
-    for end in upper:
-        rows = (bins > below) & (bins <= end)
-        if _freedom(part.matrix[rows], covariance, kept_share) >= FEWEST_FREEDOMS:
-            groups.append(rows)
-            below = end
-    if groups and below < harmonics:
-        groups[-1] |= bins > below
-    return groups or [np.ones(len(bins), dtype=np.bool_)]
-
-
-def _freedom(matrix: FloatArray, covariance: FloatArray, kept_share: float) -> float:
-    """Return the rows' degrees of freedom: their number less what the fit took of them."""
-    return float(len(matrix) * kept_share - np.sum((matrix @ covariance) * matrix))
+def bin_clusters(
+    white: Iterable[tuple[WhiteEquations, ...]], values: FloatArray
+) -> Iterator[Cluster]:
+    """Yield each frequency bin of each period average, all joints together, as a cluster."""
+    for parts in white:
+        bins = both_parts(np.arange(len(parts[0].rhs) // 2 + 1, dtype=np.float64))
+        residuals = [part.residual(values) for part in parts]
+        for number in range(int(bins[-1]) + 1):
+            rows = bins == number
+            yield Cluster.of(
+                np.vstack([part.matrix[rows] for part in parts]),
+                np.concatenate([residual[rows] for residual in residuals]),
+            )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -19,6 +20,9 @@ from typer.core import TyperGroup
 
 from config.errors import RidDaqError
 from rid_daq.exit_codes import ExitCode, exit_code_of
+
+# Small factorisations gain nothing from threads of BLAS, and lose much where the cores are busy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS: dict[str, str] = {
     "demo": "the whole story on the bundled simulated cell, with a report, no hardware",

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from acquisition.periods import PeriodAverage
 from config.robot import RobotDescription
-from identification.estimators import Estimate
+from identification.estimate import Estimate
 from identification.period_comparison import compare_period
 from identification.validation import Validation
 from rid_daq.sections import rounded, thinned, units

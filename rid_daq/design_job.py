@@ -14,7 +14,7 @@ from config.errors import ConfigError
 from config.robot import RobotDescription
 from dynamics.cad import cad_parameters
 from dynamics.robot_model import RobotModel
-from identification.estimators import Estimate
+from identification.estimate import Estimate
 from identification.excitation_problem import Criterion, ExcitationProblem
 from identification.optimal_design import Candidate, candidates
 from rid_daq.console import Console

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from acquisition.periods import average_periods
 from acquisition.smoothing import smooth_nonperiodic
 from config.errors import ConfigError
+from identification.estimate import Estimate
 from identification.estimators import (
     BAND_HZ,
     STANDSTILL_RAD_S,
-    Estimate,
     estimate_periodic,
     estimate_smoothed,
 )

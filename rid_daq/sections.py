@@ -14,7 +14,7 @@ from acquisition.recording import Recording
 from config.cell import CellConfig
 from config.motion import FourierMotion, MultipointMotion
 from config.robot import Joint, RobotDescription
-from identification.estimators import Estimate
+from identification.estimate import Estimate
 
 CURVE_POINTS = 1500
 

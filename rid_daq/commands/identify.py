@@ -9,8 +9,9 @@ import typer
 
 from acquisition.periods import average_periods
 from acquisition.run_list import find_run
+from identification.estimate import Estimate
 from identification.estimate_file import write_estimate
-from identification.estimators import BAND_HZ, STANDSTILL_RAD_S, Estimate
+from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
 from identification.model_options import ModelOptions
 from rid_daq.console import AsJson, Console
 from rid_daq.curves import period_curves

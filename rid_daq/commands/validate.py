@@ -11,8 +11,9 @@ from acquisition.run_list import find_run
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.load import load_bundled_or_path
+from identification.estimate import Estimate
 from identification.estimate_file import read_estimate
-from identification.estimators import BAND_HZ, STANDSTILL_RAD_S, Estimate
+from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
 from identification.validation import Validation
 from identification.validation import validate as compare
 from rid_daq.console import AsJson, Console

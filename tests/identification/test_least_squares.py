@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from config.errors import EstimationError
-from identification.least_squares import Triangle, sandwich, solve
+from identification.least_squares import Triangle, solve
 
 NAMES = ("a", "b", "c")
 
@@ -81,18 +81,30 @@ def test_two_that_look_alike_are_named() -> None:
         solve([Triangle.empty(3).add(matrix, np.ones(9))], [1.0], NAMES)
 
 
-def test_the_sandwich_is_honest_where_residuals_come_in_lumps() -> None:
-    """A mean of lumps of ten equal errors is as uncertain as their number, not their rows, says."""
-    random = np.random.default_rng(2)
-    lumps = random.normal(size=400)
-    error = np.repeat(lumps, 10)
-    covariance = np.array([[1.0 / len(error)]])
-    scores = (error - error.mean()).reshape(400, 10).sum(axis=1)[:, np.newaxis]
-    sigma = np.sqrt(sandwich(covariance, scores, len(error))[0, 0])
-    assert sigma == pytest.approx(1.0 / np.sqrt(400), rel=0.1)
-    assert sigma > 2.5 * np.sqrt(error.var() / len(error))
+def test_columns_that_a_channel_does_not_depend_on_may_be_left_out(equations) -> None:
+    matrix, rhs = equations
+    other = np.zeros((50, 3))
+    other[:, 1] = np.linspace(1.0, 2.0, 50)
+    whole = [Triangle.empty(3).add(matrix, rhs), Triangle.empty(3).add(other, np.ones(50))]
+    narrow = Triangle.empty(3, np.array([1])).add(other[:, [1]], np.ones(50))
+    expected = solve(whole, [1.0, 2.0], NAMES)
+    solution = solve([whole[0], narrow], [1.0, 2.0], NAMES)
+    np.testing.assert_allclose(solution.values, expected.values, rtol=1e-12)
+    assert narrow.residual_sum(solution.values) == pytest.approx(
+        whole[1].residual_sum(solution.values)
+    )
 
 
-def test_a_single_lump_says_nothing() -> None:
-    with pytest.raises(EstimationError, match="1 clusters"):
-        sandwich(np.eye(1), np.ones((1, 1)), 10)
+def test_the_first_parameters_can_be_solved_for_alone(equations) -> None:
+    matrix, rhs = equations
+    solution = solve([Triangle.empty(3).add(matrix, rhs)], [1.0], NAMES)
+    values, cost = solution.leading(2)
+    expected, residual, *_ = np.linalg.lstsq(matrix[:, :2], rhs, rcond=None)
+    np.testing.assert_allclose(values, expected, rtol=1e-10)
+    assert cost == pytest.approx(residual[0])
+
+
+def test_equations_that_are_not_finite_are_refused(equations) -> None:
+    matrix, rhs = equations
+    with pytest.raises(EstimationError, match="not finite"):
+        Triangle.empty(3).add(matrix, np.where(rhs > 0.0, np.nan, rhs))

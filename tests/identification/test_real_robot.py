@@ -14,7 +14,8 @@ from acquisition.recording import Recording
 from acquisition.smoothing import smooth_nonperiodic
 from config.import_map import ImportMap, RowRange
 from config.load import load_bundled_or_path, load_robot
-from identification.estimators import Estimate, estimate_smoothed
+from identification.estimate import Estimate
+from identification.estimators import estimate_smoothed
 from identification.validation import validate
 
 CUTOFF_HZ = 9.4

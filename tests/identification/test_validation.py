@@ -12,7 +12,8 @@ from acquisition.periods import average_periods
 from acquisition.recording import Recording
 from config.errors import DataQualityError, EstimationError
 from config.motion import MultipointMotion
-from identification.estimators import Estimate, estimate_periodic
+from identification.estimate import Estimate
+from identification.estimators import estimate_periodic
 from identification.validation import Validation, validate
 
 Measure = Callable[..., Recording]

@@ -1,0 +1,81 @@
+"""Columns of the torque equations: base parameters, and slopes of the nonlinear ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition.arrays import FloatArray, IntArray
+from dynamics.conditions import Conditions
+from dynamics.robot_model import RobotModel, load_torque, regressor
+from dynamics.transmission import Transmission
+from identification.base_parameters import BaseParameters
+
+SHAPE_STEP = 1e-4
+
+
+def torque_columns(
+    model: RobotModel,
+    base: BaseParameters,
+    motion: tuple[FloatArray, FloatArray, FloatArray],
+    conditions: Conditions | None = None,
+    standard: FloatArray | None = None,
+) -> FloatArray:
+    """Return the base regressor, and behind it how torque changes with the nonlinear parameters.
+
+    Near shape parameters xi0 and standard parameters theta0 the torque is, to first order,
+    Phi(xi0) theta + S (xi - xi0) with S = d(Phi theta0)/d xi: Gauss-Newton's equations.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The model, at xi0.
+    base : BaseParameters
+        What of it can be identified.
+    motion : tuple of (samples, n) arrays
+        q, v, a.
+    conditions : Conditions, optional
+        Temperature and payload.
+    standard : (parameters,) array, optional
+        theta0. Without it there are no slopes, and gears lose nothing yet.
+
+    Returns
+    -------
+    (samples, n, b) array, or (samples, n, b + s) with theta0
+    """
+    if standard is None:
+        lossless = replace(model, transmission=Transmission())
+        return base.columns(regressor(lossless, *motion, conditions))
+    if model.transmission.losses:
+        load = load_torque(model, *motion, standard, conditions)
+        conditions = replace(conditions or Conditions(), load_nm=load)
+    columns = [base.columns(regressor(model, *motion, conditions))]
+    shape, (low, high) = model.shape_values, model.shape_bounds.T
+    for k, step in enumerate(SHAPE_STEP * np.maximum(np.abs(shape), 1e-2)):
+        ends = []
+        for side in (step, -step):
+            moved = shape.copy()
+            moved[k] = np.clip(shape[k] + side, low[k], high[k])
+            torque = regressor(model.with_shape(moved), *motion, conditions) @ standard
+            ends.append((moved[k], torque))
+        slope = (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
+        columns.append(slope[:, :, np.newaxis])
+    return np.concatenate(columns, axis=2) if len(columns) > 1 else columns[0]
+
+
+def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> tuple[IntArray, ...]:
+    """Return which columns of `torque_columns` each joint's torque can depend on at all.
+
+    A joint does not feel the links before it; the zeros are found on random motions.
+    """
+    random = np.random.default_rng(0)
+    motion = tuple(random.normal(size=(3, 20, model.chain.n)))
+    standard = random.normal(size=len(model.parameter_names)) if slopes else None
+    warm = np.full(model.chain.n, 310.0)
+    seen = np.zeros((model.chain.n, len(base) + (len(model.shape_names) if slopes else 0)), bool)
+    for payload in (False, True):
+        conditions = Conditions(temperature_k=warm, payload=payload)
+        columns = torque_columns(model, base, motion, conditions, standard)
+        seen |= np.any(columns != 0.0, axis=0)
+    return tuple(np.flatnonzero(row) for row in seen)
