@@ -8,23 +8,30 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Final
 
-SMALLEST_SHARE: Final = 1024  # samples; handing over fewer costs more than it saves
+SHARE: Final = 1024  # samples; handing over fewer costs more than it saves
 
 
 def share_out(samples: int, fill: Callable[[int, int], object]) -> None:
     """Call fill(first, last) for shares that cover all samples, on all cores where it pays.
 
-    `fill` must release the interpreter's lock to gain, and what it writes must not depend on how
-    the samples are shared out.
+    Each thread takes the next share when it is free, so that a core that is busy with something
+    else is not waited for. `fill` must release the interpreter's lock to gain, and what it writes
+    must not depend on how the samples are shared out.
     """
-    shares = max(1, min(_cores(), samples // SMALLEST_SHARE))
-    bounds = [samples * share // shares for share in range(shares + 1)]
-    others = [_pool().submit(fill, *bounds[share : share + 2]) for share in range(1, shares)]
+    shares = iter(range(0, samples, SHARE))
+
+    def work() -> None:
+        for first in shares:
+            fill(first, min(first + SHARE, samples))
+
+    helpers = min(_cores(), samples // SHARE) - 1
+    others = [_pool().submit(work) for _ in range(helpers)]
     try:
-        fill(*bounds[:2])
+        work()
     finally:
         for other in others:
-            other.result()
+            if not other.cancel():
+                other.result()
 
 
 def _cores() -> int:

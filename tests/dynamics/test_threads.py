@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -14,10 +15,10 @@ from hypothesis import strategies as st
 
 from dynamics.inverse_dynamics import regressor_gradient, torque_derivatives
 from dynamics.robot_model import RobotModel, base_wrench_regressor, regressor
-from dynamics.threads import SMALLEST_SHARE, share_out
+from dynamics.threads import SHARE, share_out
 
-SAMPLES = 4 * SMALLEST_SHARE + 3
-PIECE = SMALLEST_SHARE - 5  # too small to be shared out, and not a multiple of eight
+SAMPLES = 4 * SHARE + 3
+PIECE = SHARE - 5  # too small to be shared out, and not a multiple of eight
 
 
 @pytest.fixture(autouse=True)
@@ -73,7 +74,7 @@ def test_callers_do_not_disturb_one_another(model, motion) -> None:
 
 
 @settings(deadline=None)
-@given(st.integers(0, 10 * SMALLEST_SHARE))
+@given(st.integers(0, 10 * SHARE))
 def test_every_sample_belongs_to_one_share(samples) -> None:
     seen = np.zeros(samples, dtype=int)
 
@@ -84,10 +85,22 @@ def test_every_sample_belongs_to_one_share(samples) -> None:
     assert (seen == 1).all()
 
 
-def test_few_samples_stay_together() -> None:
-    shares = []
-    share_out(SMALLEST_SHARE + 1, lambda first, last: shares.append((first, last)))
-    assert shares == [(0, SMALLEST_SHARE + 1)]
+def test_a_core_that_is_busy_is_not_waited_for(monkeypatch) -> None:
+    """The caller does all shares that no helper has begun."""
+    busy, idle = threading.Event(), ThreadPoolExecutor(1)
+    monkeypatch.setattr("dynamics.threads._pool", lambda: idle)
+    idle.submit(busy.wait, 60.0)
+    seen = []
+    share_out(SAMPLES, lambda first, _: seen.append(first))
+    busy.set()
+    idle.shutdown()
+    assert seen == list(range(0, SAMPLES, SHARE))
+
+
+def test_few_samples_stay_in_the_callers_thread() -> None:
+    threads = set()
+    share_out(2 * SHARE - 1, lambda *_: threads.add(threading.current_thread()))
+    assert threads == {threading.current_thread()}
 
 
 @pytest.mark.parametrize("where", ["first", "last"])
@@ -107,9 +120,10 @@ threads._cores = lambda: 3
 seen = []
 threads.share_out(8192, lambda first, last: seen.append(first))  # now the threads are there
 child = os.fork()
+seen.clear()
 threads.share_out(8192, lambda first, last: seen.append(first))
 if child == 0:
-    os._exit(0 if len(seen) == 6 else 1)
+    os._exit(0 if sorted(seen) == list(range(0, 8192, threads.SHARE)) else 1)
 _, status = os.waitpid(child, 0)
 sys.exit(os.waitstatus_to_exitcode(status))
 """
