@@ -16,14 +16,14 @@ from pydantic_core import ErrorDetails
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.import_map import ImportMap
-from config.motion import FourierMotion, Motion, MultipointMotion
+from config.motion import AnyMotion, Motion
 from config.plant import PlantConfig
 from config.robot import RobotDescription
 from config.yaml_tree import YamlTree, dump_yaml, parse_yaml
 
 T = TypeVar("T")
 
-_MOTION: TypeAdapter[FourierMotion | MultipointMotion] = TypeAdapter(Motion)
+_MOTION: TypeAdapter[AnyMotion] = TypeAdapter(Motion)
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
     return import_map, robot
 
 
-def load_motion(path: str | Path) -> FourierMotion | MultipointMotion:
+def load_motion(path: str | Path) -> AnyMotion:
     """Load a motion file.
 
     Raises
@@ -182,6 +182,11 @@ def _read(reference: str, kind: str, folder: Path | None) -> tuple[bytes, str, P
 
 
 def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) -> None:
+    if robot.coupling is not None:
+        raise ConfigError(
+            f"{tree.name}: robot {robot.name} has a coupling, and a simulated drive moves one joint"
+            " alone: leave `plant` and `simulated` out of the cell"
+        )
     n = len(robot.joints)
     for key, entries in (("links", plant.links), ("axes", plant.axes)):
         if len(entries) != n:

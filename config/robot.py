@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Final, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from config.bodies import Body
 from config.model import ConfigModel
@@ -13,6 +13,8 @@ from config.model import ConfigModel
 Vector3 = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
+
+WORST_COUPLING: Final = 1e6
 
 JointType = Literal["revolute", "prismatic"]
 FrictionTerm = Literal[
@@ -255,19 +257,36 @@ class RobotDescription(ConfigModel):
     cad: tuple[LinkCad, ...] | None = None
     bodies: tuple[Body, ...] = ()
 
+    @field_validator("coupling")
+    @classmethod
+    def _both_ways(
+        cls, coupling: tuple[tuple[float, ...], ...] | None, others: ValidationInfo
+    ) -> tuple[tuple[float, ...], ...] | None:
+        n = len(others.data.get("joints", ()))
+        if coupling is None or not n:
+            return coupling
+        if [len(row) for row in coupling] != [n] * n:
+            raise ValueError(f"coupling must have {n} rows of {n} numbers, one a joint")
+        if np.linalg.cond(np.array(coupling)) > WORST_COUPLING:
+            raise ValueError("coupling cannot be inverted: q = C alpha must hold both ways")
+        return coupling
+
+    @field_validator("cad")
+    @classmethod
+    def _a_drawing_a_link(
+        cls, cad: tuple[LinkCad, ...] | None, others: ValidationInfo
+    ) -> tuple[LinkCad, ...] | None:
+        n = len(others.data.get("joints", ()))
+        if cad is not None and n and len(cad) != n:
+            raise ValueError(f"cad has {len(cad)} links for {n} joints: list one a joint")
+        return cad
+
     @model_validator(mode="after")
     def _fits_joints(self) -> RobotDescription:
         n = len(self.joints)
         for body in self.bodies:
             if body.link > n:
                 raise ValueError(f"a body sits on link {body.link} of {n}")
-        if self.cad is not None and len(self.cad) != n:
-            raise ValueError(f"cad has {len(self.cad)} links for {n} joints")
-        if self.coupling is not None:
-            if [len(row) for row in self.coupling] != [n] * n:
-                raise ValueError(f"coupling must have {n} rows of {n} numbers")
-            if np.linalg.cond(np.array(self.coupling)) > 1e6:
-                raise ValueError("coupling cannot be inverted: q = C alpha must hold both ways")
         return self
 
     @model_validator(mode="after")
