@@ -9,6 +9,7 @@ from enum import IntEnum
 import numpy as np
 
 from acquisition.arrays import FloatArray, PhaseArray, read_only
+from acquisition.constant_velocity import constant_velocity_runs, duration_s
 from acquisition.excitation import FourierTrajectory
 from acquisition.multipoint import multipoint_path
 from acquisition.ramp import (
@@ -21,7 +22,13 @@ from acquisition.ramp import (
     standstill,
 )
 from config.errors import ConfigError
-from config.motion import FourierMotion, MultipointMotion
+from config.motion import (
+    AnyMotion,
+    ConstantVelocityMotion,
+    FourierMotion,
+    MultipointMotion,
+    ReversedMotion,
+)
 from config.robot import RobotDescription
 
 LONGEST_MOTION_S = 4 * 3600.0
@@ -106,7 +113,7 @@ class MotionSamples:
 
 
 def plan_motion(
-    motion: FourierMotion | MultipointMotion, robot: RobotDescription, sample_period_s: float
+    motion: AnyMotion, robot: RobotDescription, sample_period_s: float
 ) -> MotionSamples:
     """Return the verified samples of a motion file; they start and end at rest.
 
@@ -115,8 +122,9 @@ def plan_motion(
 
     Parameters
     ----------
-    motion : FourierMotion or MultipointMotion
-        What the robot is to do.
+    motion : FourierMotion, MultipointMotion, ConstantVelocityMotion or ReversedMotion
+        What the robot is to do. A reversed motion is planned as two periodic ones, and counts as
+        not periodic as a whole.
     robot : RobotDescription
         Joints and limits.
     sample_period_s : float
@@ -128,11 +136,16 @@ def plan_motion(
         The motion does not fit the robot, the cycle time or a limit; the text names the joint, the
         value and the limit.
     """
+    _refuse_endless(motion)
     if isinstance(motion, FourierMotion):
-        _refuse_endless(motion)
         samples = _plan_fourier(motion, robot, sample_period_s)
+    elif isinstance(motion, ReversedMotion):
+        samples = _plan_reversed(motion, robot, sample_period_s)
     else:
-        path = multipoint_path(motion, robot, sample_period_s)
+        if isinstance(motion, MultipointMotion):
+            path = multipoint_path(motion, robot, sample_period_s)
+        else:
+            path, _ = constant_velocity_runs(motion, robot, sample_period_s)
         samples = MotionSamples(
             robot.joint_names, sample_period_s, *path, _phases((Phase.MAIN, len(path.position)))
         )
@@ -140,13 +153,20 @@ def plan_motion(
     return samples
 
 
-def _refuse_endless(motion: FourierMotion) -> None:
-    periods = motion.transient_periods + motion.periods
-    duration_s = periods * motion.period_s + 2 * motion.ramp_s
-    if duration_s > LONGEST_MOTION_S:
+def _refuse_endless(motion: AnyMotion) -> None:
+    if isinstance(motion, MultipointMotion):
+        return
+    if isinstance(motion, ConstantVelocityMotion):
+        seconds, what = duration_s(motion), "its runs"
+    else:
+        periods = motion.transient_periods + motion.periods
+        parts = 2 if isinstance(motion, ReversedMotion) else 1
+        seconds = parts * (periods * motion.period_s + 2 * motion.ramp_s)
+        what = f"{parts * periods} periods of {motion.period_s:.6g} s and its ramps"
+    if seconds > LONGEST_MOTION_S:
         raise ConfigError(
-            f"the motion takes {duration_s:.6g} s: {periods} periods of {motion.period_s:.6g} s and"
-            f" its ramps; at most {LONGEST_MOTION_S:g} s can be run. Give fewer or shorter periods"
+            f"the motion takes {seconds:.6g} s: {what}; at most {LONGEST_MOTION_S:g} s can be run."
+            " Give fewer or shorter ones"
         )
 
 
@@ -250,6 +270,20 @@ def _plan_fourier(
         samples_per_period=trajectory.samples_per_period,
         periods=motion.periods,
     )
+
+
+def _plan_reversed(
+    motion: ReversedMotion, robot: RobotDescription, sample_period_s: float
+) -> MotionSamples:
+    """Return the motion, a rest, and the motion backwards, which starts where that one ends."""
+    there = _plan_fourier(motion.there(), robot, sample_period_s)
+    back = _plan_fourier(motion.back(), robot, sample_period_s)
+    rest = standstill(there.position[-1], max(1, math.ceil(motion.dwell_s / sample_period_s)))
+    pieces = [Path(x.position, x.velocity, x.acceleration) for x in (there, back)]
+    path = join([pieces[0], rest, pieces[1]])
+    hold = _phases((Phase.HOLD, len(rest.position)))
+    phase = np.concatenate([there.phase, hold, back.phase])
+    return MotionSamples(robot.joint_names, sample_period_s, *path, phase)
 
 
 def _ramps(

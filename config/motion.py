@@ -58,4 +58,76 @@ class MultipointMotion(ConfigModel):
     dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.1
 
 
-Motion = Annotated[FourierMotion | MultipointMotion, Field(discriminator="kind")]
+class SpeedRuns(ConfigModel):
+    """The speeds of one joint, each run from `low` to `high` and back; rad (m), per second."""
+
+    joint: str
+    low: float
+    high: float
+    speeds: tuple[Positive, ...] = Field(min_length=1, max_length=50)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> SpeedRuns:
+        if self.low >= self.high:
+            raise ValueError(f"low {self.low} must be below high {self.high}")
+        return self
+
+
+class ConstantVelocityMotion(ConfigModel):
+    """Runs at constant speeds, one joint at a time, to measure friction alone.
+
+    The other joints hold `pose` (one value a joint, base to flange). Every speed is run forwards
+    and backwards over the same stretch, around the middle of `low` and `high` and no longer than
+    `longest_run_s`, `repeats` times. Speeds change smoothly, within `acceleration_fraction` of the
+    joint's limit.
+    """
+
+    kind: Literal["constant_velocity"]
+    robot: str
+    pose: tuple[float, ...] = Field(min_length=1)
+    joints: tuple[SpeedRuns, ...] = Field(min_length=1)
+    acceleration_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
+    longest_run_s: Annotated[float, Field(ge=1.0, le=600.0)] = 8.0
+    repeats: Annotated[int, Field(ge=1, le=100)] = 1
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
+
+
+class ReversedMotion(ConfigModel):
+    """A periodic motion, and then the same path backwards in time, to measure friction alone.
+
+    Both parts have `transient_periods` to settle and `periods` that count; between them the robot
+    rests for `dwell_s`.
+    """
+
+    kind: Literal["reversed"]
+    robot: str
+    period_s: Positive
+    periods: Annotated[int, Field(ge=2, le=5000)] = 8
+    transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
+    ramp_s: Positive = 4.0
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
+    joints: tuple[FourierJoint, ...] = Field(min_length=1)
+
+    def there(self) -> FourierMotion:
+        """Return the periodic motion q(t)."""
+        return FourierMotion(
+            kind="fourier",
+            robot=self.robot,
+            period_s=self.period_s,
+            periods=self.periods,
+            transient_periods=self.transient_periods,
+            ramp_s=self.ramp_s,
+            joints=self.joints,
+        )
+
+    def back(self) -> FourierMotion:
+        """Return the periodic motion q(-t): its sines have the other sign."""
+        joints = tuple(
+            joint.model_copy(update={"sine": tuple(-value for value in joint.sine)})
+            for joint in self.joints
+        )
+        return self.there().model_copy(update={"joints": joints})
+
+
+AnyMotion = FourierMotion | MultipointMotion | ConstantVelocityMotion | ReversedMotion
+Motion = Annotated[AnyMotion, Field(discriminator="kind")]

@@ -19,7 +19,7 @@ from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig
 from config.errors import ConfigError, SafetyStop
 from config.load import LoadedCell, load_cell
-from config.motion import FourierMotion, MultipointMotion
+from config.motion import AnyMotion, FourierMotion, MultipointMotion
 from config.robot import RobotDescription
 from identification.estimate_file import write_estimate
 from identification.estimators import estimate_periodic
@@ -140,7 +140,7 @@ class _Recorder:
         self._show = show
         self.done_s = 0.0
 
-    def record(self, role: str, motion: FourierMotion | MultipointMotion) -> Recorded:
+    def record(self, role: str, motion: AnyMotion) -> Recorded:
         """Record one motion into a run folder of its own.
 
         Raises

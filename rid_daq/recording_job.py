@@ -15,7 +15,7 @@ from acquisition.recording import Recording
 from acquisition.run_folder import RunFolder, RunStatus
 from acquisition.stop_reason import StopCode
 from config.cell import CellConfig
-from config.motion import FourierMotion, MultipointMotion
+from config.motion import AnyMotion
 from config.robot import RobotDescription
 from rid_daq.console import Console
 from rid_daq.result import new_result, verdict
@@ -94,7 +94,7 @@ class RecordedRun:
 def record_run(
     cell: CellConfig,
     robot: RobotDescription,
-    motion: FourierMotion | MultipointMotion,
+    motion: AnyMotion,
     samples: MotionSamples,
     folder: RunFolder,
     console: Console,

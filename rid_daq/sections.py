@@ -12,7 +12,7 @@ from acquisition.motion_samples import Phase
 from acquisition.periods import PeriodAverage
 from acquisition.recording import Recording
 from config.cell import CellConfig
-from config.motion import FourierMotion, MultipointMotion
+from config.motion import AnyMotion, ConstantVelocityMotion, FourierMotion, ReversedMotion
 from config.robot import Joint, RobotDescription
 from identification.estimate import Estimate
 
@@ -34,7 +34,7 @@ def cell_section(cell: CellConfig) -> dict[str, Any]:
     }
 
 
-def motion_sentence(motion: FourierMotion | MultipointMotion) -> str:
+def motion_sentence(motion: AnyMotion) -> str:
     """Say in a sentence what a motion file asks for."""
     if isinstance(motion, FourierMotion):
         harmonics = max(len(joint.sine) for joint in motion.joints)
@@ -43,6 +43,11 @@ def motion_sentence(motion: FourierMotion | MultipointMotion) -> str:
             f" {motion.transient_periods} transient, up to harmonic {harmonics}"
             f" ({harmonics / motion.period_s:.3g} Hz)."
         )
+    if isinstance(motion, ReversedMotion):
+        return f"{motion_sentence(motion.there())[:-1]}, and then the same path backwards."
+    if isinstance(motion, ConstantVelocityMotion):
+        runs = sum(2 * motion.repeats * len(joint.speeds) for joint in motion.joints)
+        return f"{runs} runs at constant speed, one joint at a time, both ways."
     return f"Smooth moves through {motion.points} random points (seed {motion.seed})."
 
 

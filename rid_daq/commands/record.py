@@ -14,7 +14,7 @@ from acquisition.termination import ignore_termination
 from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, load_cell, load_motion
-from config.motion import FourierMotion, MultipointMotion
+from config.motion import AnyMotion
 from rid_daq.cells import reachable_cell
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import exit_code_of_stop
@@ -79,7 +79,7 @@ def record(
         raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
 
 
-def check_robot(motion: FourierMotion | MultipointMotion, loaded: LoadedCell, path: Path) -> None:
+def check_robot(motion: AnyMotion, loaded: LoadedCell, path: Path) -> None:
     """Refuse a motion file that was written for another robot.
 
     Raises
