@@ -34,7 +34,10 @@ def shift(x: float, y: float, z: float) -> pin.SE3:
 
 @dataclass(frozen=True)
 class Judge:
-    """A Pinocchio model of an arm; with rotors, each is a body on a joint of its own."""
+    """A Pinocchio model of an arm; with rotors, each is a body on a joint of its own.
+
+    Torques are the joints', even where a coupling lets a rotor spin with several of them.
+    """
 
     model: Any
     joints: int
@@ -148,6 +151,8 @@ def judge() -> Callable[..., Judge]:
             body = model.addJoint(joint.rotor.link, kind, placement, f"{joint.name}_rotor")
             model.appendBodyToJoint(body, inertia, pin.SE3.Identity())
         ratios = np.diag([joint.gear_ratio for joint in robot.joints])
+        if robot.coupling is not None:
+            ratios = ratios @ np.linalg.inv(robot.coupling)
         spread = np.vstack([np.eye(n), ratios]) if rotors else np.eye(n)
         return Judge(model, n, spread)
 
