@@ -15,8 +15,8 @@ from dynamics.kinematics import FloatArray
 from dynamics.motion import Motion
 from dynamics.shape import ShapeParameter
 
-SLOWEST_STRIBECK: Final = 1e-3
-FASTEST_STRIBECK: Final = 2.0
+SLOWEST_STRIBECK: Final = 0.01
+FASTEST_STRIBECK: Final = 0.5
 
 FrictionFunction = Literal[
     "coulomb", "viscous", "offset", "forward", "backward", "cubic", "cube_root", "stribeck",
@@ -154,6 +154,21 @@ class Friction:
                 for speed, value in zip(self.stribeck, values, strict=True)
             ),
         )
+
+    def shape_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
+        """Return how the torque changes with the Stribeck speeds, (samples, n, speeds)."""
+        slopes = np.zeros((*motion.joint.shape[1:], len(self.stribeck)))
+        for k, stribeck in enumerate(self.stribeck):
+            j, speed = stribeck.joint, stribeck.parameter.value
+            size = sum(
+                float(value)
+                for column, value in zip(self.columns, coefficients, strict=True)
+                if column.joint == j and column.function == "stribeck"
+            )
+            v = motion.actuator[1, :, j]
+            shape = self._sign(v) * np.exp(-np.abs(v) / speed)
+            slopes[:, j, k] = size * shape * np.abs(v) / speed**2
+        return slopes
 
     def fill_torque(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, coefficients).

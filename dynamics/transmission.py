@@ -78,16 +78,34 @@ class Transmission:
         """
         if not self.losses:
             return None
-        if motion.conditions.load_nm is None:
+        factors: FloatArray = np.ones_like(motion.actuator[1])
+        direction = self._direction(motion)
+        for loss in self.losses:
+            s, value = direction[:, loss.joint], loss.parameter.value
+            factors[:, loss.joint] *= value**-s if loss.kind == "efficiency" else 1.0 + value * s
+        return factors
+
+    def shape_slopes(self, motion: Motion) -> FloatArray:
+        """Return how the torque changes with the losses, (samples, n, losses)."""
+        slopes = np.zeros((*motion.joint.shape[1:], len(self.losses)))
+        if not self.losses:
+            return slopes
+        direction = self._direction(motion)
+        load = np.broadcast_to(np.asarray(motion.conditions.load_nm), direction.shape)
+        for k, loss in enumerate(self.losses):
+            s, value = direction[:, loss.joint], loss.parameter.value
+            slope = -s * value ** (-s - 1.0) if loss.kind == "efficiency" else s
+            slopes[:, loss.joint, k] = slope * load[:, loss.joint]
+        return slopes
+
+    def _direction(self, motion: Motion) -> FloatArray:
+        """Return 1 where the motor drives the load, -1 where the load drives it, (samples, n)."""
+        load = motion.conditions.load_nm
+        if load is None:
             names = ", ".join(parameter.name for parameter in self.shape)
             raise EstimationError(
                 f"{names} depend on the torque that the gears transmit: give"
                 " `Conditions.load_nm`, as `load_torque` computes it"
             )
         speed = motion.actuator[1]
-        direction = np.sign(np.broadcast_to(motion.conditions.load_nm, speed.shape) * speed)
-        factors: FloatArray = np.ones_like(speed)
-        for loss in self.losses:
-            s, value = direction[:, loss.joint], loss.parameter.value
-            factors[:, loss.joint] *= value**-s if loss.kind == "efficiency" else 1.0 + value * s
-        return factors
+        return np.asarray(np.sign(np.broadcast_to(load, speed.shape) * speed))

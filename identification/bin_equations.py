@@ -109,7 +109,7 @@ def bin_equations(
             f"the recording has joints {', '.join(average.joint_names)}, the model"
             f" {', '.join(model.joint_names)}: use the recording's own robot"
         )
-    harmonics = _harmonics(average, band_hz)
+    harmonics = harmonics_below(average, band_hz)
     oversampling = max(2, math.ceil(average.sample_period_s / GRID_STEP_S))
     q, v, a = differentiate_on_bins(
         average.position, average.sample_period_s, harmonics, oversampling=oversampling
@@ -147,8 +147,14 @@ def bin_equations(
     )
 
 
-def _harmonics(average: PeriodAverage, band_hz: float) -> int:
-    """Return the highest bin that the band, the sampling and the filter allow."""
+def harmonics_below(average: PeriodAverage, band_hz: float) -> int:
+    """Return the highest bin that the band, the sampling and the filter allow.
+
+    Raises
+    ------
+    EstimationError
+        The band holds no bin.
+    """
     limit_hz = min(band_hz, NYQUIST_FRACTION * 0.5 / average.sample_period_s)
     if average.torque_filter is not None:
         limit_hz = min(limit_hz, average.torque_filter.cutoff_hz)

@@ -16,7 +16,7 @@ import numpy as np
 from acquisition.arrays import FloatArray
 from dynamics.robot_model import RobotModel
 from identification.base_parameters import BaseParameters
-from identification.least_squares import Solution
+from identification.least_squares import Solution, Triangle
 
 MOST_STEPS: Final = 25
 MOST_HALVINGS: Final = 6
@@ -70,6 +70,19 @@ def fit_shape(model: RobotModel, base: BaseParameters, solve: Solve) -> ShapeFit
         else:
             break
     return best
+
+
+def step_prior(model: RobotModel, b: int) -> Triangle:
+    """Return equations that hold the steps of nonlinear parameters to the size of their ranges.
+
+    They weigh nothing where the data speak, and keep a step small where they say nothing: the
+    speed of a Stribeck term whose coefficient comes out as zero.
+    """
+    low, high = model.shape_bounds.T
+    columns = np.arange(b, b + len(low))
+    return Triangle.empty(b + len(low), columns).add(
+        np.diag(1.0 / (high - low)), np.zeros(len(low))
+    )
 
 
 def _at(model: RobotModel, standard: FloatArray, base: BaseParameters, solve: Solve) -> ShapeFit:

@@ -15,6 +15,7 @@ from identification.bin_equations import BinEquations, bin_equations
 from identification.estimate import Weighting
 from identification.intervals import jackknife
 from identification.least_squares import Solution, Triangle, solve
+from identification.nonlinear import step_prior
 from identification.prior import PriorRows
 from identification.robust import huber_weights
 from identification.white_equations import WhiteEquations, bin_clusters, whiten
@@ -103,7 +104,10 @@ class PeriodicProblem:
             for each, inertia in zip(equations, self.inertia, strict=True)
         )
         names = (*self.base.names, *(model.shape_names if standard is not None else ()))
-        fit = self._solve(white, names)
+        known = [self.prior.triangle(len(names))]
+        if standard is not None:
+            known.append(step_prior(model, len(self.base)))
+        fit = _solve(white, known, names)
         if self.weighting != "huber":
             return fit
         for _ in range(REWEIGHTINGS):
@@ -112,7 +116,7 @@ class PeriodicProblem:
                 tuple(part.reweighted(huber_weights(part.residual(values))) for part in parts)
                 for parts in white
             )
-            better = self._solve(held_down, names)
+            better = _solve(held_down, known, names)
             change = np.abs(better.solution.values - values)
             fit = better
             if np.all(change <= 1e-3 * np.sqrt(np.diagonal(fit.solution.covariance))):
@@ -123,14 +127,14 @@ class PeriodicProblem:
         """Return the covariance of the solution that coloured residuals leave."""
         return jackknife(fit.solution.information, bin_clusters(fit.white, fit.solution.values))
 
-    def _solve(
-        self, white: tuple[tuple[WhiteEquations, ...], ...], names: tuple[str, ...]
-    ) -> PeriodicFit:
-        triangles = [
-            Triangle.empty(len(names)).add(part.matrix, part.rhs, part.rows)
-            for parts in white
-            for part in parts
-        ]
-        prior = self.prior.triangle(len(names))
-        solution = solve([*triangles, prior], [1.0] * (len(triangles) + 1), names)
-        return PeriodicFit(solution, white)
+
+def _solve(
+    white: tuple[tuple[WhiteEquations, ...], ...], known: list[Triangle], names: tuple[str, ...]
+) -> PeriodicFit:
+    triangles = [
+        Triangle.empty(len(names)).add(part.matrix, part.rhs, part.rows)
+        for parts in white
+        for part in parts
+    ]
+    solution = solve([*triangles, *known], [1.0] * (len(triangles) + len(known)), names)
+    return PeriodicFit(solution, white)

@@ -17,6 +17,7 @@ from identification.base_parameters import BaseParameters
 from identification.estimate import Weighting
 from identification.intervals import Cluster, jackknife
 from identification.least_squares import Solution, Triangle, solve
+from identification.nonlinear import step_prior
 from identification.prior import PriorRows
 from identification.robust import huber_weights
 from identification.time_equations import TimeRun, time_blocks
@@ -127,11 +128,13 @@ class SmoothedProblem:
     ) -> SmoothedFit:
         """Weight each joint by one over its residual, found by iteration, or by a given scale."""
         names = (*self.base.names, *(model.shape_names if slopes else ()))
-        prior = self.prior.triangle(len(names))
+        known = [self.prior.triangle(len(names))]
+        if slopes:
+            known.append(step_prior(model, len(self.base)))
         rows = np.array([triangle.rows for triangle in triangles])
         fixed = scale is not None
         weights = np.ones(len(triangles)) if scale is None else 1.0 / scale
-        solution = solve([*triangles, prior], [*weights, 1.0], names)
+        solution = solve([*triangles, *known], [*weights, *(1.0 for _ in known)], names)
         for _ in range(REWEIGHTINGS):
             error = np.array([triangle.residual_sum(solution.values) for triangle in triangles])
             residual = np.sqrt(error / np.maximum(rows, 1.0))
@@ -140,13 +143,13 @@ class SmoothedProblem:
             new = 1.0 / np.maximum(residual, 1e-9 * residual.max() + 1e-300)
             settled = bool(np.all(np.abs(new / weights - 1.0) < SETTLED))
             weights = new
-            solution = solve([*triangles, prior], [*weights, 1.0], names)
+            solution = solve([*triangles, *known], [*weights, *(1.0 for _ in known)], names)
             if settled:
                 break
         if self.weighting == "ls" and not fixed:
             overall = float(np.sqrt(np.sum(error) / np.sum(rows)))
             weights = np.full(len(triangles), 1.0 / max(overall, 1e-300))
-            solution = solve([*triangles, prior], [*weights, 1.0], names)
+            solution = solve([*triangles, *known], [*weights, *(1.0 for _ in known)], names)
         return SmoothedFit(solution, residual, 1.0 / weights, rows)
 
     def _events(

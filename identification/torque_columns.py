@@ -9,10 +9,9 @@ import numpy as np
 from acquisition.arrays import FloatArray, IntArray
 from dynamics.conditions import Conditions
 from dynamics.robot_model import RobotModel, load_torque, regressor
+from dynamics.shape_slopes import shape_slopes
 from dynamics.transmission import Transmission
 from identification.base_parameters import BaseParameters
-
-SHAPE_STEP = 1e-4
 
 
 def torque_columns(
@@ -50,18 +49,10 @@ def torque_columns(
     if model.transmission.losses:
         load = load_torque(model, *motion, standard, conditions)
         conditions = replace(conditions or Conditions(), load_nm=load)
-    columns = [base.columns(regressor(model, *motion, conditions))]
-    shape, (low, high) = model.shape_values, model.shape_bounds.T
-    for k, step in enumerate(SHAPE_STEP * np.maximum(np.abs(shape), 1e-2)):
-        ends = []
-        for side in (step, -step):
-            moved = shape.copy()
-            moved[k] = np.clip(shape[k] + side, low[k], high[k])
-            torque = regressor(model.with_shape(moved), *motion, conditions) @ standard
-            ends.append((moved[k], torque))
-        slope = (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
-        columns.append(slope[:, :, np.newaxis])
-    return np.concatenate(columns, axis=2) if len(columns) > 1 else columns[0]
+    columns = base.columns(regressor(model, *motion, conditions))
+    if not model.shape_names:
+        return columns
+    return np.concatenate([columns, shape_slopes(model, *motion, standard, conditions)], axis=2)
 
 
 def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> tuple[IntArray, ...]:
