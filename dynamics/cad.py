@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from config.errors import ConfigError
@@ -9,6 +11,9 @@ from config.robot import LinkCad, RobotDescription
 from dynamics.kinematics import FloatArray
 from dynamics.rigid_body import PARAMETERS_PER_LINK
 from dynamics.robot_model import RobotModel
+
+SMALLEST_MASS_KG: Final = 0.01
+SMALLEST_ARM_M: Final = 0.01
 
 
 def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
@@ -58,7 +63,11 @@ def _about_origin(cad: LinkCad) -> FloatArray:
 
 
 def _sizes(link: FloatArray) -> FloatArray:
-    """Return what a share of uncertainty is taken of: mass, first moment, inertia as a whole."""
-    moment = max(float(np.linalg.norm(link[1:4])), 1e-3 * link[0])
-    inertia = max(float(link[4] + link[7] + link[9]) / 3.0, 1e-6 * link[0])
-    return np.array([max(link[0], 1e-6), *(moment,) * 3, *(inertia,) * 6])
+    """Return what a share of uncertainty is taken of: mass, first moment, inertia as a whole.
+
+    None is zero, since no drawing is exact: a link counts as at least a small, compact body.
+    """
+    mass = max(float(link[0]), SMALLEST_MASS_KG)
+    moment = max(float(np.linalg.norm(link[1:4])), mass * SMALLEST_ARM_M)
+    inertia = max(float(link[4] + link[7] + link[9]) / 3.0, mass * SMALLEST_ARM_M**2)
+    return np.array([mass, *(moment,) * 3, *(inertia,) * 6])
