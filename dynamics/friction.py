@@ -85,7 +85,8 @@ class Friction:
     """Friction of the actuators, link side, in the terms that each joint chose (2.8-2.14).
 
     With `sign_smoothing_rad_s` > 0, sign(v) is tanh(v / sign_smoothing_rad_s). Asymmetric friction
-    is f+ while moving forward, f- while moving backward, both positive where they brake. All
+    is f+ while moving forward, f- while moving backward, both positive where they brake: Coulomb
+    friction (f+ + f-) / 2 and the offset (f+ - f-) / 2, which smoothing leaves alone. All
     functions are analytic on either side of v = 0, so that a complex step goes through them.
     """
 
@@ -206,9 +207,9 @@ class Friction:
             case "offset":
                 return np.ones_like(v)
             case "forward":
-                return 0.5 * (self._sign(v) + np.abs(np.sign(v.real)))
+                return 0.5 * (self._sign(v) + self._motion(v))
             case "backward":
-                return 0.5 * (self._sign(v) - np.abs(np.sign(v.real)))
+                return 0.5 * (self._sign(v) - self._motion(v))
             case "cubic":
                 return v**3
             case "cube_root":
@@ -225,6 +226,10 @@ class Friction:
     def _sign(self, v: Values) -> Values:
         smoothing = self.sign_smoothing_rad_s
         return np.tanh(v / smoothing) if smoothing else np.sign(v.real)
+
+    def _motion(self, v: Values) -> Values:
+        """Return 1, but 0 where a hard sign is."""
+        return 1.0 if self.sign_smoothing_rad_s else np.abs(np.sign(v.real))
 
 
 def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:

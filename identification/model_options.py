@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from config.robot import FrictionTerm, RobotDescription
+from pydantic import ValidationError
+
+from config.errors import EstimationError
+from config.robot import FrictionTerm, Joint, RobotDescription
 from dynamics.robot_model import RobotModel
 
 
@@ -30,11 +33,11 @@ class ModelOptions:
         Raises
         ------
         EstimationError
-            Where `shape` has not as many values as the model has nonlinear parameters.
+            Where `shape` has not as many values as the model has nonlinear parameters, or the
+            friction terms contradict each other or a joint.
         """
         if self.friction_terms is not None:
-            terms = {"friction": self.friction_terms}
-            joints = tuple(joint.model_copy(update=terms) for joint in robot.joints)
+            joints = tuple(_with_friction(joint, self.friction_terms) for joint in robot.joints)
             robot = robot.model_copy(update={"joints": joints})
         model = RobotModel.from_description(
             robot,
@@ -45,3 +48,13 @@ class ModelOptions:
             sign_smoothing_rad_s=self.sign_smoothing_rad_s,
         )
         return model if self.shape is None else model.with_shape(self.shape)
+
+
+def _with_friction(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:
+    try:
+        return Joint.model_validate(joint.model_dump() | {"friction": terms})
+    except ValidationError as error:
+        message = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise EstimationError(
+            f"friction terms {', '.join(terms)} for joint {joint.name}: {message}"
+        ) from None

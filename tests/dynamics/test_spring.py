@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from config.errors import ConfigError
-from dynamics.robot_model import RobotModel, base_wrench_regressor, regressor
+from dynamics.inverse_dynamics import torque_derivatives
+from dynamics.robot_model import RobotModel, base_wrench_regressor, regressor, torque
 from dynamics.spring import Spring
 
 STIFFNESS_N_PER_M, FREE_LENGTH_M = 8000.0, 0.35
@@ -72,3 +73,60 @@ def test_a_spring_that_cannot_be_meant_is_refused(ir361) -> None:
     sliding = (first, second.model_copy(update={"type": "prismatic"}), third)
     with pytest.raises(ConfigError, match="is prismatic"):
         Spring.from_description(ir361.model_copy(update={"joints": sliding}))
+
+
+class TestFourierForm:
+    """(3.37): the distances need not be known; three harmonics of the angle stand for all."""
+
+    @pytest.fixture
+    def model(self, ir361) -> RobotModel:
+        spring = ir361.spring.model_copy(update={"form": "fourier", "l_m": None, "r_m": None})
+        robot = ir361.model_copy(update={"spring": spring})
+        return RobotModel.from_description(robot, rotors=False, friction=False)
+
+    @staticmethod
+    def columns(model: RobotModel, q2: np.ndarray) -> np.ndarray:
+        q = np.zeros((len(q2), 3))
+        q[:, 1] = q2
+        phi = regressor(model, q, 0 * q, 0 * q)[:, :, model.parameter_groups["spring"]]
+        assert not phi[:, [0, 2]].any()
+        return phi[:, 1]
+
+    def test_is_a_series_of_cosines_and_sines(self, model) -> None:
+        q2 = np.linspace(-3.0, 3.0, 25)
+        coefficients = a1, b1, a2, b2, a3, b3 = np.random.default_rng(0).standard_normal(6)
+        expected = (
+            a1 * np.cos(q2) + b1 * np.sin(q2)
+            + a2 * np.cos(2 * q2) + b2 * np.sin(2 * q2)
+            + a3 * np.cos(3 * q2) + b3 * np.sin(3 * q2)
+        )  # fmt: skip
+        np.testing.assert_allclose(self.columns(model, q2) @ coefficients, expected)
+
+    def test_three_harmonics_are_enough_for_the_ir361(self, model, ir361) -> None:
+        """Example 3.4: the physical torque over the axis's range, to half a percent of its peak."""
+        limits = ir361.joints[1].limits
+        q2 = np.linspace(limits.position_min, limits.position_max, 200)
+        physical = RobotModel.from_description(ir361, rotors=False, friction=False)
+        tau = spring_torque(physical, q2)[:, 1]
+        columns = self.columns(model, q2)
+        fit = columns @ np.linalg.lstsq(columns, tau, rcond=None)[0]
+        assert np.abs(fit - tau).max() < 5e-3 * np.abs(tau).max()
+
+    def test_names_and_units(self, model) -> None:
+        names = model.parameter_names[model.parameter_groups["spring"]]
+        assert " ".join(names) == ("A1_spring B1_spring A2_spring B2_spring A3_spring B3_spring")
+        assert set(model.parameter_units[model.parameter_groups["spring"]]) == {"N m"}
+
+    @pytest.mark.parametrize("form", ["physical", "fourier"])
+    def test_slopes_are_small_differences(self, form, ir361) -> None:
+        spring = ir361.spring.model_copy(update={"form": form})
+        robot = ir361.model_copy(update={"spring": spring})
+        model = RobotModel.from_description(robot, rotors=False, friction=False)
+        theta = np.zeros(len(model.parameter_names))
+        theta[30:] = np.random.default_rng(1).standard_normal(len(theta) - 30)
+        q, step = np.zeros((9, 3)), np.array([0.0, 1e-6, 0.0])
+        q[:, 1] = np.linspace(-2.0, 2.0, 9)
+        rest = np.zeros_like(q)
+        slope = torque_derivatives(model, q, rest, rest, theta)[0]
+        ahead, behind = (torque(model, at, rest, rest, theta) for at in (q + step, q - step))
+        np.testing.assert_allclose(slope[:, :, 1], (ahead - behind) / 2e-6, atol=1e-7)
