@@ -49,7 +49,9 @@ def test_they_are_central_differences(
             @ theta
             for side in (step, -step)
         )
-        np.testing.assert_allclose(slopes[:, :, k], (up - down) / (2.0 * step), atol=1e-6)
+        np.testing.assert_allclose(
+            slopes[:, :, k], (up - down) / (2.0 * step), rtol=1e-4, atol=1e-6
+        )
 
 
 def test_a_model_without_them_has_none() -> None:
