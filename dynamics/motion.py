@@ -59,9 +59,12 @@ class Motion:
                 f" {', '.join(map(str, shapes))}"
             )
         conditions = conditions or Conditions()
-        for name in ("temperature_k", "load_nm"):
+        for name, shapes in (
+            ("temperature_k", [expected, (joints,)]),
+            ("load_nm", [expected]),
+        ):
             values = getattr(conditions, name)
-            if values is not None and np.shape(values) not in (expected, (joints,)):
+            if values is not None and np.shape(values) not in shapes:
                 raise EstimationError(
                     f"{name} has the shape {np.shape(values)}, the motion {expected}"
                 )

@@ -91,7 +91,7 @@ class Transmission:
         if not self.losses:
             return slopes
         direction = self._direction(motion)
-        load = np.broadcast_to(np.asarray(motion.conditions.load_nm), direction.shape)
+        load = np.asarray(motion.conditions.load_nm)
         for k, loss in enumerate(self.losses):
             s, value = direction[:, loss.joint], loss.parameter.value
             slope = -s * value ** (-s - 1.0) if loss.kind == "efficiency" else s
@@ -107,5 +107,4 @@ class Transmission:
                 f"{names} depend on the torque that the gears transmit: give"
                 " `Conditions.load_nm`, as `load_torque` computes it"
             )
-        speed = motion.actuator[1]
-        return np.asarray(np.sign(np.broadcast_to(load, speed.shape) * speed))
+        return np.asarray(np.sign(load * motion.actuator[1]))
