@@ -35,6 +35,7 @@ COMMANDS: dict[str, str] = {
     "average": "cut a run into periods, reject bad ones, average the rest",
     "identify": "estimate the robot's parameters from one or more runs",
     "validate": "predict another run's torques and judge the error",
+    "friction": "friction alone, out of the runs that were made to measure it",
     "report": "write a run's report again from its results",
     "runs": "list the runs, and check that their files are unchanged",
 }

@@ -169,6 +169,52 @@ def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str
         return _svg(figure, name)
 
 
+def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
+    """Draw every joint's measured friction over its speed, with the models through it.
+
+    Parameters
+    ----------
+    joints
+        One mapping a joint: `joint`, `unit`, `torque_unit`, `curve` (`speed`, `odd`, `odd_std`,
+        `forward`, `backward` or None, one value a speed) and `lines` (`speed`, and by name the
+        torques at it).
+    """
+    columns = min(3, len(joints))
+    rows = -(-len(joints) // 3)
+    styles = ({"color": PREDICTED, "linewidth": 1.4}, {"color": FAINT}, {"color": WRONG})
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(9.6, 0.6 + 2.6 * rows), layout="constrained")
+        panels = figure.subplots(rows, columns, squeeze=False).ravel()
+        for panel, joint in zip(panels, joints, strict=False):
+            curve, lines = joint["curve"], joint["lines"]
+            for (name, torque), style in zip(lines["torque"].items(), styles, strict=False):
+                panel.plot(lines["speed"], torque, label=name, **style)
+            if curve["forward"] is not None:
+                ways = (("forward", ">", 1.0), ("backward", "<", -1.0))
+                for way, marker, sign in ways:
+                    values = sign * np.asarray(curve[way], dtype=float)
+                    faint: Any = {"color": "#8593a3", "markersize": 3.5, "markerfacecolor": "none"}
+                    panel.plot(curve["speed"], values, marker, label=way, **faint)
+            panel.errorbar(
+                curve["speed"],
+                curve["odd"],
+                2.0 * np.asarray(curve["odd_std"], dtype=float),
+                fmt="o",
+                color=MEASURED,
+                markersize=3.5,
+                capsize=2.0,
+                label="measured ± 2σ",
+            )
+            panel.set_title(joint["joint"], fontsize=9.0)
+            panel.set_xlabel(f"speed [{joint['unit']}/s]")
+            panel.set_ylabel(f"friction [{joint['torque_unit']}]")
+            panel.set_xlim(left=0.0)
+            panel.legend(loc="lower right", fontsize=7.5)
+        for panel in panels[len(joints) :]:
+            panel.set_visible(False)
+        return _svg(figure, "friction")
+
+
 def _svg(figure: Figure, name: str) -> str:
     """Return the drawing as an element to put into a page, its ids made its own."""
     buffer = io.StringIO()

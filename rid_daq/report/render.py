@@ -9,6 +9,7 @@ import jinja2
 from markupsafe import Markup
 
 from rid_daq.report.figures import (
+    friction_figure,
     histogram_figure,
     spectrum_figure,
     torque_figure,
@@ -89,6 +90,8 @@ def _figures(result: dict[str, Any]) -> dict[str, Any]:
     if "spectrum" in curves:
         spectrum = curves["spectrum"]
         figures["spectrum"] = Markup(spectrum_figure(spectrum["frequency_hz"], spectrum["axes"]))
+    if "friction" in result:
+        figures["friction"] = Markup(friction_figure(result["friction"]["joints"]))
     if "truth" in result:
         figures["truth"] = Markup(truth_figure(result["truth"]))
     figures["loops"] = [
