@@ -118,7 +118,7 @@ class RobotModel:
 
     @cached_property
     def parameter_groups(self) -> dict[str, slice]:
-        """Which columns belong to which term: `rigid_body`, `rotors`, `friction`, `spring`."""
+        """Which columns belong to which term, such as `rigid_body`, `rotors`, `friction`."""
         ends = np.cumsum([len(term.parameter_names) for term in self.terms]).tolist()
         return {
             term.name: slice(start, end)
@@ -181,6 +181,10 @@ class RobotModel:
     ) -> Motion:
         """Return a motion of this robot; see `Motion.of`."""
         return Motion.of(q, v, a, self.chain.n, self.coupling, conditions)
+
+    def actuator_speed(self, v: FloatArray) -> FloatArray:
+        """Return the actuators' speeds (samples, n), link side, from the joints' (5.18)."""
+        return v if self.coupling is None else np.asarray(v @ np.linalg.inv(self.coupling).T)
 
 
 def regressor(

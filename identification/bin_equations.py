@@ -134,7 +134,7 @@ def bin_equations(
     torque = to_bins(average.torque_nm, harmonics) / response[:, np.newaxis]
     gain = np.abs(response)[:, np.newaxis]
     sigma = np.sqrt(_smooth_variance(average.torque_bin_variance, average.periods_kept))
-    slow = np.abs(v) < standstill_rad_s
+    slow = np.abs(model.actuator_speed(v)) < standstill_rad_s
     return BinEquations(
         harmonics=harmonics,
         period_s=period_s,

@@ -21,6 +21,7 @@ from acquisition.arrays import FloatArray
 from acquisition.smoothing import SmoothedSignals
 from config.errors import EstimationError
 from config.robot import FrictionTerm, RobotDescription
+from dynamics.conditions import Conditions
 from identification.estimate import Estimate, predict
 from identification.estimators import STANDSTILL_RAD_S, estimate_smoothed
 from identification.model_options import ModelOptions
@@ -217,8 +218,9 @@ def _event_errors(
     estimate: Estimate, part: SmoothedSignals, standstill_rad_s: float
 ) -> Iterator[FloatArray]:
     """Yield the mean squared error of each second, shape (n,); NaN where a joint stands still."""
-    predicted = predict(estimate, part.position, part.velocity, part.acceleration)
-    moving = np.abs(part.velocity) >= standstill_rad_s
+    conditions = Conditions(temperature_k=part.temperature_k)
+    predicted = predict(estimate, part.position, part.velocity, part.acceleration, conditions)
+    moving = np.abs(estimate.model.actuator_speed(part.velocity)) >= standstill_rad_s
     error = np.where(moving, (part.torque_nm - predicted) ** 2, 0.0)
     second = np.floor((part.time_s - part.time_s[0]) / EVENT_S)
     edges = np.flatnonzero(np.diff(second) != 0.0) + 1

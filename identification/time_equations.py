@@ -102,6 +102,6 @@ def time_blocks(
             yield TimeBlock(
                 columns=torque_columns(model, base, motion, run.conditions.part(rows), standard),
                 rhs=signals.torque_nm[rows],
-                use=np.abs(motion[1]) >= standstill_rad_s,
+                use=np.abs(model.actuator_speed(motion[1])) >= standstill_rad_s,
                 event=event[rows],
             )

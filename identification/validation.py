@@ -10,6 +10,7 @@ from acquisition.arrays import BoolArray, FloatArray, read_only
 from acquisition.recording import Recording
 from acquisition.smoothing import low_pass, smooth_nonperiodic
 from config.errors import DataQualityError, EstimationError
+from dynamics.conditions import Conditions
 from identification.estimate import Estimate, predict
 from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
 from identification.torque_filter import without_torque_filter
@@ -131,11 +132,14 @@ def validate(
             f" {', '.join(names)}: use a model of this robot"
         )
     signals = smooth_nonperiodic(without_torque_filter(recording), cutoff_hz)
-    predicted = predict(estimate, signals.position, signals.velocity, signals.acceleration)
+    conditions = Conditions(temperature_k=signals.temperature_k)
+    predicted = predict(
+        estimate, signals.position, signals.velocity, signals.acceleration, conditions
+    )
     for number in np.unique(signals.segment):
         rows = signals.segment == number
         predicted[rows] = low_pass(predicted[rows], signals.sample_period_s, cutoff_hz)
-    moving = np.abs(signals.velocity) >= standstill_rad_s
+    moving = np.abs(estimate.model.actuator_speed(signals.velocity)) >= standstill_rad_s
     if not moving.any():
         raise DataQualityError(
             f"no joint of the recording moves at {standstill_rad_s:g} rad/s or more: nothing to"
