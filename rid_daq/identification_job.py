@@ -3,38 +3,136 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 from acquisition.periods import average_periods
-from acquisition.smoothing import smooth_nonperiodic
+from acquisition.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.errors import ConfigError
-from identification.estimate import Estimate
+from config.robot import RobotDescription
+from dynamics.cad import cad_parameters
+from identification.comparison import Comparison, Watch, choose_friction
+from identification.estimate import Estimate, Weighting
 from identification.estimators import (
     BAND_HZ,
     STANDSTILL_RAD_S,
+    Prior,
     estimate_periodic,
     estimate_smoothed,
 )
 from identification.model_options import ModelOptions
+from identification.signal_parts import period_signals
 from identification.torque_filter import without_torque_filter
 from rid_daq.run_data import RunData
 
 
+@dataclass(frozen=True)
+class HowToEstimate:
+    """What a person may choose about an estimate.
+
+    Attributes
+    ----------
+    options : ModelOptions
+        The model's terms.
+    weighting : "ml", "ls" or "huber"
+        How rows are weighted.
+    cad_prior : bool
+        Whether the drawings count as prior knowledge.
+    loaded : tuple of str
+        Ids of the runs that carried an unknown payload.
+    band_hz, standstill_rad_s : float
+        Highest frequency and lowest speed used.
+    """
+
+    options: ModelOptions = field(default_factory=ModelOptions)
+    weighting: Weighting = "ml"
+    cad_prior: bool = False
+    loaded: tuple[str, ...] = ()
+    band_hz: float = BAND_HZ
+    standstill_rad_s: float = STANDSTILL_RAD_S
+
+
 def estimate_runs(
     data: Sequence[RunData],
-    options: ModelOptions | None = None,
+    how: HowToEstimate | None = None,
     *,
-    band_hz: float = BAND_HZ,
-    standstill_rad_s: float = STANDSTILL_RAD_S,
+    robot: RobotDescription | None = None,
 ) -> Estimate:
     """Estimate from runs of one robot, all periodic or all not.
+
+    `robot` stands for the runs' own where its friction terms were chosen by `compare_friction`.
 
     Raises
     ------
     ConfigError
-        The runs are of different robots, or of both kinds.
+        The runs are of different robots, or of both kinds; or the robot has no drawings.
     DataQualityError, EstimationError
         The data do not show the parameters.
     """
+    how = how or HowToEstimate()
+    robot = robot or _one_robot(data)
+    payload = [item.folder.run_id in how.loaded for item in data]
+    run_ids = tuple(item.folder.run_id for item in data)
+    cell_name = data[0].recording.cell_name
+    prior: Prior | None = None
+    if how.cad_prior:
+        prior = cad_parameters(how.options.build(robot), robot)
+    if data[0].is_periodic:
+        return estimate_periodic(
+            robot,
+            [average_periods(item.recording) for item in data],
+            options=how.options,
+            weighting=how.weighting,
+            prior=prior,
+            payload=payload,
+            band_hz=how.band_hz,
+            standstill_rad_s=how.standstill_rad_s,
+            cell_name=cell_name,
+            run_ids=run_ids,
+        )
+    return estimate_smoothed(
+        robot,
+        _signals(data, how),
+        options=how.options,
+        weighting=how.weighting,
+        prior=prior,
+        payload=payload,
+        standstill_rad_s=how.standstill_rad_s,
+        cell_name=cell_name,
+        run_ids=run_ids,
+    )
+
+
+def compare_friction(
+    data: Sequence[RunData], how: HowToEstimate, watch: Watch | None = None
+) -> Comparison:
+    """Choose the friction terms of each joint by these runs alone.
+
+    Raises
+    ------
+    ConfigError
+        The runs are of different robots or kinds, or carry an unknown payload.
+    EstimationError
+        The data do not show the parameters.
+    """
+    robot = _one_robot(data)
+    if how.loaded:
+        raise ConfigError("friction is chosen without a payload: leave --loaded out with --choose")
+    return choose_friction(
+        robot,
+        _signals(data, how),
+        options=how.options,
+        standstill_rad_s=how.standstill_rad_s,
+        watch=watch,
+    )
+
+
+def _signals(data: Sequence[RunData], how: HowToEstimate) -> list[SmoothedSignals]:
+    if data[0].is_periodic:
+        return [period_signals(average_periods(item.recording), how.band_hz) for item in data]
+    return [smooth_nonperiodic(without_torque_filter(item.recording), how.band_hz) for item in data]
+
+
+def _one_robot(data: Sequence[RunData]) -> RobotDescription:
     robot = data[0].robot
     for other in data[1:]:
         if other.robot != robot:
@@ -49,23 +147,4 @@ def estimate_runs(
         raise ConfigError(
             f"some runs are periodic and some are not ({names}): identify them one by one"
         )
-    run_ids = tuple(item.folder.run_id for item in data)
-    cell_name = data[0].recording.cell_name
-    if data[0].is_periodic:
-        return estimate_periodic(
-            robot,
-            [average_periods(item.recording) for item in data],
-            options=options,
-            band_hz=band_hz,
-            standstill_rad_s=standstill_rad_s,
-            cell_name=cell_name,
-            run_ids=run_ids,
-        )
-    return estimate_smoothed(
-        robot,
-        [smooth_nonperiodic(without_torque_filter(item.recording), band_hz) for item in data],
-        options=options,
-        standstill_rad_s=standstill_rad_s,
-        cell_name=cell_name,
-        run_ids=run_ids,
-    )
+    return robot

@@ -14,6 +14,7 @@ from acquisition.recording import Recording
 from config.cell import CellConfig
 from config.motion import AnyMotion, ConstantVelocityMotion, FourierMotion, ReversedMotion
 from config.robot import Joint, RobotDescription
+from identification.comparison import Comparison
 from identification.estimate import Estimate
 
 CURVE_POINTS = 1500
@@ -180,6 +181,21 @@ def estimate_section(
             entry["deviation_sigmas"] = deviation
             entry["inside_two_sigma"] = abs(deviation) <= 2.0
         parameters.append(entry)
+    model = estimate.model
+    for name, unit, value, sigma in zip(
+        model.shape_names, model.shape_units, model.shape_values, estimate.shape_sigma, strict=True
+    ):
+        parameters.append(
+            {
+                "name": name,
+                "words": name,
+                "unit": unit,
+                "value": float(value),
+                "std": float(sigma),
+                "std_noise": None,
+                "std_residual": None,
+            }
+        )
     return {
         "sentence": _estimate_sentence(estimate),
         "method": estimate.method,
@@ -187,6 +203,7 @@ def estimate_section(
         "equations": estimate.equations,
         "band_hz": estimate.band_hz,
         "periods": estimate.periods,
+        "weighting": estimate.weighting,
         "unseen": list(estimate.base.unseen),
         "has_truth": truth is not None,
         "parameters": parameters,
@@ -199,6 +216,27 @@ def estimate_section(
                 "left_out_fraction": float(estimate.left_out_fraction[i]),
             }
             for i, joint in enumerate(estimate.robot.joints)
+        ],
+    }
+
+
+def comparison_section(comparison: Comparison) -> dict[str, Any]:
+    """Return how candidates of friction terms compare, and what was chosen."""
+    return {
+        "joints": list(comparison.joint_names),
+        "chosen": {
+            name: list(terms)
+            for name, terms in zip(comparison.joint_names, comparison.chosen, strict=True)
+        },
+        "trials": [
+            {
+                "terms": list(trial.terms),
+                "error": [float(error) for error in trial.error_nm],
+                "parameters": trial.parameters,
+                "aic": trial.aic,
+                "bic": trial.bic,
+            }
+            for trial in (*comparison.trials, comparison.together)
         ],
     }
 

@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, cast, get_args
 
 import typer
 
 from acquisition.periods import average_periods
 from acquisition.run_list import find_run
+from config.errors import ConfigError
+from config.robot import FrictionTerm
+from identification.comparison import FRICTION_CANDIDATES, Comparison
 from identification.estimate import Estimate
 from identification.estimate_file import write_estimate
 from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
 from identification.model_options import ModelOptions
 from rid_daq.console import AsJson, Console
 from rid_daq.curves import period_curves
-from rid_daq.identification_job import estimate_runs
+from rid_daq.identification_job import HowToEstimate, compare_friction, estimate_runs
 from rid_daq.report.render import number
 from rid_daq.result import write_result
-from rid_daq.run_data import read_run, result_of
-from rid_daq.sections import average_section, estimate_section
+from rid_daq.run_data import RunData, read_run, result_of
+from rid_daq.sections import average_section, comparison_section, estimate_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 MODEL = "model.json"
+
+
+class Estimator(StrEnum):
+    """How rows are weighted."""
+
+    ML = "ml"
+    LS = "ls"
+    HUBER = "huber"
 
 
 def identify(
@@ -35,6 +47,27 @@ def identify(
         typer.Option(
             "--output", "-o", metavar="MODEL", help=f"The model file; RUN/{MODEL} if not given."
         ),
+    ] = None,
+    choose: Annotated[
+        bool, typer.Option(help="Choose each joint's friction terms by cross-validation.")
+    ] = False,
+    friction_terms: Annotated[
+        str | None,
+        typer.Option(
+            "--friction-terms",
+            metavar="TERM,...",
+            help=f"Friction of every joint: {', '.join(get_args(FrictionTerm))}.",
+        ),
+    ] = None,
+    estimator: Annotated[
+        Estimator, typer.Option(help="Weighted by noise, not weighted, or robust.")
+    ] = Estimator.ML,
+    cad_prior: Annotated[
+        bool, typer.Option("--cad-prior", help="Count the drawings as prior knowledge.")
+    ] = False,
+    loaded: Annotated[
+        list[str] | None,
+        typer.Option(metavar="RUN", help="A run of RUN... that carried an unknown payload."),
     ] = None,
     band_hz: Annotated[
         float, typer.Option("--band", min=0.01, help="Highest frequency used [Hz].")
@@ -55,8 +88,27 @@ def identify(
     """
     console = Console(as_json)
     data = [read_run(find_run(runs, name)) for name in run]
-    options = ModelOptions(rotors=rotors, friction=friction, spring=spring)
-    estimate = estimate_runs(data, options, band_hz=band_hz, standstill_rad_s=standstill_rad_s)
+    how = HowToEstimate(
+        options=ModelOptions(
+            rotors=rotors,
+            friction=friction,
+            spring=spring,
+            friction_terms=_terms(friction_terms),
+            payload=bool(loaded),
+        ),
+        weighting=estimator.value,
+        cad_prior=cad_prior,
+        loaded=_loaded(runs, data, loaded or []),
+        band_hz=band_hz,
+        standstill_rad_s=standstill_rad_s,
+    )
+    comparison = None
+    if choose:
+        if friction_terms is not None or not friction:
+            raise ConfigError("--choose chooses the friction terms: leave the other option out")
+        comparison = _compare(console, data, how)
+    robot = None if comparison is None else comparison.robot(data[0].robot)
+    estimate = estimate_runs(data, how, robot=robot)
     first = data[0]
     if output is None:
         output = first.folder.file(MODEL)
@@ -68,32 +120,112 @@ def identify(
         first.folder.write(MODEL, output.read_bytes())
     result = result_of(first)
     result["estimate"] = estimate_section(estimate)
+    document: dict[str, Any] = {"model": str(output), "estimate": result["estimate"]}
+    if comparison is not None:
+        result["comparison"] = comparison_section(comparison)
+        document["comparison"] = result["comparison"]
     if first.is_periodic:
         average = average_periods(first.recording)
         result["average"] = average_section(average, first.robot)
         result["curves"] = period_curves(estimate, average)
     path = write_result(first.folder, result)
-    console.document({"model": str(output), "report": str(path), "estimate": result["estimate"]})
+    console.document({**document, "report": str(path)})
+    if comparison is not None:
+        _tell_comparison(console, comparison)
     _tell(console, estimate, result["estimate"]["sentence"])
     console.verdict(True, f"Model: {output}")
     console.say(f"Report: {path}")
     console.say(f"Next: rid-daq validate {output} RUN, with a run that was not used here")
 
 
-def _tell(console: Console, estimate: Estimate, sentence: str) -> None:
-    console.say(sentence)
+def _terms(text: str | None) -> tuple[FrictionTerm, ...] | None:
+    if text is None:
+        return None
+    terms = tuple(term.strip() for term in text.split(",") if term.strip())
+    known = get_args(FrictionTerm)
+    strangers = [term for term in terms if term not in known]
+    if strangers or len(set(terms)) != len(terms):
+        raise ConfigError(
+            f"--friction-terms {text}: {', '.join(strangers) or 'a term stands twice'}; the terms"
+            f" are {', '.join(known)}"
+        )
+    return cast(tuple[FrictionTerm, ...], terms)
+
+
+def _loaded(runs: Path, data: list[RunData], names: list[str]) -> tuple[str, ...]:
+    """Return the ids of the runs that carried the payload, which must be among those used."""
+    ids = tuple(find_run(runs, name).run_id for name in names)
+    used = {item.folder.run_id for item in data}
+    for name, run_id in zip(names, ids, strict=True):
+        if run_id not in used:
+            raise ConfigError(f"--loaded {name}: is not among the runs to identify; name it there")
+    if ids and used <= set(ids):
+        raise ConfigError(
+            "every run carried the payload, so that it cannot be told from the last link: add a run"
+            " without it"
+        )
+    return ids
+
+
+def _compare(console: Console, data: list[RunData], how: HowToEstimate) -> Comparison:
+    total = float(len(FRICTION_CANDIDATES) + 1)
+    with console.progress("Comparing models", total, "models") as shown:
+        return compare_friction(
+            data, how, lambda done, _, terms: shown.update(float(done), f"next: {terms}")
+        )
+
+
+def _tell_comparison(console: Console, comparison: Comparison) -> None:
+    console.say("Friction terms, judged on parts of the runs that each fit left out:")
+    chosen = set(comparison.chosen)
     console.table(
-        ("#", "parameter", "estimate", "± 2σ", "unit"),
+        ("friction terms", *comparison.joint_names, "AIC", "BIC", "chosen for"),
         [
             (
-                str(i + 1),
-                estimate.base.words[i],
-                number(float(estimate.values[i]), 5),
-                number(2.0 * float(estimate.sigma[i]), 2),
-                estimate.base.units[i],
+                ", ".join(trial.terms) or "each joint its own",
+                *(number(float(error), 4) for error in trial.error_nm),
+                f"{trial.aic:.0f}",
+                f"{trial.bic:.0f}",
+                ", ".join(
+                    name
+                    for name, terms in zip(comparison.joint_names, comparison.chosen, strict=True)
+                    if terms == trial.terms and trial.terms in chosen
+                ),
             )
-            for i in range(len(estimate.base))
+            for trial in (*comparison.trials, comparison.together)
         ],
     )
+    console.say(
+        "RMS error on moving samples [N m or N]. Each joint has the simplest terms within one"
+        " standard error of its best."
+    )
+
+
+def _tell(console: Console, estimate: Estimate, sentence: str) -> None:
+    console.say(sentence)
+    rows = [
+        (
+            str(i + 1),
+            estimate.base.words[i],
+            number(float(estimate.values[i]), 5),
+            number(2.0 * float(estimate.sigma[i]), 2),
+            estimate.base.units[i],
+        )
+        for i in range(len(estimate.base))
+    ]
+    model = estimate.model
+    rows += [
+        (str(len(rows) + k + 1), name, number(float(value), 5), number(2.0 * float(sigma), 2), unit)
+        for k, (name, value, sigma, unit) in enumerate(
+            zip(
+                model.shape_names,
+                model.shape_values,
+                estimate.shape_sigma,
+                model.shape_units,
+                strict=True,
+            )
+        )
+    ]
+    console.table(("#", "parameter", "estimate", "± 2σ", "unit"), rows)
     if estimate.base.unseen:
         console.say(f"Without any effect on the torques: {', '.join(estimate.base.unseen)}")
