@@ -15,6 +15,7 @@ from config.errors import EstimationError
 from config.robot import RobotDescription
 from dynamics.conditions import Conditions
 from dynamics.robot_model import RobotModel, torque
+from identification.base_parameters import base_parameters
 from identification.estimators import estimate_smoothed
 from identification.model_options import ModelOptions
 from identification.validation import validate
@@ -155,3 +156,42 @@ def test_a_gears_efficiency_is_recovered(arm: Any) -> None:
     assert estimate.options.shape is not None
     np.testing.assert_allclose(estimate.options.shape, [0.7, 0.8, 0.75], atol=0.02)
     assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
+
+
+class TestBaseParameters:
+    def test_a_coupling_hides_no_link_parameter_and_shows_none(self, arm: Any) -> None:
+        """C can be inverted: the actuators' torques say what the joints' do."""
+        coupled = arm.robot.model_copy(update={"coupling": COUPLING})
+        words = [
+            base_parameters(
+                RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
+            ).words
+            for robot in (arm.robot, coupled)
+        ]
+        assert words[0] == words[1]
+        assert len(words[0]) == 15
+
+    def test_a_fourier_springs_first_harmonic_takes_link_2s_gravity(self, arm: Any) -> None:
+        """(3.37) merges as the physical spring does: the cosine with sy2, the sine with sx2."""
+        spring = arm.robot.spring.model_copy(update={"form": "fourier"})
+        robot = arm.robot.model_copy(update={"spring": spring})
+        base = base_parameters(RobotModel.from_description(robot, rotors=False, friction=False))
+        assert len(base) == 15 - 2 + 6
+        assert "A1_spring - 9.81 sy2" in base.words
+        assert "B1_spring - 9.81 sx2 - 4.7088 m3" in base.words  # 9.81 x 0.480
+
+    def test_all_of_a_payload_and_of_every_friction_are_seen(self, arm: Any) -> None:
+        terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
+        model = ModelOptions(payload=True, friction_terms=terms).build(arm.robot)
+        base = base_parameters(model)
+        groups = model.parameter_groups
+        for group in ("payload", "friction"):
+            assert set(model.parameter_names[groups[group]]) <= set(base.words)
+
+    def test_a_plain_armature_merges_as_a_rotor_does(self, arm: Any) -> None:
+        robot = with_joints(arm.robot, rotor=None, armature=True)
+        model = RobotModel.from_description(robot, friction=False, spring=False)
+        base = base_parameters(model)
+        assert "Izz1 + Iyy2 + 0.2304 m3 + Iyy3 + Ia1" in base.words
+        assert "Izz2 + 0.2304 m3 + Ia2" in base.words
+        assert "Ia3" in base.words
