@@ -146,7 +146,7 @@ class _Blocks:
 def _blocks(recording: Recording, runs: Sequence[ConstantRun]) -> _Blocks:
     """Return the blocks of all runs of one speed, both ways."""
     settling = round(SETTLING_S / _sample_period(recording))
-    joint, means = runs[0].joint, []
+    joint = runs[0].joint
     rows = [
         recording.valid
         & (recording.sample_index >= run.first + settling)
@@ -163,27 +163,30 @@ def _blocks(recording: Recording, runs: Sequence[ConstantRun]) -> _Blocks:
     position, torque = recording.position[:, joint], recording.torque_nm[:, joint]
     low = max(position[own].min() for own in rows)
     high = min(position[own].max() for own in rows)
-    edges = np.linspace(low, high, BLOCKS + 1)
-    for own in rows:
-        block = np.digitize(position[own], edges[1:-1])
-        inside = (position[own] >= low) & (position[own] <= high)
-        count = np.bincount(block[inside], minlength=BLOCKS)
-        if (count == 0).any():
+    width = (high - low) / BLOCKS
+    forwards, backwards = (
+        np.logical_or.reduce(
+            [own for run, own in zip(runs, rows, strict=True) if sign * run.speed > 0]
+        )
+        for sign in (1.0, -1.0)
+    )
+    found = []
+    for middle in low + width * (np.arange(BLOCKS) + 0.5):
+        inside = np.abs(position - middle) <= 0.5 * width
+        there, back = forwards & inside, backwards & inside
+        if min(np.count_nonzero(there), np.count_nonzero(back)) < 1:
             raise DataQualityError(
                 f"the runs of {recording.joint_names[joint]} at {abs(runs[0].speed):g} per second"
                 " do not cover the same positions: look at the following error"
             )
-        means.append(
-            [
-                np.bincount(block[inside], values[own][inside], minlength=BLOCKS) / count
-                for values in (position, torque)
-            ]
+        both = there | back
+        # Gravity as a line within the block: the two ways are sampled at different positions.
+        matrix = np.column_stack(
+            [np.ones(both.sum()), np.where(there[both], 1.0, -1.0), position[both] - middle]
         )
-    there = np.mean([m for m, run in zip(means, runs, strict=True) if run.speed > 0.0], axis=0)
-    back = np.mean([m for m, run in zip(means, runs, strict=True) if run.speed < 0.0], axis=0)
-    return _Blocks(
-        0.5 * (there[0] + back[0]), 0.5 * (there[1] - back[1]), 0.5 * (there[1] + back[1])
-    )
+        level, half, _ = np.linalg.lstsq(matrix, torque[both], rcond=None)[0]
+        found.append((middle, half, level))
+    return _Blocks(*np.array(found).T)
 
 
 def _curve(

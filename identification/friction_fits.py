@@ -26,6 +26,9 @@ MODELS: Final[dict[str, tuple[FrictionTerm, ...]]] = {
 """The models of physics: section 4, by name (2.8-2.14)."""
 
 
+CLEARLY_BETTER: Final = 2.0
+
+
 @dataclass(frozen=True, eq=False)
 class FrictionFit:
     """One model's fit to one joint's friction.
@@ -74,9 +77,10 @@ class FrictionFit:
 def fit_friction(curve: FrictionCurve, robot: RobotDescription) -> tuple[FrictionFit, ...]:
     """Fit every model that the curve has values enough for, the best first.
 
+    Of models whose criteria are less than 2 above the smallest the simplest is the best.
+
     The odd part is fitted and, where it was measured, the even part with its covariance; a model
-    that is the same in both directions then has to explain the difference by its misfit. What the
-    curve leaves undecided, fewer parameters decide.
+    that is the same in both directions then has to explain the difference by its misfit.
 
     Parameters
     ----------
@@ -94,7 +98,9 @@ def fit_friction(curve: FrictionCurve, robot: RobotDescription) -> tuple[Frictio
         parameters = len(terms) + ("asymmetric" in terms) + ("stribeck" in terms)
         if len(curve.speed) * (1 if curve.even is None else 2) > parameters + 2:
             fits.append(_fit(curve, name, terms, model, joint))
-    return tuple(sorted(fits, key=lambda fit: fit.criterion))
+    fits.sort(key=lambda fit: fit.criterion)
+    undecided = [fit for fit in fits if fit.criterion - fits[0].criterion < CLEARLY_BETTER]
+    return tuple(sorted(undecided, key=lambda fit: len(fit.values)) + fits[len(undecided) :])
 
 
 def _fit(

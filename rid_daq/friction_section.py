@@ -13,11 +13,10 @@ from config.robot import RobotDescription
 from dynamics.friction import Friction
 from identification.estimate import Estimate
 from identification.friction_curve import FrictionCurve, friction_columns
-from identification.friction_fits import FrictionFit
+from identification.friction_fits import CLEARLY_BETTER, FrictionFit
 from rid_daq.sections import units
 
 LINE_POINTS = 120
-CLEARLY_BETTER = 2.0
 
 
 def friction_section(
@@ -75,8 +74,8 @@ def friction_section(
         )
     return {
         "sentence": "Half of what turning round changes: gravity and inertia are gone. The"
-        " criterion is Akaike's, corrected for few values: the smallest is best, and less than"
-        f" {CLEARLY_BETTER:g} apart is undecided.",
+        " criterion is Akaike's, corrected for few values: small is good, and of models within"
+        f" {CLEARLY_BETTER:g} of the smallest the simplest is taken.",
         "joints": joints,
     }
 
@@ -113,9 +112,10 @@ def _sentence(curve: FrictionCurve, fits: tuple[FrictionFit, ...]) -> str:
     if not fits:
         return f"{curve.joint}: too few speeds to fit a model; run more of them."
     best = fits[0]
-    close = [f.name for f in fits[1:] if f.criterion - best.criterion < CLEARLY_BETTER]
+    smallest = min(fit.criterion for fit in fits)
+    close = [fit.name for fit in fits[1:] if fit.criterion - smallest < CLEARLY_BETTER]
     text = f"{curve.joint}: {best.name} fits best"
-    text += f" ({' and '.join(close)} as well)" if close else ""
+    text += f" ({', '.join(close)} not clearly worse)" if close else ""
     speed = next(
         (v for n, v in zip(best.parameter_names, best.values, strict=True) if n[:3] == "vs_"), None
     )
