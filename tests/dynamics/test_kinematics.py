@@ -6,6 +6,7 @@ import pytest
 
 from config.errors import EstimationError
 from config.load import load_robot
+from config.robot import KinematicRow, Kinematics
 from dynamics.kinematics import Chain, forward, jacobian, link_transforms, point_jacobian
 
 
@@ -14,6 +15,30 @@ def test_link_frames_are_where_pinocchio_has_them(n, random_arm, judge, random_l
     robot = random_arm(n, seed=n)
     q = np.random.default_rng(n).uniform(-2.0, 2.0, (5, n))
     expected = [judge(robot, random_links(n, n)).frames(sample) for sample in q]
+    np.testing.assert_allclose(
+        link_transforms(Chain.from_description(robot), q), expected, rtol=0, atol=1e-12
+    )
+
+
+def test_a_calibration_moves_the_frames_as_pinocchio_does(random_arm, judge, random_links) -> None:
+    """Offsets of all five constants a row, Hayati's beta too."""
+    robot = random_arm(3, seed=4)
+    offsets = np.random.default_rng(4).uniform(-0.01, 0.01, (3, 5))
+    names = ("alpha_rad", "beta_rad", "theta_rad", "a_m", "d_m")
+    table = robot.kinematics
+    calibration = [KinematicRow(**dict(zip(names, row.tolist(), strict=True))) for row in offsets]
+    moved = [
+        KinematicRow(**{k: getattr(row, k) + d for k, d in zip(names, offset, strict=True)})
+        for row, offset in zip(table.rows, offsets.tolist(), strict=True)
+    ]
+    by_hand = robot.model_copy(
+        update={"kinematics": Kinematics(convention=table.convention, rows=tuple(moved))}
+    )
+    robot = robot.model_copy(
+        update={"kinematics": table.model_copy(update={"calibration": tuple(calibration)})}
+    )
+    q = np.random.default_rng(4).uniform(-2.0, 2.0, (5, 3))
+    expected = [judge(by_hand, random_links(3, 4)).frames(sample) for sample in q]
     np.testing.assert_allclose(
         link_transforms(Chain.from_description(robot), q), expected, rtol=0, atol=1e-12
     )
