@@ -15,7 +15,7 @@ from dynamics.kinematics import FloatArray
 from dynamics.motion import Motion
 from dynamics.shape import ShapeParameter
 
-SLOWEST_STRIBECK: Final = 0.01
+SLOWEST_STRIBECK: Final = 0.02
 FASTEST_STRIBECK: Final = 0.5
 
 FrictionFunction = Literal[

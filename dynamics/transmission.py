@@ -33,6 +33,8 @@ class Transmission:
 
     With s = 1 where the motor drives the load, s = -1 where the load drives the motor, the torque
     behind the gear is multiplied by eta^-s (5.16, 5.17), or by 1 + c s: friction c |load| sign(v).
+    A gear does not transmit its own rotor's inertia; where an estimate cannot tell that from the
+    link's, both count as load.
     """
 
     losses: tuple[GearLoss, ...] = ()
