@@ -4,8 +4,9 @@ Recordings are cut into contiguous parts, since neighbouring rows are not indepe
 predicted by an estimate from all others. A joint gets the simplest terms whose squared error is
 within one standard error of the best terms' (the one-standard-error rule: Breiman and others 1984),
 the standard error being that of the difference, second by second. Friction acts on its own joint,
-so joints choose one by one. Information criteria stand beside it: AIC (Akaike 1974) and BIC
-(Schwarz 1978), with as many independent values as the band holds.
+so joints choose one by one: first all with the same terms, then each with fewer beside the others.
+Information criteria stand beside it: AIC (Akaike 1974) and BIC (Schwarz 1978), with as many
+independent values as the band holds.
 """
 
 from __future__ import annotations
@@ -87,8 +88,6 @@ class Comparison:
         One a candidate, in the order of complexity.
     chosen : tuple of tuple of str
         Each joint's friction terms.
-    within_nm : ndarray, shape (n,)
-        How much worse (RMS) a joint's chosen terms may be than its best: one standard error.
     together : Trial
         The model with each joint's own terms.
     """
@@ -96,7 +95,6 @@ class Comparison:
     joint_names: tuple[str, ...]
     trials: tuple[Trial, ...]
     chosen: tuple[tuple[FrictionTerm, ...], ...]
-    within_nm: FloatArray
     together: Trial
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
@@ -148,19 +146,25 @@ def choose_friction(
             watch(number, len(candidates) + 1, ", ".join(terms))
         alike = with_friction(robot, [terms] * len(robot.joints))
         trials.append(_trial(alike, parts, options, standstill_rad_s, terms))
-    chosen, within = [], []
-    for j in range(len(robot.joints)):
-        index, slack = _simplest(trials, j)
-        chosen.append(candidates[index])
-        within.append(slack)
-    if watch is not None:
-        watch(len(candidates), len(candidates) + 1, "each joint its own")
+    best = [_simplest(trials, j) for j in range(len(robot.joints))]
+    chosen = [candidates[number] for number in best]
+    # What one joint lacks bends the others' errors while all have the same terms. With each at its
+    # own, a joint may turn out to need less.
     together = _trial(with_friction(robot, chosen), parts, options, standstill_rad_s, ())
+    for j, terms in enumerate(chosen):
+        for fewer in (c for c in candidates if set(c) < set(terms)):
+            if watch is not None:
+                name = robot.joint_names[j]
+                watch(len(candidates), len(candidates) + 1, f"{name} with {', '.join(fewer)}")
+            tried = [*chosen[:j], fewer, *chosen[j + 1 :]]
+            trial = _trial(with_friction(robot, tried), parts, options, standstill_rad_s, ())
+            if _simplest((trial, together), j) == 0:
+                chosen, together = tried, trial
+                break
     return Comparison(
         joint_names=robot.joint_names,
         trials=tuple(trials),
         chosen=tuple(chosen),
-        within_nm=np.array(within),
         together=together,
     )
 
@@ -230,19 +234,14 @@ def _event_errors(
         yield np.where(counted > 0, total / np.maximum(counted, 1), np.nan)
 
 
-def _simplest(trials: Sequence[Trial], joint: int) -> tuple[int, float]:
-    """Return which trial a joint gets, and how much worse it might have been (RMS)."""
+def _simplest(trials: Sequence[Trial], joint: int) -> int:
+    """Return the first trial whose error on a joint is within one standard error of the best."""
     errors = np.array([trial.event_errors[:, joint] for trial in trials])
     errors = errors[:, ~np.isnan(errors).any(axis=0)]
     if errors.shape[1] < 2:
-        return 0, 0.0
+        return 0
     means = errors.mean(axis=1)
     best = int(np.argmin(means))
-    slack = 0.0
-    for number in range(len(trials)):
-        difference = errors[number] - errors[best]
-        standard_error = float(np.std(difference, ddof=1) / math.sqrt(len(difference)))
-        slack = max(0.0, math.sqrt(means[best] + standard_error) - math.sqrt(means[best]))
-        if means[number] <= means[best] + standard_error:
-            return number, slack
-    return best, slack
+    difference = errors - errors[best]
+    standard_error = np.std(difference, axis=1, ddof=1) / math.sqrt(errors.shape[1])
+    return int(np.argmax(means <= means[best] + standard_error))

@@ -1,0 +1,64 @@
+"""A real robot's recordings through the documented commands: import, identify, validate."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from rid_daq.app import run
+
+FILES = {
+    "long": ("ur-20_02_12-50sec_12harm.csv", "355-5090"),
+    "short": ("ur-20_02_10-30sec_12harm.csv", "635-3510"),
+    "points": ("ur-20_01_17-ptp_10_points.csv", "700-4200"),
+    "unloaded": ("ur-20_01_31-unload.csv", "300-2623"),
+    "loaded": ("ur-20_01_31-load.csv", "370-2881"),
+}
+LIMITS_PERCENT = (6.5, 3.6, 3.6, 3.8, 6.7, 6.0)
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = os.environ.get("RID_DAQ_DATA", "")
+    folder = Path(root) / "ur10e"
+    if not root or not folder.is_dir():
+        reason = "no recordings of a real robot: RID_DAQ_DATA must name the folder of ur10e/"
+        if os.environ.get("CI"):
+            pytest.fail(f"{reason}; in CI they must be there")
+        pytest.skip(reason)
+    place = tmp_path_factory.mktemp("ur10e")
+    for label, (name, rows) in FILES.items():
+        words = ["import", str(folder / name), "--map", "ur10e_31", "--rows", rows]
+        assert run([*words, "--label", label, "--runs", str(place / "runs")]) == 0
+    return place
+
+
+def test_a_model_chosen_by_the_training_runs_alone_predicts_another_motion(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs, model = ["--runs", str(workshop / "runs")], str(workshop / "model.json")
+    words = ["identify", "long", "short", "--choose", "--band", "9.4", "-o", model, *runs]
+    capsys.readouterr()
+    assert run([*words, "--json"]) == 0
+    chosen = json.loads(capsys.readouterr().out)["comparison"]["chosen"]
+    # Harmonic drives under load: the two joints that carry the arm have load-dependent friction.
+    assert "load" in chosen["joint2"]
+    assert "load" in chosen["joint3"]
+    limits = ",".join(map(str, LIMITS_PERCENT))
+    assert run(["validate", model, "points", "--band", "9.4", "--limits", limits, *runs]) == 0
+
+
+def test_a_payload_is_weighed_from_runs_with_and_without_it(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["identify", "unloaded", "loaded", "--loaded", "loaded", "--band", "9.4", "--json"]
+    words += ["-o", str(workshop / "payload.json"), "--runs", str(workshop / "runs")]
+    capsys.readouterr()
+    assert run(words) == 0
+    parameters = json.loads(capsys.readouterr().out)["estimate"]["parameters"]
+    mass = next(p for p in parameters if p["name"] == "mL")
+    assert abs(mass["value"] - 2.805) < 0.02 * 2.805
+    assert abs(mass["value"] - 2.805) < 2.0 * mass["std"]
