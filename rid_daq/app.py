@@ -36,6 +36,7 @@ COMMANDS: dict[str, str] = {
     "identify": "estimate the robot's parameters from one or more runs",
     "validate": "predict another run's torques and judge the error",
     "friction": "friction alone, out of the runs that were made to measure it",
+    "export": "write a model as URDF, SDF, C, Python, CSV, JSON, or for Pinocchio",
     "report": "write a run's report again from its results",
     "runs": "list the runs, and check that their files are unchanged",
 }
