@@ -27,7 +27,7 @@ class XmlElement:
     attributes: dict[str, str]
     line: int
     file: str
-    children: list[XmlElement] = field(default_factory=list)
+    children: tuple[XmlElement, ...] = ()
     text: str = ""
 
     @property
@@ -99,6 +99,17 @@ class XmlElement:
         return self.numbers(name, 1, ())[0]
 
 
+@dataclass(frozen=True)
+class _Open:
+    """An element whose end has not been read yet; its lists grow."""
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    children: list[XmlElement] = field(default_factory=list)
+    texts: list[str] = field(default_factory=list)
+
+
 def parse_xml(data: bytes, name: str) -> XmlElement:
     """Parse one XML document and return its root.
 
@@ -118,24 +129,28 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
         raise ConfigError(f"{name}: {len(data)} bytes; at most {MAX_BYTES} are read")
     parser = expat.ParserCreate()
     parser.buffer_text = True
-    top = XmlElement("", {}, 0, name)
-    open_elements = [top]
-    texts: list[str] = [""]
+    waiting: list[_Open] = [_Open("", {}, 0)]
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        if len(open_elements) > MAX_DEPTH:
+        if len(waiting) > MAX_DEPTH:
             raise ConfigError(f"{name}:{parser.CurrentLineNumber}: nested deeper than {MAX_DEPTH}")
-        element = XmlElement(tag, dict(attributes), parser.CurrentLineNumber, name)
-        open_elements[-1].children.append(element)
-        open_elements.append(element)
-        texts.append("")
+        waiting.append(_Open(tag, dict(attributes), parser.CurrentLineNumber))
 
     def end(_tag: str) -> None:
-        element = open_elements.pop()
-        object.__setattr__(element, "text", texts.pop().strip())
+        done = waiting.pop()
+        waiting[-1].children.append(
+            XmlElement(
+                tag=done.tag,
+                attributes=done.attributes,
+                line=done.line,
+                file=name,
+                children=tuple(done.children),
+                text="".join(done.texts).strip(),
+            )
+        )
 
     def characters(text: str) -> None:
-        texts[-1] += text
+        waiting[-1].texts.append(text)
 
     def refuse(*_: object) -> None:
         raise ConfigError(
@@ -156,4 +171,4 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
         ) from None
     except (LookupError, ValueError) as error:
         raise ConfigError(f"{name}: not XML: {error}") from None
-    return top.children[0]
+    return waiting[0].children[0]

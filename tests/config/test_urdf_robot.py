@@ -309,3 +309,16 @@ def test_a_link_that_cannot_exist_gives_no_cad_and_a_reason() -> None:
 def test_what_cannot_be_meant_is_refused_with_file_and_line(data: bytes, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         robot_of_urdf(read_urdf(data, "bad.urdf"))
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.data())
+def test_a_damaged_file_is_read_or_refused_but_never_crashes(data: Any) -> None:
+    whole = bytearray(arm())
+    for _ in range(data.draw(st.integers(1, 6))):
+        at = data.draw(st.integers(0, len(whole) - 1))
+        whole[at : at + data.draw(st.integers(0, 30))] = data.draw(st.binary(max_size=8))
+    try:
+        robot_of_urdf(read_urdf(bytes(whole), "damaged.urdf"))
+    except ConfigError as error:
+        assert "damaged.urdf" in str(error)  # noqa: PT017
