@@ -90,13 +90,18 @@ def _tell(console: Console, section: dict[str, Any]) -> None:
         ways = curve["forward"] is not None
         console.say()
         console.table(
-            (joint["joint"], "friction", "± 2σ", *(("forwards", "backwards") if ways else ())),
+            (
+                joint["joint"],
+                "friction",
+                "± 2σ",
+                *(("forwards", "backwards", "± 2σ") if ways else ()),
+            ),
             [
                 (
                     f"{number(speed, 3)} {joint['unit']}/s",
                     f"{number(curve['odd'][i])} {torque}",
                     number(2.0 * curve["odd_std"][i], 2),
-                    *((number(curve["forward"][i]), number(curve["backward"][i])) if ways else ()),
+                    *(_directions(curve, i) if ways else ()),
                 )
                 for i, speed in enumerate(curve["speed"])
             ],
@@ -114,6 +119,14 @@ def _tell(console: Console, section: dict[str, Any]) -> None:
             ],
         )
         console.verdict(None, joint["sentence"])
+
+
+def _directions(curve: dict[str, Any], i: int) -> tuple[str, str, str]:
+    return (
+        number(curve["forward"][i]),
+        number(curve["backward"][i]),
+        number(2.0 * curve["direction_std"][i], 2),
+    )
 
 
 def _coefficient(p: dict[str, Any]) -> str:
