@@ -2,16 +2,15 @@
 
 The motion of joint j is q0 + sum_k a_k sin(k w t) + b_k cos(k w t) (2.30). All that is asked of it
 is a smooth function of these coefficients: the criterion through the exact gradient of the
-regressor, the limits as squared violations. Sampled at a handful of points per highest harmonic
-(physics: section 10); `optimal_design` verifies the result on a dense grid.
+regressor, the limits as squared violations. The criterion is sampled at a handful of points per
+highest harmonic (physics: section 10), the limits at more; `motion_check` verifies the result.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -22,20 +21,20 @@ from config.motion import FourierJoint, FourierMotion
 from config.robot import RobotDescription
 from dynamics.inverse_dynamics import regressor_gradient
 from dynamics.robot_model import RobotModel, regressor
+from dynamics.transmission import Transmission
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.clearances import Clearances
-
-Criterion = Literal["d_optimal", "condition"]
+from identification.design_criteria import Criterion
 
 POINTS_PER_HARMONIC = 8
 LIMIT_POINTS_PER_HARMONIC = 24
 SIGN_SMOOTHING_SHARE = 0.02
-NORM_POWER = 6
-INFORMATION_SHARE = 0.3
-CLEARANCE_SCALE_M = 0.05
+CLEARANCE_SCALE_M = 0.015
 DECIMALS = 6
 START_POSES = 500
 START_AMPLITUDE = 0.15
+
+Shifts = tuple[FloatArray, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,23 +44,21 @@ class ExcitationProblem:
     Attributes
     ----------
     robot : RobotDescription
-        The robot with its limits and bodies.
+        The robot with its limits and bodies. Gears count as lossless, at reference temperature.
     period_s : float
         The period [s].
     harmonics : int
         The highest harmonic of every joint, N.
-    criterion : "d_optimal" or "condition"
-        Minus the log determinant of the information per parameter, or the log of the condition
-        number (2.25, 2.26), smoothed, plus a share of the former: the condition number alone does
-        not mind how small a motion is.
+    criterion : Criterion
+        What is made small.
     limit_fraction : float
-        Share of the position, velocity, acceleration and torque limits that may be used.
+        Share of the position, velocity, acceleration and torque limits that is planned with.
     expected_noise_nm : (n,) array
         Standard deviation of a torque sample; the rows' weights.
     parameters : (parameters,) array, or None
-        A-priori standard parameters for the torque limits; None leaves torque out.
+        A-priori standard parameters of `model` for the torque limits; None leaves torque out.
     given : (b, b) array, or None
-        Information about the base parameters that earlier runs hold already.
+        Information about the base parameters that earlier runs hold already, per sample.
     workspace : Workspace
         Where the robot may be.
     """
@@ -91,24 +88,49 @@ class ExcitationProblem:
                 f"excitation design: the earlier information has the shape {self.given.shape}, the"
                 f" model {b} base parameters: give models of the same robot and terms"
             )
+        names = self.model.parameter_names
+        if self.parameters is not None and self.parameters.shape != (len(names),):
+            raise ConfigError(
+                f"excitation design: {self.parameters.shape} a-priori values for the"
+                f" {len(names)} parameters of robot {self.robot.name!r}"
+            )
 
     @cached_property
     def model(self) -> RobotModel:
-        """The model with a smoothed sign of the speed, which has a gradient."""
+        """The model, whose sign of the speed is hard."""
+        return design_model(self.robot)
+
+    @cached_property
+    def _smooth_model(self) -> RobotModel:
+        """The same model with a smoothed sign, which has a gradient."""
         fastest = max(joint.limits.velocity for joint in self.robot.joints)
-        return RobotModel.from_description(
-            self.robot, sign_smoothing_rad_s=SIGN_SMOOTHING_SHARE * fastest
-        )
+        return design_model(self.robot, SIGN_SMOOTHING_SHARE * fastest)
 
     @cached_property
     def base(self) -> BaseParameters:
         """What of the model can be identified at all."""
-        return base_parameters(RobotModel.from_description(self.robot))
+        return base_parameters(self.model)
 
     @cached_property
     def clearances(self) -> Clearances:
         """The pairs of bodies that must stay apart."""
         return Clearances.of(self.robot, self.workspace)
+
+    def with_clearance(self, more_m: float) -> ExcitationProblem:
+        """Return the same task with a larger clearance around the bodies."""
+        clearance_m = self.workspace.clearance_m + more_m
+        workspace = self.workspace.model_copy(update={"clearance_m": clearance_m})
+        return replace(self, workspace=workspace)
+
+    def information(self, rows: FloatArray) -> FloatArray:
+        """Return the information per sample of weighted base rows (points, n, b), and `given`."""
+        flat = rows.reshape(-1, rows.shape[2])
+        information = flat.T @ flat / len(rows)
+        return information if self.given is None else information + self.given
+
+    def weighted_rows(self, standard_regressor: FloatArray) -> FloatArray:
+        """Return base rows over the expected noise, (points, n, b)."""
+        return self.base.columns(standard_regressor) / self.expected_noise_nm[:, np.newaxis]
 
     @property
     def size(self) -> int:
@@ -119,15 +141,9 @@ class ExcitationProblem:
     def _scales(self) -> FloatArray:
         """What a variable of one stands for, (n, 2 N + 1): half range, largest amplitudes."""
         omega = 2.0 * math.pi / self.period_s * np.arange(1, self.harmonics + 1)
-        rows = []
-        for joint in self.robot.joints:
-            limits = joint.limits
-            half = (limits.position_max - limits.position_min) / 2.0
-            largest = np.minimum(
-                half, np.minimum(limits.velocity / omega, limits.acceleration / omega**2)
-            )
-            rows.append(np.concatenate([[half], largest, largest]))
-        return self.limit_fraction * np.array(rows)
+        half, velocity, acceleration = self._sizes[:, :, np.newaxis]
+        largest = np.minimum(half, np.minimum(velocity / omega, acceleration / omega**2))
+        return np.asarray(self.limit_fraction * np.hstack([half, largest, largest]))
 
     @cached_property
     def _middle(self) -> FloatArray:
@@ -208,7 +224,7 @@ class ExcitationProblem:
         for _ in range(START_POSES):
             x[:, 0] = random.uniform(-0.8, 0.8, len(x))
             pose = self._middle + x[:, 0] * self._scales[:, 0]
-            distances = self.clearances.distances(pose[np.newaxis])[0]
+            distances = self.clearances.nearest(pose[np.newaxis])
             if (distances >= self.clearances.margin_m).all():
                 return np.asarray(x.ravel())
         nearest = int(np.argmin(distances))
@@ -219,83 +235,108 @@ class ExcitationProblem:
             " in the cell file"
         )
 
-    def value(self, x: FloatArray, penalty: float) -> tuple[float, FloatArray]:
-        """Return criterion plus `penalty` times the squared violations, and the gradient."""
-        q, v, a = self.motion(x, self._coarse)
-        phi = regressor(self.model, q, v, a)
-        weights = np.zeros_like(phi)
-        kept = list(self.base.kept)
-        rows = phi[:, :, kept] / self.expected_noise_nm[:, np.newaxis]
-        worth, by_rows = self._criterion(rows)
-        weights[:, :, kept] = by_rows / self.expected_noise_nm[:, np.newaxis]
-        if self.parameters is not None:
-            tau = phi @ self.parameters
-            limit = self.limit_fraction * np.array([j.limits.torque for j in self.robot.joints])
-            over, slope = _beyond(tau, -limit, limit, limit)
-            worth += penalty * over
-            weights += penalty * slope[:, :, np.newaxis] * self.parameters
-        gradient = np.zeros(self._scales.shape)
-        for basis, by in zip(
-            self._coarse, regressor_gradient(self.model, q, v, a, weights), strict=True
-        ):
-            gradient += by.T @ basis
+    def value(self, x: FloatArray, penalty: float, shifts: Shifts) -> tuple[float, FloatArray]:
+        """Return criterion plus penalties for broken limits, and the gradient.
 
+        Parameters
+        ----------
+        x : (size,) array
+            The variables.
+        penalty : float
+            What the mean squared violations, in shares of the limits, are multiplied by.
+        shifts : tuple of arrays
+            By how much each limit is moved inwards at each point, in shares: `next_shifts`.
+        """
+        q, v, a = self.motion(x, self._coarse)
+        phi = regressor(self._smooth_model, q, v, a)
+        rows = self.weighted_rows(phi)
+        worth, by_information = self.criterion.smooth(self.information(rows))
+        weights = np.zeros_like(phi)
+        by_rows = 2.0 / len(rows) * rows @ by_information
+        weights[:, :, list(self.base.kept)] = by_rows / self.expected_noise_nm[:, np.newaxis]
         fine = self.motion(x, self._fine)
-        for kind, basis in enumerate(self._fine):
-            low, high, size = self._bounds(kind)
-            over, slope = _beyond(fine[kind], low, high, size)
-            worth += penalty * over
-            gradient += penalty * slope.T @ basis
+        *over, over_torque = self._excess(fine, phi, shifts)
+        gradient = np.zeros(self._scales.shape)
+        for basis, excess, size in zip(self._fine, over, self._sizes, strict=True):
+            share = penalty / len(basis)
+            worth += share * float(np.sum(excess**2))
+            gradient += 2.0 * share * ((excess[0] - excess[1]) / size).T @ basis
+        share = penalty / len(q)
+        worth += share * float(np.sum(over_torque**2))
+        slope = 2.0 * share * (over_torque[0] - over_torque[1]) / self._torques
+        weights += slope[:, :, np.newaxis] * self._prior
+        by_motion = regressor_gradient(self._smooth_model, q, v, a, weights)
+        for basis, by in zip(self._coarse, by_motion, strict=True):
+            gradient += by.T @ basis
         if len(self.clearances):
-            short, by_q = self.clearances.shortfall(q)
-            share = 1.0 / (len(q) * CLEARANCE_SCALE_M**2)
-            worth += penalty * share * float(np.sum(short**2))
-            gradient += penalty * 2.0 * share * by_q.T @ self._coarse[0]
+            squares, by_q = self.clearances.shortfall(fine[0])
+            share = penalty / (len(fine[0]) * CLEARANCE_SCALE_M**2)
+            worth += share * squares
+            gradient += share * by_q.T @ self._fine[0]
         return worth, np.asarray((gradient * self._scales).ravel())
 
-    def _bounds(self, kind: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return low, high and size of the limits of positions (0), velocities or accelerations."""
+    def no_shifts(self) -> Shifts:
+        """Return shifts of zero, to start with."""
+        n, fine, coarse = len(self.robot.joints), len(self._fine[0]), len(self._coarse[0])
+        return (*(np.zeros((2, fine, n)) for _ in range(3)), np.zeros((2, coarse, n)))
+
+    def next_shifts(self, x: FloatArray, shifts: Shifts) -> Shifts:
+        """Move each limit further inwards by what it is broken by, or back as far as it may.
+
+        These are the multipliers of the augmented Lagrangian over the penalty (Hestenes 1969,
+        Powell 1969; Rockafellar 1973 for inequalities).
+        """
+        phi = regressor(self._smooth_model, *self.motion(x, self._coarse))
+        return tuple(self._excess(self.motion(x, self._fine), phi, shifts))
+
+    def _excess(self, fine: FloatArray, phi: FloatArray, shifts: Shifts) -> list[FloatArray]:
+        """Return by what q, v, a and torques are above and below the shifted limits, in shares.
+
+        The arrays have the shape (2, points, n): above the upper limit, below the lower one.
+        """
+        offsets = (fine[0] - self._middle, fine[1], fine[2], phi @ self._prior)
+        sizes = (*self._sizes, self._torques)
+        return [
+            np.maximum(np.array([offset, -offset]) / size - self.limit_fraction + shift, 0.0)
+            for offset, size, shift in zip(offsets, sizes, shifts, strict=True)
+        ]
+
+    @cached_property
+    def _prior(self) -> FloatArray:
+        """The a-priori parameters; zeros, and so no torque, where there are none."""
+        if self.parameters is None:
+            return np.zeros(len(self.model.parameter_names))
+        return self.parameters
+
+    @cached_property
+    def _sizes(self) -> FloatArray:
+        """Half the position range, largest speed, largest acceleration, (3, n)."""
         limits = [joint.limits for joint in self.robot.joints]
-        if kind == 0:
-            half = np.array([(e.position_max - e.position_min) / 2.0 for e in limits])
-            high = self.limit_fraction * half
-            return self._middle - high, self._middle + high, half
-        name = ("velocity", "acceleration")[kind - 1]
-        high = self.limit_fraction * np.array([getattr(each, name) for each in limits])
-        return -high, high, high
+        return np.array(
+            [
+                [(each.position_max - each.position_min) / 2.0 for each in limits],
+                [each.velocity for each in limits],
+                [each.acceleration for each in limits],
+            ]
+        )
 
-    def _criterion(self, rows: FloatArray) -> tuple[float, FloatArray]:
-        """Return the criterion of weighted rows (points, n, b), and its gradient by them."""
-        flat = rows.reshape(-1, rows.shape[2])
-        information = flat.T @ flat / len(rows)
-        if self.given is not None:
-            information = information + self.given
-        size = np.sqrt(np.diagonal(information))
-        size = np.maximum(size, 1e-9 * size.max())
-        scaled = information / np.outer(size, size)
-        eigenvalues, vectors = np.linalg.eigh(scaled)
-        eigenvalues = np.maximum(eigenvalues, 1e-14)
-        b = len(size)
-        worth = -float(np.sum(np.log(eigenvalues)) + 2.0 * np.sum(np.log(size))) / b
-        by_information = -(vectors / eigenvalues) @ vectors.T / b / np.outer(size, size)
-        if self.criterion == "condition":
-            # The p-norms of the eigenvalues and of their inverses stand for the largest ones.
-            high = (eigenvalues / eigenvalues[-1]) ** NORM_POWER
-            low = (eigenvalues[0] / eigenvalues) ** NORM_POWER
-            condition = 0.5 * (math.log(eigenvalues[-1]) - math.log(eigenvalues[0]))
-            condition += 0.5 / NORM_POWER * (math.log(high.sum()) + math.log(low.sum()))
-            slope = 0.5 * (high / high.sum() - low / low.sum()) / eigenvalues
-            inner = (vectors * slope) @ vectors.T
-            worth = condition + INFORMATION_SHARE * worth
-            by_information = INFORMATION_SHARE * by_information + inner / np.outer(size, size)
-            by_information -= np.diag(np.sum(inner * scaled, axis=1) / size**2)
-        by_rows = 2.0 / len(rows) * rows @ by_information
-        return worth, np.asarray(by_rows)
+    @cached_property
+    def _torques(self) -> FloatArray:
+        return np.array([joint.limits.torque for joint in self.robot.joints])
 
 
-def _beyond(
-    values: FloatArray, low: FloatArray, high: FloatArray, size: FloatArray
-) -> tuple[float, FloatArray]:
-    """Return the mean squared violation of limits, in shares of `size`, and its gradient."""
-    over = (np.maximum(values - high, 0.0) + np.minimum(values - low, 0.0)) / size
-    return float(np.sum(over**2)) / len(values), 2.0 * over / size / len(values)
+def design_model(robot: RobotDescription, sign_smoothing_rad_s: float = 0.0) -> RobotModel:
+    """Return the model whose columns count in a design: those that the motion has a say in.
+
+    Friction's dependence on temperature and the gears' losses are left out.
+    """
+    joints = tuple(
+        joint.model_copy(
+            update={"friction": tuple(t for t in joint.friction if t != "temperature")}
+        )
+        for joint in robot.joints
+    )
+    model = RobotModel.from_description(
+        robot.model_copy(update={"joints": joints}), sign_smoothing_rad_s=sign_smoothing_rad_s
+    )
+    return replace(model, transmission=Transmission())

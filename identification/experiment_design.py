@@ -7,7 +7,9 @@ construction, the one is kept whose regressor has the smallest condition number 
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -64,9 +66,35 @@ def design_two_harmonic(
         )
     model = RobotModel.from_description(robot)
     base = base_parameters(model)
+    draws = two_harmonic_draws(
+        robot,
+        period_s,
+        highest_harmonic=highest_harmonic,
+        limit_fraction=limit_fraction,
+        seed=seed,
+        periods=periods,
+        transient_periods=transient_periods,
+    )
+    drawn = list(itertools.islice(draws, tries))
+    best = min(drawn, key=lambda motion: _condition_number(robot, model, base, motion))
+    plan_motion(best, robot, sample_period_s)
+    return best
+
+
+def two_harmonic_draws(
+    robot: RobotDescription,
+    period_s: float,
+    *,
+    highest_harmonic: int = 8,
+    limit_fraction: float = 0.85,
+    seed: int = 0,
+    periods: int = 16,
+    transient_periods: int = 1,
+) -> Iterator[FourierMotion]:
+    """Draw motions without end; the arguments are those of `design_two_harmonic`."""
     random = np.random.default_rng(seed)
-    drawn = [
-        FourierMotion(
+    while True:
+        yield FourierMotion(
             kind="fourier",
             robot=robot.name,
             period_s=period_s,
@@ -77,11 +105,6 @@ def design_two_harmonic(
                 for joint in robot.joints
             ),
         )
-        for _ in range(tries)
-    ]
-    best = min(drawn, key=lambda motion: _condition_number(robot, model, base, motion))
-    plan_motion(best, robot, sample_period_s)
-    return best
 
 
 def condition_number(robot: RobotDescription, motion: FourierMotion) -> float:

@@ -9,18 +9,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.arrays import FloatArray
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.robot import RobotDescription
 from dynamics.cad import cad_parameters
-from dynamics.robot_model import RobotModel
+from dynamics.robot_model import RobotModel, regressor
+from identification.base_parameters import BaseParameters, base_parameters
+from identification.design_criteria import Condition, Criterion, DOptimal, Goals
 from identification.estimate import Estimate
-from identification.excitation_problem import Criterion, ExcitationProblem
+from identification.excitation_problem import ExcitationProblem, design_model
 from identification.optimal_design import Candidate, candidates
 from rid_daq.console import Console
 
 EXPECTED_NOISE_SHARE = 0.01
+LIMIT_FRACTION = 0.9
 SEEDS_APART = 10_000
+TORQUE = "torque"
+TORQUE_POSES = 50
 
 
 @dataclass(frozen=True)
@@ -35,11 +41,55 @@ class Trial:
 
 @dataclass(frozen=True)
 class Search:
-    """A finished search: the best motion that breaks nothing, and every trial."""
+    """A finished search: the best motion that breaks nothing, and every trial in time."""
 
     best: Candidate
     trials: tuple[Trial, ...]
     interrupted: bool
+
+    @property
+    def curve(self) -> tuple[Trial, ...]:
+        """The trials that were the best so far when they were ready."""
+        best: list[Trial] = []
+        for trial in self.trials:
+            if not trial.broken and (not best or trial.worth < best[-1].worth):
+                best.append(trial)
+        return tuple(best)
+
+
+def chosen_criterion(robot: RobotDescription, name: str, wanted: Sequence[str]) -> Criterion:
+    """Return the criterion of a command's words.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    name : str
+        "condition" or "d-optimal", where nothing is wanted in particular.
+    wanted : sequence of str
+        Base parameters by name, or `torque` for what the model predicts all over the limits.
+
+    Raises
+    ------
+    ConfigError
+        A name is none of the base parameters.
+    """
+    if not wanted:
+        return Condition() if name == "condition" else DOptimal()
+    model = design_model(robot)
+    base = base_parameters(model)
+    rows: list[FloatArray] = []
+    for parameter in wanted:
+        if parameter == TORQUE:
+            rows += list(_predictions(robot, model, base))
+        elif parameter in base.names:
+            rows.append(np.eye(len(base))[base.names.index(parameter)])
+        else:
+            raise ConfigError(
+                f"--for {parameter}: is not one of the parameters that torques can tell, which are"
+                f" {TORQUE}, {', '.join(base.names)}"
+            )
+    return Goals(np.array(rows))
 
 
 def excitation_problem(
@@ -47,7 +97,6 @@ def excitation_problem(
     robot: RobotDescription,
     *,
     period_s: float,
-    periods: int,
     harmonics: int,
     criterion: Criterion,
     model: Estimate | None = None,
@@ -55,43 +104,39 @@ def excitation_problem(
 ) -> ExcitationProblem:
     """Put a design task together from a cell and what is known of its robot.
 
-    Torque limits are held by `model`, else by the robot file's `cad`, else not at all. Earlier
-    estimates count with their information over the samples of the new run.
+    Torque limits are held by `model`, else by the robot file's `cad`, else not at all. The noise
+    to expect is what `model` or an earlier estimate left over, else a share of the torque limits.
 
     Raises
     ------
     ConfigError
         A model is of another robot or has other terms.
     """
-    full = RobotModel.from_description(robot)
-    parameters = None
+    planned = design_model(robot)
     noise = EXPECTED_NOISE_SHARE * np.array([joint.limits.torque for joint in robot.joints])
-    for estimate in (*given, *([model] if model is not None else [])):
-        if estimate.base.standard_names != full.parameter_names:
+    known = [*given, *([model] if model is not None else [])]
+    for estimate in known:
+        if estimate.robot.joint_names != robot.joint_names:
             raise ConfigError(
-                f"the model of robot {estimate.robot.name!r} has other parameters than this cell's"
-                f" robot {robot.name!r}: give models of this robot with all its terms"
+                f"a model is of robot {estimate.robot.name!r}, the cell's is {robot.name!r}: give"
+                " models of this robot"
             )
+    if known:
+        noise = np.maximum(known[-1].residual_nm, 1e-4 * noise)
+    parameters = None
     if model is not None:
-        parameters = np.zeros(len(full.parameter_names))
-        parameters[list(model.base.kept)] = model.values
-        noise = np.maximum(model.residual_nm, 1e-4 * noise)
+        parameters = _standard_values(planned, model)
     elif robot.cad is not None:
-        parameters, _ = cad_parameters(full, robot)
-    information = None
-    if given:
-        rows = periods * period_s / cell.cycle_time_s
-        parts = [np.linalg.inv(estimate.covariance_residual) for estimate in given]
-        information = np.asarray(np.sum(parts, axis=0)) / rows
+        parameters = cad_parameters(planned, robot)[0]
     return ExcitationProblem(
         robot=robot,
         period_s=period_s,
         harmonics=harmonics,
         criterion=criterion,
-        limit_fraction=0.9,
+        limit_fraction=LIMIT_FRACTION,
         expected_noise_nm=noise,
         parameters=parameters,
-        given=information,
+        given=_information(base_parameters(planned), given) if given else None,
         workspace=cell.workspace,
     )
 
@@ -128,15 +173,13 @@ def search(
         try:
             for candidate in stream:
                 elapsed_s = time.monotonic() - began_s
-                worth = candidate.worth(problem)
-                trials.append(Trial(elapsed_s, candidate.seed, worth, candidate.broken))
-                if not candidate.broken and (
-                    best is None or _key(problem, candidate) < _key(problem, best)
-                ):
+                check = candidate.check
+                trials.append(Trial(elapsed_s, candidate.seed, check.worth, check.broken))
+                if not check.broken and (best is None or _key(candidate) < _key(best)):
                     best = candidate
                 line = "none holds every limit yet"
                 if best is not None:
-                    line = f"best condition number {best.condition_number:.3g}"
+                    line = f"best {problem.criterion.words(best.check.worth)}"
                 shown.update(float(len(trials)), line)
                 if budget_s is not None and elapsed_s >= budget_s:
                     break
@@ -152,6 +195,53 @@ def search(
     return Search(best, tuple(trials), interrupted)
 
 
-def _key(problem: ExcitationProblem, candidate: Candidate) -> tuple[float, int]:
+def _key(candidate: Candidate) -> tuple[float, int]:
     """Order candidates, so that the order in which they arrive does not matter."""
-    return (candidate.worth(problem), candidate.seed)
+    return (candidate.check.worth, candidate.seed)
+
+
+def _predictions(robot: RobotDescription, model: RobotModel, base: BaseParameters) -> FloatArray:
+    """Return what predicts the torques of random motions within the limits, (rows, b)."""
+    random = np.random.default_rng(0)
+    limits = [joint.limits for joint in robot.joints]
+    shape = (TORQUE_POSES, len(limits))
+    low, high = ([getattr(x, f"position_{end}") for x in limits] for end in ("min", "max"))
+    q = random.uniform(low, high, shape)
+    v = random.uniform(-1.0, 1.0, shape) * [each.velocity for each in limits]
+    a = random.uniform(-1.0, 1.0, shape) * [each.acceleration for each in limits]
+    return base.columns(regressor(model, q, v, a)).reshape(-1, len(base))
+
+
+def _standard_values(planned: RobotModel, estimate: Estimate) -> FloatArray:
+    """Return an estimate's parameters in the order of the planned model, 0 where it has none."""
+    found = dict(zip(estimate.base.standard_names, estimate.standard_values, strict=True))
+    return np.array([found.get(name, 0.0) for name in planned.parameter_names])
+
+
+def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
+    """Return what earlier estimates know, for one sample of a run worth as many equations.
+
+    Friction is left out: it changes from day to day, and is estimated anew (physics: section 4).
+    """
+    information = np.zeros((len(base), len(base)))
+    for estimate in given:
+        carried = [k for k, rigid in enumerate(_carried(estimate)) if rigid]
+        words = [estimate.base.words[k] for k in carried]
+        missing = [text for text in words if text not in base.words]
+        if missing:
+            raise ConfigError(
+                f"the model of robot {estimate.robot.name!r} knows {missing[0]}, which this cell's"
+                " robot has not: give models of the same robot file with all its terms"
+            )
+        places = [base.words.index(text) for text in words]
+        covariance = estimate.covariance_residual[np.ix_(carried, carried)]
+        samples = estimate.equations / len(estimate.robot.joints)
+        information[np.ix_(places, places)] += np.linalg.inv(covariance) / samples
+    return information
+
+
+def _carried(estimate: Estimate) -> list[bool]:
+    """Return which base parameters are worth as much tomorrow: all but friction's."""
+    friction = estimate.model.parameter_groups.get("friction", slice(0, 0))
+    changing = set(range(*friction.indices(len(estimate.model.parameter_names))))
+    return [head not in changing for head in estimate.base.kept]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,7 +19,7 @@ from config.whole_file import write_whole
 from identification.estimate_file import read_estimate
 from identification.experiment_design import condition_number, design_two_harmonic
 from rid_daq.console import AsJson, Console
-from rid_daq.design_job import Search, excitation_problem, search
+from rid_daq.design_job import Search, chosen_criterion, excitation_problem, search
 from rid_daq.sections import units
 
 
@@ -75,6 +76,14 @@ def design(
         typer.Option(metavar="MODEL", help="Models of earlier runs, whose information counts."),
     ] = None,
     tries: Annotated[int, typer.Option(min=1, help="Motions compared (two-harmonic).")] = 200,
+    wanted: Annotated[
+        str,
+        typer.Option(
+            "--for",
+            metavar="NAMES",
+            help="What is to be known best instead of --criterion: parameters as m3,Izz1, torque.",
+        ),
+    ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Where they are drawn from.")] = 0,
     overwrite: Annotated[bool, typer.Option(help="Replace MOTION if it is there.")] = False,
     as_json: AsJson = False,
@@ -93,13 +102,13 @@ def design(
     robot = loaded.robot
     found: Search | None = None
     if method is Method.OPTIMAL:
+        names = [name.strip() for name in wanted.split(",") if name.strip()]
         problem = excitation_problem(
             loaded.config,
             robot,
             period_s=period_s,
-            periods=periods,
             harmonics=highest_harmonic or 5,
-            criterion="condition" if criterion is CriterionName.CONDITION else "d_optimal",
+            criterion=chosen_criterion(robot, criterion.value, names),
             model=None if model is None else read_estimate(model),
             given=[read_estimate(path) for path in given or ()],
         )
@@ -115,8 +124,9 @@ def design(
         )
         motion = found.best.motion
         origin = (
-            f"the best of {len(found.trials)} starts from seed {seed} by the criterion"
-            f" {criterion.value}."
+            f"the best of {len(found.trials)} starts from seed {seed} for"
+            f" {', '.join(names) or criterion.value}:"
+            f" {problem.criterion.words(found.best.check.worth)}."
         )
     else:
         motion = design_two_harmonic(
@@ -157,14 +167,8 @@ def _write(
         "axes": axes,
     }
     if found is not None:
-        document["limits"] = [
-            {"what": use.what, "used": use.used, "limit": use.limit, "unit": use.unit}
-            for use in found.best.uses
-        ]
-        document["trials"] = [
-            {"elapsed_s": t.elapsed_s, "seed": t.seed, "worth": t.worth, "broken": list(t.broken)}
-            for t in found.trials
-        ]
+        document["limits"] = [asdict(use) for use in found.best.check.uses]
+        document["trials"] = [asdict(trial) for trial in found.trials]
         document["interrupted"] = found.interrupted
     console.document(document)
     if found is not None and found.interrupted:
@@ -188,22 +192,34 @@ def _write(
             for axis in axes
         ],
     )
-    if found is None:
-        return
-    torques = [use for use in found.best.uses if use.unit != "m"]
+    if found is not None:
+        _say_search(console, found)
+
+
+def _say_search(console: Console, found: Search) -> None:
+    """Say how the search went, and what the motion's torques and distances are."""
+    curve = ", ".join(f"{trial.worth:.4g} after {trial.elapsed_s:.1f} s" for trial in found.curve)
+    console.say(f"Best value: {curve} ({len(found.trials)} starts).")
+    uses = found.best.check.uses
+    torques = [use for use in uses if use.what.startswith("torque")]
     shares = ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in torques)
     console.say(
         f"Largest torque expected, axis by axis: {shares} % of the limit."
         if torques
         else "Torque is not checked: the robot file has no `cad`, and no --model is given."
     )
-    distances = [use for use in found.best.uses if use.unit == "m"]
-    nearest = min(distances, key=lambda use: use.used, default=None)
+    nearest = min(
+        (use for use in uses if use.unit == "m" and use.what.startswith("distance")),
+        key=lambda use: use.used,
+        default=None,
+    )
     console.say(
         f"Nearest approach: {1000.0 * nearest.used:.0f} mm, {nearest.what}."
         if nearest is not None
         else "Collisions are not checked: neither `bodies` nor a `workspace` is stated."
     )
+    active = [use.what for use in uses if use.active]
+    console.say(f"What holds the motion back: {', '.join(active) or 'nothing'}.")
 
 
 def _use_of_limits(samples: MotionSamples, robot: RobotDescription) -> list[dict[str, Any]]:

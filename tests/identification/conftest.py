@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 from scipy import signal
@@ -13,8 +15,9 @@ from scipy import signal
 from acquisition.excitation import FourierTrajectory
 from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.recording import Recording
+from config.bodies import Capsule
 from config.cell import ButterworthFilter
-from config.load import LoadedCell, load_cell
+from config.load import LoadedCell, load_cell, load_robot
 from config.motion import FourierMotion
 from config.plant import PlantConfig
 from config.robot import RobotDescription
@@ -170,3 +173,52 @@ def run(cell: LoadedCell) -> Run:
         )
 
     return through
+
+
+@dataclass(frozen=True)
+class PinocchioArm:
+    """The bundled six-axis arm in Pinocchio: links as drawn, and their capsules."""
+
+    model: pin.Model
+    geometry: pin.GeometryModel
+
+    def distances(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance of each pair of bodies of links that are not neighbours."""
+        data, places = self.model.createData(), self.geometry.createData()
+        pin.computeDistances(self.model, data, self.geometry, places, q)
+        return np.array([result.min_distance for result in places.distanceResults])
+
+
+@pytest.fixture(scope="session")
+def pinocchio_arm() -> PinocchioArm:
+    robot = load_robot("ur10e")
+    assert robot.cad is not None
+    model, geometry = pin.Model(), pin.GeometryModel()
+    parent, frames = 0, [0]
+    for number, (row, cad) in enumerate(
+        zip(robot.kinematics.modified_rows(), robot.cad, strict=True), start=1
+    ):
+        x = pin.SE3(pin.utils.rotate("x", row.alpha_rad), np.array([row.a_m, 0.0, 0.0]))
+        z = pin.SE3(pin.utils.rotate("z", row.theta_rad), np.array([0.0, 0.0, row.d_m]))
+        parent = model.addJoint(parent, pin.JointModelRZ(), x * z, f"j{number}")
+        frames.append(parent)
+        xx, xy, xz, yy, yz, zz = cad.inertia_kg_m2
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        body = pin.Inertia(cad.mass_kg, np.array(cad.centre_m), inertia)
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    for number, capsule in enumerate(robot.bodies):
+        assert isinstance(capsule, Capsule)
+        start, end = np.array(capsule.start_m), np.array(capsule.end_m)
+        up = np.array([0.0, 0.0, 1.0])
+        rotation = pin.Quaternion.FromTwoVectors(up, end - start).matrix()
+        shape = coal.Capsule(capsule.radius_m, float(np.linalg.norm(end - start)))
+        place = pin.SE3(rotation, (start + end) / 2.0)
+        geometry.addGeometryObject(
+            pin.GeometryObject(f"b{number}", frames[capsule.link], place, shape)
+        )
+    links = [body.link for body in robot.bodies]
+    for i, first in enumerate(links):
+        for k in range(i + 1, len(links)):
+            if abs(first - links[k]) > 1:
+                geometry.addCollisionPair(pin.CollisionPair(i, k))
+    return PinocchioArm(model, geometry)
