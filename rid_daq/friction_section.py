@@ -1,20 +1,26 @@
-"""The report's section on friction that was measured alone."""
+"""Friction measured alone: the report's section, and the motion that measures it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from acquisition.arrays import FloatArray
+from acquisition.motion_samples import plan_motion
 from config.errors import ConfigError
+from config.load import LoadedCell, to_yaml
+from config.motion import ConstantVelocityMotion, ReversedMotion
 from config.robot import RobotDescription
+from config.whole_file import write_whole
 from dynamics.friction import Friction
 from identification.estimate import Estimate
 from identification.friction_curve import FrictionCurve, friction_columns
 from identification.friction_fits import CLEARLY_BETTER, FrictionFit
-from rid_daq.sections import units
+from rid_daq.console import Console
+from rid_daq.sections import motion_sentence, units
 
 LINE_POINTS = 120
 
@@ -134,3 +140,33 @@ def _of_estimate(estimate: Estimate, joint: int, speed: FloatArray) -> FloatArra
         raise ConfigError("the model file has no friction to compare with")
     values = estimate.standard_values[groups["friction"]]
     return _odd(lambda v: friction_columns(estimate.model, joint, v) @ values, speed)
+
+
+def write_friction_motion(
+    console: Console,
+    loaded: LoadedCell,
+    motion: ConstantVelocityMotion | ReversedMotion,
+    output: Path,
+) -> None:
+    """Verify a motion that measures friction, write it, and say what it does."""
+    samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    comment = (
+        f"Friction of robot {loaded.robot.name}, verified within its limits at"
+        f" {loaded.config.cycle_time_ms} ms. {motion_sentence(motion)}"
+    )
+    write_whole(output, to_yaml(motion, comment).encode())
+    console.document({"motion": str(output), "kind": motion.kind, "duration_s": samples.duration_s})
+    console.say(f"{output}: {motion_sentence(motion)} {samples.duration_s:.0f} s in all.")
+    if isinstance(motion, ConstantVelocityMotion):
+        console.table(
+            ("axis", "from", "to", "speeds"),
+            [
+                (
+                    spec.joint,
+                    f"{spec.low:.3f}",
+                    f"{spec.high:.3f}",
+                    ", ".join(f"{speed:g}" for speed in spec.speeds),
+                )
+                for spec in motion.joints
+            ],
+        )

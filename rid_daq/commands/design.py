@@ -18,9 +18,19 @@ from config.robot import RobotDescription
 from config.whole_file import write_whole
 from identification.estimate_file import read_estimate
 from identification.experiment_design import condition_number, design_two_harmonic
+from identification.friction_motion import constant_velocity_motion, reversed_motion
 from rid_daq.console import AsJson, Console
 from rid_daq.design_job import Search, chosen_criterion, excitation_problem, search
+from rid_daq.friction_section import write_friction_motion
 from rid_daq.sections import units
+
+
+class Kind(StrEnum):
+    """What the motion is for."""
+
+    EXCITATION = "excitation"
+    CONSTANT_VELOCITY = "constant-velocity"
+    REVERSED = "reversed"
 
 
 class Method(StrEnum):
@@ -42,6 +52,13 @@ def design(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="MOTION", help="The motion file to write.")
     ],
+    kind: Annotated[
+        Kind,
+        typer.Option(
+            help="Excitation, or friction alone: runs at constant speed, or the excitation there"
+            " and back in time."
+        ),
+    ] = Kind.EXCITATION,
     method: Annotated[
         Method, typer.Option(help="By gradients from many starts, or the quick heuristic (3.22).")
     ] = Method.OPTIMAL,
@@ -100,6 +117,15 @@ def design(
         raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
     loaded = load_cell(cell)
     robot = loaded.robot
+    if kind is Kind.CONSTANT_VELOCITY:
+        write_friction_motion(
+            console,
+            loaded,
+            constant_velocity_motion(robot, loaded.config.workspace, seed=seed),
+            output,
+        )
+        console.say(f"Next: rid-daq record {cell} {output}")
+        return
     found: Search | None = None
     if method is Method.OPTIMAL:
         names = [name.strip() for name in wanted.split(",") if name.strip()]
@@ -139,7 +165,10 @@ def design(
             periods=periods,
         )
         origin = f"the best of {tries} draws of two harmonics from seed {seed}."
-    _write(console, loaded, motion, output, origin, found)
+    if kind is Kind.REVERSED:
+        write_friction_motion(console, loaded, reversed_motion(motion), output)
+    else:
+        _write(console, loaded, motion, output, origin, found)
     console.say(f"Next: rid-daq record {cell} {output}")
 
 
