@@ -45,6 +45,9 @@ class _Fields(ctypes.Structure):
         # written by the program
         ("stop_code", ctypes.c_int64),
         ("task_gone", ctypes.c_int64),
+        ("judging", ctypes.c_int64),
+        ("periods_judged", ctypes.c_int64),
+        ("enough", ctypes.c_int64),
         # written by the cyclic task
         ("task_state", ctypes.c_int64),
         ("task_beat", ctypes.c_int64),
@@ -107,6 +110,15 @@ class ControlBlock:
         """Tell the recorder that no more rows will come."""
         self._fields.task_gone = 1
 
+    def judge_periods(self) -> None:
+        """Announce, before the motion, that each period will be judged (`judge`)."""
+        self._fields.judging = 1
+
+    def judge(self, periods: int, enough: bool) -> None:
+        """Say that so many periods have been judged, and whether they are enough."""
+        self._fields.enough = int(enough)
+        self._fields.periods_judged = periods
+
     @property
     def progress(self) -> Progress:
         """Where the task is."""
@@ -155,6 +167,21 @@ class ControlBlock:
     def stop_code(self) -> int:
         """`StopCode` of the program's request to stop, 0 where there is none."""
         return int(self._fields.stop_code)
+
+    @property
+    def judging(self) -> bool:
+        """Whether the program judges each period."""
+        return bool(self._fields.judging)
+
+    @property
+    def periods_judged(self) -> int:
+        """How many periods the program has judged."""
+        return int(self._fields.periods_judged)
+
+    @property
+    def enough(self) -> bool:
+        """Whether the program has seen enough periods."""
+        return bool(self._fields.enough)
 
     @property
     def task_beat(self) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 
 from acquisition.control_block import ControlBlock, RecorderState, TaskState
 from acquisition.motion_samples import MotionSamples, Phase, approach
+from acquisition.period_ends import period_ends
 from acquisition.position_loop import PositionLoop
 from acquisition.ring import Ring
 from acquisition.stop_reason import StopCode, StopReason
@@ -34,6 +35,7 @@ REST_VELOCITY = 0.01
 REST_CYCLES = 5
 RECORDER_PATIENCE_S = 30.0
 PAUSE_S = 0.001
+JUDGE_PATIENCE_S = 60.0
 
 _TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
@@ -161,36 +163,50 @@ class CyclicTask:
                 )
 
     def _stream(self, way: MotionSamples, samples: MotionSamples) -> StopReason | None:
-        first = self._cycle
-        motion_at = len(way)
-        hold_at = motion_at + len(samples)
-        end = hold_at + math.ceil(HOLD_S / self._period_s)
-        last = _Set(samples.position[-1].tolist(), self._rest, -1, Phase.HOLD)
+        begin = self._cycle + len(way)
+        ends = period_ends(samples)
+        left_out = 0  # rows of the motion that are not driven, since enough was seen
         while True:
             lateness_s, periods = self._wake()
             reason = self._supervisor.check_timing(lateness_s) or self._order_to_stop()
             if reason is not None:
                 return reason
-            row = self._cycle - first
-            if row >= end:
+            row = self._cycle - begin + left_out
+            if row in ends and self._seen_enough(ends[row]):
+                left_out += max(ends) - row
+                row = max(ends)
+            if row >= len(samples) + math.ceil(HOLD_S / self._period_s):
                 return None
-            if row < motion_at:
-                target = _Set(
-                    way.position[row].tolist(), way.velocity[row].tolist(), -1, Phase.APPROACH
-                )
-            elif row < hold_at:
-                row -= motion_at
-                target = _Set(
-                    samples.position[row].tolist(),
-                    samples.velocity[row].tolist(),
-                    row,
-                    int(samples.phase[row]),
-                )
-            else:
-                target = last
-            reason = self._move(target, lateness_s, periods)
+            reason = self._move(self._target(way, samples, row), lateness_s, periods)
             if reason is not None:
                 return reason
+
+    def _target(self, way: MotionSamples, samples: MotionSamples, row: int) -> _Set:
+        """Return the set-point of a row of the motion, negative on the way to it."""
+        if row < 0:
+            position, velocity = way.position[row].tolist(), way.velocity[row].tolist()
+            return _Set(position, velocity, -1, Phase.APPROACH)
+        if row >= len(samples):
+            return _Set(samples.position[-1].tolist(), self._rest, -1, Phase.HOLD)
+        position, velocity = samples.position[row].tolist(), samples.velocity[row].tolist()
+        return _Set(position, velocity, row, int(samples.phase[row]))
+
+    def _seen_enough(self, periods: int) -> bool:
+        """Return whether the program has seen enough after so many whole periods.
+
+        In lock-step simulated time stands still until they are judged; else the program's latest
+        word counts, and what it says during a period ends the motion after that period.
+        """
+        control = self._control
+        if not control.judging:
+            return False
+        if self._lockstep:
+            until_s = time.monotonic() + JUDGE_PATIENCE_S
+            while control.periods_judged < periods and time.monotonic() < until_s:
+                if self._order_to_stop() is not None:
+                    return False
+                time.sleep(PAUSE_S)
+        return control.enough
 
     def _wake(self) -> tuple[float, int]:
         """Sleep to the next cycle; return how late it begins [s] and how many periods passed."""

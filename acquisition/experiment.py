@@ -21,6 +21,7 @@ from acquisition.cycle_statistics import CycleStatistics, cycle_statistics
 from acquisition.journal import read_journal
 from acquisition.journal_header import JournalHeader
 from acquisition.motion_samples import MotionSamples, verify_limits
+from acquisition.period_judge import Enough, PeriodJudge
 from acquisition.recorder import run_recorder
 from acquisition.ring import Ring
 from acquisition.run_folder import RECORDING, RunFolder
@@ -82,6 +83,7 @@ def record_motion(
     folder: RunFolder,
     *,
     on_progress: Callable[[Progress], None] | None = None,
+    enough: Enough | None = None,
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
@@ -98,6 +100,9 @@ def record_motion(
         Where `recording.mcap` is written; its manifest is left to the caller.
     on_progress : callable, optional
         Called about 20 times a second.
+    enough : callable, optional
+        Called with the journal and a number of whole periods in it, in a thread of its own; where
+        it returns True the motion goes over to its run-out after the period under way.
 
     Raises
     ------
@@ -113,6 +118,7 @@ def record_motion(
     ring = Ring.create(len(robot.joints), max(RING_ROWS, int(RING_S / cell.cycle_time_s)))
     _check_room(folder.path, len(samples) * (ring.row_size + 64))
     control = ControlBlock.create()
+    judge = None if enough is None else PeriodJudge(path, samples, control, enough)
     header = JournalHeader(
         joint_names=robot.joint_names,
         sample_period_s=cell.cycle_time_s,
@@ -140,9 +146,11 @@ def record_motion(
             recorder.start()
             task.start()
         try:
-            _watch(task, recorder, control, on_progress)
+            _watch(task, recorder, control, on_progress, judge)
         finally:
             notes = _wind_up(task, recorder, control)
+            if judge is not None:
+                judge.close()
     return _outcome(path, task, recorder, control, interruption, len(robot.joints), notes)
 
 
@@ -173,6 +181,7 @@ def _watch(
     recorder: SpawnProcess,
     control: ControlBlock,
     on_progress: Callable[[Progress], None] | None,
+    judge: PeriodJudge | None,
 ) -> None:
     """Wait for the task to end; tell it when the recorder dies, kill it when it hangs."""
     beat, changed_s = -1, time.monotonic()
@@ -190,6 +199,8 @@ def _watch(
         if now_s - changed_s > (BEAT_PATIENCE_S if moving else START_PATIENCE_S):
             task.kill()
             task.join()
+        if judge is not None:
+            judge.look(progress)
         if on_progress is not None:
             on_progress(progress)
 

@@ -17,6 +17,7 @@ from acquisition.stop_reason import StopCode
 from config.cell import CellConfig
 from config.motion import AnyMotion
 from config.robot import RobotDescription
+from rid_daq.accuracy_watch import AccuracyWatch
 from rid_daq.console import Console
 from rid_daq.result import new_result, verdict
 from rid_daq.sections import cell_section, loop_section, loop_sentence, motion_sentence, run_section
@@ -100,8 +101,11 @@ def record_run(
     console: Console,
     *,
     role: str = "recording",
+    accuracy: AccuracyWatch | None = None,
 ) -> RecordedRun:
     """Record a planned motion into a run folder, showing how far it is.
+
+    With `accuracy` the motion ends after the period in which its goals are reached.
 
     Raises
     ------
@@ -116,7 +120,8 @@ def record_run(
             robot,
             samples,
             folder,
-            on_progress=progress_shown(samples, display.update),
+            on_progress=progress_shown(samples, display.update, accuracy),
+            enough=None if accuracy is None else accuracy.enough,
         )
     elapsed_s = time.monotonic() - started_s
     recording = read_journal(outcome.path).recording() if outcome.rows else None
@@ -135,12 +140,15 @@ def record_run(
         result["verdict"] = verdict([], "Stopped before its end", run.stop_sentence)
         result["verdict"]["passed"] = False
     else:
-        result["verdict"] = verdict([], "Recorded completely", run.timing_sentence)
+        sentences = [run.timing_sentence] if accuracy is None else accuracy.sentences()
+        result["verdict"] = verdict([], "Recorded completely", ". ".join(sentences))
     return run
 
 
 def progress_shown(
-    samples: MotionSamples, show: Callable[[float, str], None]
+    samples: MotionSamples,
+    show: Callable[[float, str], None],
+    accuracy: AccuracyWatch | None = None,
 ) -> Callable[[Progress], None]:
     """Return what turns the task's progress into periods done (seconds, if not periodic)."""
     done = 0.0
@@ -150,7 +158,11 @@ def progress_shown(
         if progress.sample_index >= 0:
             done = _done(samples, progress.sample_index)
         moving = progress.state is TaskState.MOVING
-        show(done, _PHASES[progress.phase] if moving else _STATES[progress.state])
+        line = _PHASES[progress.phase] if moving else _STATES[progress.state]
+        if moving and accuracy is not None and accuracy.states:
+            left = [state for state in accuracy.states if not state.reached]
+            line += "; accuracy reached" if not left else f"; {left[0].sentence(accuracy.periods)}"
+        show(done, line)
 
     return update
 

@@ -15,9 +15,10 @@ from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, load_cell, load_motion
 from config.motion import AnyMotion
+from rid_daq.accuracy_watch import AccuracyWatch
 from rid_daq.cells import reachable_cell
 from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import exit_code_of_stop
+from rid_daq.exit_codes import ExitCode, exit_code_of_stop
 from rid_daq.recording_job import RecordedRun, record_run
 from rid_daq.result import write_result
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
@@ -27,6 +28,14 @@ from rid_daq.versions import software_versions
 def record(
     cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
     motion: Annotated[Path, typer.Argument(metavar="MOTION", help="A motion file.")],
+    until: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="GOAL",
+            help="End early once a standard deviation is reached, as m3<0.05kg, fv_axis1<5% or"
+            " torque<1.5Nm; repeat for more.",
+        ),
+    ] = None,
     label: Annotated[
         str | None, typer.Option(help="What to call the run; the motion file's name if not given.")
     ] = None,
@@ -51,13 +60,15 @@ def record(
     """Run a motion on a cell and record it into a new run folder.
 
     The motion is checked against every limit before anything moves. Ctrl-C stops the robot (a quick
-    stop, then power off) and keeps what was recorded. It is not an emergency stop.
+    stop, then power off) and keeps what was recorded. It is not an emergency stop. Where a goal of
+    --until is not reached by the last period, the exit code is 1.
     """
     console = Console(as_json)
     loaded = load_cell(cell)
     asked = load_motion(motion)
     check_robot(asked, loaded, motion)
     samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
+    accuracy = AccuracyWatch(until, loaded.robot, samples) if until else None
     if not loaded.config.simulated:
         _ask_whether_cleared(loaded.config, cleared)
     with reachable_cell(loaded, realtime=realtime, seed=seed) as reachable:
@@ -68,15 +79,19 @@ def record(
             for name, content in loaded.files.items():
                 folder.write(name, content)
             folder.write("motion.yaml", motion.read_bytes())
-            run = record_run(reachable, loaded.robot, asked, samples, folder, console)
+            run = record_run(
+                reachable, loaded.robot, asked, samples, folder, console, accuracy=accuracy
+            )
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report
     report = write_result(folder, run.result)
     folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
-    _tell(console, run, folder, report)
+    _tell(console, run, folder, report, accuracy)
     stop = run.outcome.stop
     if stop is not None:
         raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
+    if accuracy is not None and not accuracy.reached:
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
 
 
 def check_robot(motion: AnyMotion, loaded: LoadedCell, path: Path) -> None:
@@ -108,7 +123,13 @@ def _ask_whether_cleared(cell: CellConfig, cleared: bool) -> None:
         raise PreflightError(f"nothing was moved: {answer!r} is not {cell.name!r}; {advice}")
 
 
-def _tell(console: Console, run: RecordedRun, folder: RunFolder, report: Path) -> None:
+def _tell(
+    console: Console,
+    run: RecordedRun,
+    folder: RunFolder,
+    report: Path,
+    accuracy: AccuracyWatch | None,
+) -> None:
     outcome = run.outcome
     console.document(
         {
@@ -121,12 +142,21 @@ def _tell(console: Console, run: RecordedRun, folder: RunFolder, report: Path) -
             if outcome.stop is None
             else {"code": outcome.stop.code.name, "text": outcome.stop.text},
             "notes": list(outcome.notes),
+            "accuracy": None
+            if accuracy is None
+            else {
+                "reached": accuracy.reached,
+                "periods": accuracy.periods,
+                "goals": accuracy.sentences(),
+            },
             "statistics": outcome.statistics.to_dict(),
         }
     )
     for note in outcome.notes:
         console.say(f"note: {note}")
     console.say(run.timing_sentence)
+    for sentence in [] if accuracy is None else accuracy.sentences():
+        console.say(sentence)
     if outcome.stop is not None:
         console.verdict(False, run.stop_sentence)
         console.say(f"Kept: {outcome.rows} rows in {folder.path}")

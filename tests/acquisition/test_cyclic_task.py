@@ -323,3 +323,35 @@ def test_the_control_block_tells_how_far_the_task_is(bench: Bench, motion: Motio
     assert {progress.state for progress in seen} == {TaskState.MOVING}
     assert max(progress.sample_index for progress in seen) == len(motion) - 1
     assert bench.control.recorder_state is RecorderState.STARTING
+
+
+class TestEnoughPeriods:
+    def test_the_motion_goes_over_to_its_run_out_without_a_jump(
+        self, bench: Bench, motion: MotionSamples
+    ) -> None:
+        bench.control.judge_periods()
+        bench.control.judge(1, True)
+        assert bench.run(motion) is None
+        rows = bench.rows()
+        main = rows[rows["phase"] == Phase.MAIN]
+        assert len(main) == motion.samples_per_period  # one of two periods
+        assert (rows["phase"] == Phase.RUN_OUT).any()
+        largest = np.abs(np.diff(motion.position, axis=0)).max()
+        moved = rows[rows["sample_index"] >= 0]["target_position"]
+        assert np.abs(np.diff(moved, axis=0)).max() <= largest * 1.001
+
+    def test_what_is_not_enough_runs_to_its_end(self, bench: Bench, motion: MotionSamples) -> None:
+        bench.control.judge_periods()
+        bench.control.judge(2, False)
+        assert bench.run(motion) is None
+        main = bench.rows()["phase"] == Phase.MAIN
+        assert main.sum() == 2 * (motion.samples_per_period or 0)
+
+    def test_in_real_time_it_waits_for_no_judgement(
+        self, bench: Bench, motion: MotionSamples
+    ) -> None:
+        bench.lockstep = False
+        bench.control.judge_periods()
+        assert bench.run(motion) is None
+        main = bench.rows()["phase"] == Phase.MAIN
+        assert main.sum() == 2 * (motion.samples_per_period or 0)

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from acquisition.journal import read_journal
+from acquisition.motion_samples import Phase
 from acquisition.run_folder import RunFolder
 from rid_daq.app import run
 
@@ -131,12 +132,13 @@ def test_design_writes_a_motion_that_record_takes(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     motion = tmp_path / "designed.yaml"
-    words = ["design", str(workshop / "cell.yaml"), "-o", str(motion), "--tries", "5", "--json"]
+    words = ["design", str(workshop / "cell.yaml"), "-o", str(motion), "--json"]
+    words += ["--method", "two-harmonic", "--tries", "5"]
     assert run(words) == 0
     document = _document(capsys)
     assert document["condition_number"] > 1.0
     assert all(axis["velocity_percent"] <= 100.0 for axis in document["axes"])
-    assert motion.read_text().startswith("# Two-harmonic excitation for robot my_robot")
+    assert motion.read_text().startswith("# Excitation for robot my_robot")
     assert run(words) == 2  # nothing is overwritten unasked
 
 
@@ -229,3 +231,26 @@ def test_a_run_that_is_not_periodic_is_identified_through_the_anti_alias_filter(
     assert run(["validate", str(model), "excitation", "--json", *runs]) == 0
     for axis in _document(capsys)["validation"]["axes"]:
         assert axis["relative_error_percent"] < 5.0
+
+
+def test_a_recording_ends_when_the_accuracy_is_reached(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = tmp_path / "motion.yaml"
+    text = (workshop / "motion.yaml").read_text()
+    motion.write_text(text.replace("periods: 4", "periods: 6"))
+    words = ["record", str(workshop / "cell.yaml"), str(motion), "--json"]
+    words += ["--runs", str(tmp_path / "runs")]
+    capsys.readouterr()
+    assert run([*words, "--until", "fc_axis1<5Nm", "--until", "torque<50Nm"]) == 0
+    document = _document(capsys)
+    assert document["status"] == "complete"
+    assert document["accuracy"]["reached"]
+    assert document["accuracy"]["periods"] == 3
+    recording = read_journal(Path(document["folder"]) / "recording.mcap").recording()
+    assert (recording.phase == Phase.MAIN).sum() == 3 * recording.samples_per_period
+    assert run([*words, "--until", "fc_axis1<0.0001Nm"]) == 1
+    document = _document(capsys)
+    assert document["status"] == "complete"
+    assert document["accuracy"]["periods"] == 6
+    assert run([*words, "--until", "fc_axis9<1"]) == 2
