@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from config.load import load_cell, to_yaml
+from acquisition.motion_samples import plan_motion
+from config.load import load_cell, load_motion, to_yaml
 from config.motion import ConstantVelocityMotion, FourierJoint, ReversedMotion, SpeedRuns
 from rid_daq.app import run
 
@@ -141,3 +142,22 @@ def test_another_motion_is_no_measurement_of_friction(
     error = capsys.readouterr().err
     assert "a motion of kind fourier" in error
     assert "--kind constant-velocity" in error
+
+
+@pytest.mark.parametrize(
+    ("kind", "more"),
+    [("constant-velocity", []), ("reversed", ["--method", "two-harmonic", "--tries", "3"])],
+)
+def test_design_makes_both_motions(
+    kind: str, more: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "motion.yaml"
+    words = ["design", "ir361", "--kind", kind, "-o", str(out), "--periods", "2", *more]
+    assert run(words) == 0
+    said = capsys.readouterr().out
+    assert f"Next: rid-daq record ir361 {out}" in said
+    motion = load_motion(out)
+    assert motion.kind == kind.replace("-", "_")
+    samples = plan_motion(motion, CELL.robot, CELL.config.cycle_time_s)
+    assert f"{samples.duration_s:.0f} s in all" in said
+    assert run(words) == 2  # it is there
