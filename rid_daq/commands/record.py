@@ -14,7 +14,7 @@ from acquisition.termination import ignore_termination
 from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, load_cell, load_motion
-from config.motion import AnyMotion
+from config.motion import AnyMotion, ConstantVelocityMotion, ReversedMotion
 from rid_daq.accuracy_watch import AccuracyWatch
 from rid_daq.cells import reachable_cell
 from rid_daq.console import AsJson, Console
@@ -86,7 +86,7 @@ def record(
             ignore_termination()  # a second Ctrl-C must not cost the report
     report = write_result(folder, run.result)
     folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
-    _tell(console, run, folder, report, accuracy)
+    _tell(console, run, asked, folder, report, accuracy)
     stop = run.outcome.stop
     if stop is not None:
         raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
@@ -126,6 +126,7 @@ def _ask_whether_cleared(cell: CellConfig, cleared: bool) -> None:
 def _tell(
     console: Console,
     run: RecordedRun,
+    asked: AnyMotion,
     folder: RunFolder,
     report: Path,
     accuracy: AccuracyWatch | None,
@@ -163,7 +164,9 @@ def _tell(
     else:
         console.verdict(True, f"Recorded: {folder.path}")
     console.say(f"Report: {report}")
-    if outcome.stop is None and run.is_periodic:
+    if outcome.stop is None and isinstance(asked, ConstantVelocityMotion | ReversedMotion):
+        console.say(f"Next: rid-daq friction {folder.path}")
+    elif outcome.stop is None and run.is_periodic:
         console.say(f"Next: rid-daq identify {folder.path}")
     elif outcome.stop is None:
         console.say(f"Next: rid-daq validate MODEL {folder.path}")
