@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import joblib
 from scipy.optimize import minimize
 
+from acquisition.termination import termination_held
 from config.errors import ConfigError
 from config.motion import FourierMotion
 from identification.excitation_problem import ExcitationProblem
@@ -126,7 +127,7 @@ def candidates(
         )
         for seed in seeds
     )
-    with _backend(scheduler), warnings.catch_warnings():
+    with _backend(scheduler, jobs), warnings.catch_warnings():
         # A caller that has seen enough closes this generator, which is no reason for a warning.
         warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
@@ -134,11 +135,13 @@ def candidates(
 
 
 @contextmanager
-def _backend(scheduler: str | None) -> Iterator[None]:
+def _backend(scheduler: str | None, jobs: int) -> Iterator[None]:
     """Let joblib compute on this machine, or on a Dask cluster."""
     if scheduler is None:
         # One thread a process: rounding must not depend on how many cores share a sum.
         with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
+            with termination_held():
+                joblib.Parallel(n_jobs=jobs)([joblib.delayed(int)()])
             yield
         return
     try:

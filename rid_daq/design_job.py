@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import signal
 import time
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Callable, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from acquisition.arrays import FloatArray
+from acquisition.termination import termination_calls
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.robot import RobotDescription
@@ -43,9 +45,10 @@ class Trial:
 class Search:
     """A finished search: the best motion that breaks nothing, and every trial in time."""
 
+    criterion: Criterion
     best: Candidate
     trials: tuple[Trial, ...]
-    interrupted: bool
+    interrupted_by: signal.Signals | None
 
     @property
     def curve(self) -> tuple[Trial, ...]:
@@ -166,25 +169,26 @@ def search(
     began_s = time.monotonic()
     trials: list[Trial] = []
     best: Candidate | None = None
-    interrupted = False
     seeds = range(SEEDS_APART * seed, SEEDS_APART * seed + starts)
     stream = candidates(problem, seeds, cell.cycle_time_s, periods=periods, scheduler=scheduler)
-    with console.progress("Designing", float(starts), "starts") as shown, closing(stream):
-        try:
-            for candidate in stream:
-                elapsed_s = time.monotonic() - began_s
-                check = candidate.check
-                trials.append(Trial(elapsed_s, candidate.seed, check.worth, check.broken))
-                if not check.broken and (best is None or _key(candidate) < _key(best)):
-                    best = candidate
-                line = "none holds every limit yet"
-                if best is not None:
-                    line = f"best {problem.criterion.words(best.check.worth)}"
-                shown.update(float(len(trials)), line)
-                if budget_s is not None and elapsed_s >= budget_s:
-                    break
-        except KeyboardInterrupt:
-            interrupted = True
+    with (
+        termination_calls(_leave_once()) as interruption,
+        console.progress("Designing", float(starts), "starts") as shown,
+        closing(stream),
+        suppress(KeyboardInterrupt),
+    ):
+        for candidate in stream:
+            elapsed_s = time.monotonic() - began_s
+            check = candidate.check
+            trials.append(Trial(elapsed_s, candidate.seed, check.worth, check.broken))
+            if not check.broken and (best is None or _key(candidate) < _key(best)):
+                best = candidate
+            line = "none holds every limit yet"
+            if best is not None:
+                line = f"best {problem.criterion.words(best.check.worth)}"
+            shown.update(float(len(trials)), line)
+            if budget_s is not None and elapsed_s >= budget_s:
+                break
     if best is None:
         reasons = trials[-1].broken[:3] if trials else ("it was interrupted",)
         raise ConfigError(
@@ -192,7 +196,20 @@ def search(
             f" {'; '.join(reasons)}. Take more --starts, a longer --period, or look at the limits,"
             " bodies and workspace"
         )
-    return Search(best, tuple(trials), interrupted)
+    return Search(problem.criterion, best, tuple(trials), interruption.signal)
+
+
+def _leave_once() -> Callable[[], None]:
+    """Return what interrupts the search at its first call, and lets it clean up at others."""
+    left = False
+
+    def leave() -> None:
+        nonlocal left
+        if not left:
+            left = True
+            raise KeyboardInterrupt
+
+    return leave
 
 
 def _key(candidate: Candidate) -> tuple[float, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -21,6 +22,7 @@ from identification.experiment_design import condition_number, design_two_harmon
 from identification.friction_motion import constant_velocity_motion, reversed_motion
 from rid_daq.console import AsJson, Console
 from rid_daq.design_job import Search, chosen_criterion, excitation_problem, search
+from rid_daq.exit_codes import ExitCode
 from rid_daq.friction_section import write_friction_motion
 from rid_daq.sections import units
 
@@ -73,7 +75,7 @@ def design(
         int | None,
         typer.Option("--harmonics", min=2, help="The highest harmonic used; 5, heuristic 8."),
     ] = None,
-    starts: Annotated[int, typer.Option(min=1, help="Starts that are refined (optimal).")] = 6,
+    starts: Annotated[int, typer.Option(min=1, help="Starts that are refined (optimal).")] = 12,
     budget_s: Annotated[
         float | None,
         typer.Option(
@@ -150,7 +152,7 @@ def design(
         )
         motion = found.best.motion
         origin = (
-            f"the best of {len(found.trials)} starts from seed {seed} for"
+            f"start {found.best.seed} was the best of {len(found.trials)} from seed {seed} for"
             f" {', '.join(names) or criterion.value}:"
             f" {problem.criterion.words(found.best.check.worth)}."
         )
@@ -170,6 +172,9 @@ def design(
     else:
         _write(console, loaded, motion, output, origin, found)
     console.say(f"Next: rid-daq record {cell} {output}")
+    if found is not None and found.interrupted_by is not None:
+        interrupted = found.interrupted_by is signal.SIGINT
+        raise typer.Exit(ExitCode.INTERRUPTED if interrupted else ExitCode.TERMINATED)
 
 
 def _write(
@@ -198,9 +203,9 @@ def _write(
     if found is not None:
         document["limits"] = [asdict(use) for use in found.best.check.uses]
         document["trials"] = [asdict(trial) for trial in found.trials]
-        document["interrupted"] = found.interrupted
+        document["interrupted"] = found.interrupted_by is not None
     console.document(document)
-    if found is not None and found.interrupted:
+    if found is not None and found.interrupted_by is not None:
         console.verdict(None, "Interrupted: this is the best motion found so far.")
     console.say(
         f"{output}: {motion.periods} periods of {motion.period_s:g} s,"
@@ -227,8 +232,12 @@ def _write(
 
 def _say_search(console: Console, found: Search) -> None:
     """Say how the search went, and what the motion's torques and distances are."""
-    curve = ", ".join(f"{trial.worth:.4g} after {trial.elapsed_s:.1f} s" for trial in found.curve)
-    console.say(f"Best value: {curve} ({len(found.trials)} starts).")
+    curve = "; ".join(
+        f"{found.criterion.words(trial.worth)} after {trial.elapsed_s:.1f} s"
+        for trial in found.curve
+    )
+    broken = sum(bool(trial.broken) for trial in found.trials)
+    console.say(f"{len(found.trials)} starts, {broken} of them in vain. The best so far: {curve}.")
     uses = found.best.check.uses
     torques = [use for use in uses if use.what.startswith("torque")]
     shares = ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in torques)
