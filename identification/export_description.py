@@ -14,8 +14,9 @@ from acquisition.arrays import FloatArray
 from config.robot import Joint
 from config.urdf import rotation_of_rpy, rpy_of_rotation
 from dynamics.kinematics import Chain
-from identification.export_model import ExportModel, LinkBody, StraightFriction
+from identification.export_model import ExportModel, StraightFriction
 from identification.export_text import head, identifier, nested, numbers, plain, render
+from identification.link_body import LinkBody
 
 
 @dataclass(frozen=True, eq=False)

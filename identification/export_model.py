@@ -18,37 +18,12 @@ from dynamics.payload import Payload
 from dynamics.rigid_body import PARAMETERS_PER_LINK
 from dynamics.robot_model import RobotModel
 from dynamics.spring import Spring
+from identification.link_body import LinkBody
 
 T = TypeVar("T")
 
 SPEEDS = 200
 SLOWEST_SHARE = 0.02
-
-
-@dataclass(frozen=True, eq=False)
-class LinkBody:
-    """A link about its centre of gravity, in its frame (modified convention)."""
-
-    mass_kg: float
-    centre_m: FloatArray
-    inertia_kg_m2: FloatArray
-
-    @classmethod
-    def of(cls, parameters: FloatArray) -> LinkBody:
-        """Take a link's ten parameters about its origin apart (parallel-axis theorem)."""
-        mass, centre = float(parameters[0]), parameters[1:4] / parameters[0]
-        inertia = np.zeros((3, 3))
-        inertia[np.triu_indices(3)] = parameters[4:]
-        inertia = inertia + np.triu(inertia, 1).T
-        return cls(mass, centre, inertia - mass * (centre @ centre * np.eye(3) - _outer(centre)))
-
-    @property
-    def can_exist(self) -> bool:
-        """Whether some distribution of positive mass has these values (Traversaro 2016)."""
-        if self.mass_kg <= 0.0:
-            return False
-        moments = np.linalg.eigvalsh(self.inertia_kg_m2)
-        return bool(moments[0] > 0.0 and moments[0] + moments[1] > moments[2])
 
 
 @dataclass(frozen=True)
@@ -113,7 +88,7 @@ class ExportModel:
         """
         for number, link in enumerate(self.links, start=1):
             if not link.can_exist:
-                moments = ", ".join(f"{m:.4g}" for m in np.linalg.eigvalsh(link.inertia_kg_m2))
+                moments = ", ".join(f"{m:.4g}" for m in link.principal_moments_kg_m2)
                 raise EstimationError(
                     f"link {number} cannot exist: mass {link.mass_kg:.4g} kg, principal moments"
                     f" {moments} kg m^2. A simulator would diverge with it; export the physically"
@@ -281,7 +256,3 @@ def _turn_onto_z(up: FloatArray) -> FloatArray:
     x, y, w = axis / size
     skew = np.array([[0.0, -w, y], [w, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(np.eye(3) + size * skew + (1.0 - cosine) * skew @ skew)
-
-
-def _outer(vector: FloatArray) -> FloatArray:
-    return np.outer(vector, vector)
