@@ -171,7 +171,7 @@ def _friction_function(term: Friction, column: FrictionColumn, language: Languag
         f"({_at('temperature_k', column.joint, language)} - {column.reference_temperature_k!r})"
     )
     smooth = f"{f['smooth']}({u})"
-    moving = f"{f['abs']}({f['sign']}({u}))"
+    moving = "1.0" if term.sign_smoothing_rad_s else f"{f['abs']}({f['sign']}({u}))"
     match column.function:
         case "coulomb":
             return smooth

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
+import numpy as np
 import typer
 
-from config.errors import ConfigError
+from config.errors import ConfigError, EstimationError
 from config.whole_file import write_whole
+from identification.consistency import ConsistentEstimate, consistent
 from identification.estimate import Estimate
 from identification.estimate_file import read_estimate
 from identification.export_description import pinocchio_model, sdf, urdf
@@ -17,6 +19,8 @@ from identification.export_function import c_function, python_function
 from identification.export_model import ExportModel
 from identification.export_table import csv_table, json_table
 from rid_daq.console import AsJson, Console
+
+SMALLEST_P: Final = 0.05
 
 
 class Format(StrEnum):
@@ -29,6 +33,9 @@ class Format(StrEnum):
     PYTHON = "python"
     CSV = "csv"
     JSON = "json"
+
+
+_NEED_NO_LINKS: Final = (Format.C, Format.PYTHON, Format.CSV, Format.JSON)
 
 
 def export(
@@ -44,40 +51,79 @@ def export(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="The file to write.")
     ],
+    as_identified: Annotated[
+        bool,
+        typer.Option(
+            "--as-identified",
+            help="Functions and tables with the identified parameters alone, not those of a robot"
+            " that can exist: the same torques as the model file, but a mass matrix that need not"
+            " be positive.",
+        ),
+    ] = False,
+    despite_misfit: Annotated[
+        bool,
+        typer.Option(
+            "--despite-misfit",
+            help="Write the nearest robot that can exist although the data speak against it; the"
+            " file says so.",
+        ),
+    ] = False,
     overwrite: Annotated[bool, typer.Option(help="Replace FILE if it is there.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write an identified model for simulators, controllers and tables.
 
-    Robot descriptions hold the physically consistent links and are refused where there are none.
-    Functions hold every term of the model. What a format cannot say stands at its top.
+    The parameters are those that real bodies can have and that are closest to the identified ones;
+    where no such robot explains the data, nothing is written. What a format cannot say stands at
+    its top. Tables hold both, with the identified parameters' intervals.
     """
     console = Console(as_json)
     if output.exists() and not overwrite:
         raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
+    if as_identified and to not in _NEED_NO_LINKS:
+        raise ConfigError(
+            f"--as-identified is for {', '.join(_NEED_NO_LINKS)}: {to.value} describes links, and"
+            " the identified parameters are sums over several"
+        )
     estimate = read_estimate(model)
-    text = _text(estimate, to)
-    write_whole(output, text.encode())
-    console.document({"file": str(output), "format": to.value, "robot": estimate.robot.name})
+    if as_identified:
+        chosen, sentence = _identified(estimate), "Parameters as identified."
+    else:
+        found = consistent(estimate)
+        sentence = _distance(found)
+        _refuse_misfit(found, to, despite_misfit)
+        chosen = _consistent(found, sentence)
+    write_whole(output, _text(estimate, chosen, to, as_identified).encode())
+    console.document(
+        {
+            "file": str(output),
+            "format": to.value,
+            "robot": estimate.robot.name,
+            "parameters": "identified" if as_identified else "consistent",
+            "sentence": sentence,
+        }
+    )
+    console.say(sentence)
     console.verdict(True, f"Wrote {output}")
 
 
-def _text(estimate: Estimate, to: Format) -> str:
+def _text(estimate: Estimate, chosen: ExportModel, to: Format, as_identified: bool) -> str:
+    links = None if as_identified else chosen
     match to:
         case Format.C:
-            return c_function(_identified(estimate))
+            return c_function(chosen)
         case Format.PYTHON:
-            return python_function(_identified(estimate))
+            return python_function(chosen)
         case Format.CSV:
-            return csv_table(estimate)
+            return csv_table(estimate, links)
         case Format.JSON:
-            return json_table(estimate)
+            return json_table(estimate, links)
         case Format.URDF:
-            return urdf(_identified(estimate))
+            return urdf(chosen)
         case Format.SDF:
-            return sdf(_identified(estimate))
+            return sdf(chosen)
         case Format.PINOCCHIO:
-            return pinocchio_model(_identified(estimate))
+            return pinocchio_model(chosen)
 
 
 def _identified(estimate: Estimate) -> ExportModel:
@@ -86,6 +132,35 @@ def _identified(estimate: Estimate) -> ExportModel:
         estimate.model,
         estimate.standard_values,
         (*_origin(estimate), "Parameters as identified: torques are those of the model file."),
+    )
+
+
+def _consistent(found: ConsistentEstimate, sentence: str) -> ExportModel:
+    estimate = found.estimate
+    return ExportModel(
+        estimate.robot, estimate.model, found.standard_values, (*_origin(estimate), sentence)
+    )
+
+
+def _distance(found: ConsistentEstimate) -> str:
+    """Say how far the robot that can exist is from what was identified."""
+    moved = found.moved_sigmas
+    worst = int(np.argmax(np.abs(moved)))
+    explains = "explains" if found.p_value >= SMALLEST_P else "DOES NOT explain"
+    return (
+        f"The nearest robot that can exist {explains} the data (p = {found.p_value:.2g}); the"
+        f" parameter moved most is {found.estimate.base.names[worst]}, by"
+        f" {abs(moved[worst]):.2g} standard deviations."
+    )
+
+
+def _refuse_misfit(found: ConsistentEstimate, to: Format, despite_misfit: bool) -> None:
+    if found.p_value >= SMALLEST_P or despite_misfit:
+        return
+    also = ", write what was identified (--as-identified)" if to in _NEED_NO_LINKS else ""
+    raise EstimationError(
+        f"{_distance(found)} The model lacks something, or the intervals are too narrow: compare"
+        f" models and measure with another motion{also}, or accept it (--despite-misfit)"
     )
 
 

@@ -8,10 +8,12 @@ import importlib.util
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from acquisition.excitation import FourierTrajectory
@@ -20,10 +22,12 @@ from acquisition.periods import average_periods
 from acquisition.recording import Recording
 from config.load import load_cell
 from dynamics.robot_model import RobotModel, torque
+from identification.consistency import consistent
 from identification.estimate import Estimate, predict
 from identification.estimate_file import write_estimate
 from identification.estimators import estimate_periodic
 from identification.experiment_design import design_two_harmonic
+from identification.model_options import ModelOptions
 from rid_daq.app import run
 from rid_daq.truth import true_parameters
 
@@ -68,14 +72,11 @@ def motion() -> np.ndarray:
     return np.random.default_rng(2).uniform(-1.5, 1.5, (3, 30, 3))
 
 
-def test_the_c_function_predicts_what_the_model_file_predicts(
-    estimate: Estimate, model_file: Path, motion: np.ndarray, tmp_path: Path
-) -> None:
+def c_torques(source: Path, motion: np.ndarray) -> list[list[float]]:
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler")
-    source, library = tmp_path / "robot.c", tmp_path / "robot.so"
-    assert run(["export", str(model_file), "--to", "c", "-o", str(source)]) == 0
+    library = source.with_suffix(".so")
     strict = ["-std=c99", "-Wall", "-Werror", "-shared", "-fPIC"]
     subprocess.run([compiler, *strict, "-o", library, source, "-lm"], check=True)
     function = ctypes.CDLL(str(library)).ir361_inverse_dynamics
@@ -83,16 +84,87 @@ def test_the_c_function_predicts_what_the_model_file_predicts(
     for sample in motion.transpose(1, 0, 2):
         function(*((ctypes.c_double * 3)(*row) for row in sample), out)
         tau.append(list(out))
-    np.testing.assert_allclose(tau, predict(estimate, *motion), rtol=1e-9, atol=1e-9)
+    return tau
 
 
-def test_the_python_function_predicts_what_the_model_file_predicts(
+def python_torques(source: Path, motion: np.ndarray) -> np.ndarray:
+    spec = importlib.util.spec_from_file_location("exported", source)
+    module: Any = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.inverse_dynamics(*motion)
+
+
+FUNCTIONS = [("c", "robot.c", c_torques), ("python", "robot.py", python_torques)]
+
+
+@pytest.mark.parametrize(("form", "name", "torques"), FUNCTIONS)
+def test_a_function_as_identified_predicts_what_the_model_file_predicts(
+    form: str,
+    name: str,
+    torques: Any,
+    estimate: Estimate,
+    model_file: Path,
+    motion: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / name
+    words = ["export", str(model_file), "--to", form, "-o", str(out), "--as-identified"]
+    assert run(words) == 0
+    np.testing.assert_allclose(
+        torques(out, motion), predict(estimate, *motion), rtol=1e-9, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(("form", "name", "torques"), FUNCTIONS)
+def test_a_function_is_that_of_the_robot_that_can_exist(
+    form: str,
+    name: str,
+    torques: Any,
+    estimate: Estimate,
+    model_file: Path,
+    motion: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / name
+    assert run(["export", str(model_file), "--to", form, "-o", str(out)]) == 0
+    expected = torque(estimate.model, *motion, consistent(estimate).standard_values)
+    np.testing.assert_allclose(torques(out, motion), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_pinocchio_reads_the_links_of_the_robot_that_can_exist(
     estimate: Estimate, model_file: Path, motion: np.ndarray, tmp_path: Path
 ) -> None:
-    path = tmp_path / "robot.py"
-    assert run(["export", str(model_file), "--to", "python", "-o", str(path)]) == 0
-    tau = imported(path).inverse_dynamics(*motion)
-    np.testing.assert_allclose(tau, predict(estimate, *motion), rtol=1e-9, atol=1e-9)
+    out = tmp_path / "robot.urdf"
+    assert run(["export", str(model_file), "--to", "urdf", "-o", str(out)]) == 0
+    robot = pin.buildModelFromUrdf(str(out))
+    tau = [pin.rnea(robot, robot.createData(), *x) for x in motion.transpose(1, 0, 2)]
+    links = ModelOptions(rotors=False, friction=False, spring=False).build(estimate.robot)
+    values = consistent(estimate).standard_values[: len(links.parameter_names)]
+    np.testing.assert_allclose(tau, torque(links, *motion, values), rtol=1e-9, atol=1e-9)
+
+
+def test_a_robot_that_the_data_speak_against_is_written_on_demand_only(
+    estimate: Estimate, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Much less inertia about axis 1 than the same links have about axis 2.
+    values = np.array(estimate.values)
+    values[estimate.base.names.index("Izz1")] = 2.0
+    write_estimate(tmp_path / "model.json", replace(estimate, values=values))
+    out = tmp_path / "robot.urdf"
+    words = ["export", str(tmp_path / "model.json"), "--to", "urdf", "-o", str(out)]
+    assert run(words) == 6
+    assert "DOES NOT explain the data" in capsys.readouterr().err
+    assert not out.exists()
+    assert run([*words, "--despite-misfit"]) == 0
+    assert "DOES NOT explain the data" in out.read_text().partition("<robot")[0]
+
+
+def test_sums_over_links_are_no_description(
+    model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", str(model_file), "--to", "sdf", "-o", str(tmp_path / "x"), "--as-identified"]
+    assert run(words) == 2
+    assert "--as-identified is for c, python, csv, json" in capsys.readouterr().err
 
 
 def test_tables_hold_the_parameters(estimate: Estimate, model_file: Path, tmp_path: Path) -> None:
@@ -122,10 +194,3 @@ def test_what_is_no_model_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert run(["export", str(tmp_path / "no.json"), "--to", "c", "-o", str(out)]) == 2
     assert "not an estimate" in capsys.readouterr().err
     assert not out.exists()
-
-
-def imported(path: Path) -> Any:
-    spec = importlib.util.spec_from_file_location("exported", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
