@@ -17,6 +17,7 @@ import json
 import sys
 import time
 from dataclasses import replace
+from typing import cast
 
 import joblib
 import numpy as np
@@ -113,7 +114,10 @@ def main() -> int:
         print(f"of the same motion by (2.25, 2.26), free of units: {number:.2f}")
 
     work = joblib.delayed(best_draw)
-    draws = joblib.Parallel(n_jobs=CORES)(work(problem, k, budget_s) for k in range(CORES))
+    parallel = joblib.Parallel(n_jobs=CORES)
+    draws = cast(
+        list[tuple[float, int]], parallel(work(problem, k, budget_s) for k in range(CORES))
+    )
     peer = min(number for number, _ in draws)
     tries = sum(count for _, count in draws)
     print(f"two-harmonic heuristic, {tries} draws in the same time, no obstacles: {peer:.1f}")

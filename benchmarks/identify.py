@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.arrays import FloatArray
 from acquisition.smoothing import SmoothedSignals
 from config.load import load_robot
 from config.robot import RobotDescription
@@ -54,7 +55,7 @@ def arm() -> RobotDescription:
 def recording(robot: RobotDescription, samples: int) -> SmoothedSignals:
     """Return a Fourier motion and its torques with noise."""
     random = np.random.default_rng(0)
-    time_s = np.arange(samples) * STEP_S
+    time_s: FloatArray = np.arange(samples, dtype=np.float64) * STEP_S
     omega = 2.0 * np.pi / 10.0 * np.arange(1, 9)
     sine, cosine = 0.3 * random.normal(size=(2, 8, 6))
     s, c = np.sin(np.outer(time_s, omega)), np.cos(np.outer(time_s, omega))
@@ -112,8 +113,14 @@ def peer_seconds(python: str, signals: SmoothedSignals) -> float | None:
     """Return how long figaroh takes for the same arrays [s], or None where it cannot run."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder, "data.npz")
-        arrays = {"q": signals.position, "v": signals.velocity, "a": signals.acceleration}
-        np.savez(data, tau=signals.torque_nm, rows=Chain.from_description(arm()).rows, **arrays)
+        arrays = {
+            "q": signals.position,
+            "v": signals.velocity,
+            "a": signals.acceleration,
+            "tau": signals.torque_nm,
+            "rows": Chain.from_description(arm()).rows,
+        }
+        np.savez(data, allow_pickle=False, **arrays)
         done = subprocess.run(
             [python, str(PEER), str(data)], check=False, capture_output=True, text=True
         )

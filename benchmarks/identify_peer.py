@@ -12,9 +12,9 @@ import time
 import types
 
 import numpy as np
-import pinocchio as pin
-from figaroh.tools.qrdecomposition import QRDecomposer
-from figaroh.tools.regressor import (
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
+from figaroh.tools.qrdecomposition import QRDecomposer  # pyright: ignore[reportMissingImports]
+from figaroh.tools.regressor import (  # pyright: ignore[reportMissingImports]
     build_regressor_basic,
     build_regressor_reduced,
     get_index_eliminate,

@@ -90,7 +90,7 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
                 d_m=_clean(d),
             )
         )
-        frames[i + 1] = _frame(end, foot)
+        frames[i + 1] = _frame(np.real(end), foot)
         place, x_before = foot, x_next
     return AxisFrames(origin, tuple(rows), frames)
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from itertools import combinations
 
-import coal
+import coal  # pyright: ignore[reportMissingImports]
 import numpy as np
 
 from acquisition.arrays import FloatArray

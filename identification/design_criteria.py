@@ -25,12 +25,15 @@ class Criterion(Protocol):
 
     def worth(self, information: FloatArray) -> float:
         """Return the criterion itself of an information matrix (b, b)."""
+        ...
 
     def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
         """Return what stands for it in the search, and the derivatives by the elements."""
+        ...
 
     def words(self, worth: float) -> str:
         """Say what the criterion's value means."""
+        ...
 
 
 @dataclass(frozen=True)

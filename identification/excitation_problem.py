@@ -155,13 +155,12 @@ class ExcitationProblem:
         omega = 2.0 * math.pi / self.period_s * np.arange(1, self.harmonics + 1)
         angle = np.outer(np.arange(points) / points * self.period_s, omega)
         one, sine, cosine = np.ones((points, 1)), np.sin(angle), np.cos(angle)
-        return np.array(
-            [
-                np.hstack([one, sine, cosine]),
-                np.hstack([0.0 * one, omega * cosine, -omega * sine]),
-                np.hstack([0.0 * one, -(omega**2) * sine, -(omega**2) * cosine]),
-            ]
-        )
+        rows = [
+            np.hstack([one, sine, cosine]),
+            np.hstack([0.0 * one, omega * cosine, -omega * sine]),
+            np.hstack([0.0 * one, -(omega**2) * sine, -(omega**2) * cosine]),
+        ]
+        return np.asarray(rows, dtype=float)
 
     @cached_property
     def _coarse(self) -> FloatArray:
@@ -179,6 +178,20 @@ class ExcitationProblem:
 
     def _coefficients(self, x: FloatArray) -> FloatArray:
         return np.asarray(x.reshape(self._scales.shape) * self._scales)
+
+    def within(self, x: FloatArray) -> FloatArray:
+        """Return variables of the same motion, made smaller where it breaks planned limits.
+
+        All amplitudes shrink by one share, about the motion's middle pose.
+        """
+        q, v, a = self.motion(x, self._fine)
+        planned = self.limit_fraction * self._sizes
+        centre = self._middle + self._coefficients(x)[:, 0]
+        swing = q - centre
+        room = [planned[0] - sign * (centre - self._middle) for sign in (1.0, -1.0)]
+        used = [swing.max(axis=0), -swing.min(axis=0), np.abs(v).max(axis=0), np.abs(a).max(axis=0)]
+        share = np.array([*room, *planned[1:]]) / np.maximum(used, 1e-12)
+        return self.shrunk(x, min(1.0, max(0.0, float(share.min()))))
 
     def shrunk(self, x: FloatArray, share: float) -> FloatArray:
         """Return variables of the same motion with its amplitudes made smaller."""
@@ -221,6 +234,7 @@ class ExcitationProblem:
         x = START_AMPLITUDE * random.normal(size=self._scales.shape)
         decay = 1.0 / np.arange(1, self.harmonics + 1)
         x[:, 1:] *= np.concatenate([decay, decay])
+        distances = np.zeros(0)
         for _ in range(START_POSES):
             x[:, 0] = random.uniform(-0.8, 0.8, len(x))
             pose = self._middle + x[:, 0] * self._scales[:, 0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
@@ -12,12 +12,12 @@ from scipy.optimize import nnls
 from acquisition.arrays import FloatArray, read_only
 from config.errors import EstimationError
 from config.robot import Joint, RobotDescription
-from dynamics.conditions import Conditions
 from dynamics.friction import Friction
 from dynamics.payload import Payload
 from dynamics.rigid_body import PARAMETERS_PER_LINK
 from dynamics.robot_model import RobotModel
 from dynamics.spring import Spring
+from identification.friction_curve import friction_columns
 from identification.link_body import LinkBody
 
 T = TypeVar("T")
@@ -147,17 +147,11 @@ class ExportModel:
         found = self.term(Friction)
         if found is None or self.couples(joint):
             return StraightFriction(0.0, 0.0, 0.0)
-        term, values = found
-        n, description = self.model.chain.n, self.robot.joints[joint]
-        fastest = description.limits.velocity
+        fastest = self.robot.joints[joint].limits.velocity
         speed = np.linspace(SLOWEST_SHARE * fastest, fastest, SPEEDS)
-        v = np.zeros((2 * SPEEDS, n))
-        v[:, joint] = np.concatenate([speed, -speed])
-        warm = np.array([j.reference_temperature_k for j in self.robot.joints])
-        motion = self.model.motion(np.zeros_like(v), v, np.zeros_like(v), Conditions(warm))
-        out = np.zeros((*v.shape, len(values)))
-        term.fill_torque(motion, out)
-        forward, backward = np.split(out[:, joint] @ values, 2)
+        both = np.concatenate([speed, -speed])
+        torque = friction_columns(self.model, joint, both) @ found[1]
+        forward, backward = np.split(torque, 2)
         line, _ = nnls(np.column_stack([np.ones(SPEEDS), speed]), 0.5 * (forward - backward))
         offset = float(np.mean(0.5 * (forward + backward)))
         return StraightFriction(float(line[0]), float(line[1]), offset)
@@ -236,11 +230,6 @@ class ExportModel:
 
 
 _CURVED = {"f3": "cubic", "fcr": "cube root", "fs": "Stribeck", "fcT": "temperature"}
-
-
-def with_origin(model: ExportModel, *lines: str) -> ExportModel:
-    """Return the same model with more lines about its origin."""
-    return replace(model, origin=(*model.origin, *lines))
 
 
 def _turn_onto_z(up: FloatArray) -> FloatArray:

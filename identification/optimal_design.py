@@ -6,10 +6,12 @@ import warnings
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import cast
 
 import joblib
 from scipy.optimize import minimize
 
+from acquisition.arrays import FloatArray
 from acquisition.termination import termination_held
 from config.errors import ConfigError
 from config.motion import FourierMotion
@@ -19,7 +21,7 @@ from identification.motion_check import MotionCheck, check_motion
 PENALTIES = (10.0, 10.0, 30.0, 100.0)
 ITERATIONS = 200
 LATER_SHARE = 0.3
-SHRINKING = (1.0, 0.98, 0.95, 0.9, 0.8)
+SHRINKING = (0.98, 0.95, 0.9, 0.8)
 PLANNED_MARGIN_M = 0.005
 SCHEDULER_TIMEOUT_S = 10.0
 
@@ -78,12 +80,18 @@ def refine(
         shifts = planned.next_shifts(x, shifts)
         before = penalty
         most = max(1, int(LATER_SHARE * iterations))
+    x = problem.within(x)
+
+    def candidate(x: FloatArray) -> Candidate:
+        motion = problem.to_fourier(x, periods, transient_periods)
+        return Candidate(seed, motion, check_motion(problem, motion, sample_period_s))
+
+    found = candidate(x)
     for share in SHRINKING:
-        motion = problem.to_fourier(problem.shrunk(x, share), periods, transient_periods)
-        check = check_motion(problem, motion, sample_period_s)
-        if not check.broken:
+        if not found.check.broken:
             break
-    return Candidate(seed, motion, check)
+        found = candidate(problem.shrunk(x, share))
+    return found
 
 
 def candidates(
@@ -131,7 +139,7 @@ def candidates(
         # A caller that has seen enough closes this generator, which is no reason for a warning.
         warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-        yield from parallel(tasks)
+        yield from cast(Generator[Candidate], parallel(tasks))
 
 
 @contextmanager

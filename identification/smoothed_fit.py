@@ -135,6 +135,7 @@ class SmoothedProblem:
         fixed = scale is not None
         weights = np.ones(len(triangles)) if scale is None else 1.0 / scale
         solution = solve([*triangles, *known], [*weights, *(1.0 for _ in known)], names)
+        error = residual = np.zeros(len(triangles))
         for _ in range(REWEIGHTINGS):
             error = np.array([triangle.residual_sum(solution.values) for triangle in triangles])
             residual = np.sqrt(error / np.maximum(rows, 1.0))

@@ -31,6 +31,8 @@ class Validation:
         Times of the rows [s].
     measured_nm, predicted_nm : ndarray, shape (samples, n)
         Torques, both below `cutoff_hz` [N m or N].
+    position, velocity, acceleration : ndarray, shape (samples, n)
+        The motion that the prediction was made for [rad or m, per s, per s^2].
     moving : ndarray of bool, shape (samples, n)
         Which samples count.
     rms_nm : ndarray, shape (n,)
@@ -51,6 +53,9 @@ class Validation:
     time_s: FloatArray
     measured_nm: FloatArray
     predicted_nm: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
     moving: BoolArray
     rms_nm: FloatArray
     relative_percent: FloatArray
@@ -153,6 +158,9 @@ def validate(
         time_s=signals.time_s,
         measured_nm=signals.torque_nm,
         predicted_nm=predicted,
+        position=signals.position,
+        velocity=signals.velocity,
+        acceleration=signals.acceleration,
         moving=moving,
         rms_nm=_rms(error, moving),
         relative_percent=100.0 * _rms(error, moving) / _rms(signals.torque_nm, moving),

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.arrays import FloatArray
+from acquisition.excitation import samples_of_period
 from acquisition.termination import termination_calls
 from config.cell import CellConfig
 from config.errors import ConfigError
@@ -25,7 +26,7 @@ from identification.optimal_design import Candidate, candidates
 from rid_daq.console import Console
 
 EXPECTED_NOISE_SHARE = 0.01
-LIMIT_FRACTION = 0.9
+LIMIT_FRACTION = 0.95
 SEEDS_APART = 10_000
 TORQUE = "torque"
 TORQUE_POSES = 50
@@ -113,8 +114,14 @@ def excitation_problem(
     Raises
     ------
     ConfigError
-        A model is of another robot or has other terms.
+        A model is of another robot or has other terms, or the period does not suit the cell.
     """
+    samples = samples_of_period(period_s, cell.cycle_time_s)
+    if 2 * harmonics >= samples:
+        raise ConfigError(
+            f"harmonic {harmonics} of a period of {samples} cycles is beyond half the sampling"
+            " frequency: use fewer harmonics or a longer period"
+        )
     planned = design_model(robot)
     noise = EXPECTED_NOISE_SHARE * np.array([joint.limits.torque for joint in robot.joints])
     known = [*given, *([model] if model is not None else [])]

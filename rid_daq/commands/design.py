@@ -12,7 +12,7 @@ import numpy as np
 import typer
 
 from acquisition.motion_samples import MotionSamples, plan_motion
-from config.errors import ConfigError
+from config.errors import ConfigError, RecordingError
 from config.load import LoadedCell, load_cell, to_yaml
 from config.motion import FourierMotion
 from config.robot import RobotDescription
@@ -73,7 +73,9 @@ def design(
     periods: Annotated[int, typer.Option(min=2, help="Periods that count.")] = 16,
     highest_harmonic: Annotated[
         int | None,
-        typer.Option("--harmonics", min=2, help="The highest harmonic used; 5, heuristic 8."),
+        typer.Option(
+            "--harmonics", min=2, max=100, help="The highest harmonic used; 5, heuristic 8."
+        ),
     ] = None,
     starts: Annotated[int, typer.Option(min=1, help="Starts that are refined (optimal).")] = 12,
     budget_s: Annotated[
@@ -117,6 +119,8 @@ def design(
     console = Console(as_json)
     if output.exists() and not overwrite:
         raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
+    if not output.parent.is_dir():
+        raise RecordingError(f"{output}: cannot be written: there is no folder {output.parent}")
     loaded = load_cell(cell)
     robot = loaded.robot
     if kind is Kind.CONSTANT_VELOCITY:

@@ -13,9 +13,11 @@ from acquisition.run_list import find_run
 from config.errors import ConfigError
 from config.robot import FrictionTerm
 from identification.comparison import FRICTION_CANDIDATES, Comparison
+from identification.drift import friction_drift
 from identification.estimate import Estimate
 from identification.estimate_file import write_estimate
 from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
+from identification.identifiability import weak_parameters
 from identification.model_options import ModelOptions
 from rid_daq.console import AsJson, Console
 from rid_daq.curves import period_curves
@@ -120,6 +122,11 @@ def identify(
         first.folder.write(MODEL, output.read_bytes())
     result = result_of(first)
     result["estimate"] = estimate_section(estimate)
+    findings = [weak.sentence for weak in weak_parameters(estimate)]
+    for item in data:
+        drifts = (drift for drift in friction_drift(item.recording) if drift.significant)
+        findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
+    result["estimate"]["findings"] = findings
     document: dict[str, Any] = {"model": str(output), "estimate": result["estimate"]}
     if comparison is not None:
         result["comparison"] = comparison_section(comparison)
@@ -133,6 +140,8 @@ def identify(
     if comparison is not None:
         _tell_comparison(console, comparison)
     _tell(console, estimate, result["estimate"]["sentence"])
+    for finding in findings:
+        console.say(finding)
     console.verdict(True, f"Model: {output}")
     console.say(f"Report: {path}")
     console.say(f"Next: rid-daq validate {output} RUN, with a run that was not used here")

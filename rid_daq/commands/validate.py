@@ -11,6 +11,7 @@ from acquisition.run_list import find_run
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.load import load_bundled_or_path
+from identification.diagnosis import diagnose
 from identification.estimate import Estimate
 from identification.estimate_file import read_estimate
 from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
@@ -67,6 +68,7 @@ def validate(
     if same:
         sentence += " The model was identified from this very run: this is no validation."
     section = validation_section(validation, data.robot, sentence)
+    section["diagnosis"] = [found.sentence for found in diagnose(estimate, validation)]
     result["title"] = f"Validation of {estimate.robot.name}"
     result["validation"] = section
     result["estimate"] = estimate_section(estimate)
@@ -145,3 +147,5 @@ def _tell(console: Console, validation: Validation, section: dict[str, Any]) -> 
         ],
         red=[verdict is False for verdict in validation.verdicts],
     )
+    for finding in section["diagnosis"]:
+        console.say(finding)

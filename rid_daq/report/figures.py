@@ -181,7 +181,11 @@ def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
     """
     columns = min(3, len(joints))
     rows = -(-len(joints) // 3)
-    styles = ({"color": PREDICTED, "linewidth": 1.4}, {"color": FAINT}, {"color": WRONG})
+    styles: tuple[dict[str, Any], ...] = (
+        {"color": PREDICTED, "linewidth": 1.4},
+        {"color": FAINT},
+        {"color": WRONG},
+    )
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(9.6, 0.6 + 2.6 * rows), layout="constrained")
         panels = figure.subplots(rows, columns, squeeze=False).ravel()

@@ -105,6 +105,7 @@ def run_a_little(simulated: SimulatedCell, loaded: LoadedCell) -> AxisSnapshot:
 
 def test_a_lock_step_run_is_repeatable_to_the_byte(loaded: LoadedCell, tmp_path: Path) -> None:
     logs = [tmp_path / "one.log", tmp_path / "two.log"]
+    others = multiprocessing.active_children()
     for log in logs:
         with simulate(loaded, log=log) as simulated:
             folder = Path(simulated.channel).parent
@@ -115,7 +116,7 @@ def test_a_lock_step_run_is_repeatable_to_the_byte(loaded: LoadedCell, tmp_path:
             with open_cell(simulated.cell, loaded.robot) as cell:
                 cell.axes.bring_up()
         assert not folder.exists()
-        assert multiprocessing.active_children() == []
+        assert set(multiprocessing.active_children()) <= set(others)
         assert time.monotonic() - start_s < 20.0
     one, two = sorted((log.read_bytes() for log in logs), key=len)
     assert len(one.splitlines()) > 1000
@@ -147,8 +148,9 @@ def test_a_killed_masters_axes_are_at_rest_in_time(loaded: LoadedCell) -> None:
             assert master.wait(60.0) == -signal.SIGKILL
         deadline_s = time.monotonic() + 20.0
         frames = []
-        at_rest = simulated.axes()
+        moved_at_s, at_rest = 0.0, simulated.axes()
         while not stopped(at_rest) and time.monotonic() < deadline_s:
+            moved_at_s = at_rest.time_s
             frames += watch(observer, 0.002)
             at_rest = simulated.axes()
         frames += watch(observer, 0.5)
@@ -159,7 +161,8 @@ def test_a_killed_masters_axes_are_at_rest_in_time(loaded: LoadedCell) -> None:
     assert [parse_emcy(f.data).code for f in cut] == [0x8130] * 3
     assert all(f.time_ns * 1e-9 < last_sync_s + 0.100 for f in cut)
     ramp_s = SPEED_RAD_S / loaded.config.drive_safety.quick_stop_deceleration_rad_s2
-    assert at_rest.time_s < last_sync_s + 0.100 + ramp_s + LONGEST_WAIT_S
+    assert stopped(at_rest)
+    assert moved_at_s < last_sync_s + 0.100 + ramp_s + LONGEST_WAIT_S
 
 
 def test_the_drives_outlive_their_killed_program_until_they_have_stopped(
