@@ -134,7 +134,7 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
             "the recording is not periodic, so there are no periods to average: smooth it instead"
         )
     samples = recording.samples_per_period
-    values, present = _cut(recording, samples)
+    values, present = cut_periods(recording, samples)
     rejected = _incomplete(present)
     good = np.array([index not in rejected for index in range(len(present))])
     rejected |= _out_of_family(values, present, good, recording.joint_names)
@@ -191,8 +191,28 @@ def _mean_temperature(recording: Recording, samples: int, good: BoolArray) -> Fl
     return np.asarray(recording.temperature_k[kept].mean(axis=0))
 
 
-def _cut(recording: Recording, samples: int) -> tuple[FloatArray, BoolArray]:
-    """Return the channels (periods, K, 2 n) and which rows are there (periods, K)."""
+def cut_periods(recording: Recording, samples: int) -> tuple[FloatArray, BoolArray]:
+    """Return positions and torques of the main periods as they are, and which rows are there.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of a periodic motion.
+    samples : int
+        Rows of a period, K.
+
+    Returns
+    -------
+    values : ndarray, shape (periods, K, 2 n)
+        Positions, then torques; zero where a row is not there.
+    present : ndarray of bool, shape (periods, K)
+        Which rows are.
+
+    Raises
+    ------
+    DataQualityError
+        More than 2 % of all rows are missing, or where a period starts is not known.
+    """
     main = (recording.phase == Phase.MAIN) & (recording.sample_index >= 0)
     start = _first_main_index(recording, main, samples)
     place = recording.sample_index[main] - start

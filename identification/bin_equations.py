@@ -17,6 +17,7 @@ import numpy as np
 from acquisition.arrays import BoolArray, FloatArray
 from acquisition.periods import PeriodAverage
 from acquisition.spectrum import Bins, differentiate_on_bins, filter_response, to_bins
+from config.cell import ButterworthFilter
 from config.errors import EstimationError
 from dynamics.conditions import Conditions
 from dynamics.robot_model import RobotModel
@@ -109,7 +110,9 @@ def bin_equations(
             f"the recording has joints {', '.join(average.joint_names)}, the model"
             f" {', '.join(model.joint_names)}: use the recording's own robot"
         )
-    harmonics = harmonics_below(average, band_hz)
+    harmonics = harmonics_below(
+        band_hz, average.period_s, average.sample_period_s, average.torque_filter
+    )
     oversampling = max(2, math.ceil(average.sample_period_s / GRID_STEP_S))
     q, v, a = differentiate_on_bins(
         average.position, average.sample_period_s, harmonics, oversampling=oversampling
@@ -147,7 +150,12 @@ def bin_equations(
     )
 
 
-def harmonics_below(average: PeriodAverage, band_hz: float) -> int:
+def harmonics_below(
+    band_hz: float,
+    period_s: float,
+    sample_period_s: float,
+    torque_filter: ButterworthFilter | None,
+) -> int:
     """Return the highest bin that the band, the sampling and the filter allow.
 
     Raises
@@ -155,14 +163,14 @@ def harmonics_below(average: PeriodAverage, band_hz: float) -> int:
     EstimationError
         The band holds no bin.
     """
-    limit_hz = min(band_hz, NYQUIST_FRACTION * 0.5 / average.sample_period_s)
-    if average.torque_filter is not None:
-        limit_hz = min(limit_hz, average.torque_filter.cutoff_hz)
-    harmonics = math.floor(limit_hz * average.period_s + 1e-9)
+    limit_hz = min(band_hz, NYQUIST_FRACTION * 0.5 / sample_period_s)
+    if torque_filter is not None:
+        limit_hz = min(limit_hz, torque_filter.cutoff_hz)
+    harmonics = math.floor(limit_hz * period_s + 1e-9)
     if harmonics < 1:
         raise EstimationError(
             f"a band up to {limit_hz:g} Hz holds no harmonic of a period of"
-            f" {average.period_s:g} s: raise the band limit"
+            f" {period_s:g} s: raise the band limit"
         )
     return harmonics
 

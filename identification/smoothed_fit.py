@@ -131,27 +131,18 @@ class SmoothedProblem:
         known = [self.prior.triangle(len(names))]
         if slopes:
             known.append(step_prior(model, len(self.base)))
-        rows = np.array([triangle.rows for triangle in triangles])
-        fixed = scale is not None
-        weights = np.ones(len(triangles)) if scale is None else 1.0 / scale
-        solution = solve([*triangles, *known], [*weights, *(1.0 for _ in known)], names)
-        error = residual = np.zeros(len(triangles))
-        for _ in range(REWEIGHTINGS):
-            error = np.array([triangle.residual_sum(solution.values) for triangle in triangles])
-            residual = np.sqrt(error / np.maximum(rows, 1.0))
-            if fixed or self.weighting == "ls":
-                break
-            new = 1.0 / np.maximum(residual, 1e-9 * residual.max() + 1e-300)
-            settled = bool(np.all(np.abs(new / weights - 1.0) < SETTLED))
-            weights = new
-            solution = solve([*triangles, *known], [*weights, *(1.0 for _ in known)], names)
-            if settled:
-                break
-        if self.weighting == "ls" and not fixed:
-            overall = float(np.sqrt(np.sum(error) / np.sum(rows)))
-            weights = np.full(len(triangles), 1.0 / max(overall, 1e-300))
-            solution = solve([*triangles, *known], [*weights, *(1.0 for _ in known)], names)
-        return SmoothedFit(solution, residual, 1.0 / weights, rows)
+        rows = np.array([triangle.rows for triangle in triangles], dtype=np.float64)
+        if scale is not None:
+            solution = weighted(triangles, known, scale, names)
+        elif self.weighting == "ls":
+            solution = weighted(triangles, known, np.ones(len(triangles)), names)
+            residual = _residual(triangles, solution)
+            overall = float(np.sqrt(np.sum(rows * residual**2) / np.sum(rows)))
+            scale = np.full(len(triangles), max(overall, 1e-300))
+            solution = weighted(triangles, known, scale, names)
+        else:
+            solution, scale = weighted_by_residuals(triangles, known, names)
+        return SmoothedFit(solution, _residual(triangles, solution), scale, rows)
 
     def _events(
         self,
@@ -181,3 +172,59 @@ class SmoothedProblem:
                     gram[np.ix_(columns, columns)] += weighted @ matrix
                     score[columns] += weighted @ misfit
         yield Cluster(gram, score)
+
+
+def weighted_by_residuals(
+    triangles: Sequence[Triangle], known: Sequence[Triangle], names: tuple[str, ...]
+) -> tuple[Solution, FloatArray]:
+    """Solve with each joint's rows over their own residual, found by iteration.
+
+    Parameters
+    ----------
+    triangles : sequence of Triangle
+        One a joint.
+    known : sequence of Triangle
+        Prior knowledge, weighted already.
+    names : tuple of str
+        The parameters.
+
+    Returns
+    -------
+    solution : Solution
+        The estimate.
+    scale_nm : ndarray, shape (n,)
+        What each joint's rows were divided by.
+
+    Raises
+    ------
+    EstimationError
+        The motion does not show the parameters.
+    """
+    scale = np.ones(len(triangles))
+    solution = weighted(triangles, known, scale, names)
+    for _ in range(REWEIGHTINGS):
+        residual = _residual(triangles, solution)
+        better = np.maximum(residual, 1e-9 * residual.max() + 1e-300)
+        settled = bool(np.all(np.abs(scale / better - 1.0) < SETTLED))
+        scale = better
+        solution = weighted(triangles, known, scale, names)
+        if settled:
+            break
+    return solution, scale
+
+
+def weighted(
+    triangles: Sequence[Triangle],
+    known: Sequence[Triangle],
+    scale: FloatArray,
+    names: tuple[str, ...],
+) -> Solution:
+    """Solve with each joint's rows divided by its `scale`, shape (n,)."""
+    return solve([*triangles, *known], [*(1.0 / scale), *(1.0 for _ in known)], names)
+
+
+def _residual(triangles: Sequence[Triangle], solution: Solution) -> FloatArray:
+    """Return the RMS residual of each joint, (n,)."""
+    error = np.array([triangle.residual_sum(solution.values) for triangle in triangles])
+    rows = np.array([triangle.rows for triangle in triangles], dtype=np.float64)
+    return np.asarray(np.sqrt(error / np.maximum(rows, 1.0)))

@@ -105,7 +105,8 @@ def record_run(
 ) -> RecordedRun:
     """Record a planned motion into a run folder, showing how far it is.
 
-    With `accuracy` the motion ends after the period in which its goals are reached.
+    With `accuracy` the progress tells the running estimate, and the motion ends after the period in
+    which its goals, if it has any, are reached.
 
     Raises
     ------
@@ -140,7 +141,8 @@ def record_run(
         result["verdict"] = verdict([], "Stopped before its end", run.stop_sentence)
         result["verdict"]["passed"] = False
     else:
-        sentences = [run.timing_sentence] if accuracy is None else accuracy.sentences()
+        goals = [] if accuracy is None else accuracy.sentences()
+        sentences = goals or [run.timing_sentence]
         result["verdict"] = verdict([], "Recorded completely", ". ".join(sentences))
     return run
 
@@ -159,9 +161,8 @@ def progress_shown(
             done = _done(samples, progress.sample_index)
         moving = progress.state is TaskState.MOVING
         line = _PHASES[progress.phase] if moving else _STATES[progress.state]
-        if moving and accuracy is not None and accuracy.states:
-            left = [state for state in accuracy.states if not state.reached]
-            line += "; accuracy reached" if not left else f"; {left[0].sentence(accuracy.periods)}"
+        if moving and accuracy is not None and accuracy.line():
+            line += f"; {accuracy.line()}"
         show(done, line)
 
     return update

@@ -68,7 +68,9 @@ def record(
     asked = load_motion(motion)
     check_robot(asked, loaded, motion)
     samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
-    accuracy = AccuracyWatch(until, loaded.robot, samples) if until else None
+    accuracy = None
+    if until or samples.samples_per_period is not None:
+        accuracy = AccuracyWatch(until or (), loaded.robot, samples)
     if not loaded.config.simulated:
         _ask_whether_cleared(loaded.config, cleared)
     with reachable_cell(loaded, realtime=realtime, seed=seed) as reachable:
@@ -146,7 +148,10 @@ def _tell(
             "accuracy": None
             if accuracy is None
             else {
-                "reached": accuracy.reached,
+                "relative_percent": None
+                if accuracy.running is None
+                else accuracy.running.relative_percent.tolist(),
+                "reached": accuracy.reached if accuracy.goals else None,
                 "periods": accuracy.periods,
                 "goals": accuracy.sentences(),
             },
@@ -156,6 +161,8 @@ def _tell(
     for note in outcome.notes:
         console.say(f"note: {note}")
     console.say(run.timing_sentence)
+    if accuracy is not None and accuracy.running is not None:
+        console.say(f"Running estimate: {accuracy.running_sentence()}")
     for sentence in [] if accuracy is None else accuracy.sentences():
         console.say(sentence)
     if outcome.stop is not None:

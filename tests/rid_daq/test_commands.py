@@ -247,6 +247,7 @@ def test_a_recording_ends_when_the_accuracy_is_reached(
     assert document["status"] == "complete"
     assert document["accuracy"]["reached"]
     assert document["accuracy"]["periods"] == 3
+    assert max(document["accuracy"]["relative_percent"]) < 5.0
     recording = read_journal(Path(document["folder"]) / "recording.mcap").recording()
     assert (recording.phase == Phase.MAIN).sum() == 3 * recording.samples_per_period
     assert run([*words, "--until", "fc_axis1<0.0001Nm"]) == 1
