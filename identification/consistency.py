@@ -34,6 +34,7 @@ FLOOR_SHARE = 1e-2
 SMALLEST_BODY = (0.01, 0.0, 0.0, 0.0, 4e-7, 0.0, 0.0, 4e-7, 0.0, 4e-7)  # 10 g, a ball of 1 cm
 SLOWEST_SHARE = 0.02
 SPEEDS = 40
+SMALLEST_P = 0.05
 
 _STRAIGHT: frozenset[FrictionFunction] = frozenset({"coulomb", "viscous", "forward", "backward"})
 _LEFT_FREE: frozenset[FrictionFunction] = frozenset(
@@ -74,6 +75,11 @@ class ConsistentEstimate:
         ):
             values = read_only(name, getattr(self, name), float, (size,), EstimationError)
             object.__setattr__(self, name, values)
+
+    @property
+    def can_exist(self) -> bool:
+        """Whether a robot with the estimate's parameters can exist, as far as the data say."""
+        return self.p_value >= SMALLEST_P
 
     @property
     def moved_sigmas(self) -> FloatArray:

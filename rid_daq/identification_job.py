@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from acquisition.periods import average_periods
@@ -11,6 +11,7 @@ from config.errors import ConfigError
 from config.robot import RobotDescription
 from dynamics.cad import cad_parameters
 from identification.comparison import Comparison, Watch, choose_friction
+from identification.cross_checks import CrossCheck, cross_checks
 from identification.estimate import Estimate, Weighting
 from identification.estimators import (
     BAND_HZ,
@@ -21,6 +22,7 @@ from identification.estimators import (
 )
 from identification.model_options import ModelOptions
 from identification.signal_parts import period_signals
+from identification.time_equations import time_runs
 from identification.torque_filter import without_torque_filter
 from rid_daq.run_data import RunData
 
@@ -124,6 +126,14 @@ def compare_friction(
         standstill_rad_s=how.standstill_rad_s,
         watch=watch,
     )
+
+
+def check_otherwise(
+    estimate: Estimate, data: Sequence[RunData], how: HowToEstimate
+) -> Iterator[CrossCheck]:
+    """Estimate by other methods from the runs that an estimate comes from, one after the other."""
+    loaded = [item.folder.run_id in how.loaded for item in data]
+    yield from cross_checks(estimate, time_runs(estimate.model, _signals(data, how), loaded))
 
 
 def _signals(data: Sequence[RunData], how: HowToEstimate) -> list[SmoothedSignals]:

@@ -20,8 +20,6 @@ from identification.export_model import ExportModel
 from identification.export_table import csv_table, json_table
 from rid_daq.console import AsJson, Console
 
-SMALLEST_P: Final = 0.05
-
 
 class Format(StrEnum):
     """What can be written."""
@@ -146,7 +144,7 @@ def _distance(found: ConsistentEstimate) -> str:
     """Say how far the robot that can exist is from what was identified."""
     moved = found.moved_sigmas
     worst = int(np.argmax(np.abs(moved)))
-    explains = "explains" if found.p_value >= SMALLEST_P else "DOES NOT explain"
+    explains = "explains" if found.can_exist else "DOES NOT explain"
     return (
         f"The nearest robot that can exist {explains} the data (p = {found.p_value:.2g}); the"
         f" parameter moved most is {found.estimate.base.names[worst]}, by"
@@ -155,7 +153,7 @@ def _distance(found: ConsistentEstimate) -> str:
 
 
 def _refuse_misfit(found: ConsistentEstimate, to: Format, despite_misfit: bool) -> None:
-    if found.p_value >= SMALLEST_P or despite_misfit:
+    if found.can_exist or despite_misfit:
         return
     also = ", write what was identified (--as-identified)" if to in _NEED_NO_LINKS else ""
     raise EstimationError(

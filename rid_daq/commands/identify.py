@@ -6,13 +6,16 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, cast, get_args
 
+import numpy as np
 import typer
 
 from acquisition.periods import average_periods
 from acquisition.run_list import find_run
-from config.errors import ConfigError
+from config.errors import ConfigError, EstimationError
 from config.robot import FrictionTerm
 from identification.comparison import FRICTION_CANDIDATES, Comparison
+from identification.consistency import consistent
+from identification.cross_checks import CrossCheck, Method
 from identification.drift import friction_drift
 from identification.estimate import Estimate
 from identification.estimate_file import write_estimate
@@ -21,7 +24,12 @@ from identification.identifiability import weak_parameters
 from identification.model_options import ModelOptions
 from rid_daq.console import AsJson, Console
 from rid_daq.curves import period_curves
-from rid_daq.identification_job import HowToEstimate, compare_friction, estimate_runs
+from rid_daq.identification_job import (
+    HowToEstimate,
+    check_otherwise,
+    compare_friction,
+    estimate_runs,
+)
 from rid_daq.report.render import number
 from rid_daq.result import write_result
 from rid_daq.run_data import RunData, read_run, result_of
@@ -71,6 +79,10 @@ def identify(
         list[str] | None,
         typer.Option(metavar="RUN", help="A run of RUN... that carried an unknown payload."),
     ] = None,
+    cross_check: Annotated[
+        bool,
+        typer.Option("--cross-check", help="Estimate by three other methods as well, and compare."),
+    ] = False,
     band_hz: Annotated[
         float, typer.Option("--band", min=0.01, help="Highest frequency used [Hz].")
     ] = BAND_HZ,
@@ -126,6 +138,9 @@ def identify(
     for item in data:
         drifts = (drift for drift in friction_drift(item.recording) if drift.significant)
         findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
+    findings.append(_existence(estimate))
+    if cross_check:
+        findings += _cross_check(console, estimate, data, how)
     result["estimate"]["findings"] = findings
     document: dict[str, Any] = {"model": str(output), "estimate": result["estimate"]}
     if comparison is not None:
@@ -145,6 +160,37 @@ def identify(
     console.verdict(True, f"Model: {output}")
     console.say(f"Report: {path}")
     console.say(f"Next: rid-daq validate {output} RUN, with a run that was not used here")
+
+
+def _existence(estimate: Estimate) -> str:
+    """Say whether a robot with such parameters can exist."""
+    try:
+        robot = consistent(estimate)
+    except EstimationError as error:
+        return f"Whether a robot with such parameters can exist is not known: {error}."
+    if robot.can_exist:
+        return (
+            "A robot with such parameters can exist (positive masses, inertias and friction;"
+            f" p = {robot.p_value:.2g}): `rid-daq export` writes it."
+        )
+    worst = int(np.argmax(np.abs(robot.moved_sigmas)))
+    return (
+        f"No robot can have these parameters (p = {robot.p_value:.2g}): the closest one differs"
+        f" most in {estimate.base.words[worst]}, by {abs(robot.moved_sigmas[worst]):.1f} σ. A term"
+        " is missing in the model, or a sign, ratio or torque constant in the robot file is wrong."
+    )
+
+
+def _cross_check(
+    console: Console, estimate: Estimate, data: list[RunData], how: HowToEstimate
+) -> list[str]:
+    checks: list[CrossCheck] = []
+    with console.progress("Cross-checking", float(len(Method)), "methods") as shown:
+        shown.update(0.0, f"next: {next(iter(Method))}")
+        for number, check in enumerate(check_otherwise(estimate, data, how), 1):
+            checks.append(check)
+            shown.update(float(number), check.sentence)
+    return [f"{check.sentence}." for check in checks]
 
 
 def _terms(text: str | None) -> tuple[FrictionTerm, ...] | None:
