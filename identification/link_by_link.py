@@ -17,7 +17,7 @@ from config.errors import EstimationError
 from identification.estimate import Estimate
 from identification.intervals import Cluster, jackknife
 from identification.least_squares import Triangle
-from identification.time_equations import TimeRun, time_blocks
+from identification.time_equations import TimeRun, joint_equations
 
 UNDETERMINED = 1e-7
 
@@ -52,7 +52,7 @@ def estimate_link_by_link(
     """
     b, n = len(estimate.base), estimate.model.chain.n
     triangles = [Triangle.empty(b) for _ in range(n)]
-    for rows in _events(estimate, runs):
+    for rows in _equations(estimate, runs):
         triangles = [t.add(*equations) for t, equations in zip(triangles, rows, strict=True)]
     factors = [triangle.factor for triangle in triangles]
     size = np.linalg.norm(np.vstack(factors)[:, :-1], axis=0)
@@ -78,7 +78,7 @@ def estimate_link_by_link(
     basis = np.hstack(steps) / size[:, np.newaxis]
     own = [step / size[:, np.newaxis] for step in steps]
     information = _condensed([(f[:, :-1], f[:, -1]) for f in factors], own, basis, values).gram
-    clusters = (_condensed(rows, own, basis, values) for rows in _events(estimate, runs))
+    clusters = (_condensed(rows, own, basis, values) for rows in _equations(estimate, runs))
     return values, np.asarray(basis @ jackknife(information, clusters) @ basis.T)
 
 
@@ -97,15 +97,10 @@ def _condensed(
     return Cluster(np.vstack(gram), np.concatenate(score))
 
 
-def _events(
+def _equations(
     estimate: Estimate, runs: tuple[TimeRun, ...]
 ) -> Iterator[list[tuple[FloatArray, FloatArray]]]:
-    """Yield the equations of each joint, a stretch of time after the other."""
-    b, model = len(estimate.base), estimate.model
-    standard = estimate.standard_values if model.transmission.losses else None
-    standstill = estimate.standstill_rad_s
-    for block in time_blocks(model, estimate.base, runs, standstill, standard):
-        edges = np.flatnonzero(np.diff(block.event)) + 1
-        for rows in np.split(np.arange(len(block.event)), edges):
-            uses = [rows[block.use[rows, j]] for j in range(model.chain.n)]
-            yield [(block.columns[use, j, :b], block.rhs[use, j]) for j, use in enumerate(uses)]
+    standard = estimate.standard_values if estimate.model.transmission.losses else None
+    b, standstill = len(estimate.base), estimate.standstill_rad_s
+    for rows in joint_equations(estimate.model, estimate.base, runs, standstill, standard):
+        yield [(matrix[:, :b], rhs) for matrix, rhs in rows]

@@ -105,3 +105,21 @@ def time_blocks(
                 use=np.abs(model.actuator_speed(motion[1])) >= standstill_rad_s,
                 event=event[rows],
             )
+
+
+def joint_equations(
+    model: RobotModel,
+    base: BaseParameters,
+    runs: Sequence[TimeRun],
+    standstill_rad_s: float,
+    standard: FloatArray | None = None,
+) -> Iterator[list[tuple[FloatArray, FloatArray]]]:
+    """Yield each joint's equations, matrix (rows, any) and torque (rows,), stretch by stretch.
+
+    A stretch is at most `EVENT_S` long; rows where the joint is too slow are left out.
+    """
+    for block in time_blocks(model, base, runs, standstill_rad_s, standard):
+        edges = np.flatnonzero(np.diff(block.event)) + 1
+        for rows in np.split(np.arange(len(block.event)), edges):
+            uses = [rows[block.use[rows, j]] for j in range(model.chain.n)]
+            yield [(block.columns[use, j], block.rhs[use, j]) for j, use in enumerate(uses)]

@@ -12,6 +12,7 @@ from config.robot import RobotDescription
 from dynamics.cad import cad_parameters
 from identification.comparison import Comparison, Watch, choose_friction
 from identification.cross_checks import CrossCheck, cross_checks
+from identification.drive_gains import DriveGains, drive_gains
 from identification.estimate import Estimate, Weighting
 from identification.estimators import (
     BAND_HZ,
@@ -134,6 +135,25 @@ def check_otherwise(
     """Estimate by other methods from the runs that an estimate comes from, one after the other."""
     loaded = [item.folder.run_id in how.loaded for item in data]
     yield from cross_checks(estimate, time_runs(estimate.model, _signals(data, how), loaded))
+
+
+def gains_of_drives(
+    estimate: Estimate,
+    data: Sequence[RunData],
+    how: HowToEstimate,
+    mass_kg: float,
+    mass_sigma_kg: float,
+) -> DriveGains:
+    """Estimate drive gains from the runs of an estimate, some with a load of known mass.
+
+    Raises
+    ------
+    EstimationError
+        The runs or the model do not tell them.
+    """
+    loaded = [item.folder.run_id in how.loaded for item in data]
+    runs = time_runs(estimate.model, _signals(data, how), loaded)
+    return drive_gains(estimate, runs, mass_kg, mass_sigma_kg)
 
 
 def _signals(data: Sequence[RunData], how: HowToEstimate) -> list[SmoothedSignals]:

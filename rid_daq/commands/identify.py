@@ -29,6 +29,7 @@ from rid_daq.identification_job import (
     check_otherwise,
     compare_friction,
     estimate_runs,
+    gains_of_drives,
 )
 from rid_daq.report.render import number
 from rid_daq.result import write_result
@@ -79,6 +80,15 @@ def identify(
         list[str] | None,
         typer.Option(metavar="RUN", help="A run of RUN... that carried an unknown payload."),
     ] = None,
+    load_mass_kg: Annotated[
+        float | None,
+        typer.Option(
+            "--load-mass", min=0.001, help="Weighed mass of that payload [kg]: tells drive gains."
+        ),
+    ] = None,
+    load_mass_sigma_kg: Annotated[
+        float, typer.Option("--load-mass-sigma", min=1e-6, help="The scales' error (1 σ) [kg].")
+    ] = 0.01,
     cross_check: Annotated[
         bool,
         typer.Option("--cross-check", help="Estimate by three other methods as well, and compare."),
@@ -116,6 +126,10 @@ def identify(
         band_hz=band_hz,
         standstill_rad_s=standstill_rad_s,
     )
+    if load_mass_kg is not None and not how.loaded:
+        raise ConfigError(
+            "--load-mass is the mass of the payload: name the runs with it (--loaded)"
+        )
     comparison = None
     if choose:
         if friction_terms is not None or not friction:
@@ -123,6 +137,9 @@ def identify(
         comparison = _compare(console, data, how)
     robot = None if comparison is None else comparison.robot(data[0].robot)
     estimate = estimate_runs(data, how, robot=robot)
+    gains = None
+    if load_mass_kg is not None:
+        gains = gains_of_drives(estimate, data, how, load_mass_kg, load_mass_sigma_kg)
     first = data[0]
     if output is None:
         output = first.folder.file(MODEL)
@@ -139,10 +156,17 @@ def identify(
         drifts = (drift for drift in friction_drift(item.recording) if drift.significant)
         findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
     findings.append(_existence(estimate))
+    if gains is not None:
+        findings += [f"{sentence}." for sentence in gains.sentences()]
     if cross_check:
         findings += _cross_check(console, estimate, data, how)
     result["estimate"]["findings"] = findings
     document: dict[str, Any] = {"model": str(output), "estimate": result["estimate"]}
+    if gains is not None:
+        document["drive_gains"] = {
+            name: {"value": float(value), "std": float(sigma)}
+            for name, value, sigma in zip(gains.joint_names, gains.values, gains.sigma, strict=True)
+        }
     if comparison is not None:
         result["comparison"] = comparison_section(comparison)
         document["comparison"] = result["comparison"]

@@ -62,3 +62,23 @@ def test_a_payload_is_weighed_from_runs_with_and_without_it(
     mass = next(p for p in parameters if p["name"] == "mL")
     assert abs(mass["value"] - 2.805) < 0.02 * 2.805
     assert abs(mass["value"] - 2.805) < 2.0 * mass["std"]
+
+
+def test_drive_gains_by_the_weighed_payload_and_three_cross_checks(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["identify", "unloaded", "loaded", "--loaded", "loaded", "--band", "9.4", "--json"]
+    words += ["-o", str(workshop / "gains.json"), "--runs", str(workshop / "runs")]
+    capsys.readouterr()
+    assert run([*words, "--load-mass", "2.805", "--cross-check"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    gains = document["drive_gains"]
+    assert len(gains) == 6
+    for gain in gains.values():
+        assert abs(gain["value"] - 1.0) < 0.08
+        assert 0.0 < gain["std"] < 0.1
+    findings = " ".join(document["estimate"]["findings"])
+    for words_of_method in ("Energies:", "Joint after joint:", "Kalman filter:", "can exist"):
+        assert words_of_method in findings
+    assert run([*words[:3], *words[5:], "--load-mass", "2.805"]) == 2
+    assert "--loaded" in capsys.readouterr().err
