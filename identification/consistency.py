@@ -109,22 +109,9 @@ def consistent(estimate: Estimate) -> ConsistentEstimate:
     EstimationError
         The solver found none.
     """
-    model, base = estimate.model, estimate.base
-    centre, scale = nominal_parameters(model, estimate.robot)
-    bodies = _bodies(model)
+    base = estimate.base
     sigma, factor = honest_metric(estimate)
-    residual = (estimate.values - base.from_standard(centre)) / sigma
-    smallest = pseudo_inertia(np.array(SMALLEST_BODY))
-    standard = ConsistencyProgramme(
-        matrix=_whitened(factor, base.combination * scale / sigma[:, np.newaxis]),
-        rhs=_whitened(factor, residual),
-        weight=NOMINAL_WEIGHT,
-        centre=centre,
-        scale=scale,
-        bodies=bodies,
-        floors=FLOOR_SHARE * (pseudo_inertia(np.array([centre[b] for b in bodies])) + smallest),
-        not_negative=not_negative(model, estimate.robot),
-    ).solve()
+    standard = programme(estimate).solve()
     values = base.from_standard(standard)
     distance = float(np.sum(_whitened(factor, (values - estimate.values) / sigma) ** 2))
     return ConsistentEstimate(
@@ -133,6 +120,26 @@ def consistent(estimate: Estimate) -> ConsistentEstimate:
         base_values=values,
         distance=distance,
         p_value=float(chi2.sf(distance, len(base))),
+    )
+
+
+def programme(estimate: Estimate) -> ConsistencyProgramme:
+    """Return the semidefinite programme of `consistent`."""
+    model, base = estimate.model, estimate.base
+    centre, scale = nominal_parameters(model, estimate.robot)
+    bodies = _bodies(model)
+    sigma, factor = honest_metric(estimate)
+    residual = (estimate.values - base.from_standard(centre)) / sigma
+    smallest = pseudo_inertia(np.array(SMALLEST_BODY))
+    return ConsistencyProgramme(
+        matrix=_whitened(factor, base.combination * scale / sigma[:, np.newaxis]),
+        rhs=_whitened(factor, residual),
+        weight=NOMINAL_WEIGHT,
+        centre=centre,
+        scale=scale,
+        bodies=bodies,
+        floors=FLOOR_SHARE * (pseudo_inertia(np.array([centre[b] for b in bodies])) + smallest),
+        not_negative=not_negative(model, estimate.robot),
     )
 
 

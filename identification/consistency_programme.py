@@ -48,6 +48,11 @@ class ConsistencyProgramme:
     floors: FloatArray
     not_negative: FloatArray
 
+    def cost(self, standard: FloatArray) -> float:
+        """Return what is made small, at standard parameters of shape (p,)."""
+        x = (standard - self.centre) / self.scale
+        return float(np.sum((self.matrix @ x - self.rhs) ** 2) + self.weight * np.sum(x**2))
+
     def solve(self) -> FloatArray:
         """Return the standard parameters theta, shape (p,).
 
