@@ -49,7 +49,7 @@ def noisy_estimate(seed: int) -> Estimate:
     truth = np.where(truth == 0.0, 0.3 * sigma, truth)
     q, v, a = random.normal(0.0, np.array([1.5, 1.0, 3.0])[:, None, None], (3, ROWS, model.chain.n))
     phi = base.columns(regressor(model, q, v, a, Conditions(None))).reshape(-1, len(base))
-    covariance = np.asarray(NOISE_NM**2 * np.linalg.inv(phi.T @ phi))
+    covariance: FloatArray = np.asarray(NOISE_NM**2 * np.linalg.inv(phi.T @ phi), dtype=float)
     error = np.linalg.cholesky(covariance) @ random.normal(size=len(base))
     return Estimate(
         robot=robot,
