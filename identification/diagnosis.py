@@ -20,19 +20,22 @@ WORTH_TELLING: Final = 0.1
 NEAR_FLOOR: Final = 1.5
 STRIBECK_RAD_S: Final = 0.05
 
-# What a model may lack: words, and the robot file's friction term that adds it.
-_SUSPECTS: Final[dict[str, str]] = {
-    "the direction of motion": "friction term coulomb",
-    "the speed": "friction term viscous",
-    "a constant": "friction term offset",
-    "the cube of the speed": "friction term cubic",
-    "the cube root of the speed": "friction term cube_root",
-    "friction that grows with the load": "friction term load",
-    "friction that is larger at low speed": "friction term stribeck",
-    "the acceleration": "the rotor's mounting or its armature",
-    "the sine of its angle": "gravity: a payload or a spring",
-    "the cosine of its angle": "gravity: a payload or a spring",
+# What a model may lack: what would add it, and how its parameters' names begin.
+_SUSPECTS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
+    "the direction of motion": ("friction term coulomb", ("fc_", "fcp_", "fcn_")),
+    "the speed": ("friction term viscous", ("fv_",)),
+    "a constant": ("friction term offset", ("fo_",)),
+    "the cube of the speed": ("friction term cubic", ("f3_",)),
+    "the cube root of the speed": ("friction term cube_root", ("fcr_",)),
+    "friction that grows with the load": ("friction term load", ("cl_",)),
+    "friction that is larger at low speed": ("friction term stribeck", ("fs_",)),
+    "the acceleration": ("the rotor's mounting or its armature", ()),
+    "the sine of its angle": ("gravity: a payload or a spring", ()),
+    "the cosine of its angle": ("gravity: a payload or a spring", ()),
 }
+_ELSEWHERE: Final = (
+    "the model has that, but of another size: was the joint warmer, or loaded otherwise?"
+)
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class JointDiagnosis:
     suspect_share : float
         Share of the error's power that this explains.
     remedy : str
-        What would model it.
+        What would model it, or that the model has it.
     """
 
     joint: str
@@ -77,8 +80,7 @@ class JointDiagnosis:
             parts.append("nothing is left to model")
         elif self.suspect:
             parts.append(
-                f"{100.0 * self.suspect_share:.0f} % of it follows {self.suspect}"
-                f" ({self.remedy} would model that)"
+                f"{100.0 * self.suspect_share:.0f} % of it follows {self.suspect} ({self.remedy})"
             )
         elif self.white_p < WHITE_P:
             parts.append("what is left is no noise, and follows nothing that this program knows")
@@ -100,6 +102,7 @@ def diagnose(estimate: Estimate, validation: Validation) -> tuple[JointDiagnosis
     error = validation.measured_nm - validation.predicted_nm
     step_s = float(np.median(np.diff(validation.time_s)))
     stride = max(1, round(0.5 / (validation.cutoff_hz * step_s)))
+    names = {*estimate.model.parameter_names, *estimate.model.shape_names}
     found = []
     for j, joint in enumerate(estimate.robot.joint_names):
         moving = validation.moving[:, j]
@@ -113,7 +116,7 @@ def diagnose(estimate: Estimate, validation: Validation) -> tuple[JointDiagnosis
                 white_p=ljung_box(error[moving, j][::stride]),
                 suspect=suspect if share >= WORTH_TELLING else "",
                 suspect_share=share,
-                remedy=_SUSPECTS[suspect],
+                remedy=_remedy(names, joint, suspect),
             )
         )
     return tuple(found)
@@ -143,6 +146,13 @@ def ljung_box(residual: FloatArray) -> float:
     correlation = np.array([float(centred[k:] @ centred[:-k]) for k in lags]) / power
     q = count * (count + 2) * float(np.sum(correlation**2 / (count - lags)))
     return float(chi2.sf(q, len(lags)))
+
+
+def _remedy(names: set[str], joint: str, suspect: str) -> str:
+    cure, prefixes = _SUSPECTS[suspect]
+    if any(f"{prefix}{joint}" in names for prefix in prefixes):
+        return _ELSEWHERE
+    return f"{cure} would model that"
 
 
 def _suspect(

@@ -75,16 +75,16 @@ def validation(error: np.ndarray, noise: float | None = None) -> Validation:
 def test_each_effect_that_the_model_lacks_is_named(estimate: Estimate) -> None:
     probe = validation(np.zeros(SAMPLES))
     v, load = probe.velocity[:, 0], probe.predicted_nm[:, 0]
-    for shape, words in (
-        (5.0 * np.sign(v), "the direction of motion"),
-        (0.2 * np.sign(v) * np.abs(load), "friction that grows with the load"),
-        (8.0 * np.sin(probe.position[:, 0]), "the sine of its angle"),
-        (np.full(SAMPLES, 4.0), "a constant"),
+    for shape, words, remedy in (
+        (5.0 * np.sign(v), "the direction of motion", "the model has that"),
+        (0.2 * np.sign(v) * np.abs(load), "friction that grows with the load", "term load would"),
+        (8.0 * np.sin(probe.position[:, 0]), "the sine of its angle", "a spring would"),
+        (np.full(SAMPLES, 4.0), "a constant", "term offset would"),
     ):
         first, second, _ = diagnose(estimate, validation(shape))
         assert first.suspect == words
         assert first.suspect_share > 0.5
-        assert first.remedy in first.sentence
+        assert remedy in first.sentence
         assert second.suspect == ""
 
 
