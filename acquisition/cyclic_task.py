@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.clear_path import refuse_collision
 from acquisition.control_block import ControlBlock, RecorderState, TaskState
 from acquisition.motion_samples import MotionSamples, Phase, approach
 from acquisition.period_ends import period_ends
@@ -26,6 +27,7 @@ from config.errors import DriverError, PreflightError, SafetyStop
 from config.robot import RobotDescription
 from drivers.interfaces import ServoAxes
 from drivers.transport import Clock
+from dynamics.clearances import Clearances
 
 COLLECT_FRACTION = 0.6
 HOLD_S = 0.2
@@ -121,7 +123,7 @@ class CyclicTask:
         Raises
         ------
         PreflightError
-            The robot stands outside its limits.
+            The robot stands outside its limits, or the way to the motion is blocked.
         DriverError
             The drives cannot be enabled.
         """
@@ -132,6 +134,7 @@ class CyclicTask:
         if reason is not None:
             control.report_stop(reason)
             return reason
+        self._refuse_collision(samples)
         control.task_state = TaskState.ENABLING
         synced_s = axes.enable()
         position = axes.position.tolist()
@@ -152,6 +155,21 @@ class CyclicTask:
             self._stop()
         self._disable()
         return reason
+
+    def _refuse_collision(self, samples: MotionSamples) -> None:
+        """Measure the way to the motion, still without power, with signs of life in between."""
+        clearances = Clearances.of(self._robot, self._cell.workspace)
+        if len(clearances) == 0:
+            return
+        self._check_pose(self._axes.position.tolist())
+        way = approach(self._axes.position, samples.position[0], self._robot, self._period_s)
+        refuse_collision(
+            clearances,
+            way.position,
+            self._period_s,
+            "the way to the motion's start",
+            meanwhile=lambda: self._axes.beat(self._clock.now_s()),
+        )
 
     def _check_pose(self, position: list[float]) -> None:
         for joint, value in zip(self._robot.joints, position, strict=True):

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.clear_path import refuse_collision
 from acquisition.control_block import ControlBlock, Progress, RecorderState, TaskState
 from acquisition.cycle_row import row_dtype
 from acquisition.cycle_statistics import CycleStatistics, cycle_statistics
@@ -31,6 +32,7 @@ from acquisition.termination import Interruption, termination_calls, termination
 from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.robot import RobotDescription
+from dynamics.clearances import Clearances
 
 RING_S = 10.0
 RING_ROWS = 4096
@@ -164,6 +166,8 @@ def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamp
         verify_limits(samples, robot)
     except ConfigError as error:
         raise PreflightError(f"{error}; nothing was moved") from error
+    clearances = Clearances.of(robot, cell.workspace)
+    refuse_collision(clearances, samples.position, samples.sample_period_s, "the motion")
 
 
 def _check_room(folder: Path, expected_bytes: int) -> None:

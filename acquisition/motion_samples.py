@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -11,7 +12,9 @@ import numpy as np
 from acquisition.arrays import FloatArray, PhaseArray, read_only
 from acquisition.constant_velocity import constant_velocity_runs, duration_s
 from acquisition.excitation import FourierTrajectory
+from acquisition.motion_limits import beyond_limits, refuse, violations
 from acquisition.multipoint import multipoint_path
+from acquisition.multisine import realisation_motions
 from acquisition.ramp import (
     Path,
     join,
@@ -27,6 +30,7 @@ from config.motion import (
     ConstantVelocityMotion,
     FourierMotion,
     MultipointMotion,
+    MultisineMotion,
     ReversedMotion,
 )
 from config.robot import RobotDescription
@@ -35,7 +39,7 @@ LONGEST_MOTION_S = 4 * 3600.0
 APPROACH_SPEED_FRACTION = 0.3
 RAMP_GROWTH = 1.25
 RAMP_ATTEMPTS = 20
-CHUNK_ROWS = 10_000
+DWELL_S = 0.5
 
 
 class Phase(IntEnum):
@@ -122,9 +126,10 @@ def plan_motion(
 
     Parameters
     ----------
-    motion : FourierMotion, MultipointMotion, ConstantVelocityMotion or ReversedMotion
-        What the robot is to do. A reversed motion is planned as two periodic ones, and counts as
-        not periodic as a whole.
+    motion : FourierMotion, MultipointMotion, ConstantVelocityMotion, ReversedMotion or
+        MultisineMotion
+        What the robot is to do. Reversed motions and multisines are planned as several periodic
+        ones, and count as not periodic as a whole.
     robot : RobotDescription
         Joints and limits.
     sample_period_s : float
@@ -140,7 +145,10 @@ def plan_motion(
     if isinstance(motion, FourierMotion):
         samples = _plan_fourier(motion, robot, sample_period_s)
     elif isinstance(motion, ReversedMotion):
-        samples = _plan_reversed(motion, robot, sample_period_s)
+        parts = [motion.there(), motion.back()]
+        samples = _plan_parts(parts, robot, sample_period_s, motion.dwell_s)
+    elif isinstance(motion, MultisineMotion):
+        samples = _plan_parts(realisation_motions(motion, robot), robot, sample_period_s, DWELL_S)
     else:
         if isinstance(motion, MultipointMotion):
             path = multipoint_path(motion, robot, sample_period_s)
@@ -160,7 +168,11 @@ def _refuse_endless(motion: AnyMotion) -> None:
         seconds, what = duration_s(motion), "its runs"
     else:
         periods = motion.transient_periods + motion.periods
-        parts = 2 if isinstance(motion, ReversedMotion) else 1
+        parts = 1
+        if isinstance(motion, ReversedMotion):
+            parts = 2
+        elif isinstance(motion, MultisineMotion):
+            parts = motion.realisations
         seconds = parts * (periods * motion.period_s + 2 * motion.ramp_s)
         what = f"{parts * periods} periods of {motion.period_s:.6g} s and its ramps"
     if seconds > LONGEST_MOTION_S:
@@ -239,7 +251,7 @@ def verify_limits(
             f" {', '.join(robot.joint_names)}"
         )
     path = Path(samples.position, samples.velocity, samples.acceleration)
-    _refuse(_violations(path, robot, samples.sample_period_s, oversampling), "the motion")
+    refuse(violations(path, robot, samples.sample_period_s, oversampling), "the motion")
 
 
 def _plan_fourier(
@@ -253,7 +265,7 @@ def _plan_fourier(
         trajectory.acceleration(times_s),
     )
     first_row = Path(*(values[:1] for values in period))
-    _refuse(_violations(join([period, first_row]), robot, sample_period_s), "the periodic motion")
+    refuse(violations(join([period, first_row]), robot, sample_period_s), "the periodic motion")
     start, end = _ramps(trajectory, motion.ramp_s, robot)
     repeats = motion.transient_periods + motion.periods
     path = join([start, *[period] * repeats, end])
@@ -272,18 +284,26 @@ def _plan_fourier(
     )
 
 
-def _plan_reversed(
-    motion: ReversedMotion, robot: RobotDescription, sample_period_s: float
+def _plan_parts(
+    parts: Sequence[FourierMotion],
+    robot: RobotDescription,
+    sample_period_s: float,
+    dwell_s: float,
 ) -> MotionSamples:
-    """Return the motion, a rest, and the motion backwards, which starts where that one ends."""
-    there = _plan_fourier(motion.there(), robot, sample_period_s)
-    back = _plan_fourier(motion.back(), robot, sample_period_s)
-    rest = standstill(there.position[-1], max(1, math.ceil(motion.dwell_s / sample_period_s)))
-    pieces = [Path(x.position, x.velocity, x.acceleration) for x in (there, back)]
-    path = join([pieces[0], rest, pieces[1]])
-    hold = _phases((Phase.HOLD, len(rest.position)))
-    phase = np.concatenate([there.phase, hold, back.phase])
-    return MotionSamples(robot.joint_names, sample_period_s, *path, phase)
+    """Return periodic motions one after the other, with a move and a rest between them."""
+    planned = [_plan_fourier(part, robot, sample_period_s) for part in parts]
+    paths: list[Path] = []
+    phases: list[PhaseArray] = []
+    for number, part in enumerate(planned):
+        if number > 0:
+            last = planned[number - 1].position[-1]
+            rest = standstill(last, max(1, math.ceil(dwell_s / sample_period_s)))
+            way = approach(last, part.position[0], robot, sample_period_s)
+            paths += [rest, Path(way.position, way.velocity, way.acceleration)]
+            phases.append(_phases((Phase.HOLD, len(rest.position) + len(way))))
+        paths.append(Path(part.position, part.velocity, part.acceleration))
+        phases.append(part.phase)
+    return MotionSamples(robot.joint_names, sample_period_s, *join(paths), np.concatenate(phases))
 
 
 def _ramps(
@@ -292,98 +312,20 @@ def _ramps(
     """Return run-in and run-out, as long as asked for or as much longer as the limits need."""
     sample_period_s = trajectory.sample_period_s
     rows = max(2, math.ceil(ramp_s / sample_period_s - 1e-6))
-    violations: list[str] = []
+    broken: list[str] = []
     for _ in range(RAMP_ATTEMPTS):
         start, end = run_in(trajectory, rows), run_out(trajectory, rows)
         joined = join([start, Path(*(values[:1] for values in end))])
-        violations = [
-            *_violations(joined, robot, sample_period_s),
-            *_violations(end, robot, sample_period_s),
+        broken = [
+            *violations(joined, robot, sample_period_s),
+            *violations(end, robot, sample_period_s),
         ]
-        if not violations:
+        if not broken:
             return start, end
         rows = math.ceil(rows * RAMP_GROWTH)
-    raise _beyond_limits(violations, f"a ramp of {ramp_s:g} s, and any longer one tried,")
+    raise beyond_limits(broken, f"a ramp of {ramp_s:g} s, and any longer one tried,")
 
 
 def _phases(*counts: tuple[Phase, int]) -> PhaseArray:
     """Return the phase of each row from (phase, rows) pairs."""
     return np.concatenate([np.full(rows, phase, dtype=np.uint8) for phase, rows in counts])
-
-
-def _violations(
-    path: Path, robot: RobotDescription, sample_period_s: float, oversampling: int = 10
-) -> list[str]:
-    """Return what exceeds which limit, in words: the worst of each joint, quantity and side."""
-    limits = [joint.limits for joint in robot.joints]
-    bounds = (
-        ("position", "", [x.position_min for x in limits], [x.position_max for x in limits]),
-        ("velocity", "/s", [-x.velocity for x in limits], [x.velocity for x in limits]),
-        (
-            "acceleration",
-            "/s^2",
-            [-x.acceleration for x in limits],
-            [x.acceleration for x in limits],
-        ),
-    )
-    worst: dict[tuple[str, int, float], tuple[float, str]] = {}
-    for first in range(0, len(path.position) - 1, CHUNK_ROWS):
-        chunk = Path(*(values[first : first + CHUNK_ROWS + 1] for values in path))
-        fine = _between_rows(chunk, sample_period_s, oversampling)
-        for values, (quantity, per, low, high) in zip(fine, bounds, strict=True):
-            for side, limit in ((1.0, high), (-1.0, low)):
-                excess = side * (values - limit)
-                rows = excess.argmax(axis=0)
-                for column, (joint, row) in enumerate(zip(robot.joints, rows, strict=True)):
-                    by = float(excess[row, column])
-                    key = (quantity, column, side)
-                    if by <= 1e-9 * abs(limit[column]) or by <= worst.get(key, (0.0, ""))[0]:
-                        continue
-                    unit = ("rad" if joint.type == "revolute" else "m") + per
-                    time_s = (first + row / oversampling) * sample_period_s
-                    worst[key] = (
-                        by,
-                        f"{quantity} of joint {joint.name!r} reaches"
-                        f" {values[row, column]:.6g} {unit} at {time_s:.4g} s, its limit is"
-                        f" {limit[column]:.6g}",
-                    )
-    return [words for _, words in worst.values()]
-
-
-def _between_rows(path: Path, sample_period_s: float, oversampling: int) -> Path:
-    """Return the quintic through the rows at `oversampling` points per sample period."""
-    h = sample_period_s
-    q0, v0, a0 = path.position[:-1], h * path.velocity[:-1], h**2 * path.acceleration[:-1]
-    q1, v1, a1 = path.position[1:], h * path.velocity[1:], h**2 * path.acceleration[1:]
-    rest = q1 - q0 - v0 - a0 / 2.0
-    slope = v1 - v0 - a0
-    bend = a1 - a0
-    c3 = 10.0 * rest - 4.0 * slope + bend / 2.0
-    c4 = -15.0 * rest + 7.0 * slope - bend
-    c5 = 6.0 * rest - 3.0 * slope + bend / 2.0
-    x = (np.arange(oversampling) / oversampling)[:, np.newaxis]
-
-    def rows(inner: FloatArray, last: FloatArray) -> FloatArray:
-        return np.concatenate([inner.reshape(-1, last.shape[-1]), last[-1:]])
-
-    q0, v0, a0, c3, c4, c5 = (values[:, np.newaxis, :] for values in (q0, v0, a0, c3, c4, c5))
-    position = q0 + x * (v0 + x * (a0 / 2.0 + x * (c3 + x * (c4 + x * c5))))
-    velocity = v0 + x * (a0 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
-    acceleration = a0 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))
-    return Path(
-        rows(position, path.position),
-        rows(velocity / h, path.velocity),
-        rows(acceleration / h**2, path.acceleration),
-    )
-
-
-def _beyond_limits(violations: list[str], what: str) -> ConfigError:
-    return ConfigError(
-        f"{what} exceeds the robot's limits: {'; '.join(violations)}. Reduce the amplitudes or"
-        " speeds, or correct the limits in the robot file"
-    )
-
-
-def _refuse(violations: list[str], what: str) -> None:
-    if violations:
-        raise _beyond_limits(violations, what)

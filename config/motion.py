@@ -18,8 +18,8 @@ class FourierJoint(ConfigModel):
 
     joint: str
     offset: float = 0.0
-    sine: tuple[float, ...] = Field(min_length=1, max_length=100)
-    cosine: tuple[float, ...] = Field(min_length=1, max_length=100)
+    sine: tuple[float, ...] = Field(min_length=1, max_length=1000)
+    cosine: tuple[float, ...] = Field(min_length=1, max_length=1000)
 
     @model_validator(mode="after")
     def _same_length(self) -> FourierJoint:
@@ -129,5 +129,55 @@ class ReversedMotion(ConfigModel):
         return self.there().model_copy(update={"joints": joints})
 
 
-AnyMotion = FourierMotion | MultipointMotion | ConstantVelocityMotion | ReversedMotion
+class MultisineJoint(ConfigModel):
+    """How one joint is excited: its speed is a multisine, on top of a slow sine.
+
+    `velocity` is the RMS speed of the multisine [rad/s or m/s], 0 for a joint that is not measured;
+    `slow_amplitude` the slow sine's amplitude [rad or m] about `offset`.
+    """
+
+    joint: str
+    offset: float = 0.0
+    velocity: Annotated[float, Field(ge=0.0)]
+    slow_amplitude: Annotated[float, Field(ge=0.0)] = 0.0
+
+
+class MultisineMotion(ConfigModel):
+    """Multisines on the joints' speeds, to measure how the velocity loops answer.
+
+    The excited lines are harmonics of `period_s` between `lowest_hz` and `highest_hz`, shared out
+    among the joints in turn, so that each line belongs to one joint: all odd ones (`odd`), odd ones
+    of which every fourth at random stays empty and shows distortion (`random_odd`), or all of them
+    (`full`). Each of `realisations` has phases of its own, random or after Schroeder, and has
+    `transient_periods` to settle before `periods` that count. The slow sine is harmonic 1.
+    """
+
+    kind: Literal["multisine"]
+    robot: str
+    period_s: Positive
+    lowest_hz: Positive
+    highest_hz: Positive
+    grid: Literal["odd", "random_odd", "full"] = "random_odd"
+    phases: Literal["random", "schroeder"] = "random"
+    seed: Annotated[int, Field(ge=0)] = 0
+    realisations: Annotated[int, Field(ge=1, le=100)] = 4
+    periods: Annotated[int, Field(ge=2, le=1000)] = 4
+    transient_periods: Annotated[int, Field(ge=0, le=100)] = 1
+    ramp_s: Positive = 2.0
+    joints: tuple[MultisineJoint, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _band(self) -> MultisineMotion:
+        if self.lowest_hz >= self.highest_hz:
+            raise ValueError(f"lowest_hz {self.lowest_hz} must be below highest_hz")
+        if self.lowest_hz * self.period_s < 2.0 - 1e-9:
+            raise ValueError("lowest_hz must be at least two harmonics: the first is the slow sine")
+        if not any(joint.velocity > 0.0 for joint in self.joints):
+            raise ValueError("no joint has a velocity: nothing is excited")
+        return self
+
+
+AnyMotion = (
+    FourierMotion | MultipointMotion | ConstantVelocityMotion | ReversedMotion | MultisineMotion
+)
 Motion = Annotated[AnyMotion, Field(discriminator="kind")]

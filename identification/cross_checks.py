@@ -43,7 +43,7 @@ _SUSPECTS: Final = {
     Method.ENERGY: "look at what it does without: accelerations (delays, filters, the band) and"
     " forces that a motion there and back takes twice",
     Method.LINK_BY_LINK: "some joint's torque or geometry is off: torque constants, gear ratios and"
-    " the rows of the robot file",
+    " the rows of the robot file, or friction that the model lacks",
     Method.KALMAN: "the simulated robot moves otherwise than the real one: something that moves is"
     " missing in the model, or positions and torques are not of the same instant",
 }

@@ -16,7 +16,7 @@ from identification.validation import Validation
 LAGS: Final = 20
 FEWEST_VALUES: Final = 40
 WHITE_P: Final = 0.01
-WORTH_TELLING: Final = 0.2
+WORTH_TELLING: Final = 0.1
 NEAR_FLOOR: Final = 1.5
 STRIBECK_RAD_S: Final = 0.05
 

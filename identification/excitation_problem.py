@@ -19,11 +19,11 @@ from config.bodies import Workspace
 from config.errors import ConfigError
 from config.motion import FourierJoint, FourierMotion
 from config.robot import RobotDescription
+from dynamics.clearances import Clearances
 from dynamics.inverse_dynamics import regressor_gradient
 from dynamics.robot_model import RobotModel, regressor
 from dynamics.transmission import Transmission
 from identification.base_parameters import BaseParameters, base_parameters
-from identification.clearances import Clearances
 from identification.design_criteria import Criterion
 
 POINTS_PER_HARMONIC = 8

@@ -15,9 +15,11 @@ import numpy as np
 
 from acquisition.excitation import FourierTrajectory
 from acquisition.motion_samples import plan_motion
+from config.bodies import Workspace
 from config.errors import ConfigError
 from config.motion import FourierJoint, FourierMotion
 from config.robot import Joint, RobotDescription
+from dynamics.clearances import Clearances
 from dynamics.robot_model import RobotModel, regressor
 from identification.base_parameters import BaseParameters, base_parameters
 
@@ -36,6 +38,7 @@ def design_two_harmonic(
     seed: int = 0,
     periods: int = 16,
     transient_periods: int = 1,
+    workspace: Workspace | None = None,
 ) -> FourierMotion:
     """Design a periodic excitation and verify it, ramps included.
 
@@ -53,6 +56,8 @@ def design_two_harmonic(
         How many draws are compared, and the seed they come from.
     periods, transient_periods : int
         Periods of the motion that count, and that settle.
+    workspace : Workspace, optional
+        What is around the robot; its own bodies are in its description.
 
     Raises
     ------
@@ -75,10 +80,19 @@ def design_two_harmonic(
         periods=periods,
         transient_periods=transient_periods,
     )
-    drawn = list(itertools.islice(draws, tries))
-    best = min(drawn, key=lambda motion: _condition_number(robot, model, base, motion))
-    plan_motion(best, robot, sample_period_s)
-    return best
+    drawn = sorted(
+        itertools.islice(draws, tries),
+        key=lambda motion: _condition_number(robot, model, base, motion),
+    )
+    clearances = Clearances.of(robot, workspace)
+    for motion in drawn:
+        samples = plan_motion(motion, robot, sample_period_s)
+        if (clearances.nearest(samples.position) >= clearances.margin_m).all():
+            return motion
+    raise ConfigError(
+        f"none of {tries} draws keeps clear of the robot's own bodies and of the workspace: take"
+        " more --tries, or the method `optimal`, which goes around them"
+    )
 
 
 def two_harmonic_draws(

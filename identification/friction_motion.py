@@ -11,7 +11,7 @@ from config.bodies import Workspace
 from config.errors import ConfigError
 from config.motion import ConstantVelocityMotion, FourierMotion, ReversedMotion, SpeedRuns
 from config.robot import Joint, RobotDescription
-from identification.clearances import Clearances
+from dynamics.clearances import Clearances
 
 RANGE_SHARE: Final = 0.8
 WIDEST_RAD: Final = 4.0

@@ -90,7 +90,7 @@ class GoalState:
 
 
 def parse_goals(texts: Sequence[str], model: RobotModel, base: BaseParameters) -> tuple[Goal, ...]:
-    """Read goals such as `m3<0.05kg`, `fv_axis1<5%` or `torque<1.5Nm`.
+    """Read goals such as `sx3<0.01kgm`, `fv_axis1<5%` or `torque<1.5Nm`.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def _parse(text: str, model: RobotModel, base: BaseParameters) -> Goal:
     match = _GOAL.fullmatch(text)
     if match is None:
         raise ConfigError(
-            f"--until {text}: write a parameter, <, a number and a unit or %, such as m3<0.05kg,"
+            f"--until {text}: write a parameter, <, a number and a unit or %, such as sx3<0.01kgm,"
             " fv_axis1<5% or torque<1.5Nm"
         )
     name, number, unit = match[1], float(match[2]), (match[3] or "").replace(" ", "")

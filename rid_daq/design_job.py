@@ -9,9 +9,11 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 
 import numpy as np
+import typer
 
 from acquisition.arrays import FloatArray
 from acquisition.excitation import samples_of_period
+from acquisition.stop_reason import StopCode
 from acquisition.termination import termination_calls
 from config.cell import CellConfig
 from config.errors import ConfigError
@@ -24,6 +26,7 @@ from identification.estimate import Estimate
 from identification.excitation_problem import ExcitationProblem, design_model
 from identification.optimal_design import Candidate, candidates
 from rid_daq.console import Console
+from rid_daq.exit_codes import exit_code_of_stop
 
 EXPECTED_NOISE_SHARE = 0.01
 LIMIT_FRACTION = 0.95
@@ -197,7 +200,10 @@ def search(
             if budget_s is not None and elapsed_s >= budget_s:
                 break
     if best is None:
-        reasons = trials[-1].broken[:3] if trials else ("it was interrupted",)
+        if interruption.signal is not None:
+            console.say("Interrupted before any motion was found; nothing was written.")
+            raise typer.Exit(exit_code_of_stop(StopCode.INTERRUPTED, interruption.signal))
+        reasons = trials[-1].broken[:3] if trials else ("there was no time for any",)
         raise ConfigError(
             f"none of {len(trials)} starts gave a motion that holds every limit; the last one:"
             f" {'; '.join(reasons)}. Take more --starts, a longer --period, or look at the limits,"

@@ -12,7 +12,13 @@ from acquisition.motion_samples import Phase
 from acquisition.periods import PeriodAverage
 from acquisition.recording import Recording
 from config.cell import CellConfig
-from config.motion import AnyMotion, ConstantVelocityMotion, FourierMotion, ReversedMotion
+from config.motion import (
+    AnyMotion,
+    ConstantVelocityMotion,
+    FourierMotion,
+    MultisineMotion,
+    ReversedMotion,
+)
 from config.robot import Joint, RobotDescription
 from identification.comparison import Comparison
 from identification.estimate import Estimate
@@ -49,6 +55,11 @@ def motion_sentence(motion: AnyMotion) -> str:
     if isinstance(motion, ConstantVelocityMotion):
         runs = sum(2 * motion.repeats * len(joint.speeds) for joint in motion.joints)
         return f"{runs} runs at constant speed, one joint at a time, both ways."
+    if isinstance(motion, MultisineMotion):
+        return (
+            f"{motion.realisations} multisines, {motion.periods} periods of {motion.period_s:g} s"
+            f" each, {motion.lowest_hz:g} to {motion.highest_hz:g} Hz."
+        )
     return f"Smooth moves through {motion.points} random points (seed {motion.seed})."
 
 
@@ -243,19 +254,25 @@ def comparison_section(comparison: Comparison) -> dict[str, Any]:
 
 def _estimate_sentence(estimate: Estimate) -> str:
     left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
+    way = {
+        "ml": "Least squares weighted by noise (maximum likelihood)",
+        "ls": "Least squares without weights",
+        "huber": "Robust least squares (Huber) weighted by noise",
+    }[estimate.weighting]
     how = (
-        f"Weighted least squares (maximum likelihood) by QR on the bins up to"
-        f" {estimate.band_hz:g} Hz of {estimate.periods} averaged periods"
+        f"{way} by QR on the bins up to {estimate.band_hz:g} Hz of {estimate.periods} averaged"
+        " periods"
         if estimate.method == "periodic"
-        else "Weighted least squares by QR in the time domain; the recording is not periodic, so it"
-        f" is low-passed without phase shift at {estimate.band_hz:g} Hz instead of averaged"
+        else f"{way} by QR in the time domain; the recording is not periodic, so it is low-passed"
+        f" without phase shift at {estimate.band_hz:g} Hz instead of averaged"
     )
     return (
         f"{how}: {len(estimate.base)} base parameters from {estimate.equations} equations,"
         f" condition number {estimate.condition_number:.3g}. Below"
         f" {estimate.standstill_rad_s:g} rad/s friction is not sign(velocity); such samples are not"
-        f" used for it ({left_out} % of each axis). Two standard deviations are given: by the noise"
-        " measured between periods, and by the residuals; the larger one is used."
+        f" used for it ({left_out} % of each axis). Intervals are by leaving out one part of the"
+        " data after the other (cluster jackknife), so that they hold for model error as well; what"
+        " measured noise or white residuals alone would say stands beside them."
     )
 
 

@@ -102,7 +102,7 @@ def design(
         typer.Option(
             "--for",
             metavar="NAMES",
-            help="What is to be known best instead of --criterion: parameters as m3,Izz1, torque.",
+            help="What is to be known best instead of --criterion: parameters as sx3,Izz1, torque.",
         ),
     ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Where they are drawn from.")] = 0,
@@ -169,6 +169,7 @@ def design(
             tries=tries,
             seed=seed,
             periods=periods,
+            workspace=loaded.config.workspace,
         )
         origin = f"the best of {tries} draws of two harmonics from seed {seed}."
     if kind is Kind.REVERSED:

@@ -32,7 +32,7 @@ def record(
         list[str] | None,
         typer.Option(
             metavar="GOAL",
-            help="End early once a standard deviation is reached, as m3<0.05kg, fv_axis1<5% or"
+            help="End early once a standard deviation is reached, as sx3<0.01kgm, fv_axis1<5% or"
             " torque<1.5Nm; repeat for more.",
         ),
     ] = None,

@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
+from acquisition.arrays import FloatArray
+from acquisition.periods import average_periods
 from acquisition.run_list import find_run
 from config.cell import CellConfig
-from config.errors import ConfigError
+from config.errors import ConfigError, DataQualityError
 from config.load import load_bundled_or_path
 from identification.diagnosis import diagnose
 from identification.estimate import Estimate
@@ -61,6 +64,7 @@ def validate(
         cutoff_hz=band_hz,
         standstill_rad_s=standstill_rad_s,
         limits_percent=_limits(limits, data),
+        noise_nm=_noise(data),
     )
     result = result_of(data)
     same = data.folder.run_id in estimate.run_ids
@@ -82,6 +86,16 @@ def validate(
     console.say(f"Report: {path}")
     if passed is False:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _noise(data: RunData) -> FloatArray | None:
+    """Return the noise of one torque sample as periods show it; None where there are none."""
+    if not data.is_periodic:
+        return None
+    try:
+        return np.asarray(np.sqrt(average_periods(data.recording).torque_variance))
+    except DataQualityError:
+        return None
 
 
 def _limits(text: str | None, data: RunData) -> tuple[float, ...] | None:

@@ -9,8 +9,8 @@ from scipy.optimize import minimize
 
 from config.bodies import Box, Hull, Plane, Workspace
 from config.load import load_robot
+from dynamics.clearances import Clearances, _line_distance
 from dynamics.kinematics import Chain, link_transforms
-from identification.clearances import Clearances, _line_distance
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from acquisition.excitation import FourierTrajectory
+from acquisition.motion_samples import plan_motion
+from config.bodies import Plane, Workspace
 from config.errors import ConfigError
 from config.load import load_robot
 from config.motion import FourierMotion
 from config.robot import RobotDescription
+from dynamics.clearances import Clearances
 from identification.experiment_design import condition_number, design_two_harmonic
 
 
@@ -59,9 +62,26 @@ def test_more_tries_never_make_it_worse(robot: RobotDescription) -> None:
 
 
 def test_six_axes_are_designed_as_well() -> None:
-    robot = load_robot("ur10e")
+    robot = load_robot("ur10e").model_copy(update={"bodies": ()})
     motion = design_two_harmonic(robot, 20.0, 0.01, highest_harmonic=10, tries=10)
     assert condition_number(robot, motion) < 15.0
+
+
+def test_draws_that_hit_the_robot_itself_are_left_out() -> None:
+    robot = load_robot("ur10e")
+    with pytest.raises(ConfigError, match="keeps clear of the robot's own bodies"):
+        design_two_harmonic(robot, 20.0, 0.01, tries=3)
+
+
+def test_the_best_draw_that_keeps_clear_is_taken(robot: RobotDescription) -> None:
+    wall = Plane(name="wall", normal=(0.0, 0.0, -1.0), offset_m=0.5)
+    workspace = Workspace(planes=(wall,), clearance_m=0.02)
+    motion = design_two_harmonic(robot, 10.0, 0.008, tries=50, workspace=workspace)
+    samples = plan_motion(motion, robot, 0.008)
+    assert Clearances.of(robot, workspace).nearest(samples.position).min() >= 0.02
+    free = design_two_harmonic(robot, 10.0, 0.008, tries=50)
+    path = plan_motion(free, robot, 0.008).position
+    assert Clearances.of(robot, workspace).nearest(path).min() < 0.02
 
 
 def test_an_axis_at_rest_has_no_finite_condition_number(robot: RobotDescription) -> None:

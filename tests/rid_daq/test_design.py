@@ -133,6 +133,16 @@ def test_a_model_holds_the_torques_and_a_wall_the_arm(
     parameters = np.zeros(len(estimate.base.standard_names))
     parameters[list(estimate.base.kept)] = estimate.values
     tau = torque(estimate.model, path.position, path.velocity, path.acceleration, parameters)
+    blocked = tmp_path / "blocked.yaml"
+    freely = ["design", "ir361", "-o", str(blocked), "--method", "two-harmonic", "--tries", "5"]
+    assert run(freely) == 0
+    words = ["record", str(folder / "cell.yaml"), str(blocked), "--runs", str(tmp_path / "runs")]
+    blocked.write_text(blocked.read_text().replace("robot: ir361", f"robot: {motion.robot}"))
+    capsys.readouterr()
+    assert run(words) == 3
+    message = capsys.readouterr().err
+    assert "the motion brings the wall and the tool point" in message
+    assert "Nothing was moved" in message
     quoted = [uses[f"torque of {name}"]["used"] for name in cell.robot.joint_names]
     np.testing.assert_allclose(quoted, np.abs(tau).max(axis=0), rtol=0.02)
 

@@ -9,10 +9,9 @@ from itertools import combinations
 import coal  # pyright: ignore[reportMissingImports]
 import numpy as np
 
-from acquisition.arrays import FloatArray
 from config.bodies import Body, Box, Capsule, Plane, Workspace
 from config.robot import RobotDescription
-from dynamics.kinematics import Chain, IntArray, link_transforms, point_jacobian
+from dynamics.kinematics import Chain, FloatArray, IntArray, link_transforms, point_jacobian
 
 POINT_RADIUS_M = 1e-4
 

@@ -1,0 +1,92 @@
+"""Joint limits held against a path: between its rows too, with the worst of each in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acquisition.arrays import FloatArray
+from acquisition.ramp import Path
+from config.errors import ConfigError
+from config.robot import RobotDescription
+
+CHUNK_ROWS = 10_000
+
+
+def violations(
+    path: Path, robot: RobotDescription, sample_period_s: float, oversampling: int = 10
+) -> list[str]:
+    """Return what exceeds which limit, in words: the worst of each joint, quantity and side."""
+    limits = [joint.limits for joint in robot.joints]
+    bounds = (
+        ("position", "", [x.position_min for x in limits], [x.position_max for x in limits]),
+        ("velocity", "/s", [-x.velocity for x in limits], [x.velocity for x in limits]),
+        (
+            "acceleration",
+            "/s^2",
+            [-x.acceleration for x in limits],
+            [x.acceleration for x in limits],
+        ),
+    )
+    worst: dict[tuple[str, int, float], tuple[float, str]] = {}
+    for first in range(0, len(path.position) - 1, CHUNK_ROWS):
+        chunk = Path(*(values[first : first + CHUNK_ROWS + 1] for values in path))
+        fine = _between_rows(chunk, sample_period_s, oversampling)
+        for values, (quantity, per, low, high) in zip(fine, bounds, strict=True):
+            for side, limit in ((1.0, high), (-1.0, low)):
+                excess = side * (values - limit)
+                rows = excess.argmax(axis=0)
+                for column, (joint, row) in enumerate(zip(robot.joints, rows, strict=True)):
+                    by = float(excess[row, column])
+                    key = (quantity, column, side)
+                    if by <= 1e-9 * abs(limit[column]) or by <= worst.get(key, (0.0, ""))[0]:
+                        continue
+                    unit = ("rad" if joint.type == "revolute" else "m") + per
+                    time_s = (first + row / oversampling) * sample_period_s
+                    worst[key] = (
+                        by,
+                        f"{quantity} of joint {joint.name!r} reaches"
+                        f" {values[row, column]:.6g} {unit} at {time_s:.4g} s, its limit is"
+                        f" {limit[column]:.6g}",
+                    )
+    return [words for _, words in worst.values()]
+
+
+def _between_rows(path: Path, sample_period_s: float, oversampling: int) -> Path:
+    """Return the quintic through the rows at `oversampling` points per sample period."""
+    h = sample_period_s
+    q0, v0, a0 = path.position[:-1], h * path.velocity[:-1], h**2 * path.acceleration[:-1]
+    q1, v1, a1 = path.position[1:], h * path.velocity[1:], h**2 * path.acceleration[1:]
+    rest = q1 - q0 - v0 - a0 / 2.0
+    slope = v1 - v0 - a0
+    bend = a1 - a0
+    c3 = 10.0 * rest - 4.0 * slope + bend / 2.0
+    c4 = -15.0 * rest + 7.0 * slope - bend
+    c5 = 6.0 * rest - 3.0 * slope + bend / 2.0
+    x = (np.arange(oversampling) / oversampling)[:, np.newaxis]
+
+    def rows(inner: FloatArray, last: FloatArray) -> FloatArray:
+        return np.concatenate([inner.reshape(-1, last.shape[-1]), last[-1:]])
+
+    q0, v0, a0, c3, c4, c5 = (values[:, np.newaxis, :] for values in (q0, v0, a0, c3, c4, c5))
+    position = q0 + x * (v0 + x * (a0 / 2.0 + x * (c3 + x * (c4 + x * c5))))
+    velocity = v0 + x * (a0 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
+    acceleration = a0 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))
+    return Path(
+        rows(position, path.position),
+        rows(velocity / h, path.velocity),
+        rows(acceleration / h**2, path.acceleration),
+    )
+
+
+def beyond_limits(broken: list[str], what: str) -> ConfigError:
+    """Return the error that says what a path, called `what`, exceeds."""
+    return ConfigError(
+        f"{what} exceeds the robot's limits: {'; '.join(broken)}. Reduce the amplitudes or"
+        " speeds, or correct the limits in the robot file"
+    )
+
+
+def refuse(broken: list[str], what: str) -> None:
+    """Raise `ConfigError` where a path, called `what`, exceeds anything."""
+    if broken:
+        raise beyond_limits(broken, what)
