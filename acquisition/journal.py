@@ -115,6 +115,7 @@ class Journal:
             phase=rows["phase"],
             sample_index=rows["sample_index"],
             target_position=rows["target_position"],
+            velocity_command=rows["velocity_command"],
             sample_period_s=header.sample_period_s,
             samples_per_period=header.samples_per_period,
             torque_filter=header.torque_filter,

@@ -10,6 +10,7 @@ from enum import IntEnum
 import numpy as np
 
 from acquisition.arrays import FloatArray, PhaseArray, read_only
+from acquisition.circle import circle_motion
 from acquisition.constant_velocity import constant_velocity_runs, duration_s
 from acquisition.excitation import FourierTrajectory
 from acquisition.motion_limits import beyond_limits, refuse, violations
@@ -27,6 +28,7 @@ from acquisition.ramp import (
 from config.errors import ConfigError
 from config.motion import (
     AnyMotion,
+    CircleMotion,
     ConstantVelocityMotion,
     FourierMotion,
     MultipointMotion,
@@ -144,6 +146,9 @@ def plan_motion(
     _refuse_endless(motion)
     if isinstance(motion, FourierMotion):
         samples = _plan_fourier(motion, robot, sample_period_s)
+    elif isinstance(motion, CircleMotion):
+        turns = circle_motion(motion, robot, sample_period_s)
+        samples = _plan_fourier(turns, robot, sample_period_s)
     elif isinstance(motion, ReversedMotion):
         parts = [motion.there(), motion.back()]
         samples = _plan_parts(parts, robot, sample_period_s, motion.dwell_s)

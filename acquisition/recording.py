@@ -32,8 +32,8 @@ class Recording:
         `acquisition.motion_samples.Phase` of each row.
     sample_index : ndarray of int64, shape (samples,)
         Row of the motion that was streamed; -1 outside it.
-    target_position : ndarray, shape (samples, joints), or None
-        Commanded joint positions.
+    target_position, velocity_command : ndarray, shape (samples, joints), or None
+        Commanded joint positions, and the speeds sent in each row's cycle.
     sample_period_s : float or None
         Time between rows; None where the stamps are not uniform.
     samples_per_period : int or None
@@ -57,6 +57,7 @@ class Recording:
     sample_index: IntArray
     source: Literal["cell", "import"]
     target_position: FloatArray | None = None
+    velocity_command: FloatArray | None = None
     sample_period_s: float | None = None
     samples_per_period: int | None = None
     torque_filter: ButterworthFilter | None = None
@@ -82,7 +83,7 @@ class Recording:
                 "sample_index", self.sample_index, np.int64, rows, RecordingError
             ),
         }
-        for name in ("target_position", "temperature_k"):
+        for name in ("target_position", "velocity_command", "temperature_k"):
             if getattr(self, name) is not None:
                 fields[name] = read_only(name, getattr(self, name), float, table, RecordingError)
         for name, array in fields.items():

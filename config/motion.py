@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
-from config.robot import Positive
+from config.robot import Positive, Vector3
 
 
 class FourierJoint(ConfigModel):
@@ -177,7 +178,43 @@ class MultisineMotion(ConfigModel):
         return self
 
 
+class CircleMotion(ConfigModel):
+    """The tool point goes round a circle at constant speed, `periods` times after settling.
+
+    `centre_m` and `normal` are in the base frame. `near` (one value a joint) chooses among the ways
+    in which the arm reaches the circle's start, and the orientation that the flange keeps. The time
+    of a turn is rounded to whole cycles, so that the speed may differ by a little.
+    """
+
+    kind: Literal["circle"]
+    robot: str
+    centre_m: Vector3
+    radius_m: Positive
+    normal: Vector3 = (0.0, 0.0, 1.0)
+    speed_m_s: Positive
+    near: tuple[float, ...] = Field(min_length=1)
+    periods: Annotated[int, Field(ge=1, le=10_000)] = 15
+    transient_periods: Annotated[int, Field(ge=0, le=1000)] = 2
+    ramp_s: Positive = 2.0
+
+    @model_validator(mode="after")
+    def _has_a_plane(self) -> CircleMotion:
+        if not any(self.normal):
+            raise ValueError("normal must not be zero")
+        return self
+
+    @property
+    def period_s(self) -> float:
+        """The time of one turn at exactly the speed asked for [s]."""
+        return 2.0 * math.pi * self.radius_m / self.speed_m_s
+
+
 AnyMotion = (
-    FourierMotion | MultipointMotion | ConstantVelocityMotion | ReversedMotion | MultisineMotion
+    FourierMotion
+    | MultipointMotion
+    | ConstantVelocityMotion
+    | ReversedMotion
+    | MultisineMotion
+    | CircleMotion
 )
 Motion = Annotated[AnyMotion, Field(discriminator="kind")]

@@ -14,6 +14,7 @@ from acquisition.recording import Recording
 from config.cell import CellConfig
 from config.motion import (
     AnyMotion,
+    CircleMotion,
     ConstantVelocityMotion,
     FourierMotion,
     MultisineMotion,
@@ -55,6 +56,11 @@ def motion_sentence(motion: AnyMotion) -> str:
     if isinstance(motion, ConstantVelocityMotion):
         runs = sum(2 * motion.repeats * len(joint.speeds) for joint in motion.joints)
         return f"{runs} runs at constant speed, one joint at a time, both ways."
+    if isinstance(motion, CircleMotion):
+        return (
+            f"{motion.periods} turns of a circle of {2e3 * motion.radius_m:g} mm at"
+            f" {motion.speed_m_s:g} m/s, after {motion.transient_periods} to settle."
+        )
     if isinstance(motion, MultisineMotion):
         return (
             f"{motion.realisations} multisines, {motion.periods} periods of {motion.period_s:g} s"

@@ -1,0 +1,197 @@
+"""Velocity controllers by multisine: simulated drives, and responses known in closed form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from acquisition.motion_samples import Phase, plan_motion
+from acquisition.recording import Recording
+from compensation.frequency_response import (
+    Distortion,
+    FrequencyResponse,
+    frequency_responses,
+    interpolation_response,
+)
+from compensation.velocity_loop import VelocityLoop, fit_velocity_loop
+from config.errors import DataQualityError, EstimationError
+from config.load import LoadedCell
+from config.motion import MultisineMotion
+
+Drive = Callable[..., Recording]
+FREQUENCY_HZ = np.arange(0.5, 15.0, 0.5)
+
+
+def multisine(seed: int = 0, **changes: object) -> MultisineMotion:
+    joints = tuple(
+        {"joint": name, "velocity": 0.03, "slow_amplitude": 0.1}
+        for name in ("axis1", "axis2", "axis3")
+    )
+    fields = {
+        "kind": "multisine",
+        "robot": "ir361",
+        "period_s": 4.0,
+        "lowest_hz": 0.75,
+        "highest_hz": 20.0,
+        "realisations": 2,
+        "periods": 3,
+        "ramp_s": 1.0,
+        "seed": seed,
+        "joints": joints,
+    }
+    return MultisineMotion.model_validate(fields | changes)
+
+
+@pytest.fixture(scope="module")
+def recorded(cell: LoadedCell, drive: Drive) -> tuple[MultisineMotion, Recording]:
+    motion = multisine()
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    return motion, drive(samples)
+
+
+def known(response: np.ndarray, sigma: float) -> FrequencyResponse:
+    """A response measured with equal noise on every line."""
+    nothing = Distortion(np.zeros(0), np.zeros(0), np.zeros(0))
+    variance = np.full(len(response), sigma**2)
+    return FrequencyResponse(
+        joint_name="axis1",
+        frequency_hz=FREQUENCY_HZ,
+        response=response,
+        variance_noise=variance,
+        variance=variance,
+        coherence=np.ones(len(response)),
+        even=nothing,
+        odd=nothing,
+        realisations=4,
+        periods=4,
+    )
+
+
+def controller(gain: float, integral_s: float, delay_s: float, lag_s: float) -> np.ndarray:
+    """The same by python-control, which knows nothing of ours."""
+    s = control.TransferFunction.s
+    system = gain * (1.0 + 1.0 / (integral_s * s)) / (1.0 + lag_s * s)
+    omega = 2.0 * math.pi * FREQUENCY_HZ
+    return np.asarray(system(1j * omega)) * np.exp(-1j * omega * delay_s)
+
+
+@pytest.mark.parametrize(("delay_s", "lag_s"), [(0.0, 0.0), (0.004, 0.0), (0.0, 0.006)])
+def test_intervals_hold_the_truth_and_the_right_terms_are_chosen(
+    delay_s: float, lag_s: float
+) -> None:
+    random = np.random.default_rng(1)
+    truth = controller(500.0, 0.08, delay_s, lag_s)
+    z, chosen, p_values = [], [], []
+    for _ in range(60):
+        noise = random.normal(size=(2, len(truth))) @ np.eye(len(truth)) / math.sqrt(2.0)
+        loop = fit_velocity_loop(known(truth + 3.0 * (noise[0] + 1j * noise[1]), 3.0))
+        z.append((loop.gain - 500.0) / loop.sigma["gain"])
+        z.append((loop.integral_time_s - 0.08) / loop.sigma["integral_time_s"])
+        chosen.append((loop.delay_s > 0.0) == (delay_s > 0.0) and (loop.lag_s > 0.0) == (lag_s > 0))
+        p_values.append(loop.p_value)
+    assert np.mean(np.abs(z) < 2.0) >= 0.9
+    assert np.mean(np.abs(z)) > 0.5
+    assert np.mean(chosen) >= 0.8
+    assert 0.25 < np.mean(p_values) < 0.75
+
+
+def test_a_controller_of_another_kind_is_told_by_its_p_value() -> None:
+    resonant = controller(500.0, 0.08, 0.0, 0.0) * (1.0 + 0.5 / (1.0 + 1j * (FREQUENCY_HZ - 7.0)))
+    assert fit_velocity_loop(known(resonant, 3.0)).p_value < 1e-6
+
+
+def test_the_fitted_loop_is_pythons_controls_transfer_function() -> None:
+    loop = VelocityLoop("axis1", 500.0, 0.08, 0.0, 0.002, (), np.zeros((0, 0)), 1.0, ())
+    omega = 2.0 * math.pi * FREQUENCY_HZ
+    np.testing.assert_allclose(
+        loop.transfer_function(1j * omega), loop.response(FREQUENCY_HZ), rtol=1e-12
+    )
+
+
+def test_simulated_drives_are_found_within_2_percent(
+    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
+) -> None:
+    assert cell.plant is not None
+    motion, recording = recorded
+    for axis, measured in zip(
+        cell.plant.axes, frequency_responses(recording, motion, cell.robot), strict=True
+    ):
+        loop = fit_velocity_loop(measured)
+        assert loop.gain == pytest.approx(axis.velocity_gain_nm_s, rel=0.02)
+        assert loop.integral_time_s == pytest.approx(axis.velocity_integral_time_s, rel=0.02)
+        lag_s = 1.0 / (2.0 * math.pi * axis.current_loop_bandwidth_hz)
+        assert loop.delay_s + loop.lag_s == pytest.approx(lag_s, abs=2e-4)
+
+
+def test_two_sigma_hold_the_drives_over_many_runs(cell: LoadedCell, drive: Drive) -> None:
+    """With current loop, tachometer ripple, delay and rounding."""
+    assert cell.plant is not None
+    held = []
+    for seed in range(12):
+        motion = multisine(seed)
+        samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+        responses = frequency_responses(drive(samples, seed), motion, cell.robot)
+        for axis, measured in zip(cell.plant.axes, responses, strict=True):
+            loop = fit_velocity_loop(measured)
+            held.append(abs(loop.gain - axis.velocity_gain_nm_s) < 2.0 * loop.sigma["gain"])
+            off = abs(loop.integral_time_s - axis.velocity_integral_time_s)
+            held.append(off < 2.0 * loop.sigma["integral_time_s"])
+    assert np.mean(held) >= 0.9
+
+
+def test_what_lies_between_the_lines_is_distortion(
+    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
+) -> None:
+    """Friction is odd in the speed; a line is either excited, empty and odd, or even."""
+    motion, recording = recorded
+    for measured in frequency_responses(recording, motion, cell.robot):
+        assert measured.frd.omega == pytest.approx(2.0 * math.pi * measured.frequency_hz)
+        assert (measured.coherence > 0.0).all()
+        assert len(measured.odd.frequency_hz) > 4
+        assert np.median(measured.odd.level_nm) > np.median(measured.even.level_nm)
+
+
+def test_a_triangle_two_cycles_late_is_what_interpolated_commands_are() -> None:
+    """Against sums of a sampled sine, sent, delayed by a cycle and joined by lines."""
+    step_s, fine = 0.008, 50
+    frequency_hz = np.array([1.0, 7.0, 31.25])
+    rows = 1000
+    times = np.arange(rows * fine) * step_s / fine
+    for f, expected in zip(frequency_hz, interpolation_response(frequency_hz, step_s), strict=True):
+        sent = np.exp(2j * np.pi * f * np.arange(rows) * step_s)
+        held = np.interp(times, (np.arange(rows) + 2) * step_s, sent)
+        whole = slice(fine * 250, fine * 750)
+        found = np.mean(held[whole] * np.exp(-2j * np.pi * f * times[whole]))
+        assert found == pytest.approx(expected, abs=2e-3)
+
+
+def test_what_cannot_be_evaluated_is_refused(
+    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
+) -> None:
+    motion, recording = recorded
+    with pytest.raises(DataQualityError, match="no velocity commands"):
+        frequency_responses(replace(recording, velocity_command=None), motion, cell.robot)
+    cut = replace(recording, phase=np.full(len(recording.time_s), Phase.HOLD, dtype=np.uint8))
+    with pytest.raises(DataQualityError, match="holds 0 whole realisations"):
+        frequency_responses(cut, motion, cell.robot)
+    torn = recording.valid.copy()
+    torn[np.flatnonzero(recording.phase == Phase.MAIN)[5]] = False
+    with pytest.raises(DataQualityError, match="realisation 1 of the multisine misses rows"):
+        frequency_responses(replace(recording, valid=torn), motion, cell.robot)
+    few = known(controller(500.0, 0.08, 0.0, 0.0), 1.0)
+    with pytest.raises(EstimationError, match="too few"):
+        fit_velocity_loop(
+            replace(
+                few,
+                frequency_hz=few.frequency_hz[:3],
+                response=few.response[:3],
+                variance=few.variance[:3],
+                variance_noise=few.variance_noise[:3],
+                coherence=few.coherence[:3],
+            )
+        )
