@@ -51,6 +51,7 @@ class _Set:
 
     position: list[float]
     velocity: list[float]
+    feedforward: list[float]
     sample_index: int
     phase: int
 
@@ -203,11 +204,12 @@ class CyclicTask:
         """Return the set-point of a row of the motion, negative on the way to it."""
         if row < 0:
             position, velocity = way.position[row].tolist(), way.velocity[row].tolist()
-            return _Set(position, velocity, -1, Phase.APPROACH)
+            return _Set(position, velocity, velocity, -1, Phase.APPROACH)
         if row >= len(samples):
-            return _Set(samples.position[-1].tolist(), self._rest, -1, Phase.HOLD)
+            return _Set(samples.position[-1].tolist(), self._rest, self._rest, -1, Phase.HOLD)
         position, velocity = samples.position[row].tolist(), samples.velocity[row].tolist()
-        return _Set(position, velocity, row, int(samples.phase[row]))
+        ahead = velocity if samples.feedforward is None else samples.feedforward[row].tolist()
+        return _Set(position, velocity, ahead, row, int(samples.phase[row]))
 
     def _seen_enough(self, periods: int) -> bool:
         """Return whether the program has seen enough after so many whole periods.
@@ -275,7 +277,7 @@ class CyclicTask:
         command = self._rest
         if reason is None:
             wanted = self._loop.velocity_command(
-                target.position, target.velocity, supervisor.position
+                target.position, target.feedforward, supervisor.position
             )
             reason = supervisor.check_set_point(target.position, target.velocity, wanted, periods)
             if reason is None:
@@ -316,7 +318,7 @@ class CyclicTask:
             lateness_s,
             exchange_s,
             *target.position,
-            *target.velocity,
+            *target.feedforward,
             *command,
             *axes.position.tolist(),
             *axes.torque_nm.tolist(),
@@ -353,7 +355,7 @@ class CyclicTask:
         ramp_s = fastest_s / self._cell.drive_safety.quick_stop_deceleration_rad_s2
         cycles = math.ceil((ramp_s + STOP_MARGIN_S) / self._period_s)
         before = axes.position.tolist()
-        target = _Set(before, self._rest, -1, Phase.HOLD)
+        target = _Set(before, self._rest, self._rest, -1, Phase.HOLD)
         resting = 0
         try:
             axes.quick_stop()

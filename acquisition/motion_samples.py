@@ -73,6 +73,9 @@ class MotionSamples:
         Rows of one period where the motion is periodic.
     periods : int
         Whole periods in the rows of `Phase.MAIN`; 0 where the motion is not periodic.
+    feedforward : ndarray, shape (samples, joints), or None
+        Speeds that the position loop adds to its own, where they are not the motion's: those that
+        pre-compensate the drives' velocity loops [rad/s or m/s].
     """
 
     joint_names: tuple[str, ...]
@@ -83,6 +86,7 @@ class MotionSamples:
     phase: PhaseArray
     samples_per_period: int | None = None
     periods: int = 0
+    feedforward: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
@@ -102,6 +106,9 @@ class MotionSamples:
         object.__setattr__(self, "velocity", velocity)
         object.__setattr__(self, "acceleration", acceleration)
         object.__setattr__(self, "phase", phase)
+        if self.feedforward is not None:
+            ahead = read_only("motion feedforward", self.feedforward, float, shape, ConfigError)
+            object.__setattr__(self, "feedforward", ahead)
         main = int(np.count_nonzero(phase == Phase.MAIN))
         if self.samples_per_period is not None and main != self.periods * self.samples_per_period:
             raise ConfigError(
@@ -257,6 +264,17 @@ def verify_limits(
         )
     path = Path(samples.position, samples.velocity, samples.acceleration)
     refuse(violations(path, robot, samples.sample_period_s, oversampling), "the motion")
+    if samples.feedforward is not None:
+        fastest = np.abs(samples.feedforward).max(axis=0)
+        refuse(
+            [
+                f"feedforward of joint {joint.name!r} reaches {speed:.4g} per second, its speed"
+                f" limit is {joint.limits.velocity:g}"
+                for joint, speed in zip(robot.joints, fastest, strict=True)
+                if speed > joint.limits.velocity
+            ],
+            "the feedforward",
+        )
 
 
 def _plan_fourier(

@@ -113,7 +113,8 @@ def interpolation_response(frequency_hz: FloatArray, cycle_time_s: float) -> Com
         The cycle [s].
     """
     late = np.exp(-2j * math.pi * frequency_hz * 2.0 * cycle_time_s)
-    return np.asarray(np.sinc(frequency_hz * cycle_time_s) ** 2 * late)
+    bent = np.sinc(frequency_hz * cycle_time_s) ** 2
+    return np.asarray(bent * late, dtype=complex)
 
 
 def frequency_responses(

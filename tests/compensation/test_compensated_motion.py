@@ -1,0 +1,166 @@
+"""From excitation to a compensated circle: everything measured on the simulated arm itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.circle import circle_motion
+from acquisition.motion_samples import MotionSamples, Phase, plan_motion
+from acquisition.periods import average_periods
+from acquisition.recording import Recording
+from compensation.compensated_motion import compensated_motion
+from compensation.frequency_response import frequency_responses
+from compensation.loop_file import read_loops, write_loops
+from compensation.tracking_error import TrackingError, tracking_error
+from compensation.velocity_loop import VelocityLoop, fit_velocity_loop
+from config.errors import ConfigError
+from config.load import LoadedCell
+from config.motion import CircleMotion, MultipointMotion, MultisineMotion
+from dynamics.kinematics import Chain
+from identification.estimate import Estimate
+from identification.estimators import estimate_periodic
+from identification.experiment_design import design_two_harmonic
+
+Drive = Callable[..., Recording]
+
+
+@pytest.fixture(scope="module")
+def loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
+    joints = tuple(
+        {"joint": name, "velocity": 0.03, "slow_amplitude": 0.1} for name in cell.robot.joint_names
+    )
+    motion = MultisineMotion.model_validate(
+        {
+            "kind": "multisine",
+            "robot": "ir361",
+            "period_s": 4.0,
+            "lowest_hz": 0.75,
+            "highest_hz": 20.0,
+            "realisations": 2,
+            "joints": joints,
+        }
+    )
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    recording = drive(samples, 1)
+    return [fit_velocity_loop(r) for r in frequency_responses(recording, motion, cell.robot)]
+
+
+@pytest.fixture(scope="module")
+def model(cell: LoadedCell, drive: Drive) -> Estimate:
+    motion = design_two_harmonic(cell.robot, 10.0, cell.config.cycle_time_s, tries=100, periods=8)
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    return estimate_periodic(cell.robot, [average_periods(drive(samples, 2))])
+
+
+def circle(centre: tuple[float, float, float], radius_m: float, speed: float) -> CircleMotion:
+    return CircleMotion(
+        kind="circle",
+        robot="ir361",
+        centre_m=centre,
+        radius_m=radius_m,
+        speed_m_s=speed,
+        near=(0.1, -0.1, 0.4),
+        periods=4,
+    )
+
+
+def error_of(cell: LoadedCell, drive: Drive, samples: MotionSamples) -> TrackingError:
+    recording = drive(samples, 5, feedforward=samples.feedforward)
+    main = samples.phase == Phase.MAIN
+    chain = Chain.from_description(cell.robot)
+    return tracking_error(chain, samples.position[main], recording.position[main])
+
+
+@pytest.mark.parametrize(
+    ("centre", "radius_m", "speed", "mean_ratio", "max_ratio"),
+    [
+        ((0.575, -0.078, -1.724), 0.20, 0.6, 10.0, 6.0),
+        ((0.600, 0.100, -1.600), 0.10, 0.4, 6.0, 4.0),
+        ((0.650, -0.100, -1.650), 0.12, 0.5, 6.0, 4.0),
+    ],
+)
+def test_circles_come_an_order_of_magnitude_closer(
+    cell: LoadedCell,
+    drive: Drive,
+    loops: list[VelocityLoop],
+    model: Estimate,
+    centre: tuple[float, float, float],
+    radius_m: float,
+    speed: float,
+    mean_ratio: float,
+    max_ratio: float,
+) -> None:
+    """All unmodelled effects are on, and nothing is taken from the plant."""
+    samples = plan_motion(circle(centre, radius_m, speed), cell.robot, cell.config.cycle_time_s)
+    before = error_of(cell, drive, samples)
+    after = error_of(cell, drive, compensated_motion(samples, model, loops))
+    assert before.mean_m > 5e-4
+    assert after.mean_m < before.mean_m / mean_ratio
+    assert after.max_m < before.max_m / max_ratio
+
+
+def test_a_motion_that_is_not_periodic_is_compensated_too(
+    cell: LoadedCell, drive: Drive, loops: list[VelocityLoop], model: Estimate
+) -> None:
+    motion = MultipointMotion(kind="multipoint", robot="ir361", points=6, seed=1)
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    before = error_of(cell, drive, samples)
+    after = error_of(cell, drive, compensated_motion(samples, model, loops))
+    assert after.mean_m < before.mean_m / 5.0
+
+
+def test_run_in_period_and_run_out_join_without_a_jump(
+    cell: LoadedCell, loops: list[VelocityLoop], model: Estimate
+) -> None:
+    motion = circle((0.575, -0.078, -1.724), 0.2, 0.6)
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    ahead = compensated_motion(samples, model, loops).feedforward
+    assert ahead is not None
+    steps = np.abs(np.diff(ahead, axis=0))
+    main = samples.phase[1:] == Phase.MAIN
+    assert (steps[~main].max(axis=0) < 1.5 * steps[main].max(axis=0) + 0.01).all()
+    rows = samples.samples_per_period or 0
+    first = int(np.flatnonzero(samples.phase == Phase.MAIN)[0])
+    np.testing.assert_array_equal(
+        ahead[first : first + rows], ahead[first + rows : first + 2 * rows]
+    )
+
+
+def test_loops_come_back_from_their_file(
+    loops: list[VelocityLoop], tmp_path: Path, cell: LoadedCell
+) -> None:
+    path = tmp_path / "loops.json"
+    write_loops(path, loops, "ir361", "run")
+    name, found = read_loops(path)
+    assert name == "ir361"
+    for loop, again in zip(loops, found, strict=True):
+        assert again.gain == loop.gain
+        assert again.integral_time_s == loop.integral_time_s
+        np.testing.assert_array_equal(again.covariance, loop.covariance)
+    path.write_text("{}")
+    with pytest.raises(ConfigError, match="rid-daq loop"):
+        read_loops(path)
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_loops(tmp_path / "none.json")
+
+
+def test_loops_and_models_of_other_joints_are_refused(
+    cell: LoadedCell, loops: list[VelocityLoop], model: Estimate
+) -> None:
+    motion = circle((0.575, -0.078, -1.724), 0.2, 0.6)
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    with pytest.raises(ConfigError, match="no velocity loop of axis1"):
+        compensated_motion(samples, model, loops[1:])
+    others = replace(samples, joint_names=("a", "b", "c"))
+    with pytest.raises(ConfigError, match="model of this robot"):
+        compensated_motion(others, model, loops)
+
+
+def test_a_circle_has_whole_cycles(cell: LoadedCell) -> None:
+    turns = circle_motion(circle((0.575, -0.078, -1.724), 0.2, 0.6), cell.robot, 0.008)
+    assert turns.period_s == pytest.approx(2.096)
