@@ -19,6 +19,7 @@ from config.errors import ConfigError
 from config.plant import PlantConfig, UnmodelledAxis
 from config.robot import RobotDescription
 from mock_hw import servo_loops as rows
+from mock_hw.butterworth import butterworth_poles
 from mock_hw.rigid_bodies import BaseWrench, build_rigid_bodies
 
 Vector = NDArray[np.float64]
@@ -326,22 +327,11 @@ def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
 def _filter_poles(
     torque_filter: ButterworthFilter | None,
 ) -> tuple[ComplexVector, ComplexVector, Vector]:
-    """Return a Butterworth filter's partial fractions: poles, residues and output weights, (p,).
-
-    Of each complex pair one pole is kept, with weight 2: the output is the real part of the sum.
-    """
+    """Return the filter's poles, residues and output weights, (p,); none without a filter."""
     if torque_filter is None:
         none = np.zeros(0, dtype=np.complex128)
         return none, none, np.zeros(0)
-    order = torque_filter.order
-    angles = np.pi * (2 * np.arange(order) + order + 1) / (2 * order)
-    unit: ComplexVector = np.exp(1j * angles)
-    differences = unit[:, None] - unit[None, :] + np.eye(order)
-    scale = 2.0 * np.pi * torque_filter.cutoff_hz
-    residues: ComplexVector = scale / np.prod(differences, axis=1)
-    kept = unit.imag > -1e-9
-    weights = np.where(unit.imag > 1e-9, 2.0, 1.0)
-    return scale * unit[kept], residues[kept], weights[kept]
+    return butterworth_poles(torque_filter.order, torque_filter.cutoff_hz)
 
 
 def _discretise(
