@@ -330,7 +330,7 @@ def _out_of_family(
                 continue
             channel = int(np.argmax(measure[row] / limit))
             rejected[int(period)] = (
-                f"{channels[channel]} differs from the median period by {measure[row, channel]:.3g} ({words}), common is"
-                f" {common[channel]:.3g}"
+                f"{channels[channel]} differs from the median period by"
+                f" {measure[row, channel]:.3g} ({words}), common is {common[channel]:.3g}"
             )
     return rejected

@@ -15,6 +15,7 @@ from dynamics.conditions import Conditions
 from dynamics.robot_model import RobotModel, load_torque, regressor
 from identification.base_parameters import BaseParameters
 from identification.model_options import ModelOptions
+from identification.plate_fit import PlateFit
 
 BLOCK_ROWS = 4096
 
@@ -63,6 +64,8 @@ class Estimate:
         Highest frequency and lowest speed used.
     weighting : "ml", "ls" or "huber"
         How rows were weighted.
+    plate : PlateFit or None
+        How the force plate fits, where it was used.
     periods : int
         Averaged periods behind it; 0 for "smoothed".
     cell_name : str
@@ -87,6 +90,7 @@ class Estimate:
     band_hz: float
     standstill_rad_s: float
     weighting: Weighting = "ml"
+    plate: PlateFit | None = None
     shape_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     periods: int = 0
     cell_name: str = ""
