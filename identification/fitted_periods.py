@@ -20,7 +20,7 @@ from dynamics.robot_model import RobotModel
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.bin_equations import BinEquations
 from identification.estimate import Estimate, Weighting
-from identification.inertia_size import inertia_size
+from identification.inertia_size import base_inertia_squares, inertia_size
 from identification.least_squares import Solution
 from identification.model_options import ModelOptions
 from identification.nonlinear import fit_shape
@@ -87,6 +87,7 @@ class FittedPeriods:
             plate = PlateFit.of(
                 problem.averages,
                 self.equations,
+                problem.base_inertia,
                 fit.solution.values[: b + s],
                 problem.delays_s,
                 np.sqrt(np.diagonal(covariance)[b + s :]),
@@ -147,15 +148,15 @@ def fit_periodic(
         prior=prior_rows(base, prior),
         inertia=np.zeros((runs, n, n)),
         kind=options.kind,
-        base_inertia=np.zeros((runs, 6, n)),
+        base_inertia=np.zeros((runs, n, 6, 6)),
         delays_s=np.zeros(runs),
     )
     equations = problem.equations(model, None)
     values = problem.fit(model, None, equations).solution.values
     # The torque that the positions' noise makes is known only once the inertia is.
     sizes = [inertia_size(model, base, a.position, values) for a in averages]
-    base_sizes = [inertia_size(model, base, a.position, values, of_base=True) for a in averages]
-    problem = replace(problem, inertia=np.array(sizes), base_inertia=np.array(base_sizes))
+    squares = [base_inertia_squares(model, base, a.position, values) for a in averages]
+    problem = replace(problem, inertia=np.array(sizes), base_inertia=np.array(squares))
     problem, fit = _with_delays(problem, model, None, equations)
     if model.shape_names and options.kind != "external":
 

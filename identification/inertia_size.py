@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from acquisition.arrays import FloatArray
@@ -14,16 +16,9 @@ POSES = 100
 
 
 def inertia_size(
-    model: RobotModel,
-    base: BaseParameters,
-    position: FloatArray,
-    values: FloatArray,
-    *,
-    of_base: bool = False,
+    model: RobotModel, base: BaseParameters, position: FloatArray, values: FloatArray
 ) -> FloatArray:
     """Return the RMS over some positions of each element of the inertia, shape (n, n).
-
-    With `of_base`, (6, n): of the base wrench per unit acceleration of each joint.
 
     Parameters
     ----------
@@ -34,10 +29,32 @@ def inertia_size(
     values : ndarray, shape (b,)
         Base parameters.
     """
+    columns = _per_acceleration(model, base, position, values, torque_columns)
+    return np.asarray(np.sqrt(np.mean(np.square(columns), axis=1)).T)
+
+
+def base_inertia_squares(
+    model: RobotModel, base: BaseParameters, position: FloatArray, values: FloatArray
+) -> FloatArray:
+    """Return the mean over some positions of g g^T, shape (n, 6, 6).
+
+    g is the base wrench per unit acceleration of a joint. Parameters as for `inertia_size`.
+    """
+    columns = _per_acceleration(model, base, position, values, wrench_columns)
+    return np.asarray(np.einsum("jpr,jps->jrs", columns, columns) / columns.shape[1])
+
+
+def _per_acceleration(
+    model: RobotModel,
+    base: BaseParameters,
+    position: FloatArray,
+    values: FloatArray,
+    columns_of: Callable[..., FloatArray],
+) -> FloatArray:
+    """Return outputs per unit acceleration of each joint, (n, poses, outputs)."""
     q = position[:: max(1, len(position) // POSES)]
     rest = np.zeros_like(q)
     conditions = Conditions(temperature_k=np.full(q.shape[1], 300.0))
-    columns_of = wrench_columns if of_base else torque_columns
     still = columns_of(model, base, (q, rest, rest), conditions)
     columns = []
     for j in range(q.shape[1]):
@@ -45,4 +62,4 @@ def inertia_size(
         unit[:, j] = 1.0
         moving = columns_of(model, base, (q, rest, unit), conditions)
         columns.append((moving - still) @ values)
-    return np.asarray(np.sqrt(np.mean(np.square(columns), axis=1)).T)
+    return np.array(columns)

@@ -66,8 +66,8 @@ class PeriodicProblem:
     """Averaged periods, and how their rows are weighted.
 
     `inertia` (averages, n, n) is the size of the joint-space inertia, through which the noise of
-    the positions becomes torque, `base_inertia` (averages, 6, n) the same of the base wrench; zero
-    before they are known. `kind` says which outputs are used, and `delays_s` by how much the plate
+    the positions becomes torque, `base_inertia` (averages, n, 6, 6) what makes them base wrench
+    (`base_inertia_squares`); zero before they are known. `kind` says which outputs are used, and `delays_s` by how much the plate
     of each run is late.
     """
 
@@ -116,7 +116,7 @@ class PeriodicProblem:
                     f"the {self.kind} model needs a force plate; run {number} of {runs} has none"
                     " whose channels are valid: identify the internal model"
                 )
-        shapes = ((runs, 6, len(self.averages[0].joint_names)), (runs,))
+        shapes = ((runs, len(self.averages[0].joint_names), 6, 6), (runs,))
         if (self.base_inertia.shape, self.delays_s.shape) != shapes:
             raise EstimationError(
                 f"base_inertia and delays_s of the shapes {self.base_inertia.shape} and"
@@ -183,12 +183,8 @@ class PeriodicProblem:
             columns[:, :, run] = reaction.delay_column(reaction.matrix @ near)
             matrix = np.concatenate([reaction.matrix, columns], axis=2)
             reaction = replace(reaction, matrix=matrix)
-        return whiten_reaction(
-            reaction,
-            equations.position_sigma,
-            self.base_inertia[run],
-            uniform=self.weighting == "ls",
-        )
+        reaction = reaction.with_motion_noise(equations.position_sigma, self.base_inertia[run])
+        return whiten_reaction(reaction, uniform=self.weighting == "ls")
 
     def honest_covariance(self, fit: PeriodicFit) -> FloatArray:
         """Return the covariance of the solution that coloured residuals leave."""

@@ -23,7 +23,7 @@ class PlateFit:
         RMS of measured minus predicted base wrench inside the band, without its constant part
         [N, N m].
     noise : ndarray, shape (6,)
-        RMS that the measured noise alone would leave there.
+        RMS that the measured noise of channels and positions alone would leave there.
     delay_s, delay_sigma_s : ndarray, shape (runs,)
         By how much the plate's signals were later than the positions in each run, beyond its
         low-pass and what its clock told; made up for.
@@ -58,6 +58,7 @@ class PlateFit:
         cls,
         averages: Sequence[PeriodAverage],
         equations: Sequence[BinEquations],
+        inertia_squares: FloatArray,
         values: FloatArray,
         delays_s: FloatArray,
         delay_sigma_s: FloatArray,
@@ -67,9 +68,10 @@ class PlateFit:
         Where a channel is left out, what it alone tells counts as zero.
         """
         residual, noise = np.zeros(6), np.zeros(6)
-        for each, delay_s in zip(equations, delays_s, strict=True):
+        for each, squares, delay_s in zip(equations, inertia_squares, delays_s, strict=True):
             assert each.reaction is not None
-            reaction = each.reaction.delayed(float(delay_s))
+            reaction = each.reaction.with_motion_noise(each.position_sigma, squares)
+            reaction = reaction.delayed(float(delay_s))
             rest = reaction.components.T @ (reaction.rhs - reaction.matrix @ values)
             residual += np.sum(rest[:, 1:] ** 2, axis=1)
             power = 2.0 * reaction.covariance[1:].sum(axis=0)

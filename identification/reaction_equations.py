@@ -58,6 +58,22 @@ class ReactionEquations:
         turn = np.exp(1j * self._omega * delay_s)
         return replace(self, rhs=real_rows((_bins(self.rhs) * turn).T).T)
 
+    def with_motion_noise(
+        self, position_sigma: FloatArray, inertia_squares: FloatArray
+    ) -> ReactionEquations:
+        """Return the equations with the wrench that the positions' noise makes counted as noise.
+
+        Parameters
+        ----------
+        position_sigma : ndarray, shape (n, H + 1)
+            Standard deviation of the mean position's bins [rad or m].
+        inertia_squares : ndarray, shape (n, 6, 6)
+            Mean of g g^T, g the base wrench per unit acceleration of a joint.
+        """
+        squares = self.components @ inertia_squares @ self.components.T
+        noise = np.einsum("jk,jrs->krs", (position_sigma * self._omega**2) ** 2, squares)
+        return replace(self, covariance=self.covariance + noise)
+
     def delay_column(self, predicted: FloatArray) -> FloatArray:
         """Return how rows (r, 2 H + 1) change per second of delay of the plate's signals."""
         return np.asarray(real_rows((-1j * self._omega * _bins(predicted)).T).T)

@@ -88,29 +88,13 @@ def whiten(
 
 
 def whiten_reaction(
-    reaction: ReactionEquations,
-    position_sigma: FloatArray,
-    inertia: FloatArray,
-    *,
-    uniform: bool = False,
+    reaction: ReactionEquations, *, uniform: bool = False
 ) -> tuple[WhiteEquations, ...]:
     """Return a plate's equations over their noise, as outputs that do not hang together.
 
-    Parameters
-    ----------
-    reaction : ReactionEquations
-        Equations of a period.
-    position_sigma : ndarray, shape (n, H + 1)
-        Standard deviation of the mean position's bins.
-    inertia : ndarray, shape (6, n)
-        Size of the base wrench per unit acceleration of each joint.
-    uniform : bool
-        Take the noise for white; N and N m still need its size to be compared.
+    With `uniform` the noise is taken for white; N and N m still need its size to be compared.
     """
-    omega = 2.0 * np.pi / reaction.period_s * np.arange(reaction.harmonics + 1)
-    of_motion = inertia**2 @ position_sigma**2 * omega**4
-    rows = reaction.components
-    covariance = reaction.covariance + np.einsum("ri,ik,si->krs", rows, of_motion, rows)
+    covariance = reaction.covariance.copy()
     if uniform:
         covariance[1:] = covariance[1:].mean(axis=0)
     # Where a simulation has no noise at all, every row counts alike.
@@ -122,7 +106,7 @@ def whiten_reaction(
     white = np.linalg.solve(factor, whole.transpose(1, 0, 2))
     return tuple(
         WhiteEquations(white[:, r, :-1], white[:, r, -1], factor[:, r, r], len(white))
-        for r in range(len(rows))
+        for r in range(white.shape[1])
     )
 
 
