@@ -48,6 +48,10 @@ class WhiteEquations:
         """Return the rows with further columns (2 H + 1, any) of unknowns."""
         return replace(self, matrix=np.column_stack([self.matrix, columns]))
 
+    def scaled(self, factor: float) -> WhiteEquations:
+        """Return the rows of an output that measures a factor more than the model's."""
+        return replace(self, matrix=factor * self.matrix)
+
     def residual(self, values: FloatArray) -> FloatArray:
         """Return the whitened residual of some parameters, shape (2 H + 1,)."""
         return np.asarray(self.rhs - self.matrix @ values)
