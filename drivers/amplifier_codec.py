@@ -166,16 +166,17 @@ class LineSplitter:
         self.rest = b""
 
     def feed(self, data: bytes) -> None:
-        """Take bytes in; of a line that grows too long only the end is kept."""
+        """Take bytes in; `next_line` then takes them out."""
         self.rest += data
-        last = max(self.rest.rfind(b"\r"), self.rest.rfind(b"\n"))
-        if len(self.rest) - last > MAX_LINE_BYTES:
-            self.rest = self.rest[: last + 1] + self.rest[-MAX_LINE_BYTES:]
 
     def next_line(self) -> bytes | None:
-        """Take out the next line that is not empty; None where none has ended."""
+        """Take out the next line that is not empty; None where none has ended.
+
+        Of a line that grows too long before it ends only the last bytes are kept.
+        """
         while (end := _LINE_END.search(self.rest)) is not None:
             line, self.rest = self.rest[: end.start()], self.rest[end.end() :]
             if line:
-                return line
+                return line[-MAX_LINE_BYTES:]
+        self.rest = self.rest[-MAX_LINE_BYTES:]
         return None

@@ -115,6 +115,7 @@ def test_an_endless_line_costs_no_memory() -> None:
     lines = LineSplitter()
     for _ in range(1000):
         lines.feed(bytes(100))
+        assert lines.next_line() is None
         assert len(lines.rest) <= MAX_LINE_BYTES
     lines.feed(b"\rOK\r")
     lines.next_line()
