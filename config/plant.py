@@ -10,7 +10,7 @@ from typing import Annotated
 from pydantic import Field
 
 from config.model import ConfigModel
-from config.plate import Eight
+from config.plate import Eight, SquareMatrix
 from config.robot import Kinematics, NonNegative, Positive, Vector3
 
 
@@ -60,14 +60,15 @@ class SimulatedPlate(ConfigModel):
     Where the sensors sit and what the amplifier is set to is the cell file's. `crosstalk`: charge
     of a channel = `sensitivity_pc_n` times (matrix times sensor forces). Operate adds the charge
     `zero_jump_pc` and lets `drift_pc_s` flow; `noise_v` is of each sample at the output, whose full
-    scale is 10 V. The amplifier's clock shows `clock_offset_s` at the cell's time zero and runs
-    `clock_ppm` fast. Bytes reach the computer up to `line_jitter_s` after they have been sent.
+    scale is 10 V. The amplifier's clock shows `clock_offset_s` when it is switched on, with the
+    cell, and runs `clock_ppm` fast. Bytes reach the computer up to `line_jitter_s` after they have
+    been sent.
     """
 
     sensitivity_pc_n: Eight
-    crosstalk: tuple[Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight] | None = None
-    zero_jump_pc: Eight = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    drift_pc_s: Eight = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    crosstalk: SquareMatrix | None = None
+    zero_jump_pc: Eight = (0.0,) * 8
+    drift_pc_s: Eight = (0.0,) * 8
     noise_v: NonNegative = 0.0
     clock_offset_s: float = 0.0
     clock_ppm: Annotated[float, Field(ge=-10_000.0, le=10_000.0)] = 0.0

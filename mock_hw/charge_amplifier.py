@@ -63,7 +63,8 @@ class AmplifierSettings:
     @property
     def volts_per_pc(self) -> Vector:
         """Output over charge, (8,): a charge of range times sensitivity is full scale."""
-        return FULL_SCALE_V / (np.array(self.sensitivity_pc_n) * np.array(self.range_n))
+        gain: Vector = FULL_SCALE_V / (np.array(self.sensitivity_pc_n) * np.array(self.range_n))
+        return gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +119,7 @@ class ChargeAmplifier:
         self._rate = 1.0 + 1e-6 * truth.clock_ppm
         self._reference_pc = np.zeros(CHANNELS)
         self._charge_pc = np.zeros(CHANNELS)
-        self._operated_s = now_s
+        self._switched_on_s = self._operated_s = now_s
         self._output_v = np.zeros(CHANNELS)
         self._next_row: int | None = None
         self.time_s = now_s
@@ -134,7 +135,7 @@ class ChargeAmplifier:
 
     def device_s(self, time_s: float) -> float:
         """Return what the amplifier's clock shows at a time of the cell's [s]."""
-        return self._truth.clock_offset_s + self._rate * time_s
+        return self._truth.clock_offset_s + self._rate * (time_s - self._switched_on_s)
 
     def apply(self, settings: AmplifierSettings) -> None:
         """Take new settings; the charge on the inputs stays, a low-pass starts settled."""
@@ -178,7 +179,8 @@ class ChargeAmplifier:
 
     def present_counts(self) -> NDArray[np.int16]:
         """Return what a single conversion now would give, (8,), with noise."""
-        return self._convert(self._output_v[np.newaxis])[0]
+        counts: NDArray[np.int16] = self._convert(self._output_v[np.newaxis])[0]
+        return counts
 
     def advance(
         self, end_s: float, ends_s: ArrayLike = (), charges_pc: ArrayLike = ()
@@ -230,7 +232,8 @@ class ChargeAmplifier:
         passed_s = np.maximum(0.5 * (starts + times) - self._operated_s, 0.0)
         charge = charges - self._reference_pc + self._jump_pc
         charge += passed_s[:, np.newaxis] * self._drift_pc_s
-        return charge * self.settings.volts_per_pc
+        volts: Vector = charge * self.settings.volts_per_pc
+        return volts
 
     def _due(self, end_s: float) -> tuple[Vector, Vector]:
         if self._next_row is None:
@@ -239,14 +242,15 @@ class ChargeAmplifier:
         after = math.floor(self.device_s(end_s) * rate_hz) + 1
         device_s = np.arange(self._next_row, max(after, self._next_row)) / rate_hz
         self._next_row = max(after, self._next_row)
-        times = (device_s - self._truth.clock_offset_s) / self._rate
+        times = self._switched_on_s + (device_s - self._truth.clock_offset_s) / self._rate
         return np.clip(times, self.time_s, end_s), device_s
 
     def _convert(self, volts: Vector) -> NDArray[np.int16]:
         scale = 2 ** (self.settings.bits - 1)
         noise = self._truth.noise_v * self._random.standard_normal(volts.shape)
         counts = np.rint((volts + noise) * (scale / FULL_SCALE_V))
-        return np.clip(counts, -scale, scale - 1).astype(np.int16)
+        clipped: NDArray[np.int16] = np.clip(counts, -scale, scale - 1).astype(np.int16)
+        return clipped
 
     def _set_filter(self) -> None:
         settings = self.settings
