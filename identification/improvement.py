@@ -143,7 +143,7 @@ def _functional(base: BaseParameters, i: int, combined: BaseParameters) -> Float
 
 
 def _unknowns(base: BaseParameters, fitted: FittedPeriods, steps: Sequence[int]) -> FloatArray:
-    """Return a basis of the combined model's unknowns that another base set depends on, (p, any)."""
+    """Return a basis of the unknowns (p, any) that another base set and some steps depend on."""
     b, p = len(fitted.base), len(fitted.fit.solution.values)
     to_own = base.combination[:, list(fitted.base.kept)]
     size = np.linalg.norm(to_own, axis=1, keepdims=True)

@@ -67,8 +67,8 @@ class PeriodicProblem:
 
     `inertia` (averages, n, n) is the size of the joint-space inertia, through which the noise of
     the positions becomes torque, `base_inertia` (averages, n, 6, 6) what makes them base wrench
-    (`base_inertia_squares`); zero before they are known. `kind` says which outputs are used, and `delays_s` by how much the plate
-    of each run is late.
+    (`base_inertia_squares`); zero before they are known. `kind` says which outputs are used, and
+    `delays_s` by how much the plate of each run is late.
     """
 
     base: BaseParameters
