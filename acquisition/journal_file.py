@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from io import FileIO
+from math import isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self, cast
@@ -87,8 +88,8 @@ class JournalFile:
         return self._writer.register_channel(topic, "cdr", schema, metadata)
 
     def add_message(self, channel: int, time_s: float, body: bytes) -> None:
-        """Write one message, its CDR body given."""
-        time_ns = max(round(time_s * 1e9), 0)
+        """Write one message, its CDR body given; a time that is not known counts as 0."""
+        time_ns = max(round(time_s * 1e9), 0) if isfinite(time_s) else 0
         try:
             self._writer.add_message(channel, time_ns, CDR_LITTLE_ENDIAN + body, time_ns, self.rows)
         except OSError as error:

@@ -214,10 +214,11 @@ class SerialAmplifier(ForcePlate):
         Returns
         -------
         float
-            When the question had been handed to the port [s, monotonic clock].
+            When the question was about to be sent [s, monotonic clock].
         """
+        asked_s = self._link.clock.now_s()
         self._link.write(self._codec.request("time"))
-        return self._link.clock.now_s()
+        return asked_s
 
     def stop(self, until_s: float) -> tuple[PlateRead, ...]:
         """End the stream and return what came until then.
