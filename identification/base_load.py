@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.arrays import FloatArray, read_only
+from acquisition.arrays import FloatArray, IntArray, read_only
 from acquisition.force_plate import WRENCH_NAMES, WRENCH_UNITS
 from config.errors import EstimationError
 from config.plate import PlateLimits
@@ -153,9 +153,7 @@ def weighed(
             " model, from a run with a force plate"
         )
     model, base = estimate.model, estimate.base
-    random = np.random.default_rng(0)
-    phi = base.columns(base_wrench_regressor(model, *random.normal(size=(3, 20, model.chain.n))))
-    constant = np.flatnonzero(np.ptp(phi, axis=0).max(axis=0) <= 1e-9 * np.abs(phi).max())
+    constant = weight_parameters(estimate)
     values, covariance = estimate.values.copy(), estimate.covariance_honest.copy()
     covariance[constant] = 0.0
     covariance[:, constant] = 0.0
@@ -165,3 +163,13 @@ def weighed(
         drawn = base.from_standard(cad_parameters(model, robot)[0])
     values[constant] = drawn[constant] if mass_kg is None else mass_kg
     return values, covariance, known
+
+
+def weight_parameters(estimate: Estimate) -> IntArray:
+    """Return which base parameters add a constant wrench whatever the motion, shape (any,)."""
+    model, base = estimate.model, estimate.base
+    random = np.random.default_rng(0)
+    phi = base.columns(base_wrench_regressor(model, *random.normal(size=(3, 20, model.chain.n))))
+    size = np.abs(phi).max(axis=(0, 1))
+    same = np.ptp(phi, axis=0).max(axis=0) <= 1e-9 * size
+    return np.flatnonzero(same & (size > 0.0))

@@ -21,7 +21,13 @@ from identification.identifiability import weak_parameters
 from identification.model_options import ModelOptions
 from rid_daq.console import AsJson, Console
 from rid_daq.curves import period_curves
-from rid_daq.identification_job import HowToEstimate, compare_friction, estimate_runs
+from rid_daq.identification_job import (
+    HowToEstimate,
+    compare_friction,
+    estimate_runs,
+    plate_findings,
+)
+from rid_daq.plate_section import plate_section, tell_plate, weight_words
 from rid_daq.report.render import number
 from rid_daq.result import write_result
 from rid_daq.run_data import RunData, read_run, result_of
@@ -37,6 +43,14 @@ class Estimator(StrEnum):
     ML = "ml"
     LS = "ls"
     HUBER = "huber"
+
+
+class Model(StrEnum):
+    """What is measured of the robot."""
+
+    INTERNAL = "internal"
+    EXTERNAL = "external"
+    COMBINED = "combined"
 
 
 def identify(
@@ -64,6 +78,9 @@ def identify(
     estimator: Annotated[
         Estimator, typer.Option(help="Weighted by noise, not weighted, or robust.")
     ] = Estimator.ML,
+    model: Annotated[
+        Model, typer.Option(help="From torques, from the reaction on a force plate, or both.")
+    ] = Model.INTERNAL,
     cad_prior: Annotated[
         bool, typer.Option("--cad-prior", help="Count the drawings as prior knowledge.")
     ] = False,
@@ -92,6 +109,7 @@ def identify(
     data = [read_run(find_run(runs, name)) for name in run]
     how = HowToEstimate(
         options=ModelOptions(
+            kind=model.value,
             rotors=rotors,
             friction=friction,
             spring=spring,
@@ -111,6 +129,7 @@ def identify(
         comparison = _compare(console, data, how)
     robot = None if comparison is None else comparison.robot(data[0].robot)
     estimate = estimate_runs(data, how, robot=robot)
+    plate = plate_section(estimate, *plate_findings(data, how, robot=robot))
     first = data[0]
     if output is None:
         output = first.folder.file(MODEL)
@@ -122,12 +141,16 @@ def identify(
         first.folder.write(MODEL, output.read_bytes())
     result = result_of(first)
     result["estimate"] = estimate_section(estimate)
-    findings = [weak.sentence for weak in weak_parameters(estimate)]
+    weight = weight_words(estimate)
+    weak = [each for each in weak_parameters(estimate) if each.words not in weight]
+    findings = [each.sentence for each in weak]
     for item in data:
         drifts = (drift for drift in friction_drift(item.recording) if drift.significant)
         findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
     result["estimate"]["findings"] = findings
     document: dict[str, Any] = {"model": str(output), "estimate": result["estimate"]}
+    if plate:
+        result["plate"] = document["plate"] = plate
     if comparison is not None:
         result["comparison"] = comparison_section(comparison)
         document["comparison"] = result["comparison"]
@@ -140,6 +163,10 @@ def identify(
     if comparison is not None:
         _tell_comparison(console, comparison)
     _tell(console, estimate, result["estimate"]["sentence"])
+    if plate:
+        tell_plate(console, plate)
+    elif all(item.recording.reaction is not None for item in data) and first.is_periodic:
+        console.say("The runs have a force plate's reaction too: --model combined uses it")
     for finding in findings:
         console.say(finding)
     console.verdict(True, f"Model: {output}")
