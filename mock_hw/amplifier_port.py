@@ -29,6 +29,7 @@ BUFFER_BYTES = 16384
 """What the amplifier can hold back for a line that is slower than its rows."""
 
 _BUNCH_S = 0.001
+_NANOSECONDS = 9  # decimals: sums in another order shall not change what a run gives
 _TWICE = 2.0
 
 
@@ -116,6 +117,11 @@ class AmplifierPort:
         """Whether time matters to it: it operates, makes rows, or still has some to hand over."""
         physics = self._device.physics
         return physics.operating or physics.converting or self.next_s < math.inf
+
+    @property
+    def passed_bytes(self) -> int:
+        """How many bytes a listening computer was given."""
+        return self._port.passed_bytes
 
     @property
     def time_s(self) -> float:
@@ -228,18 +234,22 @@ class AmplifierPort:
         self._faults.passes(count)
         arrived = self._line.send(rows.ready_s, np.full(count, rows.size))
         if self._arrivals is not None:
-            self._arrivals.write(rows.sequence, arrived)
+            self._arrivals.write(rows.sequence, np.round(arrived, _NANOSECONDS))
             self._write(rows.data)
         else:
             self._hold(rows, arrived)
 
     def _send_unit(self, unit: Unit) -> None:
+        if self._arrivals is not None and self._device.physics.converting and unit.sequence < 0:
+            # An answer to somebody who asks by the wall clock must not move the rows' arrivals.
+            self._write(unit.data)
+            return
         (arrived_s,) = self._line.send([unit.ready_s], [len(unit.data)]).tolist()
         if self._arrivals is None:
             self._held.append((arrived_s, unit.data))
             return
         if unit.sequence >= 0:
-            self._arrivals.write(unit.sequence, arrived_s)
+            self._arrivals.write(unit.sequence, round(arrived_s, _NANOSECONDS))
         self._write(unit.data)
 
     def _hold(self, rows: RowBlock, arrived: NDArray[np.float64]) -> None:

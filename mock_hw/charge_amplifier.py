@@ -125,6 +125,7 @@ class ChargeAmplifier:
         self.time_s = now_s
         self.operating = False
         self.overload = 0
+        self._overloaded = 0
         self.settings = AmplifierSettings()
         self._set_filter()
 
@@ -163,10 +164,11 @@ class ChargeAmplifier:
     def reset(self) -> None:
         """Short the inputs."""
         self.operating = False
+        self._overloaded = 0
 
     def take_overload(self) -> int:
-        """Return the latched overload word, and clear it."""
-        word, self.overload = self.overload, 0
+        """Return the latched overload word; what is overloaded still stays in it."""
+        word, self.overload = self.overload, self._overloaded
         return word
 
     def start(self) -> None:
@@ -216,8 +218,11 @@ class ChargeAmplifier:
         row_times, device_s = self._due(end_s)
         output = np.empty((len(row_times), CHANNELS))
         overload = np.empty(len(row_times), dtype=np.uint8)
+        volts = self._input(times, charges)
+        if len(volts):
+            self._overloaded = sum(1 << int(i) for i in np.flatnonzero(_at_limit(volts[-1])))
         self.overload = _run_filter(
-            self.time_s, times, self._input(times, charges), row_times, self._poles,
+            self.time_s, times, volts, row_times, self._poles,
             self._gains, self._weights, self._state, self.overload, output, overload,
         )  # fmt: skip
         self._output_v = (self._weights @ self._state).real
@@ -262,6 +267,10 @@ class ChargeAmplifier:
     def _settle(self, volts: Vector) -> None:
         """Put the filter where a constant input of (8,) volts leaves it."""
         self._state[:] = -self._gains[:, np.newaxis] * volts
+
+
+def _at_limit(volts: Vector) -> NDArray[np.bool_]:
+    return np.abs(volts) >= FULL_SCALE_V
 
 
 def _shares_of(duration_s: float) -> Vector:

@@ -94,6 +94,8 @@ def _served(
     if settings.plate is None:
         yield None
         return
+    if settings.plate.path.is_symlink():
+        settings.plate.path.unlink()  # of drives that were killed: this hub's name is ours alone
     port = AmplifierPort(settings.plate, realtime=not client.lockstep, now_s=rack.time_s)
     service = PlateService(port, rack, client)
     try:

@@ -39,6 +39,8 @@ class PtyPort:
 
     Attributes
     ----------
+    passed_bytes
+        How many bytes were handed over.
     lost_bytes
         How many bytes a listening reader did not fetch in time.
 
@@ -52,6 +54,7 @@ class PtyPort:
         self._path = path
         self._patient = patient
         self._fd = -1
+        self.passed_bytes = 0
         self.lost_bytes = 0
         self.plug()
 
@@ -113,7 +116,9 @@ class PtyPort:
         view = memoryview(data)
         while view and self.listened:
             try:
-                view = view[os.write(self._fd, view) :]
+                written = os.write(self._fd, view)
+                view = view[written:]
+                self.passed_bytes += written
             except BlockingIOError:
                 if not (self._patient and self._becomes_writable()):
                     self.lost_bytes += len(view)

@@ -169,7 +169,7 @@ class SimulatedAmplifier:
         return out
 
     def overrun(self, rows: int) -> None:
-        """Be told that so many rows found no room on the line."""
+        """Be told that so many rows found no room on the line; all later rows say so."""
         self._overrun = True
         self._put_event("overrun", rows, self.physics.time_s, self.physics.time_s)
 
@@ -313,7 +313,6 @@ class SimulatedAmplifier:
         bits = self._profile.status_bits
         status = rows.overload[first:last].astype(np.int64)
         status |= int(self.physics.operating) << bits.operate | int(self._overrun) << bits.overrun
-        self._overrun = False
         ticks = np.rint(rows.device_s[first:last] * self._profile.ticks_per_s).astype(np.int64)
         data = self._encode_rows(sequence, ticks, status, rows.counts[first:last])
         size = len(data) // (last - first)
