@@ -31,7 +31,7 @@ from acquisition.plate_row import (
     ROW_TOPIC,
 )
 from acquisition.termination import ignore_termination
-from config.amplifier_profile import AmplifierProfile
+from config.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
 from config.errors import DeviceFaultError, DriverError, RidDaqError, TransportError
 from config.plate import AmplifierConfig, PlateConfig
 from drivers.amplifier_serial import SerialAmplifier, open_amplifier
@@ -39,7 +39,9 @@ from drivers.amplifier_stream import StreamCounts
 from drivers.interfaces import PlateRead
 from drivers.simulated_arrivals import arrivals_path
 
-PIECE_S = 0.005
+LONGEST_PIECE_S = 0.02
+PIECE_BYTES = 2048  # half of what a terminal's buffer holds
+PARSE_S = 0.1
 BEAT_S = 0.1
 MARK_PERIOD_S = 1.0
 STOP_PATIENCE_S = 2.0
@@ -126,10 +128,10 @@ class PlateJournalWriter(JournalFile):
         arrivals = read.arrival_s.tolist()
         for start, time_s in zip(range(0, len(body), size), arrivals, strict=True):
             self.add_message(self._rows, time_s, body[start : start + size])
-        event_s = read.read_s
+        event_arrivals = read.event_arrival_s.tolist()
         if self.simulated_time:
-            event_s = arrivals[-1] if arrivals else np.nan
-        for event in read.events:
+            event_arrivals = [arrivals[-1] if arrivals else np.nan] * len(event_arrivals)
+        for event, event_s in zip(read.events, event_arrivals, strict=True):
             self.note(
                 kind=int(event["kind"]),
                 detail=int(event["detail"]),
@@ -188,6 +190,11 @@ def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
         block.state = PlateState.FINISHED
     except RidDaqError as error:
         block.fail(error)
+
+
+def piece_time_s(baud_rate: int) -> float:
+    """Return how long bytes may gather before they are read, so that none is lost [s]."""
+    return min(LONGEST_PIECE_S, PIECE_BYTES * BITS_PER_BYTE / baud_rate)
 
 
 def require_ready(amplifier: SerialAmplifier, config: AmplifierConfig) -> None:
@@ -297,14 +304,20 @@ class _Recorder:
         marks = 0
         amplifier.start()
         self._block.state = PlateState.RECORDING
+        parse_s = time.monotonic()
+        pause_s = piece_time_s(self._task.plate.amplifier.baud_rate)
         while not self._over:
             if not writer.simulated_time:
-                time.sleep(PIECE_S)  # the rows of some milliseconds together; none is early or late
+                time.sleep(pause_s)  # the rows of some milliseconds together; none is early or late
             now_s = time.monotonic()
             if now_s - self._marked_s >= MARK_PERIOD_S:
                 writer.asked(marks, amplifier.mark())
                 marks, self._marked_s = marks + 1, now_s
-            self._take(writer, amplifier, amplifier.read(now_s + BEAT_S))
+            if now_s < parse_s:
+                amplifier.gather(now_s + BEAT_S)
+            else:
+                self._take(writer, amplifier, amplifier.read(now_s + BEAT_S))
+                parse_s = now_s + PARSE_S
         for read in amplifier.stop(time.monotonic() + STOP_PATIENCE_S):
             self._take(writer, amplifier, read)
 

@@ -59,6 +59,9 @@ class SerialAmplifier(ForcePlate):
         self._arrivals = arrivals
         self._lines = LineSplitter()
         self._stream: AmplifierStream | None = None
+        self._pieces: list[bytes] = []
+        self._piece_ends: list[int] = []
+        self._piece_times_s: list[float] = []
         self._counts = StreamCounts()
 
     @property
@@ -184,11 +187,19 @@ class SerialAmplifier(ForcePlate):
     def start(self) -> None:
         """Begin the stream of rows; raises `DriverError` when the amplifier does not go along."""
         self._ask("stream", ON)
+        self._forget_pieces()
         self._stream = AmplifierStream(self.profile, self._config.format, self._config.rate_hz)
         self._counts = self._stream.counts
 
-    def read(self, until_s: float) -> PlateRead:
-        """Return what has come, waiting for it until `until_s` [s, monotonic clock].
+    def gather(self, until_s: float) -> bool:
+        """Take in what has come, waiting for it until `until_s` [s, monotonic clock], for `read`.
+
+        Cheaper than `read`: a piece costs a system call or two, whatever is in it.
+
+        Returns
+        -------
+        bool
+            Whether anything came.
 
         Raises
         ------
@@ -199,14 +210,38 @@ class SerialAmplifier(ForcePlate):
         """
         if self._stream is None:
             raise ProtocolError(f"{self._where}: no stream was started")
-        waiting, self._lines.rest = self._lines.rest, b""
-        block = self._stream.feed(waiting or self._link.read(until_s))
-        read_s = self._link.last_time_s
+        piece, self._lines.rest = self._lines.rest, b""
+        piece = piece or self._link.read(until_s)
+        if piece:
+            end = self._piece_ends[-1] if self._piece_ends else self._stream.taken_bytes
+            self._pieces.append(piece)
+            self._piece_ends.append(end + len(piece))
+            self._piece_times_s.append(self._link.last_time_s)
+        return bool(piece)
+
+    def read(self, until_s: float) -> PlateRead:
+        """Gather, and return all that was gathered since the last call.
+
+        Raises
+        ------
+        TransportError
+            The port is gone.
+        ProtocolError
+            No stream was started.
+        """
+        self.gather(until_s)
+        assert self._stream is not None
+        block = self._stream.feed(b"".join(self._pieces))
+        ends, times_s = self._piece_ends, np.array(self._piece_times_s)
+        event_arrival_s = times_s[np.searchsorted(ends, block.event_ends)]
         if self._arrivals is None:
-            arrival_s = np.full(len(block.rows), read_s)
+            arrival_s = times_s[np.searchsorted(ends, block.row_ends)]
         else:
             arrival_s = self._arrivals.time_s(block.rows["sequence"])
-        return PlateRead(block.rows, block.events, arrival_s, read_s)
+        self._forget_pieces()
+        return PlateRead(
+            block.rows, block.events, arrival_s, event_arrival_s, self._link.last_time_s
+        )
 
     def mark(self) -> float:
         """Ask for the device's time within the stream; the answer is an event.
@@ -250,6 +285,9 @@ class SerialAmplifier(ForcePlate):
     @property
     def _where(self) -> str:
         return f"amplifier at {self._link.address}"
+
+    def _forget_pieces(self) -> None:
+        self._pieces, self._piece_ends, self._piece_times_s = [], [], []
 
     def _greet(self, timeout_s: float) -> str:
         """End whatever is under way and ask who is there."""

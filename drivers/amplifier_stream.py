@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,14 @@ class PlateBlock:
         In the order sent.
     events : ndarray of `PLATE_EVENT`, shape (events,)
         In the order sent.
+    row_ends, event_ends : ndarray of int64, shape (rows,) and (events,)
+        Bytes from the beginning of the stream to the end of each: which piece completed it.
     """
 
     rows: NDArray[Any]
     events: NDArray[Any]
+    row_ends: NDArray[np.int64]
+    event_ends: NDArray[np.int64]
 
 
 @dataclass
@@ -67,6 +71,13 @@ class StreamCounts:
     repeated_rows: int = 0
 
 
+class _Frames(NamedTuple):
+    """Whole frames, and where each ends in its buffer."""
+
+    frames: list[bytes]
+    ends: list[int]
+
+
 class AmplifierStream:
     """An incremental parser; `feed` it what the line brings.
 
@@ -87,12 +98,15 @@ class AmplifierStream:
         The device has said that no more rows will come.
     rest : bytes
         What came after that; text again.
+    taken_bytes : int
+        Bytes fed so far.
     """
 
     def __init__(self, profile: AmplifierProfile, form: str, rate_hz: float) -> None:
         self.counts = StreamCounts()
         self.stopped = False
         self.rest = b""
+        self.taken_bytes = 0
         self._row = row_layout(profile, form)
         self._event = event_layout(profile, form)
         starts = (self._row.start, self._event.start)
@@ -116,23 +130,33 @@ class AmplifierStream:
         """Take the next piece of the stream and return what is complete with it."""
         if self.stopped:
             self.rest += data
-            return PlateBlock(np.empty(0, dtype=PLATE_ROW), np.empty(0, dtype=PLATE_EVENT))
+            return self._block(_Frames([], []), _Frames([], []), 0)
         buffer = self._tail + data
+        first = self.taken_bytes - len(self._tail)
+        self.taken_bytes += len(data)
         rows, events, position = self._frames(buffer)
         self._keep(buffer[position:])
-        taken = self._take_rows(rows) if rows else np.empty(0, dtype=PLATE_ROW)
-        happened = self._take_events(events) if events else np.empty(0, dtype=PLATE_EVENT)
-        self.counts.rows += len(taken)
-        self.counts.events += len(happened)
-        return PlateBlock(taken, happened)
+        return self._block(rows, events, first)
+
+    def _block(self, row_frames: _Frames, event_frames: _Frames, first: int) -> PlateBlock:
+        rows, row_ends = np.empty(0, dtype=PLATE_ROW), np.empty(0, dtype=np.int64)
+        if row_frames.frames:
+            rows, kept = self._take_rows(row_frames.frames)
+            row_ends = first + np.array(row_frames.ends)[kept]
+        events, event_ends = np.empty(0, dtype=PLATE_EVENT), np.empty(0, dtype=np.int64)
+        if event_frames.frames:
+            events, kept = self._take_events(event_frames.frames)
+            event_ends = first + np.array(event_frames.ends)[kept]
+        self.counts.rows += len(rows)
+        self.counts.events += len(events)
+        return PlateBlock(rows, events, row_ends, event_ends)
 
     def _keep(self, unused: bytes) -> None:
         self._tail, self.rest = (b"", unused) if self.stopped else (unused, b"")
 
-    def _frames(self, buffer: bytes) -> tuple[list[bytes], list[bytes], int]:
+    def _frames(self, buffer: bytes) -> tuple[_Frames, _Frames, int]:
         """Find the whole frames; return rows, events and where the unused rest begins."""
-        rows: list[bytes] = []
-        events: list[bytes] = []
+        rows, events = _Frames([], []), _Frames([], [])
         row, event = self._row, self._event
         row_start, row_size, row_is_whole = row.start, row.size, row.is_whole
         terminator, terminator_size = row.terminator, len(row.terminator)
@@ -143,7 +167,8 @@ class AmplifierStream:
                 if end > size:
                     return rows, events, position
                 if row_is_whole(buffer, position):
-                    rows.append(buffer[position:end])
+                    rows.frames.append(buffer[position:end])
+                    rows.ends.append(end)
                     position = end
                     if terminator_size and buffer.startswith(terminator, end):
                         position += terminator_size
@@ -155,7 +180,8 @@ class AmplifierStream:
                     return rows, events, position
                 if event.is_whole(buffer, position):
                     frame = buffer[position:end]
-                    events.append(frame)
+                    events.frames.append(frame)
+                    events.ends.append(end)
                     position = end
                     if self._stops(frame):
                         self.stopped = True
@@ -189,12 +215,13 @@ class AmplifierStream:
             skipped = skipped.translate(None, _SEPARATORS)
         self.counts.garbage_bytes += len(skipped)
 
-    def _take_rows(self, frames: list[bytes]) -> NDArray[Any]:
+    def _take_rows(self, frames: list[bytes]) -> tuple[NDArray[Any], NDArray[np.int64]]:
         fields, good = self._row.decode(b"".join(frames))
         self.counts.bad_frames += int(np.count_nonzero(~good))
-        rows = np.empty(int(np.count_nonzero(good)), dtype=PLATE_ROW)
+        kept = np.flatnonzero(good)
+        rows = np.empty(len(kept), dtype=PLATE_ROW)
         if not len(rows):
-            return rows
+            return rows, kept
         rows["status"] = fields["status"][good]
         rows["counts"] = fields["counts"][good]
         sequence, ticks = fields["sequence"][good], fields["time"][good]
@@ -221,8 +248,8 @@ class AmplifierStream:
         self.counts.rows_lost += int(np.sum(step[step > 1] - 1))
         if repeated.any():
             self.counts.repeated_rows += int(np.count_nonzero(repeated))
-            rows = rows[~repeated]
-        return rows
+            rows, kept = rows[~repeated], kept[~repeated]
+        return rows, kept
 
     def _beside_events(self, ticks: int) -> int:
         """Return the first row's time on the count that earlier events have begun."""
@@ -230,12 +257,13 @@ class AmplifierStream:
             return ticks
         return self._event_ticks + int(_nearest(np.array(ticks - self._event_ticks), _TICKS))
 
-    def _take_events(self, frames: list[bytes]) -> NDArray[Any]:
+    def _take_events(self, frames: list[bytes]) -> tuple[NDArray[Any], NDArray[np.int64]]:
         fields, good = self._event.decode(b"".join(frames))
         self.counts.bad_frames += int(np.count_nonzero(~good))
-        events = np.empty(int(np.count_nonzero(good)), dtype=PLATE_EVENT)
+        kept = np.flatnonzero(good)
+        events = np.empty(len(kept), dtype=PLATE_EVENT)
         if not len(events):
-            return events
+            return events, kept
         sequence, ticks = fields["sequence"][good], fields["time"][good]
         row = int(sequence[0]) if self._sequence is None else self._sequence
         now = self._ticks
@@ -247,7 +275,7 @@ class AmplifierStream:
         events["stream"] = self._stream
         events["kind"] = fields["kind"][good]
         events["detail"] = fields["detail"][good]
-        return events
+        return events, kept
 
 
 def _nearest(differences: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:

@@ -187,15 +187,18 @@ class PlateRead:
     events
         `drivers.amplifier_frames.PLATE_EVENT`, in the order sent.
     arrival_s
-        When each row was here, on the cell's clock [s], shape (rows,); rows read together arrived
-        together.
+        When each row was here, on the cell's clock [s], shape (rows,); rows that one piece brought
+        arrived together.
+    event_arrival_s
+        When each event was here, on the computer's monotonic clock [s], shape (events,).
     read_s
-        When the read returned, on the computer's monotonic clock [s].
+        When the last piece was here, on the computer's monotonic clock [s].
     """
 
     rows: NDArray[Any]
     events: NDArray[Any]
     arrival_s: NDArray[np.float64]
+    event_arrival_s: NDArray[np.float64]
     read_s: float
 
 
@@ -243,8 +246,15 @@ class ForcePlate(Protocol):
         """Begin the stream of rows."""
 
     @abstractmethod
+    def gather(self, until_s: float) -> bool:
+        """Take in what has come, waiting for it until `until_s` [s, monotonic clock], for `read`.
+
+        Return whether anything came.
+        """
+
+    @abstractmethod
     def read(self, until_s: float) -> PlateRead:
-        """Return what has come, waiting for it until `until_s` [s, monotonic clock]."""
+        """Gather, and return all that was gathered since the last call."""
 
     @abstractmethod
     def mark(self) -> float:

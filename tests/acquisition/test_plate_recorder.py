@@ -215,7 +215,7 @@ def some(rows: int, events: int, first: int) -> PlateRead:
     read["counts"] = read["sequence"][:, None]
     happened = np.zeros(events, dtype=PLATE_EVENT)
     happened["kind"], happened["detail"] = 4, first
-    return PlateRead(read, happened, np.full(rows, 0.001 * first), 0.5)
+    return PlateRead(read, happened, np.full(rows, 0.001 * first), np.full(events, 0.5), 0.5)
 
 
 def write(path: Path, head: PlateHeader, *, finish: bool) -> None:

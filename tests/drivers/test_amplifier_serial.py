@@ -381,6 +381,30 @@ def test_rows_come_with_their_arrival(plug: Plug, form: str) -> None:
     assert amplifier.stream_counts.rows == 40
 
 
+def test_each_row_has_the_time_of_the_piece_that_completed_it(plug: Plug) -> None:
+    script = Script(rows=rows("binary", range(2)))
+    device = plug(script)
+    with open_amplifier(config_for(device.address, script), PROFILE) as amplifier:
+        amplifier.connect()
+        amplifier.start()
+        until_s = time.monotonic() + ENOUGH_S
+        while amplifier._piece_ends[-1:] != [2 * 28]:
+            assert amplifier.gather(until_s)
+        between_s = time.monotonic()
+        more = rows("binary", range(2, 5))
+        os.write(device._ours, more[:30])
+        while amplifier._piece_ends[-1] != 2 * 28 + 30:
+            assert amplifier.gather(until_s)
+        later_s = time.monotonic()
+        os.write(device._ours, more[30:])
+        while amplifier._piece_ends[-1] != 5 * 28:
+            assert amplifier.gather(until_s)
+        arrivals = amplifier.read(time.monotonic()).arrival_s
+    assert np.all(arrivals[:2] <= between_s)
+    assert between_s <= arrivals[2] <= later_s
+    assert np.all(arrivals[3:] >= later_s)
+
+
 def test_where_time_is_simulated_the_arrivals_are_looked_up(plug: Plug, tmp_path: object) -> None:
     script = Script(rows=rows("binary", range(5)))
     device = plug(script)
