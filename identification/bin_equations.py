@@ -31,6 +31,7 @@ from identification.reaction_equations import (
 from identification.torque_columns import torque_columns, wrench_columns
 
 NYQUIST_FRACTION = 0.8
+MOTION_BANDS = 1.5
 GRID_STEP_S = 0.001
 BLOCK_ROWS = 2048
 PIECES_PER_RESOLUTION = 8
@@ -122,9 +123,12 @@ def bin_equations(
             f" {', '.join(model.joint_names)}: use the recording's own robot"
         )
     harmonics = harmonics_below(average, band_hz)
+    # Products of angles and accelerations from above the band reach down into it.
+    limit = math.floor(NYQUIST_FRACTION * 0.5 * average.samples_per_period)
+    of_motion = max(harmonics, min(math.ceil(MOTION_BANDS * harmonics), limit))
     oversampling = max(2, math.ceil(average.sample_period_s / GRID_STEP_S))
     q, v, a = differentiate_on_bins(
-        average.position, average.sample_period_s, harmonics, oversampling=oversampling
+        average.position, average.sample_period_s, of_motion, oversampling=oversampling
     )
     period_s = average.period_s
     times = np.arange(len(q)) / len(q) * period_s

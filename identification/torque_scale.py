@@ -24,7 +24,7 @@ from identification.white_equations import WhiteEquations, bin_clusters
 
 STEPS: Final = 4
 SIGNIFICANT_P: Final = 0.01
-WORTH_TELLING: Final = 0.005
+WORTH_TELLING: Final = 0.02
 
 
 @dataclass(frozen=True)
@@ -74,10 +74,12 @@ class TorqueConsistency:
         """The finding in words."""
         wrong = [axis for axis in self.axes if axis.wrong]
         if not wrong:
+            ratios = ", ".join(f"{a.ratio:.4f} ± {2.0 * a.sigma:.4f}" for a in self.axes)
+            small = "; so little, a gear's friction under load can do"
             return (
-                "Torque constants and force plate agree: measured over expected torque is "
-                + ", ".join(f"{a.ratio:.4f} ± {2.0 * a.sigma:.4f}" for a in self.axes)
-                + f" (p = {self.p_value:.2g})."
+                "Torque constants and force plate agree: measured over expected torque is"
+                f" {ratios} (p = {self.p_value:.2g}"
+                f"{small if self.p_value < SIGNIFICANT_P else ''})."
             )
         words = "; ".join(
             f"{axis.joint} measures {abs(100.0 * (axis.ratio - 1.0)):.1f} ±"
