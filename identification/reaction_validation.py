@@ -23,6 +23,8 @@ from identification.estimators import BAND_HZ
 from identification.torque_filter import without_filter
 
 STEPS = 4
+MOTION_CUTOFFS = 1.5
+HIGHEST_SHARE = 0.3
 EDGE_CUTOFFS = 2.0
 
 
@@ -104,7 +106,10 @@ def validate_reaction(
             f"the recording has joints {', '.join(recording.joint_names)}, the estimate"
             f" {', '.join(estimate.robot.joint_names)}: use a model of this robot"
         )
-    signals = smooth_nonperiodic(recording, cutoff_hz)
+    step_s = float(np.median(np.diff(recording.time_s)))
+    # Products of angles and accelerations from above the cut-off reach down below it.
+    motion_hz = max(cutoff_hz, min(MOTION_CUTOFFS * cutoff_hz, HIGHEST_SHARE / step_s))
+    signals = smooth_nonperiodic(recording, motion_hz)
     curve, counted = _measured(recording, signals, cutoff_hz)
     conditions = Conditions(temperature_k=signals.temperature_k)
     predicted = predict_reaction(
