@@ -25,7 +25,7 @@ from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
 from mock_hw.drives_process import DrivesSettings, serve_drives
 from mock_hw.hub_process import HubSettings, serve_hub
 from mock_hw.line_faults import NO_FAULTS, LineFaults
-from mock_hw.runtime_directory import runtime_directory, socket_path
+from mock_hw.runtime_directory import plate_path, runtime_directory, socket_path
 
 _START_TIMEOUT_S = 120.0  # the plant's kernels may have to be compiled
 _END_TIMEOUT_S = 5.0
@@ -105,12 +105,7 @@ class SimulatedCell:
     def cell(self) -> CellConfig:
         """The cell with the channel and the serial port under which it is served."""
         can = self._cell.can.model_copy(update={"interface": "rid_sim", "channel": self._channel})
-        update: dict[str, object] = {"can": can}
-        plate = self._cell.plate
-        if plate is not None and self._address:
-            amplifier = plate.amplifier.model_copy(update={"address": self._address})
-            update["plate"] = plate.model_copy(update={"amplifier": amplifier})
-        return self._cell.model_copy(update=update)
+        return with_address(self._cell.model_copy(update={"can": can}), self._address)
 
     @property
     def address(self) -> str:
@@ -170,7 +165,7 @@ class SimulatedCell:
             self._realtime,
             socket,
             snapshot,
-            self._plate_settings(socket.with_suffix(".plate")),
+            self._plate_settings(plate_path(str(socket))),
         )
         hub_pipe = _launch(stack, serve_hub, hub)
         drives_pipe = _launch(stack, serve_drives, drives)
@@ -199,6 +194,15 @@ class SimulatedCell:
             self._amplifier_baud_rate,
             self._plate_faults,
         )
+
+
+def with_address(cell: CellConfig, address: str) -> CellConfig:
+    """Return a cell whose plate, if it has one, is found at another address."""
+    if cell.plate is None or not address:
+        return cell
+    amplifier = cell.plate.amplifier.model_copy(update={"address": address})
+    plate = cell.plate.model_copy(update={"amplifier": amplifier})
+    return cell.model_copy(update={"plate": plate})
 
 
 def _as_described(plate: PlateConfig) -> SimulatedPlate:
