@@ -109,10 +109,15 @@ class PlateCheck:
     def _zero(self, plate: PlateConfig, profile: AmplifierProfile) -> None:
         zero_n = plate_zero_n(plate, profile)
         worst = int(np.argmax(np.abs(zero_n)))
+        found = f"{CHANNEL_NAMES[worst]} {zero_n[worst]:.2f} N"
+        if plate.zero is None and self._cell.simulated:
+            what = "force at rest, never zeroed"
+            self.lines.append(CheckLine(plate.amplifier.address, what, "", found, "shown"))
+            return
         self._add(
             "force at rest" if plate.zero is None else "force at rest beyond its zero",
             f"≤ {ZERO_LIMIT_N:g} N",
-            f"{CHANNEL_NAMES[worst]} {zero_n[worst]:.2f} N",
+            found,
             bool(abs(zero_n[worst]) <= ZERO_LIMIT_N),
             f"is the robot where it was zeroed? If so, {_ZERO} again",
         )

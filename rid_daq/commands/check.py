@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -56,19 +57,16 @@ def check(
     console = Console(as_json)
     loaded = load_cell(cell)
     lines = [_bus_load(loaded.config), _disk(runs)]
-    problem: RidDaqError | None = None
     with reachable_cell(loaded) as reachable:
         plate = PlateCheck(reachable, loaded.amplifier_profile)
+        problem = _attempt(plate.before)
         try:
-            lines += plate.before()
-            lines += _devices(reachable, loaded.robot, seconds)
-            lines += plate.after()
+            drives = _devices(reachable, loaded.robot, seconds)
         except _Stopped as stopped:
-            lines += stopped.lines
-            problem = stopped.error
-        except DriverError as error:
-            lines += plate.lines
-            problem = error
+            drives, problem = stopped.lines, stopped.error
+        if problem is None:
+            problem = _attempt(plate.after)
+        lines += [*plate.lines, *drives]
     red = [line for line in lines if line.verdict == "red"]
     passed = not red and problem is None
     console.document(
@@ -95,6 +93,15 @@ def check(
         if red
         else str(problem)
     )
+
+
+def _attempt(step: Callable[[], object]) -> RidDaqError | None:
+    """Do one step of the plate's check; return what went wrong, so that the drives are checked."""
+    try:
+        step()
+    except DriverError as error:
+        return error
+    return None
 
 
 def _tell(console: Console, lines: list[CheckLine]) -> None:
