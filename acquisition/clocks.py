@@ -192,24 +192,25 @@ def clock_from_edges(device_s: FloatArray, sync_s: FloatArray) -> DeviceClock:
     """
     device = read_only("edge", device_s, float, (None,), DataQualityError)
     sync = read_only("edge's SYNC", sync_s, float, device.shape, DataQualityError)
-    use = np.ones(len(device), dtype=bool)
-    for _ in range(3):  # a cycle whose SYNC was late on its way is left out
-        if use.sum() < FEWEST_MARKS or np.ptp(device[use]) <= 0.0:
-            raise DataQualityError(
-                f"{int(use.sum())} trigger edges are too few for a clock, {FEWEST_MARKS} at"
-                " different times are the least: check the trigger's wire"
-            )
-        middle = float(device[use].mean())
-        columns = np.column_stack([np.ones(len(device)), device - middle])
-        late = sync - device
-        line = np.linalg.lstsq(columns[use], late[use], rcond=None)[0]
-        rest = late - columns @ line
+    if len(device) < FEWEST_MARKS or np.ptp(device) <= 0.0:
+        raise DataQualityError(
+            f"{len(device)} trigger edges are too few for a clock, {FEWEST_MARKS} at different"
+            " times are the least: check the trigger's wire"
+        )
+    middle = float(device.mean())
+    x, late = device - middle, sync - device
+    use = np.ones(len(device), dtype=np.bool_)
+    for _ in range(2):  # a cycle whose SYNC was late on its way is left out
+        rest = late - np.polyval(np.polyfit(x[use], late[use], 1), x)
         spread = 1.4826 * float(np.median(np.abs(rest - np.median(rest))))
-        use = np.abs(rest) <= OUTLIER_SIGMAS * spread + 1e-9
-    information = columns[use].T @ columns[use]
-    variance = float(np.sum(rest[use] ** 2)) / max(int(use.sum()) - 2, 1)
-    covariance = variance * np.linalg.inv(information)
-    wander_s = _wander_of_means(columns[use, 1], rest[use], variance)
+        kept = np.abs(rest) <= OUTLIER_SIGMAS * spread + 1e-9
+        use = kept if kept.sum() >= FEWEST_MARKS else use
+    columns = np.column_stack([np.ones(int(use.sum())), x[use]])
+    line = np.linalg.lstsq(columns, late[use], rcond=None)[0]
+    rest = late[use] - columns @ line
+    variance = float(np.sum(rest**2)) / max(len(rest) - 2, 1)
+    covariance = np.asarray(variance * np.linalg.inv(columns.T @ columns), dtype=np.float64)
+    wander_s = _wander_of_means(x[use], rest, variance)
     return DeviceClock(
         middle, middle + float(line[0]), 1.0 + float(line[1]), covariance, wander_s, "edges"
     )

@@ -49,7 +49,8 @@ class PlateGeometry:
         of_plate = plate_wrench_matrix(plate.a_m, plate.b_m, plate.az0_m)
         crosstalk = np.eye(CHANNELS) if plate.sensitivity is None else np.array(plate.sensitivity)
         of_base = -_shift_matrix(plate) @ of_plate
-        return cls(of_base @ np.linalg.inv(crosstalk), crosstalk @ np.linalg.pinv(of_base))
+        back = np.asarray(crosstalk @ np.linalg.pinv(of_base), dtype=np.float64)
+        return cls(of_base @ np.linalg.inv(crosstalk), back)
 
     def base_wrench(self, channels_n: FloatArray) -> FloatArray:
         """Return the wrench on the robot's base, (samples, 6), of readings (samples, 8) [N]."""

@@ -80,7 +80,7 @@ class ReactionEquations:
 
     @property
     def _omega(self) -> FloatArray:
-        return np.asarray(2.0 * math.pi / self.period_s * np.arange(self.harmonics + 1))
+        return 2.0 * math.pi / self.period_s * np.arange(self.harmonics + 1, dtype=np.float64)
 
 
 def reaction_equations(

@@ -105,9 +105,10 @@ def whiten_reaction(
     size = 1e-9 * np.linalg.norm(reaction.rhs, axis=1) + 1e-12
     covariance = covariance + np.diag(size**2)
     bins = np.arange(len(covariance))
-    factor = np.linalg.cholesky(covariance)[np.concatenate([bins, bins[1:]])]
+    factor = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+    factor = factor[np.concatenate([bins, bins[1:]])]
     whole = np.concatenate([reaction.matrix, reaction.rhs[:, :, np.newaxis]], axis=2)
-    white = np.linalg.solve(factor, whole.transpose(1, 0, 2))
+    white = np.asarray(np.linalg.solve(factor, whole.transpose(1, 0, 2)), dtype=np.float64)
     return tuple(
         WhiteEquations(white[:, r, :-1], white[:, r, -1], factor[:, r, r], len(white))
         for r in range(white.shape[1])
