@@ -298,8 +298,7 @@ class SerialLink:
 
     def close(self) -> None:
         """Close the port; one that is gone is closed already."""
-        with contextlib.suppress(*_PORT_ERRORS):
-            self._port.close()
+        _close_port(self._port)
 
     def _lost(self, what: str, error: Exception) -> TransportError:
         return TransportError(
@@ -320,6 +319,14 @@ class SerialLink:
         self.close()
 
 
+def _close_port(port: serial.Serial) -> None:
+    network_socket = getattr(port, "_socket", None)
+    with contextlib.suppress(*_PORT_ERRORS):
+        port.close()
+    if isinstance(network_socket, socket.socket):
+        network_socket.close()  # pyserial forgets it where the other side has gone first
+
+
 def open_serial(address: str, baud_rate: int) -> SerialLink:
     """Open a serial port, 8N1, for this process alone: a path, or a URL that pyserial knows.
 
@@ -334,11 +341,15 @@ def open_serial(address: str, baud_rate: int) -> SerialLink:
             do_not_open=True,
             baudrate=baud_rate,
             timeout=_POLL_S,
-            write_timeout=_WRITE_TIMEOUT_S,
+            write_timeout=None if "://" in address else _WRITE_TIMEOUT_S,  # RFC 2217 has none
         )
         port.exclusive = True
-        port.open()
-    except (*_PORT_ERRORS, ImportError) as error:
+        try:
+            port.open()
+        except BaseException:
+            _close_port(port)
+            raise
+    except (*_PORT_ERRORS, ImportError, NotImplementedError) as error:
         raise TransportError(
             f"serial port {address} cannot be opened ({error}); check plate.amplifier.address, that"
             " the adapter is plugged in, that you may use it, and that no other program has it"
