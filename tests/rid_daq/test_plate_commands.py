@@ -144,6 +144,13 @@ def test_it_says_so_to_people(
     assert "m1 + m2 + m3 is the standing weight" in text
 
 
+def test_the_average_says_what_became_of_the_channels(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["average", "excitation", "--json", *runs]) == 0
+    assert "channels drifted by up to" in _document(capsys)["average"]["sentence"]
+
+
 def test_the_internal_model_mentions_the_plate(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
