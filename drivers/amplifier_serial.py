@@ -12,22 +12,17 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from config.amplifier_profile import BAUD_RATES, AmplifierProfile
-from config.errors import DeviceTimeoutError, DriverError, ProtocolError, TransportError
-from config.plate import CHANNEL_NAMES, CHANNELS, AmplifierConfig
-from drivers.amplifier_codec import AmplifierCodec, Answer, LineSplitter
+from config.amplifier_profile import AmplifierProfile
+from config.errors import DeviceTimeoutError, DriverError, ProtocolError
+from config.plate import CHANNELS, AmplifierConfig
+from drivers.amplifier_codec import Answer
+from drivers.amplifier_dialogue import ANSWER_TIMEOUT_S, OFF, ON, AmplifierDialogue
 from drivers.amplifier_settings import RequiredSetting, required_settings
 from drivers.amplifier_stream import AmplifierStream, StreamCounts
 from drivers.device_text import printable
 from drivers.interfaces import ForcePlate, PlateRead, PlateSetting
 from drivers.simulated_arrivals import ArrivalReader, arrivals_path
 from drivers.transport import SerialLink, open_serial
-
-ANSWER_TIMEOUT_S = 0.5
-PROBE_TIMEOUT_S = 0.15
-ON, OFF = "1", "0"
-
-_MAX_STALE_BYTES = 1 << 20
 
 
 class SerialAmplifier(ForcePlate):
@@ -55,9 +50,8 @@ class SerialAmplifier(ForcePlate):
         self.profile = profile
         self._link = link
         self._config = config
-        self._codec = AmplifierCodec(profile)
+        self._dialogue = AmplifierDialogue(link, profile)
         self._arrivals = arrivals
-        self._lines = LineSplitter()
         self._stream: AmplifierStream | None = None
         self._pieces: list[bytes] = []
         self._piece_ends: list[int] = []
@@ -81,22 +75,8 @@ class SerialAmplifier(ForcePlate):
         TransportError
             The port is gone.
         """
-        try:
-            return self._greet(ANSWER_TIMEOUT_S)
-        except (DeviceTimeoutError, ProtocolError) as error:
-            found = self._search()
-            if found is None:
-                if isinstance(error, ProtocolError):
-                    raise
-                raise DeviceTimeoutError(
-                    f"{self._where}: nothing answers at any speed; check that the amplifier is on,"
-                    " its cable (crossed or not) and plate.amplifier.address"
-                ) from error
-        raise ProtocolError(
-            f"{self._where}: the amplifier answers at {found} baud, not at"
-            f" {self._config.baud_rate}: set plate.amplifier.baud_rate to {found}, or the amplifier"
-            f" to {self._config.baud_rate}"
-        )
+        self._stream = None
+        return self._dialogue.connect()
 
     def settings(self) -> tuple[PlateSetting, ...]:
         """Read every setting back; nothing is changed.
@@ -153,7 +133,7 @@ class SerialAmplifier(ForcePlate):
         """Return whether the channels measure; raises `DriverError`."""
         text = self._ask("operate").text
         if text not in (ON, OFF):
-            raise self._unexpected("operate or reset", text)
+            raise self._dialogue.unexpected("operate or reset", text)
         return text == ON
 
     def take_overloads(self) -> tuple[bool, ...]:
@@ -170,7 +150,7 @@ class SerialAmplifier(ForcePlate):
         except ValueError:
             word = -1
         if not 0 <= word < 1 << CHANNELS:
-            raise self._unexpected("overloads", text)
+            raise self._dialogue.unexpected("overloads", text)
         return tuple(bool(word >> channel & 1) for channel in range(CHANNELS))
 
     def forces_n(self) -> NDArray[np.float64]:
@@ -179,9 +159,9 @@ class SerialAmplifier(ForcePlate):
         try:
             values = np.array([float(part) for part in text.split(",")])
         except ValueError:
-            raise self._unexpected("eight forces", text) from None
+            raise self._dialogue.unexpected("eight forces", text) from None
         if values.shape != (CHANNELS,) or not np.isfinite(values).all():
-            raise self._unexpected("eight forces", text)
+            raise self._dialogue.unexpected("eight forces", text)
         return values
 
     def start(self) -> None:
@@ -210,7 +190,8 @@ class SerialAmplifier(ForcePlate):
         """
         if self._stream is None:
             raise ProtocolError(f"{self._where}: no stream was started")
-        piece, self._lines.rest = self._lines.rest, b""
+        lines = self._dialogue.lines
+        piece, lines.rest = lines.rest, b""
         piece = piece or self._link.read(until_s)
         if piece:
             end = self._piece_ends[-1] if self._piece_ends else self._stream.taken_bytes
@@ -252,7 +233,7 @@ class SerialAmplifier(ForcePlate):
             When the question was about to be sent [s, monotonic clock].
         """
         asked_s = self._link.clock.now_s()
-        self._link.write(self._codec.request("time"))
+        self._link.write(self._dialogue.codec.request("time"))
         return asked_s
 
     def stop(self, until_s: float) -> tuple[PlateRead, ...]:
@@ -268,7 +249,7 @@ class SerialAmplifier(ForcePlate):
         stream = self._stream
         if stream is None:
             return ()
-        self._link.write(self._codec.request("stream", OFF))
+        self._link.write(self._dialogue.codec.request("stream", OFF))
         reads = []
         while not stream.stopped:
             read = self.read(until_s)
@@ -277,57 +258,23 @@ class SerialAmplifier(ForcePlate):
                 self._stream = None
                 raise DeviceTimeoutError(f"{self._where}: the amplifier does not end its stream")
         self._stream = None
-        self._lines.rest = b""
-        self._lines.feed(stream.rest)
-        self._answer("stream", max(until_s, self._link.clock.now_s() + ANSWER_TIMEOUT_S))
+        lines = self._dialogue.lines
+        lines.rest = b""
+        lines.feed(stream.rest)
+        self._dialogue.answer("stream", max(until_s, self._link.clock.now_s() + ANSWER_TIMEOUT_S))
         return tuple(reads)
-
-    @property
-    def _where(self) -> str:
-        return f"amplifier at {self._link.address}"
 
     def _forget_pieces(self) -> None:
         self._pieces, self._piece_ends, self._piece_times_s = [], [], []
 
-    def _greet(self, timeout_s: float) -> str:
-        """End whatever is under way and ask who is there."""
-        self._stream = None
-        clock = self._link.clock
-        self._lines = LineSplitter()
-        # the first terminator ends what noise has left in the amplifier's input
-        end = self.profile.terminator.encode("ascii")
-        self._link.write(end + self._codec.request("stream", OFF))
-        until_s = clock.now_s() + timeout_s
-        heard, done = b"", self.profile.ok.text.encode("ascii")
-        while not heard.rstrip(b"\r\n").endswith(done) or not heard.endswith((b"\r", b"\n")):
-            data = self._link.read(until_s)
-            if not data and clock.now_s() >= until_s:
-                break
-            heard = (heard + data)[-_MAX_STALE_BYTES:]
-        self._link.write(self._codec.request("identify"))
-        answer = self._answer("identify", clock.now_s() + timeout_s)
-        if not answer.text:
-            raise self._unexpected("who it is", answer.error and f"E{answer.error}")
-        return printable(answer.text)
+    @property
+    def _where(self) -> str:
+        return self._dialogue.where
 
-    def _search(self) -> int | None:
-        """Return the speed at which the amplifier answers; None where it is silent at all."""
-        try:
-            for baud_rate in BAUD_RATES:
-                if baud_rate == self._config.baud_rate:
-                    continue
-                try:
-                    self._link.set_baud_rate(baud_rate)
-                except TransportError:
-                    continue  # this adapter does not have it
-                try:
-                    self._greet(PROBE_TIMEOUT_S)
-                except (DeviceTimeoutError, ProtocolError):
-                    continue
-                return baud_rate
-            return None
-        finally:
-            self._link.set_baud_rate(self._config.baud_rate)
+    def _ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
+        if self._stream is not None:
+            raise ProtocolError(f"{self._where}: {name} cannot be asked while rows are streaming")
+        return self._dialogue.ask(name, value, channel)
 
     def _switch(self, value: str, what: str) -> None:
         self._ask("operate", value)
@@ -342,43 +289,6 @@ class SerialAmplifier(ForcePlate):
             required=wanted.shown(wanted.text),
             found=wanted.shown(printable(text)),
             verdict="ok" if wanted.agrees(text) else "red",
-        )
-
-    def _ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
-        """Set or ask something; an error that is answered is raised."""
-        if self._stream is not None:
-            raise ProtocolError(f"{self._where}: {name} cannot be asked while rows are streaming")
-        clock = self._link.clock
-        if self._link.read(clock.now_s()) or self._lines.rest:
-            self._lines = LineSplitter()  # nothing was asked, so this answers nothing
-        request = self._codec.request(name, value, channel)
-        self._link.write(request)
-        answer = self._answer(name, clock.now_s() + ANSWER_TIMEOUT_S)
-        if answer.error:
-            of = f" of {CHANNEL_NAMES[channel - 1]}" if channel else ""
-            raise ProtocolError(
-                f"{self._where}: {printable(request.strip())} ({name}{of}):"
-                f" {self._codec.error_text(answer.error)}"
-            )
-        return answer
-
-    def _answer(self, name: str, until_s: float) -> Answer:
-        """Wait for the next line; raises `DeviceTimeoutError` where none ends in time."""
-        while (line := self._lines.next_line()) is None:
-            data = self._link.read(until_s)
-            if not data and self._link.clock.now_s() >= until_s:
-                rest = self._lines.rest
-                heard = f"; heard {printable(rest, 24)!r}" if rest else ""
-                raise DeviceTimeoutError(
-                    f"{self._where}: no answer to {name} at {self._link.baud_rate} baud{heard}"
-                )
-            self._lines.feed(data)
-        return self._codec.read_answer(line)
-
-    def _unexpected(self, what: str, text: str) -> ProtocolError:
-        return ProtocolError(
-            f"{self._where}: asked for {what}, answered {printable(text)!r}: not what profile"
-            f" {self.profile.name} says"
         )
 
 

@@ -97,8 +97,8 @@ def behind(serve_amplifier: Serve) -> Iterator[Callable[[str], tuple[Any, Device
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.amplifier_serial.ANSWER_TIMEOUT_S", 20.0)
-    monkeypatch.setattr("drivers.amplifier_serial.BAUD_RATES", ())
+    monkeypatch.setattr("drivers.amplifier_dialogue.ANSWER_TIMEOUT_S", 20.0)
+    monkeypatch.setattr("drivers.amplifier_dialogue.BAUD_RATES", ())
 
 
 @pytest.mark.parametrize("scheme", ["rfc2217", "socket"])

@@ -18,9 +18,9 @@ Serve = Callable[..., Any]
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.amplifier_serial.ANSWER_TIMEOUT_S", 20.0)
-    monkeypatch.setattr("drivers.amplifier_serial.PROBE_TIMEOUT_S", 20.0)
-    monkeypatch.setattr("drivers.amplifier_serial.BAUD_RATES", ())
+    monkeypatch.setattr("drivers.amplifier_dialogue.ANSWER_TIMEOUT_S", 20.0)
+    monkeypatch.setattr("drivers.amplifier_dialogue.PROBE_TIMEOUT_S", 20.0)
+    monkeypatch.setattr("drivers.amplifier_dialogue.BAUD_RATES", ())
 
 
 def test_everything_is_set_and_reads_back(serve_amplifier: Serve) -> None:
@@ -34,8 +34,8 @@ def test_everything_is_set_and_reads_back(serve_amplifier: Serve) -> None:
 def test_another_speed_is_found_and_named(
     serve_amplifier: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.amplifier_serial.ANSWER_TIMEOUT_S", 0.02)
-    monkeypatch.setattr("drivers.amplifier_serial.BAUD_RATES", (230400, 460800))
+    monkeypatch.setattr("drivers.amplifier_dialogue.ANSWER_TIMEOUT_S", 0.02)
+    monkeypatch.setattr("drivers.amplifier_dialogue.BAUD_RATES", (230400, 460800))
     served = serve_amplifier(speed=230400)
     with (
         open_amplifier(served.plate.amplifier, served.profile) as amplifier,

@@ -25,8 +25,8 @@ SENSITIVITIES = (-7.5,) * 4 + (-3.8,) * 4
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.amplifier_serial.ANSWER_TIMEOUT_S", 20.0)
-    monkeypatch.setattr("drivers.amplifier_serial.BAUD_RATES", ())
+    monkeypatch.setattr("drivers.amplifier_dialogue.ANSWER_TIMEOUT_S", 20.0)
+    monkeypatch.setattr("drivers.amplifier_dialogue.BAUD_RATES", ())
 
 
 def cell_on(plate: Any) -> CellConfig:
