@@ -209,7 +209,9 @@ class Plant:
             if self._watched is not None and before is not None:
                 last = step == outer_steps - 1
                 end_s = self._time_s + (duration_s if last else (step + 1) * outer_s)
-                self._watched.append((end_s, self._mean_base_wrench(before, outer_s)))
+                after = self._state[: rows.ACCELERATION]
+                wrench = self._base_wrench.over_step(before, after, outer_s)
+                self._watched.append((end_s, wrench))
         self._time_s += duration_s
         self._random.standard_normal(out=self._noise)
 
@@ -235,16 +237,6 @@ class Plant:
         permille = np.rint(self.measured_torque() / self._torque_per_permille)
         clipped: NDArray[np.int16] = np.clip(permille, -_INT16_MAX, _INT16_MAX).astype(np.int16)
         return clipped
-
-    def _mean_base_wrench(self, before: Vector, over_s: float) -> Vector:
-        """Return the base wrench at the middle of a step, with the step's mean acceleration."""
-        after = self._state[: rows.ACCELERATION]
-        motion = np.empty((3, after.shape[1]))
-        np.add(before, after, out=motion[:2])
-        motion[:2] *= 0.5
-        np.subtract(after[rows.VELOCITY], before[rows.VELOCITY], out=motion[2])
-        motion[2] /= over_s
-        return self._base_wrench(motion)
 
     def _renew_rigid_bodies(self, ahead_s: float) -> None:
         """Evaluate mass matrix and bias at the state predicted `ahead_s` from now."""

@@ -16,7 +16,7 @@ from mock_hw.can_wire import WireFrame
 from mock_hw.drive_rack import DriveRack
 from mock_hw.hub_client import HubClient
 
-LOCKSTEP_BATCH_S = 0.020
+LOCKSTEP_BATCH_S = 0.045
 IDLE_BATCH_S = 1.0
 """How long the amplifier may fall behind the robot: while it works, and while it does not [s]."""
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from config.errors import ConfigError
 from config.plant import LinkInertia, PlantConfig
 from config.robot import KinematicRow, RobotDescription, Rotor
+from mock_hw.servo_loops import spread_to_coordinates
 
 Vector = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -118,9 +119,14 @@ class BaseWrench:
         self._data: Any = self._model.createData()
         self._joint = bodies.coordinate_joint
         self._ratio = bodies.coordinate_ratio
+        # The free joint stands still in the beginning of each; the rest are the robot's own.
         self._position: Vector = np.array(pin.neutral(self._model))
         self._velocity: Vector = np.zeros(self._model.nv)
         self._acceleration: Vector = np.zeros(self._model.nv)
+        count = len(self._joint)
+        self._own = tuple(
+            full[-count:] for full in (self._position, self._velocity, self._acceleration)
+        )
 
     def __call__(self, motion: Vector) -> Vector:
         """Return the wrench (6,): force [N], then moment [N m] about the origin of frame 0.
@@ -130,10 +136,24 @@ class BaseWrench:
         motion : (3, n)
             The joints' positions, velocities and accelerations.
         """
-        full = motion[:, self._joint] * self._ratio
-        self._position[-len(self._joint) :] = full[0]
-        self._velocity[-len(self._joint) :] = full[1]
-        self._acceleration[-len(self._joint) :] = full[2]
+        for own, joints in zip(self._own, motion, strict=True):
+            own[:] = joints[self._joint] * self._ratio
+        return self._wrench()
+
+    def over_step(self, before: Vector, after: Vector, step_s: float) -> Vector:
+        """Return the wrench (6,) at the middle of a step, with the step's mean acceleration.
+
+        Parameters
+        ----------
+        before, after : (2, n)
+            The joints' positions and velocities at both ends.
+        step_s
+            How long it takes [s].
+        """
+        spread_to_coordinates(before, after, step_s, self._joint, self._ratio, *self._own)
+        return self._wrench()
+
+    def _wrench(self) -> Vector:
         forces = pin.rnea(
             self._model, self._data, self._position, self._velocity, self._acceleration
         )
