@@ -23,19 +23,21 @@ def test_the_plate_of_a_served_cell_is_found(
     loaded = replace(loaded, config=loaded.config.model_copy(update={"can": can}))
     assert loaded.plant is not None
     assert loaded.amplifier_profile is not None
-    with SimulatedCell(
-        loaded.config,
-        loaded.robot,
-        loaded.plant,
-        realtime=True,
-        seed=0,
-        directory=runtime_directory(),
-        profile=loaded.amplifier_profile,
-    ) as simulated:
-        with reachable_cell(loaded) as cell:
-            assert cell.plate is not None
-            assert cell.plate.amplifier.address == simulated.address
-            assert simulated.address == str(plate_path(can.channel))
-            with open_amplifier(cell.plate.amplifier, loaded.amplifier_profile) as amplifier:
-                assert "simulated" in amplifier.connect()
+    with (
+        SimulatedCell(
+            loaded.config,
+            loaded.robot,
+            loaded.plant,
+            realtime=True,
+            seed=0,
+            directory=runtime_directory(),
+            profile=loaded.amplifier_profile,
+        ) as simulated,
+        reachable_cell(loaded) as cell,
+    ):
+        assert cell.plate is not None
+        assert cell.plate.amplifier.address == simulated.address
+        assert simulated.address == str(plate_path(can.channel))
+        with open_amplifier(cell.plate.amplifier, loaded.amplifier_profile) as amplifier:
+            assert "simulated" in amplifier.connect()
     assert not plate_path(can.channel).exists()
