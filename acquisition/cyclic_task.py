@@ -42,6 +42,8 @@ JUDGE_PATIENCE_S = 60.0
 _TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
     StopCode.RECORDER: "the recorder process has died; what it had written is kept",
+    StopCode.PLATE_LINE: "the force plate's rows have ended",
+    StopCode.PLATE_OVERLOAD: "the force plate was overloaded in more periods than can be left out",
 }
 
 

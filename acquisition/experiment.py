@@ -23,12 +23,17 @@ from acquisition.journal import read_journal
 from acquisition.journal_header import JournalHeader
 from acquisition.motion_samples import MotionSamples, verify_limits
 from acquisition.period_judge import Enough, PeriodJudge
+from acquisition.plate_journal import PLATE_RECORDING
+from acquisition.plate_preparation import prepare_plate
+from acquisition.plate_recorder import PlateTask
+from acquisition.plate_session import PlateSession
 from acquisition.recorder import run_recorder
 from acquisition.ring import Ring
 from acquisition.run_folder import RECORDING, RunFolder
 from acquisition.stop_reason import StopCode, StopReason
 from acquisition.task_process import run_cyclic_task
 from acquisition.termination import Interruption, termination_calls, termination_held
+from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.robot import RobotDescription
@@ -86,6 +91,7 @@ def record_motion(
     *,
     on_progress: Callable[[Progress], None] | None = None,
     enough: Enough | None = None,
+    profile: AmplifierProfile | None = None,
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
@@ -105,6 +111,8 @@ def record_motion(
     enough : callable, optional
         Called with the journal and a number of whole periods in it, in a thread of its own; where
         it returns True the motion goes over to its run-out after the period under way.
+    profile : AmplifierProfile, optional
+        What the cell's amplifier speaks: the force plate is recorded beside, into `plate.mcap`.
 
     Raises
     ------
@@ -144,15 +152,21 @@ def record_motion(
     with termination_calls(lambda: control.request_stop(StopCode.INTERRUPTED)) as interruption:
         # its start would let signals through again
         resource_tracker.ensure_running()
-        with termination_held():
-            recorder.start()
-            task.start()
+        plate = _start_plate(cell, samples, folder, profile)
+        notes: list[str] = []
         try:
-            _watch(task, recorder, control, on_progress, judge)
+            with termination_held():
+                recorder.start()
+                task.start()
+            try:
+                _watch(task, recorder, control, on_progress, judge, plate)
+            finally:
+                notes += _wind_up(task, recorder, control)
+                if judge is not None:
+                    judge.close()
         finally:
-            notes = _wind_up(task, recorder, control)
-            if judge is not None:
-                judge.close()
+            if plate is not None:
+                notes += plate.close()
     return _outcome(path, task, recorder, control, interruption, len(robot.joints), notes)
 
 
@@ -168,6 +182,32 @@ def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamp
         raise PreflightError(f"{error}; nothing was moved") from error
     clearances = Clearances.of(robot, cell.workspace)
     refuse_collision(clearances, samples.position, samples.sample_period_s, "the motion")
+
+
+def _start_plate(
+    cell: CellConfig, samples: MotionSamples, folder: RunFolder, profile: AmplifierProfile | None
+) -> PlateSession | None:
+    """Make the force plate ready and begin to record it, where the cell has one.
+
+    Raises
+    ------
+    PreflightError
+        It is not zeroed.
+    DriverError
+        It cannot be reached.
+    """
+    if cell.plate is None or profile is None:
+        return None
+    ready = prepare_plate(cell.plate, profile, operate=cell.simulated)
+    if ready.charge_lost or not ready.operating:
+        lost = "has been set as the cell file says, which lost its charge"
+        what = lost if ready.charge_lost else "is in reset and measures nothing"
+        raise PreflightError(
+            f"force plate: the amplifier {what}: zero the plate (`rid-daq plate zero`); nothing was"
+            " moved"
+        )
+    task = PlateTask(cell.plate, profile, folder.file(PLATE_RECORDING), cell.name, folder.run_id)
+    return PlateSession(task, samples.samples_per_period)
 
 
 def _check_room(folder: Path, expected_bytes: int) -> None:
@@ -186,6 +226,7 @@ def _watch(
     control: ControlBlock,
     on_progress: Callable[[Progress], None] | None,
     judge: PeriodJudge | None,
+    plate: PlateSession | None,
 ) -> None:
     """Wait for the task to end; tell it when the recorder dies, kill it when it hangs."""
     beat, changed_s = -1, time.monotonic()
@@ -205,6 +246,8 @@ def _watch(
             task.join()
         if judge is not None:
             judge.look(progress)
+        if plate is not None:
+            plate.watch(progress, control)
         if on_progress is not None:
             on_progress(progress)
 

@@ -29,6 +29,8 @@ class StopCode(IntEnum):
     PROGRAM_GONE = 18
     BUS = 19
     TASK_DIED = 20
+    PLATE_LINE = 21
+    PLATE_OVERLOAD = 22
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,10 @@ from config.errors import ConfigError, EstimationError
 from config.model import ConfigModel
 from config.robot import FrictionTerm, RobotDescription
 from config.whole_file import write_whole
-from identification.base_parameters import BaseParameters
+from identification.base_parameters import BaseParameters, ModelKind
 from identification.estimate import Estimate, Weighting
 from identification.model_options import ModelOptions
+from identification.plate_fit import PlateFit
 
 LARGEST_FILE_BYTES = 50_000_000
 
@@ -28,6 +29,7 @@ Matrix = tuple[Row, ...]
 
 
 class _Options(ConfigModel):
+    kind: ModelKind = "internal"
     rotors: bool
     friction: bool
     spring: bool
@@ -51,6 +53,15 @@ class _Parameter(ConfigModel):
     sigma: float
     sigma_noise: float | None
     sigma_residual: float
+
+
+class _Plate(ConfigModel):
+    residual: Row
+    noise: Row
+    delay_s: Row
+    delay_sigma_s: Row
+    left_out: tuple[tuple[str, ...], ...]
+    drift_n_s: Matrix
 
 
 class EstimateDocument(ConfigModel):
@@ -80,6 +91,7 @@ class EstimateDocument(ConfigModel):
     covariance_residual: Matrix
     covariance_honest: Matrix | None = None
     shape_covariance: Matrix = ()
+    plate: _Plate | None = None
     model: _Options
     robot: RobotDescription
 
@@ -176,7 +188,9 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         covariance_residual=_matrix(estimate.covariance_residual),
         covariance_honest=_matrix(estimate.covariance_honest),
         shape_covariance=_matrix(estimate.shape_covariance),
+        plate=None if estimate.plate is None else _plate(estimate.plate),
         model=_Options(
+            kind=estimate.options.kind,
             rotors=estimate.options.rotors,
             friction=estimate.options.friction,
             spring=estimate.options.spring,
@@ -220,6 +234,7 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         covariance_residual=np.array(document.covariance_residual),
         covariance_honest=np.array(document.covariance_honest or document.covariance_residual),
         shape_covariance=np.array(document.shape_covariance).reshape(len(shape), len(shape)),
+        plate=None if document.plate is None else _to_plate(document.plate),
         condition_number=document.condition_number,
         equations=document.equations,
         residual_nm=np.array(document.residual_nm),
@@ -232,6 +247,28 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         periods=document.periods,
         cell_name=document.cell,
         run_ids=document.runs,
+    )
+
+
+def _plate(plate: PlateFit) -> _Plate:
+    return _Plate(
+        residual=_row(plate.residual),
+        noise=_row(plate.noise),
+        delay_s=_row(plate.delay_s),
+        delay_sigma_s=_row(plate.delay_sigma_s),
+        left_out=plate.left_out,
+        drift_n_s=_matrix(plate.drift_n_s),
+    )
+
+
+def _to_plate(document: _Plate) -> PlateFit:
+    return PlateFit(
+        residual=np.array(document.residual),
+        noise=np.array(document.noise),
+        delay_s=np.array(document.delay_s),
+        delay_sigma_s=np.array(document.delay_sigma_s),
+        left_out=document.left_out,
+        drift_n_s=np.array(document.drift_n_s),
     )
 
 

@@ -1,4 +1,4 @@
-"""Where the simulated bus's sockets live, and how a channel's name becomes a path there."""
+"""Where simulated buses and ports live, and how a channel's name becomes a path there."""
 
 from __future__ import annotations
 
@@ -53,3 +53,14 @@ def socket_path(channel: str) -> Path:
             " choose a shorter folder"
         )
     return path
+
+
+def plate_path(channel: str) -> Path:
+    """Return the serial port of the plate that is served beside a channel.
+
+    Raises
+    ------
+    TransportError
+        As `socket_path`.
+    """
+    return socket_path(channel).with_suffix(".plate")

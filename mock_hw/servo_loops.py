@@ -84,6 +84,29 @@ def reduce_to_joints(
 
 
 @njit(cache=True)
+def spread_to_coordinates(
+    before: Array,
+    after: Array,
+    over_s: float,
+    coordinate_joint: IntArray,
+    coordinate_ratio: Array,
+    position: Array,
+    velocity: Array,
+    acceleration: Array,
+) -> None:
+    """Write a step's middle into the full model's coordinates, (m,) each.
+
+    `before` and `after` hold the joints' positions and velocities, (2, n); the acceleration is the
+    mean over the step's `over_s`.
+    """
+    for row in range(len(coordinate_joint)):
+        i, ratio = coordinate_joint[row], coordinate_ratio[row]
+        position[row] = 0.5 * ratio * (before[0, i] + after[0, i])
+        velocity[row] = 0.5 * ratio * (before[1, i] + after[1, i])
+        acceleration[row] = ratio * (after[1, i] - before[1, i]) / over_s
+
+
+@njit(cache=True)
 def spring_torque(spring: Array, position: float) -> float:
     """Torque that holds the joint against the gravity spring (3.36) [N m]."""
     stiffness, free_length, l_m, r_m = spring[1], spring[2], spring[3], spring[4]

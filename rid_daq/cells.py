@@ -45,7 +45,7 @@ def reachable_cell(
     cell = loaded.config
     if not cell.simulated or is_served(cell):
         with hold_cell(cell):
-            yield cell
+            yield _as_served(cell)
         return
     from mock_hw.cell import SimulatedCell
 
@@ -61,8 +61,20 @@ def reachable_cell(
         realtime=realtime,
         seed=seed,
         unmodelled=unmodelled,
+        profile=loaded.amplifier_profile,
     ) as simulated:
         yield simulated.cell
+
+
+def _as_served(cell: CellConfig) -> CellConfig:
+    """Return the cell with its plate at the port that `rid-daq mock` has made for it."""
+    if not cell.simulated or cell.plate is None or cell.can.interface != "rid_sim":
+        return cell
+    from mock_hw.cell import with_address
+    from mock_hw.runtime_directory import plate_path
+
+    port = plate_path(cell.can.channel)
+    return with_address(cell, str(port)) if port.exists() else cell
 
 
 def is_served(cell: CellConfig) -> bool:

@@ -87,7 +87,13 @@ def tell_story(
     if plant is None:
         raise ConfigError(f"cell {cell.name}: names no plant, so nothing can be simulated")
     with SimulatedCell(
-        cell, robot, plant, realtime=False, seed=seed, unmodelled=unmodelled
+        cell,
+        robot,
+        plant,
+        realtime=False,
+        seed=seed,
+        unmodelled=unmodelled,
+        profile=loaded.amplifier_profile,
     ) as simulated:
         tell = _Recorder(folder, loaded, simulated.cell, unmodelled, show)
         excited = tell.record("excitation", motions.excitation)

@@ -56,6 +56,8 @@ _BY_STOP: dict[StopCode, ExitCode] = {
     StopCode.HEARTBEAT_LOST: ExitCode.COMMUNICATION,
     StopCode.BUS: ExitCode.COMMUNICATION,
     StopCode.RECORDER: ExitCode.STORAGE,
+    StopCode.PLATE_LINE: ExitCode.COMMUNICATION,
+    StopCode.PLATE_OVERLOAD: ExitCode.DATA_QUALITY,
 }
 """Every other stop is a limit or a safety stop."""
 

@@ -17,14 +17,16 @@ from identification.estimate import Estimate, Weighting
 from identification.estimators import (
     BAND_HZ,
     STANDSTILL_RAD_S,
-    Prior,
     estimate_periodic,
     estimate_smoothed,
 )
+from identification.fitted_periods import Prior, fit_periodic
+from identification.improvement import Improvement, improvement
 from identification.model_options import ModelOptions
 from identification.signal_parts import period_signals
 from identification.time_equations import time_runs
 from identification.torque_filter import without_torque_filter
+from identification.torque_scale import TorqueConsistency, torque_consistency
 from rid_daq.run_data import RunData
 
 
@@ -103,6 +105,34 @@ def estimate_runs(
         cell_name=cell_name,
         run_ids=run_ids,
     )
+
+
+def plate_findings(
+    data: Sequence[RunData], how: HowToEstimate, *, robot: RobotDescription | None = None
+) -> tuple[Improvement | None, TorqueConsistency | None]:
+    """Return what the force plate improved and whether torque constants agree with it.
+
+    Nothing where the model is not the combined one.
+
+    Raises
+    ------
+    DataQualityError, EstimationError
+        The data do not show the parameters.
+    """
+    if how.options.kind != "combined":
+        return None, None
+    robot = robot or _one_robot(data)
+    fitted = fit_periodic(
+        robot,
+        [average_periods(item.recording) for item in data],
+        options=how.options,
+        weighting=how.weighting,
+        prior=cad_parameters(how.options.build(robot), robot) if how.cad_prior else None,
+        payload=[item.folder.run_id in how.loaded for item in data],
+        band_hz=how.band_hz,
+        standstill_rad_s=how.standstill_rad_s,
+    )
+    return improvement(fitted), torque_consistency(fitted)
 
 
 def compare_friction(

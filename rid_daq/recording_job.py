@@ -14,6 +14,7 @@ from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.recording import Recording
 from acquisition.run_folder import RunFolder, RunStatus
 from acquisition.stop_reason import StopCode
+from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.motion import AnyMotion
 from config.robot import RobotDescription
@@ -42,6 +43,8 @@ _WHAT_TO_DO = {
     StopCode.RECORDER: "Check the disk (free space, speed), then start again.",
     StopCode.BUS: "Check the adapter, its cable and the termination, then run `rid-daq check`.",
     StopCode.MISSED_FRAMES: "Check cable and bus load, then run `rid-daq check`.",
+    StopCode.PLATE_LINE: "Check the amplifier's cable and adapter, then run `rid-daq check`.",
+    StopCode.PLATE_OVERLOAD: "Choose a larger plate.amplifier.range_n, and zero the plate again.",
     StopCode.LATE_CYCLE: "Take load off this computer, or allow real-time scheduling; then start"
     " again.",
 }
@@ -102,11 +105,13 @@ def record_run(
     *,
     role: str = "recording",
     accuracy: AccuracyWatch | None = None,
+    profile: AmplifierProfile | None = None,
 ) -> RecordedRun:
     """Record a planned motion into a run folder, showing how far it is.
 
     With `accuracy` the progress tells the running estimate, and the motion ends after the period in
-    which its goals, if it has any, are reached.
+    which its goals, if it has any, are reached; with
+    `profile`, what its amplifier speaks, the cell's force plate is recorded too.
 
     Raises
     ------
@@ -123,6 +128,7 @@ def record_run(
             folder,
             on_progress=progress_shown(samples, display.update, accuracy),
             enough=None if accuracy is None else accuracy.enough,
+            profile=profile,
         )
     elapsed_s = time.monotonic() - started_s
     recording = read_journal(outcome.path).recording() if outcome.rows else None

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from acquisition.import_csv import import_csv
 from acquisition.import_report import ImportReport
 from acquisition.journal import read_journal
+from acquisition.plate_alignment import with_plate
+from acquisition.plate_journal import PLATE_RECORDING, read_plate_journal
 from acquisition.recording import Recording
 from acquisition.run_folder import RECORDING, RunFolder
-from config.errors import RecordingError
+from config.errors import DataQualityError, RecordingError
 from config.import_map import ImportMap
 from config.load import load_bundled_or_path, load_robot
 from config.robot import RobotDescription
@@ -71,10 +73,25 @@ def read_run(folder: RunFolder) -> RunData:
     robot = load_robot(str(folder.file(ROBOT)))
     if folder.file(RECORDING).exists():
         journal = read_journal(folder.file(RECORDING))
-        return RunData(folder, journal.recording(), robot, damage=journal.damage.notes)
+        recording, notes = _with_plate(folder, journal.recording())
+        return RunData(folder, recording, robot, damage=(*journal.damage.notes, *notes))
     import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
     recording, report = import_csv(folder.file(SOURCE), import_map, robot, run_id=folder.run_id)
     return RunData(folder, replace(recording, robot_name=robot.name), robot, report)
+
+
+def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tuple[str, ...]]:
+    """Return a recording with its force plate's side, and what that has lost."""
+    path = folder.file(PLATE_RECORDING)
+    if not path.exists():
+        return recording, ()
+    try:
+        rows = read_plate_journal(path)
+        return with_plate(recording, rows), tuple(
+            f"force plate: {note}" for note in rows.damage.notes
+        )
+    except (DataQualityError, RecordingError) as error:
+        return recording, (f"force plate: not used: {error}",)
 
 
 def result_of(data: RunData) -> Result:

@@ -157,13 +157,25 @@ def average_section(average: PeriodAverage, robot: RobotDescription) -> dict[str
     return {
         "sentence": f"{average.periods_kept} of {recorded} periods averaged,"
         f" {average.samples_per_period} samples each; {average.missing_samples} single rows"
-        " without a valid answer were left out of the mean.",
+        f" without a valid answer were left out of the mean.{_plate_sentence(average)}",
         "periods_kept": average.periods_kept,
         "samples_per_period": average.samples_per_period,
         "missing_samples": average.missing_samples,
         "rejected": [{"index": p.index, "reason": p.reason} for p in average.rejected],
         "axes": axes,
     }
+
+
+def _plate_sentence(average: PeriodAverage) -> str:
+    """Return what became of the force plate's channels, where there were any."""
+    plate = average.reaction
+    if plate is None:
+        return ""
+    drift = 1e3 * float(np.abs(plate.drift_n_s).max())
+    words = f" The force plate's channels drifted by up to {drift:.3g} mN/s, which was removed"
+    if plate.left_out:
+        words += f"; {', '.join(plate.left_out)} left out for overload or loss"
+    return words + "."
 
 
 def estimate_section(
@@ -258,6 +270,13 @@ def comparison_section(comparison: Comparison) -> dict[str, Any]:
     }
 
 
+_OUTPUTS = {
+    "internal": "",
+    "external": ", of the reaction on the force plate alone",
+    "combined": ", of the torques and the reaction on the force plate",
+}
+
+
 def _estimate_sentence(estimate: Estimate) -> str:
     left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
     way = {
@@ -273,7 +292,8 @@ def _estimate_sentence(estimate: Estimate) -> str:
         f" without phase shift at {estimate.band_hz:g} Hz instead of averaged"
     )
     return (
-        f"{how}: {len(estimate.base)} base parameters from {estimate.equations} equations,"
+        f"{how}{_OUTPUTS[estimate.options.kind]}: {len(estimate.base)} base parameters from"
+        f" {estimate.equations} equations,"
         f" condition number {estimate.condition_number:.3g}. Below"
         f" {estimate.standstill_rad_s:g} rad/s friction is not sign(velocity); such samples are not"
         f" used for it ({left_out} % of each axis). Intervals are by leaving out one part of the"

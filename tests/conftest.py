@@ -1,5 +1,122 @@
-"""One thread of BLAS a test worker: they share the cores, as in `rid_daq.app`."""
+"""One thread of BLAS a test worker: they share the cores, as in `rid_daq.app`; and an amplifier."""
 
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import select
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from config.amplifier_profile import AmplifierProfile
+from config.load import load_bundled_or_path
+from config.plant import SimulatedPlate
+from config.plate import AmplifierConfig, PlateConfig
+from mock_hw.amplifier_port import AmplifierPort, PlateSettings
+from mock_hw.line_faults import NO_FAULTS, LineFault, LineFaults
+
+STEP_S = 0.02
+RANGES = (1250.0,) * 4 + (5000.0,) * 4
+SENSITIVITIES = (-7.5,) * 4 + (-3.8,) * 4
+
+
+class ServedAmplifier(threading.Thread):
+    """The simulated amplifier at a pseudo-terminal, alone: its time runs while rows are streamed.
+
+    Nothing here depends on how fast it runs: what it sends is a function of its seed and of what it
+    is told. After `stream_s` of streaming its time stands, and `on_end` is called once.
+    """
+
+    def __init__(self, settings: PlateSettings) -> None:
+        super().__init__(daemon=True)
+        self.plate = settings.plate
+        self.profile = settings.profile
+        self.address = str(settings.path)
+        self.stream_s = 1.0
+        self.on_end: Callable[[], None] = lambda: None
+        self.base_wrench = np.zeros(6)
+        self._port = AmplifierPort(settings, realtime=False)
+        self._wake, self._woken = os.pipe()
+        self.start()
+
+    def close(self) -> None:
+        os.write(self._woken, b"x")
+        self.join(20.0)
+        self._port.close()
+        os.close(self._wake)
+        os.close(self._woken)
+
+    def run(self) -> None:
+        streamed_s, told, port_fd, greeted = 0.0, False, self._port.fileno(), False
+        while True:
+            streams = self._port._device.physics.converting
+            moves = streams and streamed_s < self.stream_s and (greeted or self._port.fileno() < 0)
+            ports = [fd for fd in (self._port.fileno(),) if fd >= 0]
+            ready, _, _ = select.select([self._wake, *ports], [], [], 0.0 if moves else 0.05)
+            if self._wake in ready:
+                return
+            if self._port.fileno() != port_fd:
+                port_fd, greeted = self._port.fileno(), False  # a new port waits to be opened
+            data = self._port.read() if ports else b""
+            if data:
+                greeted = True
+                self._port.receive(data, self.base_wrench)
+            elif moves:
+                end_s = self._port.time_s + STEP_S
+                self._port.advance(end_s, [end_s], [self.base_wrench])
+                streamed_s += STEP_S
+            elif streams and streamed_s >= self.stream_s and not told:
+                told = True
+                self.on_end()
+
+
+Serve = Callable[..., ServedAmplifier]
+
+
+@pytest.fixture
+def serve_amplifier(tmp_path: Path) -> Iterator[Serve]:
+    """Return how to serve an amplifier: faults of its line, its speed, changes of its cell file."""
+    served: list[ServedAmplifier] = []
+
+    def serve(
+        *faults: LineFault,
+        truth: SimulatedPlate | None = None,
+        speed: int | None = None,
+        **changes: object,
+    ) -> ServedAmplifier:
+        path = tmp_path / f"amplifier{len(served)}"
+        values: dict[str, object] = {
+            "address": str(path),
+            "baud_rate": 460800,
+            "rate_hz": 1000.0,
+            "low_pass_hz": 200.0,
+            "range_n": RANGES,
+            "sensitivity_pc_n": SENSITIVITIES,
+        }
+        plate = PlateConfig(
+            a_m=0.12,
+            b_m=0.2,
+            az0_m=-0.054,
+            position_m=(0.0, 0.0, 0.0),
+            rotation_rad=(0.0, 0.0, 0.0),
+            amplifier=AmplifierConfig.model_validate(values | changes),
+        )
+        settings = PlateSettings(
+            plate,
+            load_bundled_or_path("kistler_style", "profiles", AmplifierProfile),
+            truth or SimulatedPlate(sensitivity_pc_n=SENSITIVITIES, noise_v=0.001),
+            path,
+            seed=7,
+            baud_rate=speed,
+            faults=LineFaults(faults, seed=3) if faults else NO_FAULTS,
+        )
+        served.append(ServedAmplifier(settings))
+        return served[-1]
+
+    yield serve
+    for amplifier in served:
+        amplifier.close()

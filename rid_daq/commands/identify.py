@@ -30,7 +30,9 @@ from rid_daq.identification_job import (
     compare_friction,
     estimate_runs,
     gains_of_drives,
+    plate_findings,
 )
+from rid_daq.plate_section import plate_section, tell_plate, weight_words
 from rid_daq.report.render import number
 from rid_daq.result import write_result
 from rid_daq.run_data import RunData, read_run, result_of
@@ -46,6 +48,14 @@ class Estimator(StrEnum):
     ML = "ml"
     LS = "ls"
     HUBER = "huber"
+
+
+class Model(StrEnum):
+    """What is measured of the robot."""
+
+    INTERNAL = "internal"
+    EXTERNAL = "external"
+    COMBINED = "combined"
 
 
 def identify(
@@ -73,6 +83,9 @@ def identify(
     estimator: Annotated[
         Estimator, typer.Option(help="Weighted by noise, not weighted, or robust.")
     ] = Estimator.ML,
+    model: Annotated[
+        Model, typer.Option(help="From torques, from the reaction on a force plate, or both.")
+    ] = Model.INTERNAL,
     cad_prior: Annotated[
         bool, typer.Option("--cad-prior", help="Count the drawings as prior knowledge.")
     ] = False,
@@ -114,6 +127,7 @@ def identify(
     data = [read_run(find_run(runs, name)) for name in run]
     how = HowToEstimate(
         options=ModelOptions(
+            kind=model.value,
             rotors=rotors,
             friction=friction,
             spring=spring,
@@ -140,6 +154,7 @@ def identify(
     gains = None
     if load_mass_kg is not None:
         gains = gains_of_drives(estimate, data, how, load_mass_kg, load_mass_sigma_kg)
+    plate = plate_section(estimate, *plate_findings(data, how, robot=robot))
     first = data[0]
     if output is None:
         output = first.folder.file(MODEL)
@@ -151,7 +166,9 @@ def identify(
         first.folder.write(MODEL, output.read_bytes())
     result = result_of(first)
     result["estimate"] = estimate_section(estimate)
-    findings = [weak.sentence for weak in weak_parameters(estimate)]
+    weight = weight_words(estimate)
+    weak = [each for each in weak_parameters(estimate) if each.words not in weight]
+    findings = [each.sentence for each in weak]
     for item in data:
         drifts = (drift for drift in friction_drift(item.recording) if drift.significant)
         findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
@@ -167,6 +184,8 @@ def identify(
             name: {"value": float(value), "std": float(sigma)}
             for name, value, sigma in zip(gains.joint_names, gains.values, gains.sigma, strict=True)
         }
+    if plate:
+        result["plate"] = document["plate"] = plate
     if comparison is not None:
         result["comparison"] = comparison_section(comparison)
         document["comparison"] = result["comparison"]
@@ -179,6 +198,10 @@ def identify(
     if comparison is not None:
         _tell_comparison(console, comparison)
     _tell(console, estimate, result["estimate"]["sentence"])
+    if plate:
+        tell_plate(console, plate)
+    elif all(item.recording.reaction is not None for item in data) and first.is_periodic:
+        console.say("The runs have a force plate's reaction too: --model combined uses it")
     for finding in findings:
         console.say(finding)
     console.verdict(True, f"Model: {output}")

@@ -37,7 +37,7 @@ def mock(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Serve a cell's simulated drives on its bus until Ctrl-C.
+    """Serve a cell's simulated drives and force plate until Ctrl-C.
 
     Other commands that name this cell join it meanwhile, and so does anything that speaks
     python-can, such as its logger.
@@ -57,18 +57,23 @@ def mock(
         seed=seed,
         directory=runtime_directory(),
         log=log,
+        profile=loaded.amplifier_profile,
     ) as simulated:
         channel = loaded.config.can.channel
         listen = f"can_logger -i rid_sim -c {channel}"
-        console.document(
-            {"cell": loaded.config.name, "channel": simulated.channel, "listen": listen}
-        )
+        document = {"cell": loaded.config.name, "channel": simulated.channel, "listen": listen}
+        if simulated.address:
+            document["plate"] = simulated.address
+        console.document(document)
         nodes = ", ".join(f"{axis.joint} node {axis.node_id}" for axis in loaded.config.axes)
         console.say(
             f"Cell {loaded.config.name} is served: {nodes};"
             f" {'lock-step' if lockstep else 'real'} time. Ctrl-C ends it."
         )
         console.say(f"Listen in:  {listen}")
+        if simulated.address and loaded.config.plate is not None:
+            baud_rate = loaded.config.plate.amplifier.baud_rate
+            console.say(f"Plate:      {simulated.address} at {baud_rate} baud")
         console.say(f"Use it:     rid-daq check {cell}")
         _wait(loaded.config)
     console.say("Ended.")

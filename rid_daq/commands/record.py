@@ -82,7 +82,14 @@ def record(
                 folder.write(name, content)
             folder.write("motion.yaml", motion.read_bytes())
             run = record_run(
-                reachable, loaded.robot, asked, samples, folder, console, accuracy=accuracy
+                reachable,
+                loaded.robot,
+                asked,
+                samples,
+                folder,
+                console,
+                accuracy=accuracy,
+                profile=loaded.amplifier_profile,
             )
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report

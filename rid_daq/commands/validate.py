@@ -14,15 +14,25 @@ from acquisition.run_list import find_run
 from config.cell import CellConfig
 from config.errors import ConfigError, DataQualityError
 from config.load import load_bundled_or_path
+from config.plate import PlateLimits
+from identification.base_load import base_load
 from identification.diagnosis import diagnose
 from identification.estimate import Estimate
 from identification.estimate_file import read_estimate
 from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
+from identification.reaction_validation import validate_reaction
 from identification.validation import Validation
 from identification.validation import validate as compare
 from rid_daq.console import AsJson, Console
 from rid_daq.curves import torque_curves, validation_section
 from rid_daq.exit_codes import ExitCode
+from rid_daq.plate_section import (
+    load_checks,
+    load_section,
+    reaction_section,
+    tell_load,
+    tell_reaction,
+)
 from rid_daq.report.render import number
 from rid_daq.result import check, verdict, write_result
 from rid_daq.run_data import RunData, read_run, result_of
@@ -48,6 +58,14 @@ def validate(
     standstill_rad_s: Annotated[
         float, typer.Option("--standstill", min=0.0, help="Lowest speed that counts [rad/s].")
     ] = STANDSTILL_RAD_S,
+    base: Annotated[
+        bool,
+        typer.Option("--base-limits", help="Judge the reaction on the base by the cell's limits."),
+    ] = False,
+    mass_kg: Annotated[
+        float | None,
+        typer.Option("--mass", min=0.0, help="Mass of all that the base carries [kg]."),
+    ] = None,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -63,12 +81,14 @@ def validate(
         data.recording,
         cutoff_hz=band_hz,
         standstill_rad_s=standstill_rad_s,
-        limits_percent=_limits(limits, data),
+        limits_percent=None if estimate.options.kind == "external" else _limits(limits, data),
         noise_nm=_noise(data),
     )
     result = result_of(data)
     same = data.folder.run_id in estimate.run_ids
     sentence = f"Run {data.folder.manifest().label!r} predicted by {model.name}."
+    if estimate.options.kind == "external":
+        sentence += " The external model knows no friction: torques are not judged."
     if same:
         sentence += " The model was identified from this very run: this is no validation."
     section = validation_section(validation, data.robot, sentence)
@@ -77,10 +97,27 @@ def validate(
     result["validation"] = section
     result["estimate"] = estimate_section(estimate)
     result.setdefault("curves", {})["torque"] = torque_curves(validation, data.robot)
-    result["verdict"] = _verdict(section, estimate)
+    plate: dict[str, Any] = {}
+    if data.recording.reaction is not None and estimate.options.kind != "internal":
+        compared = validate_reaction(estimate, data.recording, cutoff_hz=band_hz)
+        plate["reaction"] = reaction_section(compared)
+    if base:
+        motion = (validation.position, validation.velocity, validation.acceleration)
+        load = base_load(estimate, validation.time_s, *motion, _base_limits(data), mass_kg=mass_kg)
+        plate["base_load"] = load_section(load)
+    result.update(plate)
+    result["verdict"] = _verdict(section, estimate, plate.get("base_load"))
     path = write_result(data.folder, result)
-    console.document({"validation": section, "verdict": result["verdict"], "report": str(path)})
+    console.document(
+        {"validation": section, **plate, "verdict": result["verdict"], "report": str(path)}
+    )
     _tell(console, validation, section)
+    if "reaction" in plate:
+        tell_reaction(console, plate["reaction"])
+        console.say(plate["reaction"]["sentence"])
+    if "base_load" in plate:
+        tell_load(console, plate["base_load"])
+        console.say(plate["base_load"]["sentence"])
     passed = result["verdict"]["passed"]
     console.verdict(passed, result["verdict"]["headline"])
     console.say(f"Report: {path}")
@@ -112,13 +149,31 @@ def _limits(text: str | None, data: RunData) -> tuple[float, ...] | None:
                 f" {','.join(['10'] * count)}"
             )
         return values * (count if len(values) == 1 else 1)
-    cell = data.folder.file("cell.yaml")
-    if not cell.exists():
-        return None
-    return load_bundled_or_path(str(cell), "cells", CellConfig).validation_limits_percent
+    cell = _cell(data)
+    return None if cell is None else cell.validation_limits_percent
 
 
-def _verdict(section: dict[str, Any], estimate: Estimate) -> dict[str, Any]:
+def _cell(data: RunData) -> CellConfig | None:
+    """Return the cell of a run, where it was recorded on one."""
+    path = data.folder.file("cell.yaml")
+    return load_bundled_or_path(str(path), "cells", CellConfig) if path.exists() else None
+
+
+def _base_limits(data: RunData) -> PlateLimits:
+    """Return what the run's cell file says that the floor may see."""
+    cell = _cell(data)
+    limits = None if cell is None or cell.plate is None else cell.plate.limits
+    if limits is None:
+        raise ConfigError(
+            "--base-limits: the run's cell file has no `plate` with `limits`; add force_n and"
+            " moment_nm there"
+        )
+    return limits
+
+
+def _verdict(
+    section: dict[str, Any], estimate: Estimate, load: dict[str, Any] | None
+) -> dict[str, Any]:
     held = [axis for axis in section["axes"] if axis["limit_percent"] is not None]
     checks = [
         check(
@@ -131,6 +186,7 @@ def _verdict(section: dict[str, Any], estimate: Estimate) -> dict[str, Any]:
         for axis in held
         if axis["relative_error_percent"] is not None
     ]
+    checks += [] if load is None else load_checks(load)
     errors = ", ".join(f"{number(axis['relative_error_percent'], 3)}" for axis in section["axes"])
     sentence = f"Relative torque error, axis by axis: {errors} %."
     if not checks:

@@ -21,6 +21,8 @@ from rid_daq.exit_codes import ExitCode, exit_code_of_stop
         (StopCode.DRIVE_RESTARTED, 4),
         (StopCode.BUS, 4),
         (StopCode.RECORDER, 7),
+        (StopCode.PLATE_LINE, 4),
+        (StopCode.PLATE_OVERLOAD, 6),
     ],
 )
 def test_a_stop_is_told_by_its_kind(code: StopCode, expected: int) -> None:

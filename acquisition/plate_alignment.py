@@ -1,0 +1,114 @@
+"""A force plate's rows beside a recording: from `PlateRows` to `Reaction`, stream by stream.
+
+Each stream, from the amplifier's start to a loss of its line, has a clock of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition.arrays import BoolArray
+from acquisition.clocks import (
+    FEWEST_MARKS,
+    DeviceClock,
+    clock_from_arrivals,
+    clock_from_edges,
+    clock_from_marks,
+    match_edges,
+)
+from acquisition.plate_journal import PlateRows
+from acquisition.reaction import Reaction, reaction_of
+from acquisition.recording import Recording
+from config.errors import DataQualityError
+
+BITS_A_BYTE = 10
+FEWEST_EDGES = 10
+GLITCH_SHARE = 0.25
+
+
+def with_plate(recording: Recording, rows: PlateRows) -> Recording:
+    """Return a recording with what a force plate measured during it.
+
+    The amplifier's clock is put on the recording's: by the edges of its trigger where SYNC is
+    wired to it, else by its rows' arrivals, or by marks there and back where they tell it better.
+
+    Parameters
+    ----------
+    recording : Recording
+        The robot's side.
+    rows : PlateRows
+        The plate's side, of the same run.
+
+    Raises
+    ------
+    DataQualityError
+        No stream of rows is long enough to be put in its place.
+    """
+    parts: list[Reaction] = []
+    reason = "it holds no row"
+    for stream in np.unique(rows.stream):
+        try:
+            parts.append(_aligned(recording, rows, rows.stream == stream, int(stream)))
+        except DataQualityError as error:
+            reason = str(error)
+    if not parts:
+        raise DataQualityError(f"the force plate's recording cannot be used: {reason}")
+    reaction = parts[0]
+    for part in parts[1:]:
+        channels = np.where(part.valid, part.channels_n, reaction.channels_n)
+        reaction = replace(reaction, channels_n=channels, valid=reaction.valid | part.valid)
+    return replace(recording, reaction=reaction)
+
+
+def stream_clock(recording: Recording, rows: PlateRows, stream: int) -> DeviceClock:
+    """Return the amplifier's clock during one of its streams.
+
+    Raises
+    ------
+    DataQualityError
+        The stream is too short, or its clock is none that a quartz could be.
+    """
+    use = rows.stream == stream
+    amplifier = rows.header.plate.amplifier
+    row_s = rows.header.profile.row_bytes(amplifier.format) * BITS_A_BYTE / amplifier.baud_rate
+    clock = clock_from_arrivals(rows.device_s[use], rows.arrival_s[use], shortest_delay_s=row_s)
+    triggers = rows.of_kind("trigger")
+    edges_s = np.asarray(triggers["device_s"][triggers["stream"] == stream], dtype=np.float64)
+    if amplifier.trigger and len(edges_s) >= FEWEST_EDGES:
+        cycle_s = float(np.median(np.diff(recording.time_s)))
+        edges, cycles = match_edges(
+            edges_s, recording.time_s, clock, within_s=GLITCH_SHARE * cycle_s
+        )
+        if len(edges) >= FEWEST_EDGES:
+            return clock_from_edges(edges_s[edges], recording.time_s[cycles])
+    marks = rows.of_kind("mark")
+    marks = marks[(marks["stream"] == stream) & np.isfinite(marks["asked_s"])]
+    if len(marks) >= FEWEST_MARKS and not rows.header.simulated_time:
+        there_and_back = clock_from_marks(marks["asked_s"], marks["device_s"], marks["arrival_s"])
+        middle = np.array([clock.device_s])
+        if there_and_back.sigma_s(middle)[0] < clock.sigma_s(middle)[0]:
+            return there_and_back
+    return clock
+
+
+def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int) -> Reaction:
+    """Return the reaction that one stream shows.
+
+    Raises
+    ------
+    DataQualityError
+        It is too short.
+    """
+    device_s = rows.device_s[use]
+    ahead = np.concatenate([[True], np.diff(device_s) > 0.0])  # a row that came twice counts once
+    valid = ~rows.overload[use] & rows.operating[use][:, np.newaxis]
+    return reaction_of(
+        rows.header.plate,
+        stream_clock(recording, rows, stream),
+        device_s[ahead],
+        rows.channels_n[use][ahead],
+        valid[ahead],
+        recording.time_s,
+    )

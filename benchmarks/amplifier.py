@@ -1,0 +1,240 @@
+"""The amplifier's stream read in pieces, beside pyserial's `readline` on the same rows.
+
+A process of its own plays the amplifier on a pseudo-terminal: 1000 rows a second for the CPU time
+per row, then faster and faster, dropping what finds no room, for the rate that is held without
+loss. `readline` gets the same text rows, ended by the line feed that it needs, and is not even
+asked to understand them.
+
+Run it with ``python -m benchmarks.amplifier [--quick]``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import json
+import multiprocessing
+import os
+import sys
+import time
+import tty
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+
+import serial
+
+from acquisition.plate_recorder import BEAT_S, PARSE_S, piece_time_s
+from config.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
+from config.load import load_bundled_or_path
+from drivers.amplifier_frames import encode_row, row_layout
+from drivers.amplifier_stream import AmplifierStream
+from drivers.transport import open_serial
+
+RATE_HZ = 1000
+BAR = 20.0
+LADDER_HZ = (500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000, 200_000)
+BAUD_RATE = 460800
+ATTEMPTS = 3
+HELD_S = 1.0
+END = b"END\n"
+
+
+@dataclass(frozen=True)
+class Job:
+    """How the amplifier is played: which rows, how many a second, how long."""
+
+    form: str
+    rate_hz: int
+    seconds: float
+    dropping: bool
+
+    @property
+    def rows(self) -> int:
+        """Rows in all."""
+        return round(self.rate_hz * self.seconds)
+
+
+def rows_of(form: str) -> list[bytes]:
+    """Return 65536 rows, all sequence numbers once."""
+    profile = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
+    layout = row_layout(profile, form)
+    rows = [
+        encode_row(
+            layout, i, i * 1000, 0x100, [(i * 7 + 977 * c) % 65536 - 32768 for c in range(8)]
+        )
+        for i in range(1 << 16)
+    ]
+    return [row.rstrip(b"\r") + b"\n" for row in rows] if form == "ascii" else rows
+
+
+def play(pipe: Connection) -> None:
+    """Play amplifiers, one job after the other, until the pipe is closed."""
+    rows = {form: rows_of(form) for form in ("ascii", "binary")}
+    with contextlib.suppress(EOFError):
+        while True:
+            job = pipe.recv()
+            ours, theirs = os.openpty()
+            tty.setraw(theirs)
+            os.set_blocking(ours, not job.dropping)
+            pipe.send(os.ttyname(theirs))
+            pipe.recv()  # the reader is there
+            dropped = play_job(ours, rows[job.form], job)
+            os.set_blocking(ours, True)
+            os.write(ours, END)
+            pipe.send(dropped)
+            pipe.recv()  # the reader has everything
+            os.close(ours)
+            os.close(theirs)
+
+
+def play_job(port: int, rows: list[bytes], job: Job) -> int:
+    """Write rows at their pace; return how many bytes found no room."""
+    began_s = time.monotonic()
+    sent = dropped = 0
+    step = max(1, job.rate_hz // 1000)
+    while sent < job.rows:
+        ahead_s = began_s + sent / job.rate_hz - time.monotonic()
+        if ahead_s > 0.0:
+            time.sleep(ahead_s)
+        data = b"".join(rows[i % len(rows)] for i in range(sent, min(sent + step, job.rows)))
+        sent += step
+        try:
+            written = os.write(port, data)
+        except BlockingIOError:
+            written = 0
+        dropped += len(data) - written
+    return dropped
+
+
+def read_in_pieces(address: str, job: Job, begin: Callable[[], None]) -> tuple[int, float]:
+    """Read as the recorder does; return how many rows came, and the CPU time that they took [s]."""
+    profile = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
+    stream = AmplifierStream(profile, job.form, float(job.rate_hz))
+    pause_s = piece_time_s(job.rate_hz * profile.row_bytes(job.form) * BITS_PER_BYTE)
+    with open_serial(address, BAUD_RATE) as link:
+        begin()
+        began_s = time.process_time()
+        tail, pieces, parse_s = b"", list[bytes](), link.clock.now_s()
+        while not tail.endswith(END):
+            time.sleep(pause_s)
+            now_s = link.clock.now_s()
+            pieces.append(link.read(now_s + BEAT_S))
+            tail = (tail + pieces[-1])[-len(END) :]
+            if now_s >= parse_s:
+                stream.feed(b"".join(pieces))
+                pieces, parse_s = [], now_s + PARSE_S
+        stream.feed(b"".join(pieces))
+        return stream.counts.rows, time.process_time() - began_s
+
+
+def read_lines(address: str, job: Job, begin: Callable[[], None]) -> tuple[int, float]:
+    """Read by pyserial's `readline`; return how many lines came, and their CPU time [s]."""
+    size = len(rows_of_one(job.form))
+    with serial.Serial(address, BAUD_RATE, timeout=1.0) as port:
+        begin()
+        began_s = time.process_time()
+        lines = 0
+        while not (line := port.readline()).endswith(END):
+            lines += len(line) == size
+        return lines, time.process_time() - began_s
+
+
+def rows_of_one(form: str) -> bytes:
+    """Return one row, for its size."""
+    profile = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
+    return encode_row(row_layout(profile, form), 0, 0, 0, [0] * 8)
+
+
+Reader = Callable[[str, Job, Callable[[], None]], tuple[int, float]]
+
+
+def run(player: Connection, reader: Reader, job: Job) -> tuple[int, float]:
+    """Run one job; return rows lost, and CPU time per row [us]."""
+    player.send(job)
+    rows, cpu_s = reader(player.recv(), job, lambda: player.send(None))
+    dropped = player.recv()
+    player.send(None)
+    lost = max(job.rows - rows, int(dropped > 0))
+    return lost, 1e6 * cpu_s / max(rows, 1)
+
+
+def highest_held(player: Connection, reader: Reader, form: str, seconds: float) -> int:
+    """Return the highest rate of the ladder that loses nothing, the lower ones held too [1/s].
+
+    A rate is held where one of a few attempts loses nothing: a machine that others use stalls now
+    and then for longer than a terminal's buffer lasts, whoever reads.
+    """
+    held = 0
+    for rate_hz in LADDER_HZ:
+        job = Job(form, rate_hz, seconds, dropping=True)
+        if all(run(player, reader, job)[0] for _ in range(ATTEMPTS)):
+            break
+        held = rate_hz
+    return held
+
+
+@contextlib.contextmanager
+def played() -> Iterator[Connection]:
+    """Start the process that plays the amplifiers."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=play, args=(theirs,), daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        yield ours
+    finally:
+        ours.close()
+        process.join(10.0)
+
+
+def main() -> int:
+    """Measure and print; the last line is one JSON object."""
+    seconds = 3.0 if "--quick" in sys.argv else 20.0
+    gc.freeze()
+    gc.disable()
+    with played() as player:
+        cost = {
+            name: run(player, reader, Job(form, RATE_HZ, seconds, dropping=False))
+            for name, reader, form in (
+                ("text in pieces", read_in_pieces, "ascii"),
+                ("binary in pieces", read_in_pieces, "binary"),
+                ("readline", read_lines, "ascii"),
+            )
+        }
+        held = {
+            name: highest_held(player, reader, form, HELD_S)
+            for name, reader, form in (
+                ("text in pieces", read_in_pieces, "ascii"),
+                ("binary in pieces", read_in_pieces, "binary"),
+                ("readline", read_lines, "ascii"),
+            )
+        }
+    for name, (lost, cpu_us) in cost.items():
+        print(
+            f"{name}: {cpu_us:.1f} us of CPU a row at {RATE_HZ} rows/s ({lost} lost);"
+            f" holds {held[name]} rows/s"
+        )
+    peer_us = cost["readline"][1]
+    text, binary = cost["text in pieces"][1], cost["binary in pieces"][1]
+    complete = not cost["text in pieces"][0] and not cost["binary in pieces"][0]
+    holds = complete and BAR * max(text, binary) <= peer_us
+    result = {
+        "name": "amplifier",
+        "value": round(max(text, binary), 1),
+        "unit": "us CPU per row at 1000 rows/s",
+        "ratios": {
+            "pyserial readline is dearer by, text": round(peer_us / text, 1),
+            "pyserial readline is dearer by, binary": round(peer_us / binary, 1),
+        },
+        "held_rows_per_s": held,
+        "bar": f"no row lost, and pyserial readline at least {BAR:g} times dearer",
+        "holds": holds,
+    }
+    print(json.dumps(result))
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,171 @@
+"""The amplifier's driver against a scripted device: questions, settings, ports."""
+
+from __future__ import annotations
+
+import select
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from config.amplifier_profile import AmplifierProfile
+from config.errors import DeviceTimeoutError, ProtocolError, TransportError
+from config.load import load_bundled_or_path
+from drivers.amplifier_codec import Request
+from drivers.amplifier_serial import open_amplifier
+
+PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
+ENOUGH_S = 20.0
+Plug = Callable[..., Any]
+
+
+def test_who_answers_is_escaped(plug: Plug) -> None:
+    device = plug(identity=b"Example,\x1b[2J")
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        with pytest.raises(ProtocolError, match=r"\\x1b\[2J"):
+            amplifier.connect()
+        device.script.identity = b"Example,M8,007,1.2"
+        assert amplifier.connect() == "Example,M8,007,1.2"
+
+
+def test_a_wrong_baud_rate_is_found_and_named(plug: Plug, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.amplifier_dialogue.ANSWER_TIMEOUT_S", 0.02)
+    monkeypatch.setattr("drivers.amplifier_dialogue.BAUD_RATES", (115200, 460800))
+    device = plug(baud_rate=115200)
+    with (
+        open_amplifier(device.config, PROFILE) as amplifier,
+        pytest.raises(ProtocolError, match="answers at 115200 baud, not at 460800: set plate"),
+    ):
+        amplifier.connect()
+
+
+def test_silence_is_named_as_silence(plug: Plug, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.amplifier_dialogue.ANSWER_TIMEOUT_S", 0.02)
+    monkeypatch.setattr("drivers.amplifier_dialogue.PROBE_TIMEOUT_S", 0.01)
+    monkeypatch.setattr("drivers.amplifier_dialogue.BAUD_RATES", (9600, 115200))
+    mute = {"identify": lambda request: None, "stream": lambda request: None}
+    device = plug(moods=mute)
+    with (
+        open_amplifier(device.config, PROFILE) as amplifier,
+        pytest.raises(DeviceTimeoutError, match="nothing answers at any speed; check that"),
+    ):
+        amplifier.connect()
+
+
+def test_settings_that_agree_are_left_alone(plug: Plug) -> None:
+    device = plug(operating=True)
+    script = device.script
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        amplifier.connect()
+        assert not amplifier.configure()
+        assert {setting.verdict for setting in amplifier.settings()} == {"ok"}
+        assert len(amplifier.settings()) == 21
+    assert not [line for line in script.heard if not line.endswith(b"?") and line != b"ST0"]
+
+
+def test_a_changed_range_is_set_alone_and_loses_the_charge(plug: Plug) -> None:
+    device = plug(operating=True, settings={("range", 3): "500"})
+    script = device.script
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        amplifier.connect()
+        red = [setting for setting in amplifier.settings() if setting.verdict == "red"]
+        assert [(s.name, s.required, s.found) for s in red] == [
+            ("range of fy14", "2500 N", "500 N")
+        ]
+        assert amplifier.configure()
+        assert not amplifier.configure()
+    assert [line for line in script.heard if b"RG" in line and not line.endswith(b"?")] == [
+        b"3:RG2500"
+    ]
+
+
+def test_a_setting_that_does_not_stay_is_an_error(plug: Plug) -> None:
+    def stubborn(request: Request) -> bytes:
+        return b"OK\r" if request.value is not None else b"30\r"
+
+    device = plug(moods={"low_pass": stubborn})
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        amplifier.connect()
+        with pytest.raises(ProtocolError, match="low-pass was set to 100 and reads back 30 Hz"):
+            amplifier.configure()
+
+
+def test_the_converter_is_not_set_but_compared(plug: Plug) -> None:
+    device = plug(settings={("bits", 0): "12"})
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        amplifier.connect()
+        with pytest.raises(ProtocolError, match="bits of the converter is 12, the cell file says"):
+            amplifier.configure()
+
+
+def test_a_refused_value_is_named_in_words(plug: Plug) -> None:
+    device = plug(moods={"range": lambda request: b"E03\r"})
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        amplifier.connect()
+        with pytest.raises(ProtocolError, match=r"1:RG\?.*range of fx12.*E03 \(value out of range"):
+            amplifier.settings()
+
+
+def test_overloads_are_read_and_forgotten(plug: Plug) -> None:
+    device = plug(overloads=0b1000_0001)
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        amplifier.connect()
+        assert amplifier.take_overloads() == (True, *[False] * 6, True)
+        assert not any(amplifier.take_overloads())
+
+
+def test_forces_are_what_the_device_says(plug: Plug) -> None:
+    device = plug(values=b"1.5,-2,0,0,0,0,0,4.9")
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        amplifier.connect()
+        assert amplifier.forces_n().tolist() == [1.5, -2.0, 0, 0, 0, 0, 0, 4.9]
+        for nonsense in (b"1,2,3", b"a,b,c,d,e,f,g,h", b"nan,0,0,0,0,0,0,0"):
+            device.script.values = nonsense
+            with pytest.raises(ProtocolError, match="asked for eight forces"):
+                amplifier.forces_n()
+
+
+def test_a_device_that_does_not_do_what_it_confirmed(plug: Plug) -> None:
+    def confirms(request: Request) -> bytes:
+        return b"OK\r" if request.value is not None else b"0\r"
+
+    device = plug(moods={"operate": confirms})
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        amplifier.connect()
+        with pytest.raises(ProtocolError, match="did not operate"):
+            amplifier.operate()
+
+
+def test_late_answers_do_not_answer_the_next_question(plug: Plug) -> None:
+    device = plug()
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        amplifier.connect()
+        device.say(b"1\rE03\r")
+        until_s = time.monotonic() + ENOUGH_S
+        assert select.select([amplifier._link._descriptor], [], [], until_s - time.monotonic())[0]
+        assert not amplifier.is_operating()
+
+
+def test_a_port_that_is_not_there_is_named(plug: Plug) -> None:
+    with (
+        pytest.raises(TransportError, match=r"/dev/ttyNONE.*plate\.amplifier\.address"),
+        open_amplifier(plug().config.model_copy(update={"address": "/dev/ttyNONE"}), PROFILE),
+    ):
+        pass
+    with (
+        pytest.raises(TransportError, match="warp:"),
+        open_amplifier(plug().config.model_copy(update={"address": "warp://core"}), PROFILE),
+    ):
+        pass
+
+
+def test_a_port_belongs_to_one_program(plug: Plug) -> None:
+    device = plug()
+    config = device.config
+    with (
+        open_amplifier(config, PROFILE),
+        pytest.raises(TransportError, match="no other program has it"),
+        open_amplifier(config, PROFILE),
+    ):
+        pass

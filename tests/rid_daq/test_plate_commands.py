@@ -1,0 +1,220 @@
+"""identify and validate on runs with a force plate: Pinocchio's reaction to what was recorded."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from acquisition.force_plate import PlateGeometry
+from acquisition.journal import read_journal
+from acquisition.plate_header import PlateHeader
+from acquisition.plate_recorder import PlateJournalWriter
+from acquisition.run_folder import RECORDING, RunFolder
+from acquisition.run_list import find_run
+from acquisition.smoothing import low_pass
+from config.amplifier_profile import AmplifierProfile
+from config.load import load_bundled_or_path, load_cell
+from drivers.amplifier_frames import PLATE_EVENT, PLATE_ROW
+from drivers.interfaces import PlateRead
+from mock_hw.rigid_bodies import build_rigid_bodies
+from rid_daq.app import run
+
+# One cell is held by one session at a time, so these tests share a worker.
+pytestmark = pytest.mark.xdist_group("bundled cell")
+
+PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
+LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 200.0]}\n"
+
+
+def add_plate(folder: RunFolder, cell: Path) -> None:
+    """Write the plate's journal of a run: what its reaction must have been."""
+    loaded = load_cell(str(cell))
+    assert loaded.plant is not None
+    assert loaded.config.plate is not None
+    plate = loaded.config.plate
+    recording = read_journal(folder.file(RECORDING)).recording()
+    times = np.arange(recording.time_s[0], recording.time_s[-1], 0.002)
+    assert recording.sample_period_s is not None
+    path = CubicSpline(
+        recording.time_s, low_pass(recording.position, recording.sample_period_s, 30.0)
+    )
+    bodies = build_rigid_bodies(loaded.robot, loaded.plant.without_unmodelled())
+    model, data, gear = bodies.model, bodies.model.createData(), bodies.coupling().T
+    on_base = [i for i in range(1, model.njoints) if model.parents[i] == 0]
+    wrench = np.zeros((len(times), 6))
+    motion = (path(times) @ gear, path(times, 1) @ gear, path(times, 2) @ gear)
+    for row, (q, v, a) in enumerate(zip(*motion, strict=True)):
+        pin.rnea(model, data, q, v, a)
+        for i in on_base:
+            wrench[row] += data.liMi[i].act(data.f[i]).vector
+    channels = PlateGeometry.from_config(plate).channels(wrench - wrench[0])
+    write_rows(folder, plate, times, channels)
+
+
+def write_rows(
+    folder: RunFolder, plate: Any, times: NDArray[np.float64], channels: NDArray[np.float64]
+) -> None:
+    random = np.random.default_rng(0)
+    due = np.arange(times[0], times[-1], (1.0 - 1e-4) / plate.amplifier.rate_hz)
+    readings = CubicSpline(times, channels)(due) + 0.3 * random.standard_normal((len(due), 8))
+    rows = np.zeros(len(due), dtype=PLATE_ROW)
+    rows["sequence"] = np.arange(len(due))
+    rows["ticks"] = np.round(np.arange(len(due)) / plate.amplifier.rate_hz * PROFILE.ticks_per_s)
+    rows["status"] = 1 << PROFILE.status_bits.operate
+    rows["counts"] = np.round(readings / np.array(plate.amplifier.newtons_per_count))
+    arrival = np.maximum.accumulate(due + random.uniform(0.0, 0.005, len(due)))
+    header = PlateHeader(plate=plate, profile=PROFILE, simulated_time=True)
+    with PlateJournalWriter(folder.path / "plate.mcap", header) as writer:
+        writer.append(PlateRead(rows, np.zeros(0, PLATE_EVENT), arrival, float(arrival[-1])), 0)
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder made by init, with an excitation and a validation run on a plate."""
+    folder = tmp_path_factory.mktemp("workshop")
+    assert run(["init", str(folder)]) == 0
+    cell = folder / "cell.yaml"
+    bundled = files("config").joinpath("bundled/cells/ir361.yaml").read_text()
+    plate = bundled[bundled.index("\nplate:") :].replace(
+        "  amplifier:\n", LIMITS + "  amplifier:\n"
+    )
+    cell.write_text(cell.read_text() + plate)
+    for name, old, new in (
+        ("motion.yaml", "periods: 8", "periods: 4"),
+        ("validation.yaml", "points: 20", "points: 6"),
+    ):
+        (folder / name).write_text((folder / name).read_text().replace(old, new))
+    runs = ["--runs", str(folder / "runs")]
+    for label, name in (("excitation", "motion.yaml"), ("validation", "validation.yaml")):
+        assert run(["record", str(cell), str(folder / name), "--label", label, *runs]) == 0
+        found = find_run(folder / "runs", label)
+        if not found.file("plate.mcap").exists():
+            add_plate(found, cell)
+    model = ["--model", "combined", "-o", str(folder / "combined.json")]
+    assert run(["identify", "excitation", *model, *runs]) == 0
+    assert run(["identify", "excitation", "-o", str(folder / "internal.json"), *runs]) == 0
+    return folder
+
+
+@pytest.fixture
+def runs(workshop: Path) -> list[str]:
+    return ["--runs", str(workshop / "runs")]
+
+
+def _document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    document = json.loads(capsys.readouterr().out)
+    assert isinstance(document, dict)
+    return document
+
+
+def test_the_combined_model_tells_what_the_plate_improved(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = ["-o", str(workshop / "again.json")]
+    assert run(["identify", "excitation", "--model", "combined", "--json", *output, *runs]) == 0
+    plate = _document(capsys)["plate"]
+    assert plate["improvement"]["determinant_ratio"] > 3.0
+    assert [axis["joint"] for axis in plate["torque_constants"]["axes"]] == [
+        "axis1",
+        "axis2",
+        "axis3",
+    ]
+    assert len(plate["components"]) == 6
+    report = find_run(workshop / "runs", "excitation").file("report.html").read_text()
+    assert "The force plate" in report
+    assert "σ by both" in report
+
+
+def test_it_says_so_to_people(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = ["-o", str(workshop / "again.json")]
+    assert run(["identify", "excitation", "--model", "combined", *output, *runs]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "The force plate divides the standard deviations" in text
+    assert "measured over expected torque" in text or "Against the force plate" in text
+    assert "m1 + m2 + m3 is the standing weight" in text
+
+
+def test_the_average_says_what_became_of_the_channels(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["average", "excitation", "--json", *runs]) == 0
+    assert "channels drifted by up to" in _document(capsys)["average"]["sentence"]
+
+
+def test_the_internal_model_mentions_the_plate(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["identify", "excitation", "-o", str(workshop / "again.json"), *runs]) == 0
+    assert "--model combined" in capsys.readouterr().out
+
+
+def test_the_external_model_is_told_from_the_plate_alone(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = workshop / "external.json"
+    command = ["identify", "excitation", "--model", "external", "-o", str(model), "--json"]
+    assert run([*command, *runs]) == 0
+    assert len(_document(capsys)["estimate"]["parameters"]) == 20
+    assert run(["validate", str(model), "validation", "--json", *runs]) == 0
+    document = _document(capsys)
+    assert "torques are not judged" in document["validation"]["sentence"]
+    assert max(c["relative_error_percent"] for c in document["reaction"]["components"]) < 20.0
+
+
+def test_validate_predicts_the_reaction(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = str(workshop / "combined.json")
+    assert run(["validate", model, "validation", "--limits", "50", "--json", *runs]) == 0
+    reaction = _document(capsys)["reaction"]
+    assert [c["name"] for c in reaction["components"]] == ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+    assert max(c["relative_error_percent"] for c in reaction["components"]) < 20.0
+
+
+def test_limits_of_the_base_are_judged(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = str(workshop / "combined.json")
+    command = ["validate", model, "validation", "--limits", "50", "--base-limits", "--json"]
+    code = run([*command, "--mass", "99", *runs])
+    document = _document(capsys)
+    load = document["base_load"]
+    assert load["weight_known"]
+    assert load["components"][2]["peak"] > 900.0
+    assert code == (0 if all(c["held"] for c in load["components"]) else 1)
+    assert any("reaction on the base" in line["text"] for line in document["verdict"]["checks"])
+    assert run([*command, "--mass", "250", *runs]) == 1
+    broken = [c["name"] for c in _document(capsys)["base_load"]["components"] if not c["held"]]
+    assert "Fz" in broken
+
+
+def test_the_internal_model_cannot_judge_them(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = str(workshop / "internal.json")
+    assert run(["validate", model, "validation", "--base-limits", *runs]) != 0
+    assert "combined model" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_plate_that_cannot_be_used_leaves_the_torques(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = find_run(workshop / "runs", "excitation").file("plate.mcap")
+    kept = file.read_bytes()
+    try:
+        file.write_bytes(kept[:50])
+        assert run(["identify", "excitation", "-o", str(workshop / "again.json"), *runs]) == 0
+        assert run(["identify", "excitation", "--model", "combined", *runs]) != 0
+        assert "needs a force plate" in " ".join(capsys.readouterr().err.split())
+    finally:
+        file.write_bytes(kept)
