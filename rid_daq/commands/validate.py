@@ -9,7 +9,7 @@ import typer
 
 from acquisition.run_list import find_run
 from config.cell import CellConfig
-from config.errors import ConfigError
+from config.errors import ConfigError, DataQualityError
 from config.load import load_bundled_or_path
 from config.plate import PlateLimits
 from identification.base_load import base_load
@@ -95,8 +95,11 @@ def validate(
     result.setdefault("curves", {})["torque"] = torque_curves(validation, data.robot)
     plate: dict[str, Any] = {}
     if data.recording.reaction is not None and estimate.options.kind != "internal":
-        compared = validate_reaction(estimate, data.recording, cutoff_hz=band_hz)
-        plate["reaction"] = reaction_section(compared)
+        try:
+            compared = validate_reaction(estimate, data.recording, cutoff_hz=band_hz)
+            plate["reaction"] = reaction_section(compared)
+        except DataQualityError as error:
+            console.say(f"The reaction on the base is not compared: {error}")
     if base:
         motion = (validation.position, validation.velocity, validation.acceleration)
         load = base_load(estimate, validation.time_s, *motion, _base_limits(data), mass_kg=mass_kg)
