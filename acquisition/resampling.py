@@ -58,8 +58,9 @@ def resample(
     size, channels = int(place[-1]) + 1, values.shape[1]
     there = np.zeros((size, channels), dtype=np.bool_)
     there[place] = valid
-    filled = _filled(place, values, size)
-    bad = ~(there | _short_gaps(place, size)[:, np.newaxis])
+    gaps = _short_gaps(place, size)
+    filled = _filled(place, values, gaps)
+    bad = ~(there | gaps[:, np.newaxis])
     rate_hz = min(1.0 / step_s, at_rate_hz)
     half_rows = HALF_WIDTH / rate_hz / step_s
     position = (np.asarray(at_s) - row_s[0]) / step_s
@@ -103,12 +104,11 @@ def _grid(row_s: FloatArray) -> tuple[IntArray, float]:
     )
 
 
-def _filled(place: IntArray, values: FloatArray, size: int) -> FloatArray:
-    """Return the whole grid, with what misses interpolated by a cubic through its neighbours."""
-    grid = np.zeros((size, values.shape[1]))
+def _filled(place: IntArray, values: FloatArray, gaps: BoolArray) -> FloatArray:
+    """Return the whole grid, with gaps interpolated by a cubic through their neighbours."""
+    grid = np.zeros((len(gaps), values.shape[1]))
     grid[place] = values
-    missing = np.setdiff1d(np.arange(size), place, assume_unique=True)
-    for row in missing:
+    for row in np.flatnonzero(gaps):
         right = int(np.searchsorted(place, row))
         near = np.arange(max(0, right - 2), min(len(place), right + 2))
         x = (place[near] - row).astype(np.float64)

@@ -284,6 +284,7 @@ def _part(recording: Recording, rows: BoolArray, first: int, period: int) -> Rec
         **tables,
         sample_index=recording.sample_index[rows] - first,
         samples_per_period=period,
+        reaction=None,  # a force plate feels no friction
     )
 
 

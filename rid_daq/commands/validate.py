@@ -99,8 +99,11 @@ def validate(
     result.setdefault("curves", {})["torque"] = torque_curves(validation, data.robot)
     plate: dict[str, Any] = {}
     if data.recording.reaction is not None and estimate.options.kind != "internal":
-        compared = validate_reaction(estimate, data.recording, cutoff_hz=band_hz)
-        plate["reaction"] = reaction_section(compared)
+        try:
+            compared = validate_reaction(estimate, data.recording, cutoff_hz=band_hz)
+            plate["reaction"] = reaction_section(compared)
+        except DataQualityError as error:
+            console.say(f"The reaction on the base is not compared: {error}")
     if base:
         motion = (validation.position, validation.velocity, validation.acceleration)
         load = base_load(estimate, validation.time_s, *motion, _base_limits(data), mass_kg=mass_kg)
