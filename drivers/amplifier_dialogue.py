@@ -9,7 +9,7 @@ from drivers.amplifier_codec import AmplifierCodec, Answer, LineSplitter
 from drivers.device_text import printable
 from drivers.transport import SerialLink
 
-ANSWER_TIMEOUT_S = 0.5
+ANSWER_TIMEOUT_S = 2.0
 PROBE_TIMEOUT_S = 0.15
 ON, OFF = "1", "0"
 
