@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from acquisition.arrays import BoolArray, FloatArray, read_only
 from acquisition.motion_samples import Phase
+from acquisition.reaction_average import ReactionAverage, ReactionPeriods, cut_reaction
 from acquisition.recording import Recording
 from config.cell import ButterworthFilter
 from config.errors import DataQualityError
@@ -58,6 +60,8 @@ class PeriodAverage:
         The analog filter that the torques passed; not yet divided out.
     temperature_k : ndarray, shape (n,), or None
         Mean temperature of each drive over the kept periods [K], where it was recorded.
+    reaction : ReactionAverage or None
+        The mean period of a force plate's channels, over the same periods.
     """
 
     joint_names: tuple[str, ...]
@@ -73,6 +77,7 @@ class PeriodAverage:
     missing_samples: int = 0
     torque_filter: ButterworthFilter | None = None
     temperature_k: FloatArray | None = None
+    reaction: ReactionAverage | None = None
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
@@ -137,7 +142,15 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     values, present = cut_periods(recording, samples)
     rejected = _incomplete(present)
     good = np.array([index not in rejected for index in range(len(present))])
-    rejected |= _out_of_family(values, present, good, recording.joint_names)
+    n = len(recording.joint_names)
+    channels = [
+        f"{what} of joint {j!r}" for what in ("position", "torque") for j in recording.joint_names
+    ]
+    rejected |= _out_of_family(values, present, good, channels)
+    good = np.array([index not in rejected for index in range(len(present))])
+    plate = _cut_reaction(recording, samples, good, rejected_limit)
+    if plate is not None:
+        rejected |= _unfit_reaction(plate, rejected)
     good = np.array([index not in rejected for index in range(len(present))])
     reasons = tuple(RejectedPeriod(i, rejected[i]) for i in sorted(rejected))
     kept = int(good.sum())
@@ -162,7 +175,6 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     variance = np.square(deviation).sum(axis=(0, 1)) / (count - 1).sum()
     power = np.square(np.abs(np.fft.rfft(deviation, axis=1) / samples)).sum(axis=0)
     bin_variance = power * samples / (count - 1).sum()
-    n = len(recording.joint_names)
     return PeriodAverage(
         joint_names=recording.joint_names,
         sample_period_s=recording.sample_period_s,
@@ -177,7 +189,43 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
         missing_samples=missing,
         torque_filter=recording.torque_filter,
         temperature_k=_mean_temperature(recording, samples, good),
+        reaction=None if plate is None else plate.average(good),
     )
+
+
+def _cut_reaction(
+    recording: Recording, samples: int, good: BoolArray, rejected_limit: int
+) -> ReactionPeriods | None:
+    """Return the channels of a force plate cut into periods, where one has measured them."""
+    if recording.reaction is None or recording.sample_period_s is None:
+        return None
+    main = (recording.phase == Phase.MAIN) & (recording.sample_index >= 0)
+    rows = np.flatnonzero(main)
+    return cut_reaction(
+        recording.reaction,
+        rows,
+        recording.sample_index[rows] - _first_main_index(recording, main, samples),
+        good,
+        samples,
+        recording.sample_period_s,
+        longest_gap=LONGEST_GAP,
+        missing_limit=MISSING_FRACTION_LIMIT,
+        rejected_limit=rejected_limit,
+    )
+
+
+def _unfit_reaction(plate: ReactionPeriods, rejected: dict[int, str]) -> dict[int, str]:
+    """Return the periods that are not yet rejected and in which the force plate failed."""
+    names = [f"channel {name} of the force plate" for name in plate.reaction.channel_names]
+    unfit: dict[int, str] = {}
+    for k, name in enumerate(names):
+        for period, reason in _incomplete(plate.present[:, :, k]).items():
+            unfit.setdefault(period, f"{name}: {reason}")
+    good = np.array([m not in rejected and m not in unfit for m in range(len(plate.values))])
+    used = np.flatnonzero(plate.used)
+    there = plate.present[:, :, used]
+    odd = _out_of_family(plate.values[:, :, used], there, good, [names[k] for k in used])
+    return {m: why for m, why in (unfit | odd).items() if m not in rejected}
 
 
 def _mean_temperature(recording: Recording, samples: int, good: BoolArray) -> FloatArray | None:
@@ -277,13 +325,13 @@ def _incomplete(present: BoolArray) -> dict[int, str]:
 
 
 def _out_of_family(
-    values: FloatArray, present: BoolArray, good: BoolArray, joint_names: tuple[str, ...]
+    values: FloatArray, present: BoolArray, good: BoolArray, channels: Sequence[str]
 ) -> dict[int, str]:
     """Return the complete periods that differ from the others far more than those do, with why."""
     indices = np.flatnonzero(good)
     if len(indices) < 3:
         return {}
-    there = present[indices][:, :, np.newaxis]
+    there = present[indices].reshape(*present[indices].shape[:2], -1)
     mean = (values[indices] * there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
     filled = np.where(there, values[indices], mean)
     deviation = filled - np.median(filled, axis=0)
@@ -301,10 +349,8 @@ def _out_of_family(
             if int(period) in rejected or not (measure[row] > limit).any():
                 continue
             channel = int(np.argmax(measure[row] / limit))
-            quantity = "position" if channel < len(joint_names) else "torque"
             rejected[int(period)] = (
-                f"{quantity} of joint {joint_names[channel % len(joint_names)]!r} differs from the"
-                f" median period by {measure[row, channel]:.3g} ({words}), common is"
-                f" {common[channel]:.3g}"
+                f"{channels[channel]} differs from the median period by"
+                f" {measure[row, channel]:.3g} ({words}), common is {common[channel]:.3g}"
             )
     return rejected

@@ -8,51 +8,22 @@ from __future__ import annotations
 import os
 import struct
 import time
-from io import FileIO
 from pathlib import Path
-from types import TracebackType
-from typing import IO, cast
-
-from mcap.writer import CompressionType, Writer
 
 from acquisition.control_block import ControlBlock, RecorderState
-from acquisition.cycle_row import (
-    CDR_LITTLE_ENDIAN,
-    MESSAGE_NAME,
-    message_definition,
-    row_struct,
-)
-from acquisition.journal import METADATA_NAME
+from acquisition.cycle_row import MESSAGE_NAME, message_definition, row_struct
+from acquisition.journal_file import FLUSH_PERIOD_S, SYNC_PERIOD_S, JournalFile
 from acquisition.journal_header import JournalHeader
 from acquisition.ring import Ring
 from acquisition.termination import ignore_termination
 from config.errors import RecordingError
 
 TOPIC = "/cycle"
-CHUNK_BYTES = 64 * 1024
-FLUSH_PERIOD_S = 0.1
-SYNC_PERIOD_S = 1.0
 IDLE_S = 0.005
 ORPHAN_PATIENCE_S = 5.0
 
 
-class _Unbuffered:
-    """What the MCAP writer needs of a file, without a buffer that a full disk would keep back."""
-
-    def __init__(self, file: FileIO) -> None:
-        self._file = file
-        self.tell = file.tell
-
-    def write(self, data: bytes) -> None:
-        rest = memoryview(data)
-        while rest:
-            rest = rest[self._file.write(rest) :]
-
-    def flush(self) -> None:
-        """Nothing is held back."""
-
-
-class JournalWriter:
+class JournalWriter(JournalFile):
     """Writes rows to a new MCAP file; a context manager.
 
     Parameters
@@ -69,86 +40,18 @@ class JournalWriter:
     """
 
     def __init__(self, path: Path, header: JournalHeader) -> None:
-        self._path = path
         joints = len(header.joint_names)
         self._row_size = row_struct(joints).size
-        self.rows = 0
-        try:
-            self._file = path.open("xb", buffering=0)
-        except FileExistsError as error:
-            raise RecordingError(
-                f"{path}: exists already; a recording is never replaced"
-            ) from error
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot be made: {error.strerror}") from error
-        self._writer = Writer(
-            cast(IO[bytes], _Unbuffered(self._file)),
-            chunk_size=CHUNK_BYTES,
-            compression=CompressionType.NONE,
-            enable_crcs=True,
-        )
-        self._writer.start(profile="ros2", library="rid-daq")
         pairs = header.to_metadata()
-        self._writer.add_metadata(METADATA_NAME, pairs)
-        definition = message_definition(joints).encode()
-        schema = self._writer.register_schema(MESSAGE_NAME, "ros2msg", definition)
-        self._channel = self._writer.register_channel(TOPIC, "cdr", schema, pairs)
+        super().__init__(path, pairs)
+        self._channel = self.add_channel(TOPIC, MESSAGE_NAME, message_definition(joints), pairs)
 
     def append(self, rows: bytes) -> None:
         """Write whole rows, as the ring gives them."""
-        size, writer, channel = self._row_size, self._writer, self._channel
-        try:
-            for start in range(0, len(rows), size):
-                time_s: float = struct.unpack_from("<d", rows, start)[0]
-                time_ns = max(round(time_s * 1e9), 0)
-                data = CDR_LITTLE_ENDIAN + rows[start : start + size]
-                writer.add_message(channel, time_ns, data, time_ns, self.rows)
-                self.rows += 1
-        except OSError as error:
-            raise self._lost(error) from error
-
-    def flush(self, *, to_disk: bool = False) -> None:
-        """Hand everything to the operating system; with `to_disk` wait until it is on the disk."""
-        try:
-            self._writer.flush()  # type: ignore[no-untyped-call]
-            if to_disk:
-                os.fsync(self._file.fileno())
-        except OSError as error:
-            raise self._lost(error) from error
-
-    def close(self) -> None:
-        """Write the summary and close the file."""
-        if self._file.closed:
-            return
-        try:
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            os.fsync(self._file.fileno())
-            self._file.close()
-        except OSError as error:
-            raise self._lost(error) from error
-
-    def abandon(self) -> None:
-        """Leave the file as far as it got: unfinished, but readable."""
-        self._file.close()
-
-    def _lost(self, error: OSError) -> RecordingError:
-        return RecordingError(
-            f"{self._path}: cannot be written: {error.strerror}; what was flushed before is kept"
-        )
-
-    def __enter__(self) -> JournalWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self.close()
-        else:
-            self.abandon()
+        size = self._row_size
+        for start in range(0, len(rows), size):
+            time_s: float = struct.unpack_from("<d", rows, start)[0]
+            self.add_message(self._channel, time_s, rows[start : start + size])
 
 
 def run_recorder(

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from acquisition.arrays import BoolArray, FloatArray, IntArray, PhaseArray, read_only
+from acquisition.reaction import Reaction
 from config.cell import ButterworthFilter
 from config.errors import RecordingError
 
@@ -42,6 +43,8 @@ class Recording:
         The analog filter that the measured torques passed.
     temperature_k : ndarray, shape (samples, joints), or None
         Temperature of each joint's drive [K].
+    reaction : Reaction or None
+        What a force plate under the robot measured at the same times.
     source : "cell" or "import"
         Measured by this program, or read from a file.
     cell_name, robot_name, run_id : str
@@ -61,6 +64,7 @@ class Recording:
     samples_per_period: int | None = None
     torque_filter: ButterworthFilter | None = None
     temperature_k: FloatArray | None = None
+    reaction: Reaction | None = None
     cell_name: str = ""
     robot_name: str = ""
     run_id: str = ""
@@ -100,6 +104,10 @@ class Recording:
             )
         if self.samples_per_period is not None and self.sample_period_s is None:
             raise RecordingError("recording: a periodic recording needs its sample_period_s")
+        if self.reaction is not None and len(self.reaction) != samples:
+            raise RecordingError(
+                f"recording: {len(self.reaction)} rows of the force plate for {samples} samples"
+            )
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from config.bodies import Workspace
 from config.model import ConfigModel
+from config.plate import PlateConfig
 from config.robot import NonNegative, Positive
 
 Milliseconds = Annotated[int, Field(gt=0, le=65535)]
@@ -95,7 +96,7 @@ class ButterworthFilter(ConfigModel):
 
 
 class CellConfig(ConfigModel):
-    """A cell: one robot, its drives, their bus, the cycle, and the limits held on it.
+    """A cell: one robot, its drives, their bus, its force plate, the cycle, and the limits held.
 
     `robot` and `plant` name a bundled file or give a path relative to the cell file. A cell with
     `simulated: true` gets its mock hardware started by the command that needs it.
@@ -114,6 +115,7 @@ class CellConfig(ConfigModel):
     torque_filter: ButterworthFilter | None = None
     validation_limits_percent: tuple[Positive, ...] | None = None
     workspace: Workspace = Workspace()
+    plate: PlateConfig | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> CellConfig:

@@ -13,11 +13,13 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from config.amplifier_profile import AmplifierProfile, require_line
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.import_map import ImportMap
 from config.motion import AnyMotion, Motion
 from config.plant import PlantConfig
+from config.plate import PlateConfig
 from config.robot import RobotDescription
 from config.yaml_tree import YamlTree, dump_yaml, parse_yaml
 
@@ -34,10 +36,11 @@ class LoadedCell:
     robot: RobotDescription
     plant: PlantConfig | None
     files: dict[str, bytes]
+    amplifier_profile: AmplifierProfile | None = None
 
 
 def load_cell(reference: str) -> LoadedCell:
-    """Load a cell and the robot and plant files that it names.
+    """Load a cell and the robot, plant and amplifier files that it names.
 
     Parameters
     ----------
@@ -68,7 +71,13 @@ def load_cell(reference: str) -> LoadedCell:
         plant = validate(plant_tree, PlantConfig)
         _check_plant(plant_tree, plant, robot)
         files["plant.yaml"] = plant_text
-    return LoadedCell(cell, robot, plant, files)
+    profile = None
+    if cell.plate is not None:
+        profile_text, profile_name, _ = _read(cell.plate.amplifier.profile, "profiles", folder)
+        profile = validate(parse_yaml(profile_text, profile_name), AmplifierProfile)
+        _check_line(cell_tree, cell.plate, profile, cell.cycle_time_s)
+        files["amplifier.yaml"] = profile_text
+    return LoadedCell(cell, robot, plant, files, profile)
 
 
 def load_robot(reference: str) -> RobotDescription:
@@ -130,7 +139,7 @@ def load_bundled_or_path(reference: str, kind: str, model: type[T]) -> T:
 
 
 def bundled_names(kind: str) -> tuple[str, ...]:
-    """Return the names bundled under `kind`: cells, robots, plants, maps."""
+    """Return the names bundled under `kind`: cells, robots, plants, maps, profiles."""
     folder = resources.files("config") / "bundled" / kind
     if not folder.is_dir():
         return ()
@@ -200,6 +209,16 @@ def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) ->
         raise ConfigError(
             f"{tree.where(('spring',))}: the plant and the robot must both have a spring or neither"
         )
+
+
+def _check_line(
+    tree: YamlTree, plate: PlateConfig, profile: AmplifierProfile, cycle_time_s: float
+) -> None:
+    try:
+        require_line(plate.amplifier, profile, cycle_time_s)
+    except ConfigError as error:
+        where = tree.where(("plate", "amplifier", "rate_hz"))
+        raise ConfigError(f"{where}: plate.amplifier.rate_hz: {error}") from None
 
 
 def _describe(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:

@@ -10,6 +10,7 @@ from typing import Annotated
 from pydantic import Field
 
 from config.model import ConfigModel
+from config.plate import Eight, SquareMatrix
 from config.robot import Kinematics, NonNegative, Positive, Vector3
 
 
@@ -53,6 +54,27 @@ class SimulatedSpring(ConfigModel):
     free_length_m: Positive
 
 
+class SimulatedPlate(ConfigModel):
+    """The truth of a simulated force plate, of its charge amplifier and of its serial line.
+
+    Where the sensors sit and what the amplifier is set to is the cell file's. `crosstalk`: charge
+    of a channel = `sensitivity_pc_n` times (matrix times sensor forces). Operate adds the charge
+    `zero_jump_pc` and lets `drift_pc_s` flow; `noise_v` is of each sample at the output, whose full
+    scale is 10 V. The amplifier's clock shows `clock_offset_s` when it is switched on, with the
+    cell, and runs `clock_ppm` fast. Bytes reach the computer up to `line_jitter_s` after they have
+    been sent.
+    """
+
+    sensitivity_pc_n: Eight
+    crosstalk: SquareMatrix | None = None
+    zero_jump_pc: Eight = (0.0,) * 8
+    drift_pc_s: Eight = (0.0,) * 8
+    noise_v: NonNegative = 0.0
+    clock_offset_s: float = 0.0
+    clock_ppm: Annotated[float, Field(ge=-10_000.0, le=10_000.0)] = 0.0
+    line_jitter_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+
+
 class UnmodelledAxis(ConfigModel):
     """Effects of one axis that no model of the estimators has."""
 
@@ -79,6 +101,7 @@ class PlantConfig(ConfigModel):
     links: tuple[LinkInertia, ...] = Field(min_length=1)
     axes: tuple[SimulatedAxis, ...] = Field(min_length=1)
     spring: SimulatedSpring | None = None
+    plate: SimulatedPlate | None = None
     unmodelled: Unmodelled | None = None
 
     def without_unmodelled(self) -> PlantConfig:

@@ -1,11 +1,11 @@
-"""What can be asked of the devices, whatever the bus: `ServoAxes`, its events and its settings."""
+"""What can be asked of the devices, whatever the bus: `ServoAxes` and `ForcePlate`."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,3 +151,105 @@ class ServoAxes(Protocol):
     @abstractmethod
     def disable(self) -> tuple[str, ...]:
         """Take the power away; return the joints that did not confirm it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlateSetting:
+    """One setting of a force plate's amplifier as required and as read back.
+
+    Attributes
+    ----------
+    name
+        What it is, in words.
+    channel
+        1 to 8; 0 for what belongs to all.
+    required, found
+        Values in words.
+    verdict
+        ``"ok"`` or ``"red"``.
+    """
+
+    name: str
+    channel: int
+    required: str
+    found: str
+    verdict: Literal["ok", "red"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlateRead:
+    """What one read of a force plate's stream brought.
+
+    Attributes
+    ----------
+    rows
+        `drivers.amplifier_frames.PLATE_ROW`, in the order sent.
+    events
+        `drivers.amplifier_frames.PLATE_EVENT`, in the order sent.
+    arrival_s
+        When each row was here, on the cell's clock [s], shape (rows,); rows read together arrived
+        together.
+    read_s
+        When the read returned, on the computer's monotonic clock [s].
+    """
+
+    rows: NDArray[Any]
+    events: NDArray[Any]
+    arrival_s: NDArray[np.float64]
+    read_s: float
+
+
+class ForcePlate(Protocol):
+    """An eight-channel force plate with its charge amplifier.
+
+    In order: `connect`, `configure`, `operate`; then `start`, `read` again and again, `stop`.
+    Channels are those of `config.plate`.
+    """
+
+    @abstractmethod
+    def connect(self) -> str:
+        """End a stream that is under way; return who answers: maker, model, serial number."""
+
+    @abstractmethod
+    def settings(self) -> tuple[PlateSetting, ...]:
+        """Read every setting back; nothing is changed."""
+
+    @abstractmethod
+    def configure(self) -> bool:
+        """Change the settings that differ; return whether that lost the charges on the channels."""
+
+    @abstractmethod
+    def operate(self) -> None:
+        """Measure: from now on the channels hold their charge. Zero is where it was at reset."""
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Discharge every channel and keep it at zero."""
+
+    @abstractmethod
+    def is_operating(self) -> bool:
+        """Return whether the channels measure."""
+
+    @abstractmethod
+    def take_overloads(self) -> tuple[bool, ...]:
+        """Return which channels were overloaded since the last call, and forget it."""
+
+    @abstractmethod
+    def forces_n(self) -> NDArray[np.float64]:
+        """Return what the channels measure now [N], shape (8,)."""
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin the stream of rows."""
+
+    @abstractmethod
+    def read(self, until_s: float) -> PlateRead:
+        """Return what has come, waiting for it until `until_s` [s, monotonic clock]."""
+
+    @abstractmethod
+    def mark(self) -> float:
+        """Ask for the device's time within the stream; return when [s, monotonic clock]."""
+
+    @abstractmethod
+    def stop(self, until_s: float) -> tuple[PlateRead, ...]:
+        """End the stream; return what came until then."""

@@ -22,7 +22,8 @@ from dynamics.robot_model import RobotModel, base_wrench_regressor, regressor
 from dynamics.transmission import Transmission
 from identification.least_squares import triangular_factor
 
-Outputs = Literal["torque", "wrench", "combined"]
+ModelKind = Literal["internal", "external", "combined"]
+"""What is measured: joint torques, the reaction on the base, or both (4.1-4.3)."""
 
 _RIGID = re.compile(r"(m|s[xyz]|I[xyz]{2})(\d+|L)")
 # First kept to first merged away: Iyy, sz and m of a link merge into others (Khalil's choice).
@@ -102,7 +103,7 @@ class BaseParameters:
 def base_parameters(
     model: RobotModel,
     *,
-    outputs: Outputs = "torque",
+    kind: ModelKind = "internal",
     tolerance: float = 1e-8,
     samples: int = 300,
     seed: int = 0,
@@ -113,7 +114,7 @@ def base_parameters(
     ----------
     model : RobotModel
         The robot.
-    outputs : "torque", "wrench" or "combined"
+    kind : "internal", "external" or "combined"
         What is measured: joint torques (the internal model), the six components of the reaction
         on the base plate (external), or both. Gears count as lossless; a payload as measured both
         with and without it.
@@ -140,9 +141,9 @@ def base_parameters(
     parts: list[FloatArray] = []
     for payload in (False, True) if "payload" in model.parameter_groups else (False,):
         conditions = Conditions(temperature_k=temperature, payload=payload)
-        if outputs != "wrench":
+        if kind != "external":
             parts.append(regressor(lossless, q, v, a, conditions))
-        if outputs != "torque":
+        if kind != "internal":
             parts.append(base_wrench_regressor(lossless, q, v, a, conditions))
     columns = len(model.parameter_names)
     stacked = np.vstack([part.reshape(-1, columns) for part in parts])

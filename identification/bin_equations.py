@@ -16,18 +16,24 @@ import numpy as np
 
 from acquisition.arrays import BoolArray, FloatArray
 from acquisition.periods import PeriodAverage
-from acquisition.spectrum import Bins, differentiate_on_bins, filter_response, to_bins
+from acquisition.spectrum import differentiate_on_bins, filter_response, to_bins
 from config.cell import ButterworthFilter
 from config.errors import EstimationError
 from dynamics.conditions import Conditions
 from dynamics.robot_model import RobotModel
 from identification.base_parameters import BaseParameters
-from identification.torque_columns import torque_columns
+from identification.reaction_equations import (
+    ReactionEquations,
+    both_parts,
+    reaction_equations,
+    real_rows,
+    smoothed,
+)
+from identification.torque_columns import torque_columns, wrench_columns
 
 NYQUIST_FRACTION = 0.8
 GRID_STEP_S = 0.001
 BLOCK_ROWS = 2048
-NEIGHBOURS = 4
 PIECES_PER_RESOLUTION = 8
 
 
@@ -56,6 +62,8 @@ class BinEquations:
         Standard deviation of each row by the torque noise between periods [N m or N].
     position_sigma : ndarray, shape (n, H + 1)
         The same of the mean position's bins [rad or m].
+    reaction : ReactionEquations or None
+        The equations of a force plate, where there was one.
     """
 
     harmonics: int
@@ -66,6 +74,7 @@ class BinEquations:
     left_out_fraction: FloatArray
     torque_sigma: FloatArray
     position_sigma: FloatArray
+    reaction: ReactionEquations | None = None
 
     def to_time(self, rows: FloatArray, samples: int) -> FloatArray:
         """Return one period of (samples, n) values from rows of shape (n, 2 H + 1)."""
@@ -82,6 +91,7 @@ def bin_equations(
     standstill_rad_s: float,
     payload: bool = False,
     standard: FloatArray | None = None,
+    plate: bool = False,
 ) -> BinEquations:
     """Set up the equations of one mean period.
 
@@ -99,6 +109,8 @@ def bin_equations(
         Whether the run carried the unknown payload.
     standard : ndarray, shape (p,), optional
         Where to linearise the nonlinear parameters; see `torque_columns`.
+    plate : bool
+        Whether the equations of the force plate are wanted too.
 
     Raises
     ------
@@ -120,15 +132,20 @@ def bin_equations(
     period_s = average.period_s
     times = np.arange(len(q)) / len(q) * period_s
     width = len(base) + (0 if standard is None else len(model.shape_names))
-    matrix = np.zeros((len(model.joint_names), 2 * harmonics + 1, width))
+    shape = (len(model.joint_names), 2 * harmonics + 1, width)
+    matrix = np.zeros(shape)
+    measured = average.reaction if plate else None
+    wrench_matrix = np.zeros((0 if measured is None else 6, *shape[1:]))
     conditions = Conditions(temperature_k=average.temperature_k, payload=payload)
     for start in range(0, len(q), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
         motion = (q[rows], v[rows], a[rows])
-        phi = torque_columns(model, base, motion, conditions, standard)
         projection = _projection(times[rows], period_s, harmonics) / len(q)
-        projected = projection @ phi.reshape(len(phi), -1)
-        matrix += projected.reshape(2 * harmonics + 1, *phi.shape[1:]).transpose(1, 0, 2)
+        matrix += _on_bins(projection, torque_columns(model, base, motion, conditions, standard))
+        if measured is not None:
+            wrench_matrix += _on_bins(
+                projection, wrench_columns(model, base, motion, conditions, standard)
+            )
 
     frequency_hz = np.arange(harmonics + 1) / period_s
     response = np.ones(harmonics + 1, dtype=complex)
@@ -142,11 +159,18 @@ def bin_equations(
         harmonics=harmonics,
         period_s=period_s,
         matrix=matrix,
-        rhs=_real_rows(torque).T,
+        rhs=real_rows(torque).T,
         free=tuple(_free_columns(slow[:, j], period_s, harmonics) for j in range(q.shape[1])),
         left_out_fraction=slow.mean(axis=0),
         torque_sigma=both_parts(sigma[: harmonics + 1] / gain).T,
         position_sigma=_position_sigma(average)[: harmonics + 1].T,
+        reaction=(
+            None
+            if measured is None
+            else reaction_equations(
+                measured, average.periods_kept, average.sample_period_s, wrench_matrix
+            )
+        ),
     )
 
 
@@ -182,15 +206,10 @@ def _projection(times: FloatArray, period_s: float, harmonics: int) -> FloatArra
     return np.vstack([np.ones((1, len(times))), root * np.cos(angle), -root * np.sin(angle)])
 
 
-def _real_rows(bins: Bins) -> FloatArray:
-    """Return the rows of complex bins (H + 1, n) as (2 H + 1, n)."""
-    root = math.sqrt(2.0)
-    return np.concatenate([bins.real[:1], root * bins.real[1:], root * bins.imag[1:]])
-
-
-def both_parts(per_bin: FloatArray) -> FloatArray:
-    """Repeat values of bins 0 to H (first axis) for the real and the imaginary rows."""
-    return np.concatenate([per_bin, per_bin[1:]])
+def _on_bins(projection: FloatArray, columns: FloatArray) -> FloatArray:
+    """Return columns (samples, outputs, any) on the rows of a projection, (outputs, rows, any)."""
+    projected = projection @ columns.reshape(len(columns), -1)
+    return np.asarray(projected.reshape(-1, *columns.shape[1:]).transpose(1, 0, 2))
 
 
 def _smooth_variance(variance: FloatArray, periods: int) -> FloatArray:
@@ -199,10 +218,7 @@ def _smooth_variance(variance: FloatArray, periods: int) -> FloatArray:
     A bin's own variance comes from few periods and scatters; one that stands out on purpose
     (friction that drifts shows on the motion's harmonics) keeps its own.
     """
-    width = 2 * NEIGHBOURS + 1
-    padded = np.pad(variance, ((NEIGHBOURS, NEIGHBOURS), (0, 0)), mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, width, axis=0)
-    return np.asarray(np.maximum(windows.mean(axis=-1), variance) / periods)
+    return np.asarray(np.maximum(smoothed(variance), variance) / periods)
 
 
 def _position_sigma(average: PeriodAverage) -> FloatArray:

@@ -12,9 +12,10 @@ from acquisition.arrays import FloatArray, read_only
 from config.errors import EstimationError
 from config.robot import RobotDescription
 from dynamics.conditions import Conditions
-from dynamics.robot_model import RobotModel, load_torque, regressor
+from dynamics.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
 from identification.base_parameters import BaseParameters
 from identification.model_options import ModelOptions
+from identification.plate_fit import PlateFit
 
 BLOCK_ROWS = 4096
 
@@ -63,6 +64,8 @@ class Estimate:
         Highest frequency and lowest speed used.
     weighting : "ml", "ls" or "huber"
         How rows were weighted.
+    plate : PlateFit or None
+        How the force plate fits, where it was used.
     periods : int
         Averaged periods behind it; 0 for "smoothed".
     cell_name : str
@@ -87,6 +90,7 @@ class Estimate:
     band_hz: float
     standstill_rad_s: float
     weighting: Weighting = "ml"
+    plate: PlateFit | None = None
     shape_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     periods: int = 0
     cell_name: str = ""
@@ -175,6 +179,43 @@ def predict(
         phi = regressor(model, q[rows], v[rows], a[rows], block)
         torque[rows] = estimate.base.columns(phi) @ estimate.values
     return torque
+
+
+def predict_reaction(
+    estimate: Estimate,
+    q: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    conditions: Conditions | None = None,
+) -> FloatArray:
+    """Return the wrench that the base exerts on the robot, shape (samples, 6) [N, N m].
+
+    Its constant part, the weight above all, is as uncertain as the plate's offset was.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of the external or the combined model.
+    q, v, a, conditions
+        As for `predict`.
+
+    Raises
+    ------
+    EstimationError
+        It is of the internal model: torques do not show what the base feels.
+    """
+    if estimate.options.kind == "internal":
+        raise EstimationError(
+            "the internal model does not know the reaction on the base: identify the combined"
+            " model, from a run with a force plate"
+        )
+    wrench = np.empty((len(q), 6))
+    for start in range(0, len(q), BLOCK_ROWS):
+        rows = slice(start, start + BLOCK_ROWS)
+        block = None if conditions is None else conditions.part(rows)
+        phi = base_wrench_regressor(estimate.model, q[rows], v[rows], a[rows], block)
+        wrench[rows] = estimate.base.columns(phi) @ estimate.values
+    return wrench
 
 
 def _sigma(covariance: FloatArray) -> FloatArray:

@@ -8,32 +8,29 @@ Bayesian prior, and fit nonlinear parameters on the same cost.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-
-import numpy as np
 
 from acquisition.arrays import FloatArray
 from acquisition.periods import PeriodAverage
 from acquisition.smoothing import SmoothedSignals
+from config.errors import EstimationError
 from config.robot import RobotDescription
 from dynamics.robot_model import RobotModel
-from identification.base_parameters import BaseParameters, base_parameters
 from identification.estimate import Estimate, Weighting
-from identification.inertia_size import inertia_size
+from identification.fitted_periods import (
+    Prior,
+    fit_periodic,
+    model_of,
+    prior_rows,
+    with_shape,
+)
 from identification.least_squares import Solution
 from identification.model_options import ModelOptions
 from identification.nonlinear import fit_shape
-from identification.periodic_fit import PeriodicProblem
-from identification.prior import PriorRows
 from identification.smoothed_fit import SmoothedProblem
 from identification.time_equations import time_runs
-from identification.white_equations import residual_covariance
 
 BAND_HZ = 10.0
 STANDSTILL_RAD_S = 0.02
-
-Prior = tuple[FloatArray, FloatArray]
-"""Values and standard deviations of the model's standard parameters; infinite for no knowledge."""
 
 
 def estimate_periodic(
@@ -52,7 +49,9 @@ def estimate_periodic(
     """Estimate from averaged periods, on their DFT bins.
 
     Each row's noise is the torque's, from the scatter between periods with the anti-alias filter
-    divided out, and the position's, through the inertia that the estimate itself shows.
+    divided out, and the position's, through the inertia that the estimate itself shows. The
+    external and the combined model (`options.kind`) count the base wrench of a force plate too,
+    by its own noise (4.2, 4.3); its constant offsets count as unknown.
 
     Parameters
     ----------
@@ -80,58 +79,17 @@ def estimate_periodic(
     EstimationError
         The joints do not fit, or the motion does not show the parameters.
     """
-    model, base, options = _model(robot, options)
-    n = len(robot.joints)
-    problem = PeriodicProblem(
-        base=base,
-        averages=tuple(averages),
-        payload=tuple(payload or [False] * len(averages)),
+    fitted = fit_periodic(
+        robot,
+        averages,
+        options=options,
+        weighting=weighting,
+        prior=prior,
+        payload=payload,
         band_hz=band_hz,
         standstill_rad_s=standstill_rad_s,
-        weighting=weighting,
-        prior=_prior_rows(base, prior),
-        inertia=np.zeros((len(averages), n, n)),
     )
-    equations = problem.equations(model, None)
-    first = problem.fit(model, None, equations)
-    # The torque that the positions' noise makes is known only once the inertia is.
-    sizes = [inertia_size(model, base, a.position, first.solution.values) for a in averages]
-    problem = replace(problem, inertia=np.array(sizes))
-    standard = None
-    if model.shape_names:
-
-        def solve(model: RobotModel, standard: FloatArray | None) -> Solution:
-            return problem.fit(model, standard, problem.equations(model, standard)).solution
-
-        shaped = fit_shape(model, base, solve)
-        model, standard = shaped.model, shaped.standard
-        equations = problem.equations(model, standard)
-    fit = problem.fit(model, standard, equations)
-    b, covariance = len(base), fit.solution.covariance
-    honest = problem.honest_covariance(fit)
-    residual = residual_covariance(fit.white, fit.solution.values, covariance)
-    return Estimate(
-        robot=robot,
-        options=_with_shape(options, model),
-        base=base,
-        values=fit.solution.values[:b],
-        covariance_noise=None if weighting == "ls" else covariance[:b, :b],
-        covariance_residual=residual[:b, :b],
-        covariance_honest=honest[:b, :b],
-        shape_covariance=honest[b:, b:],
-        condition_number=fit.solution.condition_number,
-        equations=fit.solution.rows,
-        residual_nm=fit.residual_nm,
-        noise_nm=None if weighting == "ls" else fit.noise_nm,
-        left_out_fraction=np.mean([e.left_out_fraction for e in equations], axis=0),
-        method="periodic",
-        band_hz=min(e.harmonics / e.period_s for e in equations),
-        standstill_rad_s=standstill_rad_s,
-        weighting=weighting,
-        periods=sum(average.periods_kept for average in averages),
-        cell_name=cell_name,
-        run_ids=run_ids,
-    )
+    return fitted.estimate(cell_name, run_ids)
 
 
 def estimate_smoothed(
@@ -166,13 +124,18 @@ def estimate_smoothed(
     EstimationError
         The joints do not fit, or the motion does not show the parameters.
     """
-    model, base, options = _model(robot, options)
+    model, base, options = model_of(robot, options)
+    if options.kind != "internal":
+        raise EstimationError(
+            f"the {options.kind} model is estimated from periodic runs only: record a periodic"
+            " motion, or identify the internal model"
+        )
     problem = SmoothedProblem(
         base=base,
         runs=time_runs(model, signals, payload or [False] * len(signals)),
         standstill_rad_s=standstill_rad_s,
         weighting=weighting,
-        prior=_prior_rows(base, prior),
+        prior=prior_rows(base, prior),
     )
     standard = None
     fit = problem.fit(model, None)
@@ -189,7 +152,7 @@ def estimate_smoothed(
     honest = problem.honest_covariance(model, standard, fit)
     return Estimate(
         robot=robot,
-        options=_with_shape(options, model),
+        options=with_shape(options, model),
         base=base,
         values=fit.solution.values[:b],
         covariance_noise=None,
@@ -208,20 +171,3 @@ def estimate_smoothed(
         cell_name=cell_name,
         run_ids=run_ids,
     )
-
-
-def _model(
-    robot: RobotDescription, options: ModelOptions | None
-) -> tuple[RobotModel, BaseParameters, ModelOptions]:
-    options = options or ModelOptions()
-    model = options.build(robot)
-    return model, base_parameters(model), options
-
-
-def _prior_rows(base: BaseParameters, prior: Prior | None) -> PriorRows:
-    return PriorRows.none(base) if prior is None else PriorRows.of(base, *prior)
-
-
-def _with_shape(options: ModelOptions, model: RobotModel) -> ModelOptions:
-    """Return options that build the model with its fitted nonlinear parameters."""
-    return replace(options, shape=tuple(model.shape_values.tolist()) or None)

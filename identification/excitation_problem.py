@@ -19,6 +19,7 @@ from config.bodies import Workspace
 from config.errors import ConfigError
 from config.motion import FourierJoint, FourierMotion
 from config.robot import RobotDescription
+from dynamics.base_wrench import base_wrench, base_wrench_gradient
 from dynamics.inverse_dynamics import regressor_gradient
 from dynamics.robot_model import RobotModel, regressor
 from dynamics.transmission import Transmission
@@ -61,6 +62,8 @@ class ExcitationProblem:
         Information about the base parameters that earlier runs hold already, per sample.
     workspace : Workspace
         Where the robot may be.
+    base_limits : (6,) array, or None
+        Largest forces [N] and moments [N m] that the base may exert on the robot.
     """
 
     robot: RobotDescription
@@ -72,6 +75,7 @@ class ExcitationProblem:
     parameters: FloatArray | None = None
     given: FloatArray | None = None
     workspace: Workspace = field(default_factory=Workspace)
+    base_limits: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n, b = len(self.robot.joints), len(self.base)
@@ -87,6 +91,13 @@ class ExcitationProblem:
             raise ConfigError(
                 f"excitation design: the earlier information has the shape {self.given.shape}, the"
                 f" model {b} base parameters: give models of the same robot and terms"
+            )
+        if self.base_limits is not None and (
+            self.parameters is None or self.base_limits.shape != (6,)
+        ):
+            raise ConfigError(
+                "excitation design: limits on the base are six, and need a-priori parameters: give"
+                " a model, or `cad` in the robot file"
             )
         names = self.model.parameter_names
         if self.parameters is not None and self.parameters.shape != (len(names),):
@@ -269,9 +280,12 @@ class ExcitationProblem:
         by_rows = 2.0 / len(rows) * rows @ by_information
         weights[:, :, list(self.base.kept)] = by_rows / self.expected_noise_nm[:, np.newaxis]
         fine = self.motion(x, self._fine)
-        *over, over_torque = self._excess(fine, phi, shifts)
+        coarse = np.array([q, v, a])
+        over_q, over_v, over_a, over_torque, *over_base = self._excess(fine, coarse, phi, shifts)
         gradient = np.zeros(self._scales.shape)
-        for basis, excess, size in zip(self._fine, over, self._sizes, strict=True):
+        for basis, excess, size in zip(
+            self._fine, (over_q, over_v, over_a), self._sizes, strict=True
+        ):
             share = penalty / len(basis)
             worth += share * float(np.sum(excess**2))
             gradient += 2.0 * share * ((excess[0] - excess[1]) / size).T @ basis
@@ -279,7 +293,12 @@ class ExcitationProblem:
         worth += share * float(np.sum(over_torque**2))
         slope = 2.0 * share * (over_torque[0] - over_torque[1]) / self._torques
         weights += slope[:, :, np.newaxis] * self._prior
-        by_motion = regressor_gradient(self._smooth_model, q, v, a, weights)
+        by_motion = np.array(regressor_gradient(self._smooth_model, q, v, a, weights))
+        for excess in over_base:
+            worth += share * float(np.sum(excess**2))
+            slope = 2.0 * share * (excess[0] - excess[1]) / self.base_limits
+            if slope.any():
+                by_motion += base_wrench_gradient(self.model, q, v, a, self._prior, slope)
         for basis, by in zip(self._coarse, by_motion, strict=True):
             gradient += by.T @ basis
         if len(self.clearances):
@@ -292,7 +311,8 @@ class ExcitationProblem:
     def no_shifts(self) -> Shifts:
         """Return shifts of zero, to start with."""
         n, fine, coarse = len(self.robot.joints), len(self._fine[0]), len(self._coarse[0])
-        return (*(np.zeros((2, fine, n)) for _ in range(3)), np.zeros((2, coarse, n)))
+        rows = [(fine, n)] * 3 + [(coarse, n)] + [(coarse, 6)] * (self.base_limits is not None)
+        return tuple(np.zeros((2, *shape)) for shape in rows)
 
     def next_shifts(self, x: FloatArray, shifts: Shifts) -> Shifts:
         """Move each limit further inwards by what it is broken by, or back as far as it may.
@@ -300,16 +320,23 @@ class ExcitationProblem:
         These are the multipliers of the augmented Lagrangian over the penalty (Hestenes 1969,
         Powell 1969; Rockafellar 1973 for inequalities).
         """
-        phi = regressor(self._smooth_model, *self.motion(x, self._coarse))
-        return tuple(self._excess(self.motion(x, self._fine), phi, shifts))
+        coarse = self.motion(x, self._coarse)
+        phi = regressor(self._smooth_model, *coarse)
+        return tuple(self._excess(self.motion(x, self._fine), coarse, phi, shifts))
 
-    def _excess(self, fine: FloatArray, phi: FloatArray, shifts: Shifts) -> list[FloatArray]:
-        """Return by what q, v, a and torques are above and below the shifted limits, in shares.
+    def _excess(
+        self, fine: FloatArray, coarse: FloatArray, phi: FloatArray, shifts: Shifts
+    ) -> list[FloatArray]:
+        """Return by what q, v, a, torques and base wrench leave the shifted limits, in shares.
 
-        The arrays have the shape (2, points, n): above the upper limit, below the lower one.
+        The arrays have the shape (2, points, n or 6): above the upper limit, below the lower one.
+        Without limits on the base there are four.
         """
-        offsets = (fine[0] - self._middle, fine[1], fine[2], phi @ self._prior)
-        sizes = (*self._sizes, self._torques)
+        offsets = [fine[0] - self._middle, fine[1], fine[2], phi @ self._prior]
+        sizes = [*self._sizes, self._torques]
+        if self.base_limits is not None:
+            offsets.append(base_wrench(self.model, coarse[0], coarse[1], coarse[2], self._prior))
+            sizes.append(self.base_limits)
         return [
             np.maximum(np.array([offset, -offset]) / size - self.limit_fraction + shift, 0.0)
             for offset, size, shift in zip(offsets, sizes, shifts, strict=True)

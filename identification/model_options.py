@@ -9,16 +9,19 @@ from pydantic import ValidationError
 from config.errors import EstimationError
 from config.robot import FrictionTerm, Joint, RobotDescription
 from dynamics.robot_model import RobotModel
+from identification.base_parameters import ModelKind
 
 
 @dataclass(frozen=True)
 class ModelOptions:
     """Which terms the model has; see `RobotModel.from_description`.
 
+    `kind` says what is measured of it: the external and the combined model need a force plate.
     `friction_terms` replaces the terms of every joint where it is given, `shape` the values of the
     model's nonlinear parameters (`RobotModel.shape_names`).
     """
 
+    kind: ModelKind = "internal"
     rotors: bool = True
     friction: bool = True
     spring: bool = True

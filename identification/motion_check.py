@@ -10,9 +10,11 @@ import numpy as np
 
 from acquisition.arrays import FloatArray
 from acquisition.excitation import FourierTrajectory
+from acquisition.force_plate import WRENCH_NAMES, WRENCH_UNITS
 from acquisition.motion_samples import Phase, plan_motion
 from config.errors import ConfigError
 from config.motion import FourierMotion
+from dynamics.base_wrench import base_wrench
 from dynamics.robot_model import regressor, torque
 from identification.design_criteria import Condition, DOptimal
 from identification.excitation_problem import ExcitationProblem
@@ -61,7 +63,7 @@ class MotionCheck:
     log_det : float
         Log determinant of the information about the base parameters, per parameter.
     uses : tuple of LimitUse
-        Positions, speeds, accelerations, torques and distances, ramps included.
+        Positions, speeds, accelerations, torques, base wrench and distances, ramps included.
     broken : tuple of str
         What the motion breaks, in words; empty where it may be driven.
     """
@@ -112,7 +114,7 @@ def check_motion(
     except ConfigError as error:
         broken.append(str(error))
     uses = (*_motion_uses(problem, rows), *_torque_uses(problem, rows))
-    uses += _distance_uses(problem, rows)
+    uses += (*_base_uses(problem, rows), *_distance_uses(problem, rows))
     broken += [
         f"{use.what}: {use.used:.4g} {use.unit} where {use.limit:.4g} {use.unit} is allowed"
         for use in uses
@@ -174,6 +176,18 @@ def _torque_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...
             "N" if joint.type == "prismatic" else "N m",
         )
         for joint, tau in zip(problem.robot.joints, largest, strict=True)
+    )
+
+
+def _base_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...]:
+    if problem.base_limits is None or problem.parameters is None:
+        return ()
+    largest = np.abs(base_wrench(problem.model, *rows, problem.parameters)).max(axis=0)
+    return tuple(
+        _use(problem, f"{name} on the base", float(used), float(limit), unit)
+        for name, unit, used, limit in zip(
+            WRENCH_NAMES, WRENCH_UNITS, largest, problem.base_limits, strict=True
+        )
     )
 
 

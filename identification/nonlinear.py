@@ -72,15 +72,16 @@ def fit_shape(model: RobotModel, base: BaseParameters, solve: Solve) -> ShapeFit
     return best
 
 
-def step_prior(model: RobotModel, b: int) -> Triangle:
+def step_prior(model: RobotModel, b: int, width: int | None = None) -> Triangle:
     """Return equations that hold the steps of nonlinear parameters to the size of their ranges.
 
     They weigh nothing where the data speak, and keep a step small where they say nothing: the
-    speed of a Stribeck term whose coefficient comes out as zero.
+    speed of a Stribeck term whose coefficient comes out as zero. They stand behind `b` base
+    parameters, of `width` unknowns in all.
     """
     low, high = model.shape_bounds.T
     columns = np.arange(b, b + len(low))
-    return Triangle.empty(b + len(low), columns).add(
+    return Triangle.empty(width or b + len(low), columns).add(
         np.diag(1.0 / (high - low)), np.zeros(len(low))
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from acquisition.arrays import FloatArray
 from acquisition.periods import PeriodAverage
 from config.errors import EstimationError
 from dynamics.robot_model import RobotModel
-from identification.base_parameters import BaseParameters
+from identification.base_parameters import BaseParameters, ModelKind
 from identification.bin_equations import BinEquations, bin_equations
 from identification.estimate import Weighting
 from identification.intervals import jackknife
@@ -18,17 +18,28 @@ from identification.least_squares import Solution, Triangle, solve
 from identification.nonlinear import step_prior
 from identification.prior import PriorRows
 from identification.robust import huber_weights
-from identification.white_equations import WhiteEquations, bin_clusters, whiten
+from identification.white_equations import WhiteEquations, bin_clusters, whiten, whiten_reaction
 
 REWEIGHTINGS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class PeriodicFit:
-    """The solution for one set of columns, and the whitened equations behind it."""
+    """The solution for one set of columns, and the whitened equations behind it.
+
+    Attributes
+    ----------
+    solution : Solution
+        Base parameters, steps of nonlinear ones, then a step of each run's delay of the plate.
+    white : tuple, one a run, of tuples of WhiteEquations
+        The outputs that were used: joints first, then the plate's.
+    joints : tuple, one a run, of tuples of WhiteEquations
+        The joints' outputs, used or not.
+    """
 
     solution: Solution
     white: tuple[tuple[WhiteEquations, ...], ...]
+    joints: tuple[tuple[WhiteEquations, ...], ...]
 
     @property
     def residual_nm(self) -> FloatArray:
@@ -36,7 +47,7 @@ class PeriodicFit:
         values = self.solution.values
         power = [
             [np.sum((part.residual(values) * part.sigma) ** 2) for part in parts]
-            for parts in self.white
+            for parts in self.joints
         ]
         return np.asarray(np.sqrt(np.mean(power, axis=0)))
 
@@ -45,7 +56,7 @@ class PeriodicFit:
         """RMS that the noise alone would leave, shape (n,) [N m or N]."""
         power = [
             [np.sum(part.sigma**2) * part.rows / len(part.rhs) for part in parts]
-            for parts in self.white
+            for parts in self.joints
         ]
         return np.asarray(np.sqrt(np.mean(power, axis=0)))
 
@@ -55,7 +66,9 @@ class PeriodicProblem:
     """Averaged periods, and how their rows are weighted.
 
     `inertia` (averages, n, n) is the size of the joint-space inertia, through which the noise of
-    the positions becomes torque; zero before it is known.
+    the positions becomes torque, `base_inertia` (averages, n, 6, 6) what makes them base wrench
+    (`base_inertia_squares`); zero before they are known. `kind` says which outputs are used, and
+    `delays_s` by how much the plate of each run is late.
     """
 
     base: BaseParameters
@@ -66,8 +79,13 @@ class PeriodicProblem:
     weighting: Weighting
     prior: PriorRows
     inertia: FloatArray
+    kind: ModelKind = "internal"
+    base_inertia: FloatArray = field(default_factory=lambda: np.zeros(0))
+    delays_s: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
+        if self.kind != "internal":
+            self._check_plates()
         if len(self.payload) != len(self.averages):
             raise EstimationError(
                 f"payload says of {len(self.payload)} runs whether they carry it, there are"
@@ -85,29 +103,60 @@ class PeriodicProblem:
                 standstill_rad_s=self.standstill_rad_s,
                 payload=loaded,
                 standard=standard,
+                plate=self.kind != "internal",
             )
             for average, loaded in zip(self.averages, self.payload, strict=True)
         )
 
+    def _check_plates(self) -> None:
+        runs = len(self.averages)
+        for number, average in enumerate(self.averages, start=1):
+            if average.reaction is None:
+                raise EstimationError(
+                    f"the {self.kind} model needs a force plate; run {number} of {runs} has none"
+                    " whose channels are valid: identify the internal model"
+                )
+        shapes = ((runs, len(self.averages[0].joint_names), 6, 6), (runs,))
+        if (self.base_inertia.shape, self.delays_s.shape) != shapes:
+            raise EstimationError(
+                f"base_inertia and delays_s of the shapes {self.base_inertia.shape} and"
+                f" {self.delays_s.shape} do not fit {runs} runs"
+            )
+
     def fit(
-        self, model: RobotModel, standard: FloatArray | None, equations: tuple[BinEquations, ...]
+        self,
+        model: RobotModel,
+        standard: FloatArray | None,
+        equations: tuple[BinEquations, ...],
+        near: FloatArray | None = None,
     ) -> PeriodicFit:
         """Solve the equations.
+
+        With `near`, values near the solution, the delay of each run's plate is solved for too: the
+        last values are steps from `delays_s`.
 
         Raises
         ------
         EstimationError
             The motion does not show the parameters.
         """
-        white = tuple(
-            whiten(each, inertia, uniform=self.weighting == "ls")
+        delays = [] if near is None else [f"the delay of plate {i}" for i in range(len(equations))]
+        joints = tuple(
+            tuple(
+                part.widened(np.zeros((len(part.rhs), len(delays))))
+                for part in whiten(each, inertia, uniform=self.weighting == "ls")
+            )
             for each, inertia in zip(equations, self.inertia, strict=True)
         )
-        names = (*self.base.names, *(model.shape_names if standard is not None else ()))
+        white = joints if self.kind != "external" else tuple(() for _ in equations)
+        if self.kind != "internal":
+            plates = (self._plate(run, each, near) for run, each in enumerate(equations))
+            white = tuple((*own, *plate) for own, plate in zip(white, plates, strict=True))
+        names = (*self.base.names, *(model.shape_names if standard is not None else ()), *delays)
         known = [self.prior.triangle(len(names))]
         if standard is not None:
-            known.append(step_prior(model, len(self.base)))
-        fit = _solve(white, known, names)
+            known.append(step_prior(model, len(self.base), len(names)))
+        fit = _solve(white, joints, known, names)
         if self.weighting != "huber":
             return fit
         for _ in range(REWEIGHTINGS):
@@ -116,12 +165,26 @@ class PeriodicProblem:
                 tuple(part.reweighted(huber_weights(part.residual(values))) for part in parts)
                 for parts in white
             )
-            better = _solve(held_down, known, names)
+            better = _solve(held_down, joints, known, names)
             change = np.abs(better.solution.values - values)
             fit = better
             if np.all(change <= 1e-3 * np.sqrt(np.diagonal(fit.solution.covariance))):
                 break
         return fit
+
+    def _plate(
+        self, run: int, equations: BinEquations, near: FloatArray | None
+    ) -> tuple[WhiteEquations, ...]:
+        """Return the outputs of one run's plate."""
+        assert equations.reaction is not None
+        reaction = equations.reaction.delayed(float(self.delays_s[run]))
+        if near is not None:
+            columns = np.zeros((*reaction.rhs.shape, len(self.averages)))
+            columns[:, :, run] = reaction.delay_column(reaction.matrix @ near)
+            matrix = np.concatenate([reaction.matrix, columns], axis=2)
+            reaction = replace(reaction, matrix=matrix)
+        reaction = reaction.with_motion_noise(equations.position_sigma, self.base_inertia[run])
+        return whiten_reaction(reaction, uniform=self.weighting == "ls")
 
     def honest_covariance(self, fit: PeriodicFit) -> FloatArray:
         """Return the covariance of the solution that coloured residuals leave."""
@@ -129,7 +192,10 @@ class PeriodicProblem:
 
 
 def _solve(
-    white: tuple[tuple[WhiteEquations, ...], ...], known: list[Triangle], names: tuple[str, ...]
+    white: tuple[tuple[WhiteEquations, ...], ...],
+    joints: tuple[tuple[WhiteEquations, ...], ...],
+    known: list[Triangle],
+    names: tuple[str, ...],
 ) -> PeriodicFit:
     triangles = [
         Triangle.empty(len(names)).add(part.matrix, part.rhs, part.rows)
@@ -137,4 +203,4 @@ def _solve(
         for part in parts
     ]
     solution = solve([*triangles, *known], [1.0] * (len(triangles) + len(known)), names)
-    return PeriodicFit(solution, white)
+    return PeriodicFit(solution, white, joints)

@@ -8,7 +8,7 @@ import numpy as np
 
 from acquisition.arrays import FloatArray, IntArray
 from dynamics.conditions import Conditions
-from dynamics.robot_model import RobotModel, load_torque, regressor
+from dynamics.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
 from dynamics.shape_slopes import shape_slopes
 from dynamics.transmission import Transmission
 from identification.base_parameters import BaseParameters
@@ -53,6 +53,23 @@ def torque_columns(
     if not model.shape_names:
         return columns
     return np.concatenate([columns, shape_slopes(model, *motion, standard, conditions)], axis=2)
+
+
+def wrench_columns(
+    model: RobotModel,
+    base: BaseParameters,
+    motion: tuple[FloatArray, FloatArray, FloatArray],
+    conditions: Conditions | None = None,
+    standard: FloatArray | None = None,
+) -> FloatArray:
+    """Return the same of the base wrench, (samples, 6, b or b + s).
+
+    Gears are inside the robot: the base feels none of the nonlinear parameters.
+    """
+    columns = base.columns(base_wrench_regressor(model, *motion, conditions))
+    if standard is None or not model.shape_names:
+        return columns
+    return np.concatenate([columns, np.zeros((*columns.shape[:2], len(model.shape_names)))], axis=2)
 
 
 def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> tuple[IntArray, ...]:

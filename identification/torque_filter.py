@@ -11,8 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from acquisition.arrays import FloatArray
 from acquisition.recording import Recording
 from acquisition.spectrum import filter_response
+from config.cell import ButterworthFilter
 from config.errors import EstimationError
 
 MARGIN_PERIODS = 40.0
@@ -37,25 +39,33 @@ def without_torque_filter(recording: Recording) -> Recording:
             "the recording's torques passed an anti-alias filter, but its stamps are not uniform:"
             " the filter cannot be divided out"
         )
-    rows = len(recording)
-    margin = min(
-        rows - 1,
-        round(MARGIN_PERIODS / (recording.torque_filter.cutoff_hz * recording.sample_period_s)),
-    )
+    torque = without_filter(recording.torque_nm, recording.sample_period_s, recording.torque_filter)
+    return replace(recording, torque_nm=torque, torque_filter=None)
+
+
+def without_filter(
+    values: FloatArray, sample_period_s: float, passed: ButterworthFilter | None
+) -> FloatArray:
+    """Return signals (samples, any) on a uniform time base as they were before a filter.
+
+    As of `without_torque_filter`: high frequencies come out amplified.
+    """
+    if passed is None:
+        return values
+    rows = len(values)
+    margin = min(rows - 1, round(MARGIN_PERIODS / (passed.cutoff_hz * sample_period_s)))
     # Mirror both ends through their end points, so that the transform's wrap-around meets no step
     # but in the margins.
-    torque = recording.torque_nm
     extended = np.concatenate(
         [
-            2.0 * torque[:1] - torque[margin:0:-1],
-            torque,
-            2.0 * torque[-1:] - torque[-2 : -margin - 2 : -1],
+            2.0 * values[:1] - values[margin:0:-1],
+            values,
+            2.0 * values[-1:] - values[-2 : -margin - 2 : -1],
         ]
     )
-    duration_s = len(extended) * recording.sample_period_s
+    duration_s = len(extended) * sample_period_s
     frequency_hz = np.arange(len(extended) // 2 + 1) / duration_s
-    response = filter_response(recording.torque_filter, frequency_hz)
+    response = filter_response(passed, frequency_hz)
     response /= np.minimum(1.0, np.abs(response) / SMALLEST_GAIN)  # no gain above its inverse
     bins = np.fft.rfft(extended, axis=0) / response[:, np.newaxis]
-    unfiltered = np.fft.irfft(bins, n=len(extended), axis=0)[margin : margin + rows]
-    return replace(recording, torque_nm=unfiltered, torque_filter=None)
+    return np.asarray(np.fft.irfft(bins, n=len(extended), axis=0)[margin : margin + rows])

@@ -4,26 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 
 from acquisition.arrays import FloatArray
-from identification.bin_equations import BinEquations, both_parts
+from identification.bin_equations import BinEquations
 from identification.intervals import Cluster
+from identification.reaction_equations import ReactionEquations, both_parts
 
 NEGLIGIBLE_SIGMAS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class WhiteEquations:
-    """The equations of one joint with unit noise, and with its free torque projected out.
+    """The equations of one measured output with unit noise, its free torque projected out.
+
+    An output is a joint's torque, or one of the uncorrelated combinations of the base wrench.
 
     Attributes
     ----------
     matrix : ndarray, shape (2 H + 1, b)
         Whitened regressor.
     rhs : ndarray, shape (2 H + 1,)
-        Whitened torque.
+        Whitened torque or wrench.
     sigma : ndarray, shape (2 H + 1,)
         Standard deviation that each row was divided by [N m or N].
     rows : int
@@ -39,6 +43,14 @@ class WhiteEquations:
         """Return the rows times the roots of some weights."""
         root = np.sqrt(weights)
         return replace(self, matrix=self.matrix * root[:, np.newaxis], rhs=self.rhs * root)
+
+    def widened(self, columns: FloatArray) -> WhiteEquations:
+        """Return the rows with further columns (2 H + 1, any) of unknowns."""
+        return replace(self, matrix=np.column_stack([self.matrix, columns]))
+
+    def scaled(self, factor: float) -> WhiteEquations:
+        """Return the rows of an output that measures a factor more than the model's."""
+        return replace(self, matrix=factor * self.matrix)
 
     def residual(self, values: FloatArray) -> FloatArray:
         """Return the whitened residual of some parameters, shape (2 H + 1,)."""
@@ -79,6 +91,29 @@ def whiten(
     return tuple(white)
 
 
+def whiten_reaction(
+    reaction: ReactionEquations, *, uniform: bool = False
+) -> tuple[WhiteEquations, ...]:
+    """Return a plate's equations over their noise, as outputs that do not hang together.
+
+    With `uniform` the noise is taken for white; N and N m still need its size to be compared.
+    """
+    covariance = reaction.covariance.copy()
+    if uniform:
+        covariance[1:] = covariance[1:].mean(axis=0)
+    # Where a simulation has no noise at all, every row counts alike.
+    size = 1e-9 * np.linalg.norm(reaction.rhs, axis=1) + 1e-12
+    covariance = covariance + np.diag(size**2)
+    bins = np.arange(len(covariance))
+    factor = np.linalg.cholesky(covariance)[np.concatenate([bins, bins[1:]])]
+    whole = np.concatenate([reaction.matrix, reaction.rhs[:, :, np.newaxis]], axis=2)
+    white = np.linalg.solve(factor, whole.transpose(1, 0, 2))
+    return tuple(
+        WhiteEquations(white[:, r, :-1], white[:, r, -1], factor[:, r, r], len(white))
+        for r in range(white.shape[1])
+    )
+
+
 def _significant(free: FloatArray) -> FloatArray:
     """Return an orthonormal basis of what free torque can do to whitened rows, shape (rows, any).
 
@@ -92,7 +127,7 @@ def _significant(free: FloatArray) -> FloatArray:
 def residual_covariance(
     white: Iterable[tuple[WhiteEquations, ...]], values: FloatArray, covariance: FloatArray
 ) -> FloatArray:
-    """Return the covariance that residuals taken for white show, joint by joint, shape (b, b).
+    """Return the covariance that residuals taken for white show, output by output, shape (b, b).
 
     Parameters
     ----------
@@ -104,7 +139,8 @@ def residual_covariance(
         Its covariance by the measured noise, (A^T A)^-1.
     """
     meat = np.zeros_like(covariance)
-    for joint in zip(*white, strict=True):
+    for outputs in zip_longest(*white):  # a plate whose channel was left out has fewer
+        joint = [part for part in outputs if part is not None]
         grams = [part.matrix.T @ part.matrix for part in joint]
         gram = np.sum(grams, axis=0)
         freedom = sum(part.rows for part in joint) - float(np.sum(gram * covariance))
@@ -116,7 +152,7 @@ def residual_covariance(
 def bin_clusters(
     white: Iterable[tuple[WhiteEquations, ...]], values: FloatArray
 ) -> Iterator[Cluster]:
-    """Yield each frequency bin of each period average, all joints together, as a cluster."""
+    """Yield each frequency bin of each period average, all outputs together, as a cluster."""
     for parts in white:
         bins = both_parts(np.arange(len(parts[0].rhs) // 2 + 1, dtype=np.float64))
         residuals = [part.residual(values) for part in parts]

@@ -13,13 +13,18 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.errors import TransportError
-from config.plant import PlantConfig
+from config.load import load_bundled_or_path
+from config.plant import PlantConfig, SimulatedPlate
+from config.plate import PlateConfig
 from config.robot import RobotDescription
+from mock_hw.amplifier_port import PlateSettings
 from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
 from mock_hw.drives_process import DrivesSettings, serve_drives
 from mock_hw.hub_process import HubSettings, serve_hub
+from mock_hw.line_faults import NO_FAULTS, LineFaults
 from mock_hw.runtime_directory import runtime_directory, socket_path
 
 _START_TIMEOUT_S = 120.0  # the plant's kernels may have to be compiled
@@ -48,6 +53,12 @@ class SimulatedCell:
         Whether the plant has the effects that no estimator's model has.
     log
         Where to write all frames, in candump's format; None for nowhere.
+    profile
+        What the plate's amplifier speaks; the bundled profile of the cell's name when left out.
+    plate_faults
+        What goes wrong on the amplifier's line.
+    amplifier_baud_rate
+        What the amplifier is set to, where that is not what the cell file says.
 
     Raises
     ------
@@ -66,6 +77,9 @@ class SimulatedCell:
         directory: Path | None = None,
         unmodelled: bool = True,
         log: Path | None = None,
+        profile: AmplifierProfile | None = None,
+        plate_faults: LineFaults = NO_FAULTS,
+        amplifier_baud_rate: int | None = None,
     ) -> None:
         self._cell = cell
         self._robot = robot
@@ -74,6 +88,10 @@ class SimulatedCell:
         self._seed = seed
         self._directory = directory
         self._log = log
+        self._profile = profile
+        self._plate_faults = plate_faults
+        self._amplifier_baud_rate = amplifier_baud_rate
+        self._address = ""
         self._stack = contextlib.ExitStack()
         self._channel = ""
         self._snapshots: SnapshotReader | None = None
@@ -85,9 +103,19 @@ class SimulatedCell:
 
     @property
     def cell(self) -> CellConfig:
-        """The cell with the channel under which it is served."""
+        """The cell with the channel and the serial port under which it is served."""
         can = self._cell.can.model_copy(update={"interface": "rid_sim", "channel": self._channel})
-        return self._cell.model_copy(update={"can": can})
+        update: dict[str, object] = {"can": can}
+        plate = self._cell.plate
+        if plate is not None and self._address:
+            amplifier = plate.amplifier.model_copy(update={"address": self._address})
+            update["plate"] = plate.model_copy(update={"amplifier": amplifier})
+        return self._cell.model_copy(update=update)
+
+    @property
+    def address(self) -> str:
+        """The path of the plate amplifier's serial port; empty where there is no plate."""
+        return self._address
 
     def axes(self) -> AxisSnapshot:
         """Return where the axes really are, at most some milliseconds old.
@@ -142,6 +170,7 @@ class SimulatedCell:
             self._realtime,
             socket,
             snapshot,
+            self._plate_settings(socket.with_suffix(".plate")),
         )
         hub_pipe = _launch(stack, serve_hub, hub)
         drives_pipe = _launch(stack, serve_drives, drives)
@@ -150,6 +179,32 @@ class SimulatedCell:
         _wait_until_ready("drives", drives_pipe)
         self._snapshots = stack.enter_context(SnapshotReader(snapshot))
         self._channel = str(socket)
+        self._address = "" if drives.plate is None else str(drives.plate.path)
+
+    def _plate_settings(self, path: Path) -> PlateSettings | None:
+        """Return what the plate is; a plant without a plate has one that obeys its description."""
+        plate = self._cell.plate
+        if plate is None:
+            return None
+        profile = self._profile
+        if profile is None:
+            profile = load_bundled_or_path(plate.amplifier.profile, "profiles", AmplifierProfile)
+        truth = self._plant.plate or _as_described(plate)
+        return PlateSettings(
+            plate,
+            profile,
+            truth,
+            path,
+            self._seed,
+            self._amplifier_baud_rate,
+            self._plate_faults,
+        )
+
+
+def _as_described(plate: PlateConfig) -> SimulatedPlate:
+    return SimulatedPlate(
+        sensitivity_pc_n=plate.amplifier.sensitivity_pc_n, crosstalk=plate.sensitivity
+    )
 
 
 def _launch(

@@ -150,6 +150,20 @@ class DriveRack:
         """Whether a drive must be given its frames as they arrive."""
         return any(drive.acts_on_arrival for drive in self.drives)
 
+    @property
+    def base_wrench(self) -> NDArray[np.float64]:
+        """What the base exerts on the robot now, (6,); see `Plant.base_wrench`."""
+        return self._plant.base_wrench
+
+    def watch_base(self, watched: bool) -> None:
+        """Keep the base wrench of what comes, or stop keeping it."""
+        self._plant.watch_base(watched)
+
+    def take_base_wrenches(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return `Plant.take_base_wrenches` with times of this rack."""
+        end_s, wrenches = self._plant.take_base_wrenches()
+        return end_s + (self.time_s - self._plant.time_s), wrenches
+
     def receive(self, frame: Frame, now_s: float) -> None:
         """Give every drive a frame that was on the bus at `now_s` [s]."""
         if not all(drive.only_keeps(frame.cob_id) for drive in self.drives):

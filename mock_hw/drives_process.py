@@ -15,11 +15,13 @@ from config.errors import RidDaqError, TransportError
 from config.plant import PlantConfig
 from config.robot import RobotDescription
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
+from mock_hw.amplifier_port import AmplifierPort, PlateSettings
 from mock_hw.axis_snapshot import SnapshotWriter
 from mock_hw.drive_rack import DriveRack
 from mock_hw.hub_client import HubClient
 from mock_hw.hub_process import keep_pace, leave_interrupts_to_parent
 from mock_hw.hub_protocol import Role
+from mock_hw.plate_service import PlateService
 
 LONGEST_WAIT_S = 0.010
 """How old the axes' snapshot may become while nothing happens on the bus [s]."""
@@ -36,6 +38,7 @@ class DrivesSettings:
     realtime: bool
     socket: Path
     snapshot: Path
+    plate: PlateSettings | None = None
 
 
 def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
@@ -47,13 +50,16 @@ def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
     leave_interrupts_to_parent()
     signal.signal(signal.SIGTERM, _exit)
     try:
-        with _rack_on_bus(settings, pipe) as (rack, client):
+        with (
+            _rack_on_bus(settings, pipe) as (rack, client),
+            _served(settings, rack, client) as plate,
+        ):
             gc.freeze()
             keep_pace(settings.realtime)
             pipe.send(None)
             pipe.close()
             with contextlib.suppress(TransportError):
-                run_rack(rack, client)
+                run_rack(rack, client, plate)
     except (EOFError, OSError, RidDaqError) as error:
         with contextlib.suppress(OSError):
             pipe.send(str(error))
@@ -80,20 +86,42 @@ def _rack_on_bus(
         settings.snapshot.unlink(missing_ok=True)
 
 
-def run_rack(rack: DriveRack, client: HubClient) -> None:
-    """Serve the bus; ends with the `TransportError` of a hub that is gone."""
+@contextlib.contextmanager
+def _served(
+    settings: DrivesSettings, rack: DriveRack, client: HubClient
+) -> Iterator[PlateService | None]:
+    """Serve the plate's amplifier, where there is a plate; the port goes at the end."""
+    if settings.plate is None:
+        yield None
+        return
+    port = AmplifierPort(settings.plate, realtime=not client.lockstep, now_s=rack.time_s)
+    service = PlateService(port, rack, client)
+    try:
+        service.keep_up()
+        yield service
+    finally:
+        service.close()
+
+
+def run_rack(rack: DriveRack, client: HubClient, plate: PlateService | None = None) -> None:
+    """Serve the bus and the plate; ends with the `TransportError` of a hub that is gone."""
+    wait = client.wait if plate is None else plate.wait
     while True:
         wake_s = min(rack.next_s, rack.time_s + LONGEST_WAIT_S)
         # The first whole nanosecond that is surely not before it.
-        frames = client.wait(int(wake_s * 1e9) + 1, on_frames=rack.acts_on_arrival)
+        frames = wait(int(wake_s * 1e9) + 1, rack.acts_on_arrival)
         for frame in frames:
             data = frame.data[: frame.length]
             rack.receive(Frame(frame.can_id, data), frame.time_ns * 1e-9)
+            if plate is not None and frame.can_id == SYNC_COB_ID:
+                plate.note_sync(frame.time_ns * 1e-9)
         now_s = client.now_ns * 1e-9
         if now_s >= min(rack.next_s, rack.time_s + LONGEST_WAIT_S):
             rack.advance_to(now_s)
         for port, time_s, answer in rack.take_frames():
             client.post(answer.cob_id, answer.data, len(answer.data), port, round(time_s * 1e9))
+        if plate is not None:
+            plate.keep_up()
 
 
 def _exit(_number: int, _frame: object) -> None:

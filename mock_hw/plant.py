@@ -19,7 +19,8 @@ from config.errors import ConfigError
 from config.plant import PlantConfig, UnmodelledAxis
 from config.robot import RobotDescription
 from mock_hw import servo_loops as rows
-from mock_hw.rigid_bodies import build_rigid_bodies
+from mock_hw.butterworth import butterworth_poles
+from mock_hw.rigid_bodies import BaseWrench, build_rigid_bodies
 
 Vector = NDArray[np.float64]
 ComplexVector = NDArray[np.complex128]
@@ -79,6 +80,9 @@ class Plant:
         self._mass = np.zeros((count, count))
         self._bias = np.zeros(count)
 
+        self._base_wrench = BaseWrench(robot, plant)
+        self._watched: list[tuple[float, Vector]] | None = None
+
         self._poles, self._residues, self._weights = _filter_poles(torque_filter)
         self._filter_gains: dict[float, NDArray[np.complex128]] = {}
         self._filter_state = np.zeros((len(self._poles), count), dtype=np.complex128)
@@ -109,6 +113,32 @@ class Plant:
     def torque(self) -> Vector:
         """True motor torques at the link side, (n,), a copy."""
         return np.array(self._state[rows.TORQUE])
+
+    @property
+    def base_wrench(self) -> Vector:
+        """The wrench that the base exerts on the robot now, (6,); see `BaseWrench`."""
+        return self._base_wrench(self._state[: rows.ACCELERATION + 1])
+
+    def watch_base(self, watched: bool) -> None:
+        """Keep the base wrench of what comes, for `take_base_wrenches`, or stop keeping it."""
+        if watched != (self._watched is not None):
+            self._watched = [] if watched else None
+
+    def take_base_wrenches(self) -> tuple[Vector, Vector]:
+        """Return the base wrench since the last call while it was watched.
+
+        Returns
+        -------
+        end_s : (m,) array
+            Plant times at which intervals end [s]; each begins where the one before it ends.
+        wrench : (m, 6) array
+            Mean of the base wrench over each interval: a velocity that jumps counts in full.
+        """
+        taken = self._watched or []
+        if taken:
+            self._watched = []
+        end_s = np.array([time_s for time_s, _ in taken])
+        return end_s, np.array([wrench for _, wrench in taken]).reshape(-1, 6)
 
     def advance(
         self,
@@ -161,6 +191,7 @@ class Plant:
         gains = self._gains(inner_s)
         for step in range(outer_steps):
             self._renew_rigid_bodies(0.5 * outer_s)
+            before = self._state[: rows.ACCELERATION].copy() if self._watched is not None else None
             rows.advance_servo_loops(
                 inner_steps,
                 inner_s,
@@ -175,6 +206,10 @@ class Plant:
                 self._state,
                 self._filter_state,
             )
+            if self._watched is not None and before is not None:
+                last = step == outer_steps - 1
+                end_s = self._time_s + (duration_s if last else (step + 1) * outer_s)
+                self._watched.append((end_s, self._mean_base_wrench(before, outer_s)))
         self._time_s += duration_s
         self._random.standard_normal(out=self._noise)
 
@@ -200,6 +235,16 @@ class Plant:
         permille = np.rint(self.measured_torque() / self._torque_per_permille)
         clipped: NDArray[np.int16] = np.clip(permille, -_INT16_MAX, _INT16_MAX).astype(np.int16)
         return clipped
+
+    def _mean_base_wrench(self, before: Vector, over_s: float) -> Vector:
+        """Return the base wrench at the middle of a step, with the step's mean acceleration."""
+        after = self._state[: rows.ACCELERATION]
+        motion = np.empty((3, after.shape[1]))
+        np.add(before, after, out=motion[:2])
+        motion[:2] *= 0.5
+        np.subtract(after[rows.VELOCITY], before[rows.VELOCITY], out=motion[2])
+        motion[2] /= over_s
+        return self._base_wrench(motion)
 
     def _renew_rigid_bodies(self, ahead_s: float) -> None:
         """Evaluate mass matrix and bias at the state predicted `ahead_s` from now."""
@@ -282,22 +327,11 @@ def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
 def _filter_poles(
     torque_filter: ButterworthFilter | None,
 ) -> tuple[ComplexVector, ComplexVector, Vector]:
-    """Return a Butterworth filter's partial fractions: poles, residues and output weights, (p,).
-
-    Of each complex pair one pole is kept, with weight 2: the output is the real part of the sum.
-    """
+    """Return the filter's poles, residues and output weights, (p,); none without a filter."""
     if torque_filter is None:
         none = np.zeros(0, dtype=np.complex128)
         return none, none, np.zeros(0)
-    order = torque_filter.order
-    angles = np.pi * (2 * np.arange(order) + order + 1) / (2 * order)
-    unit: ComplexVector = np.exp(1j * angles)
-    differences = unit[:, None] - unit[None, :] + np.eye(order)
-    scale = 2.0 * np.pi * torque_filter.cutoff_hz
-    residues: ComplexVector = scale / np.prod(differences, axis=1)
-    kept = unit.imag > -1e-9
-    weights = np.where(unit.imag > 1e-9, 2.0, 1.0)
-    return scale * unit[kept], residues[kept], weights[kept]
+    return butterworth_poles(torque_filter.order, torque_filter.cutoff_hz)
 
 
 def _discretise(

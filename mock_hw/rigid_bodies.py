@@ -3,6 +3,8 @@
 A rotor turns in the full model of 2n coordinates about its axis on the link that carries it; its
 gear ties it to its joint, q_full = G q with G = [1; diag(mu)] constant. The reduced equations are
 Gᵀ M G and Gᵀ b: the rotors' coupling (physics: section 3) follows without a formula for it.
+
+What holds the base still is the generalised force of a free joint under it that does not move.
 """
 
 from __future__ import annotations
@@ -34,11 +36,14 @@ class RigidBodies:
         The joint that moves each coordinate.
     coordinate_ratio : (m,) float64
         Coordinate velocity over joint velocity: 1 for joints, the gear ratio for rotors.
+    floating
+        Whether a free joint under the base comes before these coordinates in the model.
     """
 
     model: Any
     coordinate_joint: Indices
     coordinate_ratio: Vector
+    floating: bool = False
 
     @property
     def joints(self) -> int:
@@ -52,8 +57,12 @@ class RigidBodies:
         return matrix
 
 
-def build_rigid_bodies(robot: RobotDescription, plant: PlantConfig) -> RigidBodies:
+def build_rigid_bodies(
+    robot: RobotDescription, plant: PlantConfig, *, floating: bool = False
+) -> RigidBodies:
     """Build the model of a robot with the plant's inertias and, where given, true kinematics.
+
+    With `floating`, the base stands on a free joint: see `BaseWrench`.
 
     Raises
     ------
@@ -68,6 +77,8 @@ def build_rigid_bodies(robot: RobotDescription, plant: PlantConfig) -> RigidBodi
     model: Any = pin.Model()
     model.gravity.linear = np.array(robot.gravity_m_s2)
     parent = 0
+    if floating:
+        parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     moving: list[int] = []
     ratios: list[float] = []
     # Pinocchio wants every subtree in one piece: a link, then its rotors, then the next link.
@@ -85,7 +96,48 @@ def build_rigid_bodies(robot: RobotDescription, plant: PlantConfig) -> RigidBodi
                 _add_rotor(model, parent, joint.rotor, inertia, f"{joint.name}-rotor")
                 moving.append(index)
                 ratios.append(joint.gear_ratio)
-    return RigidBodies(model, np.array(moving, dtype=np.int64), np.array(ratios))
+    return RigidBodies(model, np.array(moving, dtype=np.int64), np.array(ratios), floating)
+
+
+class BaseWrench:
+    """The wrench that the base exerts on a robot, for any motion of its joints.
+
+    By Newton and Euler it is the change of the whole robot's momentum, every rotor's spin
+    included, less its weight. What acts between the robot's bodies (motor torques, friction,
+    springs) does not occur in it.
+
+    Parameters
+    ----------
+    robot, plant
+        As for `build_rigid_bodies`.
+    """
+
+    def __init__(self, robot: RobotDescription, plant: PlantConfig) -> None:
+        bodies = build_rigid_bodies(robot, plant, floating=True)
+        self._model = bodies.model
+        self._data: Any = self._model.createData()
+        self._joint = bodies.coordinate_joint
+        self._ratio = bodies.coordinate_ratio
+        self._position: Vector = np.array(pin.neutral(self._model))
+        self._velocity: Vector = np.zeros(self._model.nv)
+        self._acceleration: Vector = np.zeros(self._model.nv)
+
+    def __call__(self, motion: Vector) -> Vector:
+        """Return the wrench (6,): force [N], then moment [N m] about the origin of frame 0.
+
+        Parameters
+        ----------
+        motion : (3, n)
+            The joints' positions, velocities and accelerations.
+        """
+        full = motion[:, self._joint] * self._ratio
+        self._position[-len(self._joint) :] = full[0]
+        self._velocity[-len(self._joint) :] = full[1]
+        self._acceleration[-len(self._joint) :] = full[2]
+        forces = pin.rnea(
+            self._model, self._data, self._position, self._velocity, self._acceleration
+        )
+        return np.array(forces[:6])
 
 
 def _add_rotor(model: Any, carrier: int, rotor: Rotor, inertia_kg_m2: float, name: str) -> None:

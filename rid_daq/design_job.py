@@ -18,6 +18,7 @@ from config.errors import ConfigError
 from config.robot import RobotDescription
 from dynamics.cad import cad_parameters
 from dynamics.robot_model import RobotModel, regressor
+from identification.base_load import base_limits, weighed
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.design_criteria import Condition, Criterion, DOptimal, Goals
 from identification.estimate import Estimate
@@ -148,7 +149,19 @@ def excitation_problem(
         parameters=parameters,
         given=_information(base_parameters(planned), given) if given else None,
         workspace=cell.workspace,
+        base_limits=_base_limits(cell, parameters, model),
     )
+
+
+def _base_limits(
+    cell: CellConfig, parameters: FloatArray | None, model: Estimate | None
+) -> FloatArray | None:
+    """Return what the base may see, where the cell says so and a model can tell."""
+    if cell.plate is None or cell.plate.limits is None or parameters is None:
+        return None
+    if model is not None and model.options.kind == "internal":
+        return None
+    return base_limits(cell.plate.limits)
 
 
 def search(
@@ -238,7 +251,10 @@ def _predictions(robot: RobotDescription, model: RobotModel, base: BaseParameter
 
 def _standard_values(planned: RobotModel, estimate: Estimate) -> FloatArray:
     """Return an estimate's parameters in the order of the planned model, 0 where it has none."""
-    found = dict(zip(estimate.base.standard_names, estimate.standard_values, strict=True))
+    standard = estimate.standard_values
+    if estimate.options.kind != "internal":
+        standard = estimate.base.to_standard(weighed(estimate)[0])
+    found = dict(zip(estimate.base.standard_names, standard, strict=True))
     return np.array([found.get(name, 0.0) for name in planned.parameter_names])
 
 

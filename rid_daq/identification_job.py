@@ -17,10 +17,10 @@ from identification.estimate import Estimate, Weighting
 from identification.estimators import (
     BAND_HZ,
     STANDSTILL_RAD_S,
-    Prior,
     estimate_periodic,
     estimate_smoothed,
 )
+from identification.fitted_periods import Prior
 from identification.model_options import ModelOptions
 from identification.signal_parts import period_signals
 from identification.time_equations import time_runs

@@ -231,10 +231,10 @@ def _write(
         ],
     )
     if found is not None:
-        _say_search(console, found)
+        _say_search(console, loaded, found)
 
 
-def _say_search(console: Console, found: Search) -> None:
+def _say_search(console: Console, loaded: LoadedCell, found: Search) -> None:
     """Say how the search went, and what the motion's torques and distances are."""
     curve = "; ".join(
         f"{found.criterion.words(trial.worth)} after {trial.elapsed_s:.1f} s"
@@ -250,6 +250,15 @@ def _say_search(console: Console, found: Search) -> None:
         if torques
         else "Torque is not checked: the robot file has no `cad`, and no --model is given."
     )
+    limits = None if loaded.config.plate is None else loaded.config.plate.limits
+    if limits is not None:
+        base = [use for use in uses if use.what.endswith("on the base")]
+        shares = ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in base)
+        console.say(
+            f"Largest reaction on the base expected, Fx to Mz: {shares} % of the limit."
+            if base
+            else "The reaction on the base is not checked: give a combined model by --model."
+        )
     nearest = min(
         (use for use in uses if use.unit == "m" and use.what.startswith("distance")),
         key=lambda use: use.used,

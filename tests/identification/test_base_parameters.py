@@ -9,7 +9,7 @@ from config.errors import EstimationError
 from config.load import load_robot
 from config.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
 from dynamics.robot_model import RobotModel, base_wrench_regressor, regressor
-from identification.base_parameters import Outputs, base_parameters, independent_columns
+from identification.base_parameters import ModelKind, base_parameters, independent_columns
 
 
 def arm_of(**terms: bool) -> RobotModel:
@@ -28,9 +28,9 @@ class TestCounts:
         assert len(base) == 16
         assert "k_spring - 201.02 sx2 - 96.492 m3" in base.words  # 9.81 / (0.488 x 0.100)
 
-    @pytest.mark.parametrize("outputs", ["wrench", "combined"])
-    def test_with_the_base_wrench_there_are_20(self, outputs: Outputs) -> None:
-        assert len(base_parameters(arm_of(), outputs=outputs)) == 20
+    @pytest.mark.parametrize("kind", ["external", "combined"])
+    def test_with_the_base_wrench_there_are_20(self, kind: ModelKind) -> None:
+        assert len(base_parameters(arm_of(), kind=kind)) == 20
 
     def test_of_the_rotors_the_internal_model_shows_the_third_alone(self) -> None:
         base = base_parameters(arm_of(rotors=True))
@@ -38,7 +38,7 @@ class TestCounts:
         assert [name for name in base.names if name.startswith("Im")] == ["Im3"]
 
     def test_with_the_plate_all_three_rotors_separate(self) -> None:
-        base = base_parameters(arm_of(rotors=True), outputs="combined")
+        base = base_parameters(arm_of(rotors=True), kind="combined")
         assert len(base) == 20 + 3
         assert [name for name in base.names if name.startswith("Im")] == ["Im1", "Im2", "Im3"]
 
@@ -104,7 +104,7 @@ class TestCombination:
 
     def test_predicts_the_base_wrench_too(self) -> None:
         model = arm_of(rotors=True)
-        base = base_parameters(model, outputs="combined")
+        base = base_parameters(model, kind="combined")
         random = np.random.default_rng(4)
         theta = random.normal(size=len(model.parameter_names))
         q, v, a = random.normal(size=(3, 20, 3))

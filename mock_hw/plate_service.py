@@ -1,0 +1,126 @@
+"""`PlateService`: serves the plate's amplifier from the drives' process, on the robot's own time.
+
+In lock-step a command finds the simulated time where the drives have brought it, always at the same
+point of a run: the hub is heard first, and wakes the drives before any master.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import time
+from collections.abc import Sequence
+
+from mock_hw.amplifier_port import AmplifierPort
+from mock_hw.can_wire import WireFrame
+from mock_hw.drive_rack import DriveRack
+from mock_hw.hub_client import HubClient
+
+LOCKSTEP_BATCH_S = 0.020
+IDLE_BATCH_S = 1.0
+"""How long the amplifier may fall behind the robot: while it works, and while it does not [s]."""
+
+
+class PlateService:
+    """Between a rack, which moves the robot, and the port of the plate under it.
+
+    Parameters
+    ----------
+    port, rack, client
+        The amplifier, the robot with its drives, and the bus that both live by.
+    """
+
+    def __init__(self, port: AmplifierPort, rack: DriveRack, client: HubClient) -> None:
+        self._port = port
+        self._rack = rack
+        self._client = client
+        self._edges: list[float] = []
+        self._commanded = False
+        self._port_fd = -1
+        self._epoll = select.epoll()
+        self._epoll.register(client.fileno(), select.EPOLLIN)
+
+    def note_sync(self, time_s: float) -> None:
+        """Remember an edge at the trigger input, where SYNC is wired to."""
+        self._edges.append(time_s)
+
+    def keep_up(self) -> None:
+        """Bring the amplifier to where the robot is, if it has fallen behind far enough."""
+        behind_s = self._rack.time_s - self._port.time_s
+        if not self._port.works:
+            allowed_s = IDLE_BATCH_S
+        else:
+            allowed_s = LOCKSTEP_BATCH_S if self._client.lockstep else 0.0
+        if behind_s > allowed_s:
+            self._catch_up()
+
+    def wait(self, until_ns: int, on_frames: bool) -> Sequence[WireFrame]:
+        """Wait as the hub's client does, and meanwhile do what the port is told.
+
+        Raises
+        ------
+        TransportError
+            The hub is gone.
+        """
+        self._follow_port()
+        if self._client.lockstep:
+            return self._wait_lockstep(until_ns, on_frames)
+        frames = self._client.wait(0)
+        if frames:
+            return frames
+        until_s = min(until_ns * 1e-9, self._port.next_s)
+        self._poll(max(0.0, until_s - time.monotonic()))
+        if self._commanded:
+            self._obey(time.monotonic())
+        else:
+            self._port.pass_on(time.monotonic())
+        return self._client.wait(0)
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._epoll.close()
+        self._port.close()
+
+    def _wait_lockstep(self, until_ns: int, on_frames: bool) -> Sequence[WireFrame]:
+        self._client.begin_wait(until_ns, on_frames)
+        while True:
+            if self._commanded:
+                self._obey(None)
+            if self._poll(-1.0):
+                return self._client.end_wait()
+
+    def _poll(self, timeout_s: float) -> bool:
+        """Wait for the hub and the port; return whether the hub has something."""
+        heard = False
+        for fd, _ in self._epoll.poll(timeout_s):
+            if fd == self._port_fd:
+                self._commanded = True
+            else:
+                heard = True
+        return heard
+
+    def _obey(self, now_s: float | None) -> None:
+        self._commanded = False
+        data = self._port.read()
+        if not data:  # somebody came or went
+            return
+        self._catch_up()
+        self._port.receive(data, self._rack.base_wrench, now_s)
+        self._rack.watch_base(self._port.watches)
+
+    def _catch_up(self) -> None:
+        edges, self._edges = self._edges, []
+        ends_s, wrenches = self._rack.take_base_wrenches()
+        self._port.advance(self._rack.time_s, ends_s, wrenches, edges)
+
+    def _follow_port(self) -> None:
+        """Listen to the port that is there now; with edges, as nobody at it would wake for ever."""
+        fd = self._port.fileno()
+        if fd == self._port_fd:
+            return
+        if self._port_fd >= 0:
+            with contextlib.suppress(OSError):  # a closed one has left by itself
+                self._epoll.unregister(self._port_fd)
+        if fd >= 0:
+            self._epoll.register(fd, select.EPOLLIN | select.EPOLLET)
+        self._port_fd = fd
