@@ -191,11 +191,6 @@ def _read(reference: str, kind: str, folder: Path | None) -> tuple[bytes, str, P
 
 
 def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) -> None:
-    if robot.coupling is not None:
-        raise ConfigError(
-            f"{tree.name}: robot {robot.name} has a coupling, and a simulated drive moves one joint"
-            " alone: leave `plant` and `simulated` out of the cell"
-        )
     n = len(robot.joints)
     for key, entries in (("links", plant.links), ("axes", plant.axes)):
         if len(entries) != n:

@@ -88,7 +88,8 @@ class ServoAxes(Protocol):
 
     In order: `bring_up`, `start`, `enable`; then, every cycle, `sync`, `collect`, `command`,
     `beat`; at the end `quick_stop` and `disable`. Arrays have one element a joint, base to flange;
-    they are overwritten by every `collect`.
+    they are overwritten by every `collect`. With a coupled wrist, `position` is the joints' all the
+    same, and so are the velocities of `command`; everything else is that of the joint's drive.
     """
 
     joint_names: tuple[str, ...]

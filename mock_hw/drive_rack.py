@@ -222,7 +222,7 @@ class DriveRack:
     def _measure(self) -> None:
         plant, measured = self._plant, self._measured
         measured.counts = plant.position_counts().tolist()
-        measured.counts_s = (plant.velocity * self._counts_per_position).tolist()
+        measured.counts_s = (plant.actuator_velocity * self._counts_per_position).tolist()
         measured.permille = plant.torque_permille().tolist()
 
     def _publish(self) -> None:

@@ -35,7 +35,10 @@ class Plant:
     """A robot with motors, gears, friction, brakes and the sensors of its drives.
 
     Positions are rad or m and torques N m or N, at the link side; everything is in the order of
-    the robot's joints. The same seed and the same calls give the same numbers, bit for bit.
+    the robot's joints. All that belongs to a motor (commands, encoders, torques, friction, brakes)
+    is counted on its motor; with a coupled wrist that is another coordinate than the joints', in
+    which `position` and `velocity` are. The same seed and the same calls give the same numbers, bit
+    for bit.
 
     Parameters
     ----------
@@ -75,8 +78,10 @@ class Plant:
 
         self._model = bodies.model
         self._data: Any = self._model.createData()
-        self._coordinate_joint = bodies.coordinate_joint
-        self._coordinate_ratio = bodies.coordinate_ratio
+        self._gearing = bodies.gearing
+        self._entries = bodies.entries()
+        self._joint_of = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
+        self._coupled = robot.coupling is not None
         self._mass = np.zeros((count, count))
         self._bias = np.zeros(count)
 
@@ -88,7 +93,10 @@ class Plant:
         self._filter_state = np.zeros((len(self._poles), count), dtype=np.complex128)
 
         self._state: Vector = np.zeros((rows.STATE_ROWS, count))
-        self._state[rows.POSITION] = [axis.initial_position for axis in plant.axes]
+        initial = np.array([axis.initial_position for axis in plant.axes])
+        if self._coupled:
+            initial = np.linalg.solve(self._joint_of, initial)
+        self._state[rows.POSITION] = initial
         self._command = np.zeros((rows.COMMAND_ROWS, count))
         self._random = np.random.default_rng(seed)
         self._noise = np.zeros(count)
@@ -102,11 +110,16 @@ class Plant:
     @property
     def position(self) -> Vector:
         """True joint positions, (n,), a copy."""
-        return np.array(self._state[rows.POSITION])
+        return self._of_joints(self._state[rows.POSITION])
 
     @property
     def velocity(self) -> Vector:
         """True joint velocities, (n,), a copy."""
+        return self._of_joints(self._state[rows.VELOCITY])
+
+    @property
+    def actuator_velocity(self) -> Vector:
+        """The motors' true velocities at the link side, (n,), a copy."""
         return np.array(self._state[rows.VELOCITY])
 
     @property
@@ -156,7 +169,8 @@ class Plant:
         duration_s
             How long [s]; not negative.
         velocity_start, velocity_end : (n,)
-            Velocity commands at the beginning and the end, linear in between [rad/s or m/s].
+            The motors' velocity commands at the link side, at the beginning and the end, linear
+            in between [rad/s or m/s].
         powered : (n,) bool
             Whether the drive's velocity loop runs; without it the motor gives no torque.
         braked : (n,) bool
@@ -236,6 +250,12 @@ class Plant:
         clipped: NDArray[np.int16] = np.clip(permille, -_INT16_MAX, _INT16_MAX).astype(np.int16)
         return clipped
 
+    def _of_joints(self, of_actuators: Vector) -> Vector:
+        """Turn the actuators' positions or velocities into the joints' (5.18)."""
+        if not self._coupled:
+            return np.array(of_actuators)
+        return np.asarray(self._joint_of @ of_actuators)
+
     def _mean_base_wrench(self, before: Vector, over_s: float) -> Vector:
         """Return the base wrench at the middle of a step, with the step's mean acceleration."""
         after = self._state[: rows.ACCELERATION]
@@ -252,13 +272,12 @@ class Plant:
         acceleration = state[rows.ACCELERATION]
         velocity = state[rows.VELOCITY] + ahead_s * acceleration
         position = state[rows.POSITION] + 0.5 * ahead_s * (state[rows.VELOCITY] + velocity)
-        full_position = position[self._coordinate_joint] * self._coordinate_ratio
-        full_velocity = velocity[self._coordinate_joint] * self._coordinate_ratio
-        rows.reduce_to_joints(
+        full_position = self._gearing @ position
+        full_velocity = self._gearing @ velocity
+        rows.reduce_to_actuators(
             pin.crba(self._model, self._data, full_position),
             pin.nonLinearEffects(self._model, self._data, full_position, full_velocity),
-            self._coordinate_joint,
-            self._coordinate_ratio,
+            *self._entries,
             self._mass,
             self._bias,
         )
@@ -302,6 +321,14 @@ def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
     """Return the kernel's spring: its joint, -1 for none, then k, free length, l and r."""
     if robot.spring is None or plant.spring is None:
         return np.array([-1.0, 0.0, 0.0, 1.0, 0.5])
+    joint = robot.joint_names.index(robot.spring.joint)
+    if robot.coupling is not None and robot.coupling[joint] != tuple(
+        float(j == joint) for j in range(len(robot.joints))
+    ):
+        raise ConfigError(
+            f"robot {robot.name!r}: several motors move joint {robot.spring.joint!r}; a spring is"
+            " simulated only across a joint that its own motor moves alone"
+        )
     l_m, r_m = robot.spring.l_m, robot.spring.r_m
     if l_m is None or r_m is None:
         raise ConfigError(
@@ -315,7 +342,7 @@ def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
         )
     return np.array(
         [
-            robot.joint_names.index(robot.spring.joint),
+            joint,
             plant.spring.stiffness_n_per_m,
             plant.spring.free_length_m,
             l_m,

@@ -149,13 +149,6 @@ def test_a_configuration_error_closes_the_bus(
     assert closed
 
 
-def test_a_coupled_robot_is_not_moved(cell: CellConfig, robot: RobotDescription) -> None:
-    """A drive's angle would be taken for a joint's."""
-    coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -0.2, 1.0))
-    with pytest.raises(ConfigError, match="has a coupling, and a drive on the bus moves one joint"):
-        open_cell(cell, robot.model_copy(update={"coupling": coupling}))
-
-
 @pytest.mark.parametrize(
     ("interface", "channel"), [("no_such_thing", "x"), ("socketcan", "no_such_can7")]
 )
