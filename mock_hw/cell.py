@@ -129,6 +129,28 @@ class SimulatedCell:
             raise TransportError("this simulated cell is not running; enter it with 'with' first")
         return self._snapshots.read()
 
+    @property
+    def payloads(self) -> tuple[str, ...]:
+        """The bodies that can be mounted on the flange."""
+        return tuple(self._plant.payloads)
+
+    def attach(self, payload: str | None) -> None:
+        """Mount a payload on the flange, or take off what hangs there (None), as a person would.
+
+        Raises
+        ------
+        ConfigError
+            The plant has no such payload.
+        TransportError
+            The cell is not served, or a drive is powered: nobody may reach into the cell then.
+        """
+        plant = self._plant.with_payload(payload)
+        if self.axes().enabled.any():
+            raise TransportError("a payload is mounted while the drives are without power only")
+        assert self._snapshots is not None
+        names = [None, *plant.payloads]
+        self._snapshots.ask_for_payload(names.index(payload))
+
     def __enter__(self) -> SimulatedCell:
         """Start the hub and the drives."""
         with contextlib.ExitStack() as stack:

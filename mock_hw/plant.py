@@ -21,6 +21,7 @@ from config.robot import RobotDescription
 from mock_hw import servo_loops as rows
 from mock_hw.butterworth import butterworth_poles
 from mock_hw.rigid_bodies import BaseWrench, build_rigid_bodies
+from mock_hw.thermal import MotorTemperatures
 
 Vector = NDArray[np.float64]
 ComplexVector = NDArray[np.complex128]
@@ -63,8 +64,9 @@ class Plant:
         torque_filter: ButterworthFilter | None = None,
         seed: int = 0,
     ) -> None:
-        bodies = build_rigid_bodies(robot, plant)
         count = len(robot.joints)
+        self._robot = robot
+        self._truth = plant
         ratio = np.array([abs(joint.gear_ratio) for joint in robot.joints])
         increments = np.array([axis.encoder_increments_per_motor_rev for axis in plant.axes])
         rated = np.array([axis.rated_motor_torque_nm for axis in plant.axes])
@@ -74,18 +76,16 @@ class Plant:
         self._peak_torque: Vector = peak * ratio
         self._noise_nm = np.array([axis.torque_noise_nm for axis in plant.axes])
         self._axes = _axis_rows(plant, ratio)
+        self._cold_axes = self._axes.copy()
+        self._heat = MotorTemperatures(robot, plant)
         self._spring = _spring_entries(robot, plant)
 
-        self._model = bodies.model
-        self._data: Any = self._model.createData()
-        self._gearing = bodies.gearing
-        self._entries = bodies.entries()
+        self.attach(plant.attached)
         self._joint_of = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
         self._coupled = robot.coupling is not None
         self._mass = np.zeros((count, count))
         self._bias = np.zeros(count)
 
-        self._base_wrench = BaseWrench(robot, plant)
         self._watched: list[tuple[float, Vector]] | None = None
 
         self._poles, self._residues, self._weights = _filter_poles(torque_filter)
@@ -131,6 +131,32 @@ class Plant:
     def base_wrench(self) -> Vector:
         """The wrench that the base exerts on the robot now, (6,); see `BaseWrench`."""
         return self._base_wrench(self._state[: rows.ACCELERATION + 1])
+
+    @property
+    def temperature_k(self) -> Vector:
+        """The motors' temperatures, (n,), a copy [K]."""
+        return self._heat.temperature_k.copy()
+
+    @property
+    def attached(self) -> str | None:
+        """The payload that hangs at the flange."""
+        return self._truth.attached
+
+    def attach(self, payload: str | None) -> None:
+        """Mount one of the plant file's payloads on the flange, or take it off.
+
+        Raises
+        ------
+        ConfigError
+            There is no such payload, or plant and robot do not fit each other.
+        """
+        self._truth = self._truth.with_payload(payload)
+        bodies = build_rigid_bodies(self._robot, self._truth)
+        self._model = bodies.model
+        self._data: Any = self._model.createData()
+        self._gearing = bodies.gearing
+        self._entries = bodies.entries()
+        self._base_wrench = BaseWrench(self._robot, self._truth)
 
     def watch_base(self, watched: bool) -> None:
         """Keep the base wrench of what comes, for `take_base_wrenches`, or stop keeping it."""
@@ -198,6 +224,8 @@ class Plant:
         command[rows.TORQUE_LIMIT] = self._peak_torque
         if torque_limit is not None:
             np.minimum(torque_limit, self._peak_torque, out=command[rows.TORQUE_LIMIT])
+        if self._heat.any:
+            self._warm(command)
         outer_steps = max(1, math.ceil(duration_s / OUTER_STEP_S - 1e-9))
         outer_s = duration_s / outer_steps
         inner_steps = max(1, math.ceil(outer_s / INNER_STEP_S - 1e-9))
@@ -225,6 +253,8 @@ class Plant:
                 end_s = self._time_s + (duration_s if last else (step + 1) * outer_s)
                 self._watched.append((end_s, self._mean_base_wrench(before, outer_s)))
         self._time_s += duration_s
+        if self._heat.any:
+            self._heat.advance(duration_s, self._state[rows.TORQUE], self._state[rows.VELOCITY])
         self._random.standard_normal(out=self._noise)
 
     def position_counts(self) -> NDArray[np.int64]:
@@ -237,11 +267,14 @@ class Plant:
     def measured_torque(self) -> Vector:
         """Return the motors' torques as measured, (n,): filtered, with noise.
 
-        The noise changes when time passes, not with every call.
+        What is measured is current; the drives take the torque constant for what it is at the
+        reference temperature. The noise changes when time passes, not with every call.
         """
         torque: Vector = self._state[rows.TORQUE]
         if len(self._poles):
             torque = (self._weights @ self._filter_state).real
+        if self._heat.any:
+            torque = torque / self._heat.torque_constant_factor
         return torque + self._noise_nm * self._noise
 
     def torque_permille(self) -> NDArray[np.int16]:
@@ -249,6 +282,14 @@ class Plant:
         permille = np.rint(self.measured_torque() / self._torque_per_permille)
         clipped: NDArray[np.int16] = np.clip(permille, -_INT16_MAX, _INT16_MAX).astype(np.int16)
         return clipped
+
+    def _warm(self, command: Vector) -> None:
+        """Let friction, and what a current gives, be those of the motors' temperatures."""
+        friction, constant = self._heat.friction_factor, self._heat.torque_constant_factor
+        for row in (rows.COULOMB, rows.VISCOUS, rows.STRIBECK, rows.LOAD_FRICTION):
+            np.multiply(self._cold_axes[row], friction, out=self._axes[row])
+        np.multiply(self._cold_axes[rows.GAIN], constant, out=self._axes[rows.GAIN])
+        command[rows.TORQUE_LIMIT] *= constant
 
     def _of_joints(self, of_actuators: Vector) -> Vector:
         """Turn the actuators' positions or velocities into the joints' (5.18)."""

@@ -9,7 +9,7 @@ import can
 import pytest
 
 from config.cell import CanBusConfig, CellConfig
-from config.errors import ConfigError, DeviceFaultError, PreflightError, TransportError
+from config.errors import DeviceFaultError, PreflightError, TransportError
 from config.robot import RobotDescription
 from drivers.cell import Cell, open_cell
 from drivers.cia402 import PowerState
