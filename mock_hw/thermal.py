@@ -75,4 +75,5 @@ class MotorTemperatures:
         self.temperature_k += share * (settled_k - self.temperature_k)
 
     def _factor(self, per_k: Vector, least: float) -> Vector:
-        return np.maximum(least, 1.0 + per_k * (self.temperature_k - self._reference_k))
+        factor = 1.0 + per_k * (self.temperature_k - self._reference_k)
+        return np.asarray(np.maximum(least, factor))
