@@ -285,7 +285,7 @@ def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
     correlation = estimate.covariance / np.outer(sigma, sigma)
     lower = np.linalg.cholesky(correlation + 1e-9 * np.eye(PARAMETERS_PER_LINK))
     standard = ConsistencyProgramme(
-        matrix=np.linalg.solve(lower, np.eye(PARAMETERS_PER_LINK)),
+        matrix=np.asarray(np.linalg.inv(lower), dtype=np.float64),
         rhs=np.zeros(PARAMETERS_PER_LINK),
         weight=PULL,
         centre=values,

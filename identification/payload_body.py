@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.arrays import FloatArray, read_only
 from config.errors import EstimationError
@@ -23,6 +24,8 @@ REPORTED_UNITS: Final = ("kg", "m", "m", "m", *("kg m^2",) * 6)
 
 _ELEMENTS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _STEP: Final = 1e-30
+
+ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +110,7 @@ class PayloadBody:
         return PayloadBody(self.mass_kg, rotation.T @ self.centre_m, (inertia + inertia.T) / 2.0)
 
 
-def reported(parameters: FloatArray) -> FloatArray:
+def reported(parameters: FloatArray | ComplexArray) -> FloatArray:
     """Return the ten values of `REPORTED` of ten `PARAMETERS`, which may be complex."""
     mass = parameters[0]
     c = parameters[1:4] / mass

@@ -348,7 +348,9 @@ class _System:
         upper = triangular_factor(np.hstack([matrix, self.side[:, np.newaxis]]))
         if len(upper) < width:
             raise EstimationError("there are fewer equations than unknowns: record longer")
-        return np.linalg.solve(upper[:width, :width], upper[:width, width])
+        return np.asarray(
+            np.linalg.solve(upper[:width, :width], upper[:width, width]), dtype=np.float64
+        )
 
     def given(self, payload: FloatArray) -> FloatArray:
         """Return all unknowns, shape (p,), that fit best with the payload's ten as they are."""
