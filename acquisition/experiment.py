@@ -15,11 +15,19 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.control_block import ControlBlock, Progress, RecorderState, TaskState
+from acquisition.control_block import (
+    ControlBlock,
+    MonitorState,
+    Progress,
+    RecorderState,
+    TaskState,
+)
 from acquisition.cycle_row import row_dtype
 from acquisition.cycle_statistics import CycleStatistics, cycle_statistics
 from acquisition.journal import read_journal
 from acquisition.journal_header import JournalHeader
+from acquisition.monitor_process import run_monitor
+from acquisition.monitor_row import MONITOR, MonitorHeader
 from acquisition.motion_samples import MotionSamples, verify_limits
 from acquisition.period_judge import Enough, PeriodJudge
 from acquisition.recorder import run_recorder
@@ -29,7 +37,9 @@ from acquisition.stop_reason import StopCode, StopReason
 from acquisition.task_process import run_cyclic_task
 from acquisition.termination import Interruption, termination_calls, termination_held
 from config.cell import CellConfig
+from config.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
+from config.load import load_bundled_or_path
 from config.robot import RobotDescription
 
 RING_S = 10.0
@@ -84,6 +94,7 @@ def record_motion(
     *,
     on_progress: Callable[[Progress], None] | None = None,
     enough: Enough | None = None,
+    drive_profile: DriveProfile | None = None,
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
@@ -103,6 +114,10 @@ def record_motion(
     enough : callable, optional
         Called with the journal and a number of whole periods in it, in a thread of its own; where
         it returns True the motion goes over to its run-out after the period under way.
+    drive_profile : DriveProfile, optional
+        The registers of the drives, where the cell has a monitor; the bundled one of the cell's
+        name when left out. Temperatures go to `monitor.mcap`; without them the motion is recorded
+        all the same, and a note says so.
 
     Raises
     ------
@@ -139,19 +154,70 @@ def record_motion(
         args=(ring, control, path, header, os.getpid()),
         name="rid-daq recorder",
     )
+    processes = [recorder, task]
+    monitor = _monitor(cell, robot, drive_profile, control, folder)
+    if monitor is not None:
+        processes.insert(0, monitor)
     with termination_calls(lambda: control.request_stop(StopCode.INTERRUPTED)) as interruption:
         # its start would let signals through again
         resource_tracker.ensure_running()
         with termination_held():
-            recorder.start()
-            task.start()
+            for process in processes:
+                process.start()
         try:
-            _watch(task, recorder, control, on_progress, judge)
+            _watch(task, recorder, monitor, control, on_progress, judge)
         finally:
             notes = _wind_up(task, recorder, control)
+            notes += _end_monitor(monitor, control)
             if judge is not None:
                 judge.close()
     return _outcome(path, task, recorder, control, interruption, len(robot.joints), notes)
+
+
+def _monitor(
+    cell: CellConfig,
+    robot: RobotDescription,
+    profile: DriveProfile | None,
+    control: ControlBlock,
+    folder: RunFolder,
+) -> SpawnProcess | None:
+    """Return the process that will ask the drives for temperatures, where the cell has a way."""
+    if cell.monitor is None:
+        return None
+    if profile is None:
+        profile = load_bundled_or_path(cell.monitor.profile, "profiles", DriveProfile)
+    control.announce_monitor(len(robot.joints))
+    header = MonitorHeader(
+        joint_names=robot.joint_names,
+        period_s=cell.monitor.period_s,
+        cell_name=cell.name,
+        robot_name=robot.name,
+        run_id=folder.run_id,
+    )
+    return get_context("spawn").Process(
+        target=run_monitor,
+        args=(cell.monitor, profile, control, folder.file(MONITOR), header, os.getpid()),
+        name="rid-daq drive monitor",
+    )
+
+
+def _end_monitor(monitor: SpawnProcess | None, control: ControlBlock) -> list[str]:
+    if monitor is None:
+        return []
+    monitor.join(FINISH_PATIENCE_S)
+    notes = []
+    if monitor.is_alive():
+        notes.append("the drive monitor did not finish and was killed; its file is not closed")
+        monitor.kill()
+        monitor.join()
+    elif monitor.exitcode != 0:
+        control.declare_monitor_dead()
+    monitor.close()
+    if control.monitor_state is MonitorState.FAILED:
+        notes.append(f"no temperatures from here on: {control.monitor_error}")
+    elif control.monitor_error:
+        notes.append(control.monitor_error)
+    return notes
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:
@@ -179,6 +245,7 @@ def _check_room(folder: Path, expected_bytes: int) -> None:
 def _watch(
     task: SpawnProcess,
     recorder: SpawnProcess,
+    monitor: SpawnProcess | None,
     control: ControlBlock,
     on_progress: Callable[[Progress], None] | None,
     judge: PeriodJudge | None,
@@ -191,6 +258,8 @@ def _watch(
         if len(sentinels) == 2 and not recorder.is_alive():
             sentinels.pop()
             control.request_stop(StopCode.RECORDER)
+        if monitor is not None and not monitor.is_alive():
+            control.declare_monitor_dead()
         progress = control.progress
         now_s = time.monotonic()
         if control.task_beat != beat:

@@ -15,6 +15,7 @@ from acquisition.recording import Recording
 from acquisition.run_folder import RunFolder, RunStatus
 from acquisition.stop_reason import StopCode
 from config.cell import CellConfig
+from config.drive_profile import DriveProfile
 from config.motion import AnyMotion
 from config.robot import RobotDescription
 from rid_daq.accuracy_watch import AccuracyWatch
@@ -102,6 +103,7 @@ def record_run(
     *,
     role: str = "recording",
     accuracy: AccuracyWatch | None = None,
+    drive_profile: DriveProfile | None = None,
 ) -> RecordedRun:
     """Record a planned motion into a run folder, showing how far it is.
 
@@ -123,6 +125,7 @@ def record_run(
             folder,
             on_progress=progress_shown(samples, display.update, accuracy),
             enough=None if accuracy is None else accuracy.enough,
+            drive_profile=drive_profile,
         )
     elapsed_s = time.monotonic() - started_s
     recording = read_journal(outcome.path).recording() if outcome.rows else None

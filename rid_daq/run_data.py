@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from acquisition.import_csv import import_csv
 from acquisition.import_report import ImportReport
 from acquisition.journal import read_journal
+from acquisition.monitor_stream import with_temperatures, with_warm_torque_constants
 from acquisition.recording import Recording
 from acquisition.run_folder import RECORDING, RunFolder
 from config.errors import RecordingError
@@ -54,7 +55,8 @@ class RunData:
 def read_run(folder: RunFolder) -> RunData:
     """Read a run's recording and robot.
 
-    An imported run keeps the file as it came, with its map, and is read by them every time.
+    An imported run keeps the file as it came, with its map, and is read by them every time. Where
+    the drives told their temperatures, torques are those of warm torque constants.
 
     Raises
     ------
@@ -71,7 +73,9 @@ def read_run(folder: RunFolder) -> RunData:
     robot = load_robot(str(folder.file(ROBOT)))
     if folder.file(RECORDING).exists():
         journal = read_journal(folder.file(RECORDING))
-        return RunData(folder, journal.recording(), robot, damage=journal.damage.notes)
+        recording, notes = with_temperatures(journal.recording(), folder)
+        recording = with_warm_torque_constants(recording, robot)
+        return RunData(folder, recording, robot, damage=(*journal.damage.notes, *notes))
     import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
     recording, report = import_csv(folder.file(SOURCE), import_map, robot, run_id=folder.run_id)
     return RunData(folder, replace(recording, robot_name=robot.name), robot, report)
