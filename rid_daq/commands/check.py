@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -19,7 +19,9 @@ from drivers.cell import Cell, open_cell
 from drivers.interfaces import DriveSetting
 from drivers.servo_can import COLLECT_FRACTION
 from rid_daq.cells import reachable_cell
+from rid_daq.check_line import CheckLine
 from rid_daq.console import AsJson, Console
+from rid_daq.monitor_check import monitor_lines
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 _NEXT: dict[str, str] = {
@@ -37,19 +39,6 @@ _NEXT: dict[str, str] = {
 _NEXT_OTHERWISE = "the drive did not take this setting: see its manual, or set it in its own tool"
 
 
-@dataclass(frozen=True)
-class CheckLine:
-    """One line of the preflight: what was measured, what is required, what to do if red."""
-
-    where: str
-    what: str
-    required: str
-    found: str
-    verdict: Literal["ok", "red", "allowed", "shown"]
-    next_action: str = ""
-    of_drive: bool = False
-
-
 def check(
     cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
     seconds: Annotated[
@@ -61,13 +50,15 @@ def check(
     """Check a cell before motion: no power is switched on, nothing moves.
 
     Every drive is reset, configured and read back; then SYNC is sent for some seconds and every
-    answer is counted. Exit code 3 where a line is red.
+    answer is counted. Where the cell has a drive monitor, every motor's temperature and torque
+    constant are read too. Exit code 3 where a line is red.
     """
     console = Console(as_json)
     loaded = load_cell(cell)
     lines = [_bus_load(loaded.config), _disk(runs)]
     problem: RidDaqError | None = None
     with reachable_cell(loaded) as reachable:
+        lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
         try:
             lines += _devices(reachable, loaded.robot, seconds)
         except _Stopped as stopped:
