@@ -1,4 +1,4 @@
-"""`ControlBlock`: what the program, the cyclic task and the recorder tell one another.
+"""`ControlBlock`: what the program, the cyclic task, the recorder and the monitor tell one another.
 
 A few words of anonymous shared memory. Every field has one writer; texts are written before the
 word that announces them.
@@ -7,7 +7,7 @@ word that announces them.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import isnan, nan
@@ -40,6 +40,26 @@ class RecorderState(IntEnum):
     FAILED = 3
 
 
+class MonitorState(IntEnum):
+    """How far the drive monitor has come."""
+
+    STARTING = 0
+    POLLING = 1
+    FINISHED = 2
+    FAILED = 3
+
+
+class Pace(IntEnum):
+    """By which clock the cyclic task runs, as far as is known."""
+
+    UNKNOWN = 0
+    REAL_TIME = 1
+    LOCKSTEP = 2
+
+
+MOST_JOINTS = 16
+
+
 class _Fields(ctypes.Structure):
     _fields_ = (
         # written by the program
@@ -48,6 +68,7 @@ class _Fields(ctypes.Structure):
         ("judging", ctypes.c_int64),
         ("periods_judged", ctypes.c_int64),
         ("enough", ctypes.c_int64),
+        ("monitored", ctypes.c_int64),
         # written by the cyclic task
         ("task_state", ctypes.c_int64),
         ("task_beat", ctypes.c_int64),
@@ -63,10 +84,20 @@ class _Fields(ctypes.Structure):
         ("error_class", ctypes.c_char * 64),
         ("error_text", ctypes.c_char * 4096),
         ("notes", ctypes.c_char * 4096),
+        ("pace", ctypes.c_int64),
+        ("monitor_asked", ctypes.c_int64),
+        ("monitor_asked_s", ctypes.c_double),
         # written by the recorder
         ("recorder_state", ctypes.c_int64),
         ("recorder_beat", ctypes.c_int64),
         ("recorder_error", ctypes.c_char * 1024),
+        # written by the drive monitor
+        ("monitor_state", ctypes.c_int64),
+        ("monitor_rounds", ctypes.c_int64),
+        ("monitor_seen", ctypes.c_int64),
+        ("monitor_problems", ctypes.c_int64),
+        ("temperature_k", ctypes.c_double * MOST_JOINTS),
+        ("monitor_error", ctypes.c_char * 1024),
     )
 
 
@@ -74,13 +105,16 @@ class _Fields(ctypes.Structure):
 class Progress:
     """Where the cyclic task is: for a progress bar.
 
-    `sample_index` is the row of the motion last commanded, -1 before and after it.
+    `sample_index` is the row of the motion last commanded, -1 before and after it;
+    `temperature_k` are the motors' latest temperatures, NaN for a drive that did not answer, empty
+    where nothing asks for them or nothing has been answered yet.
     """
 
     state: TaskState
     phase: Phase
     sample_index: int
     cycles: int
+    temperature_k: tuple[float, ...] = ()
 
 
 class ControlBlock:
@@ -128,7 +162,22 @@ class ControlBlock:
             phase=Phase(fields.phase),
             sample_index=int(fields.sample_index),
             cycles=int(fields.cycles),
+            temperature_k=self._temperatures,
         )
+
+    @property
+    def _temperatures(self) -> tuple[float, ...]:
+        fields = self._fields
+        return tuple(fields.temperature_k[: fields.monitored]) if fields.monitor_seen else ()
+
+    def announce_monitor(self, joints: int) -> None:
+        """Say, before the motion, that the drives of so many joints are asked for temperatures."""
+        self._fields.monitored = joints
+
+    def declare_monitor_dead(self) -> None:
+        """Let nobody wait for a monitor whose process has ended without a word."""
+        if self.monitor_state in (MonitorState.STARTING, MonitorState.POLLING):
+            self.fail_monitor("the process that asks the drives has died")
 
     @property
     def stop_reason(self) -> StopReason | None:
@@ -182,6 +231,26 @@ class ControlBlock:
     def enough(self) -> bool:
         """Whether the program has seen enough periods."""
         return bool(self._fields.enough)
+
+    @property
+    def monitored(self) -> int:
+        """Of how many joints the drives are asked for temperatures; 0: of none."""
+        return int(self._fields.monitored)
+
+    @property
+    def pace(self) -> Pace:
+        """By which clock the task runs."""
+        return Pace(self._fields.pace)
+
+    @pace.setter
+    def pace(self, pace: Pace) -> None:
+        self._fields.pace = int(pace)
+
+    def ask_monitor(self, time_s: float) -> int:
+        """Ask the monitor for a round that counts for a simulated time [s]; return its number."""
+        self._fields.monitor_asked_s = time_s
+        self._fields.monitor_asked += 1
+        return int(self._fields.monitor_asked)
 
     @property
     def task_beat(self) -> int:
@@ -263,6 +332,59 @@ class ControlBlock:
         """Say that the recorder cannot go on."""
         self._fields.recorder_error = _clipped(text, 1023)
         self.recorder_state = RecorderState.FAILED
+
+    # the drive monitor's side
+
+    @property
+    def monitor_asked(self) -> int:
+        """How many rounds the task has asked for, in lock-step."""
+        return int(self._fields.monitor_asked)
+
+    @property
+    def monitor_asked_s(self) -> float:
+        """The simulated time of the latest of them [s]."""
+        return float(self._fields.monitor_asked_s)
+
+    @property
+    def monitor_rounds(self) -> int:
+        """How many of them have been answered."""
+        return int(self._fields.monitor_rounds)
+
+    def count_monitor_round(self) -> None:
+        """Say that a round is in the file."""
+        self._fields.monitor_rounds += 1
+
+    @property
+    def monitor_state(self) -> MonitorState:
+        """How far the monitor has come."""
+        return MonitorState(self._fields.monitor_state)
+
+    @monitor_state.setter
+    def monitor_state(self, state: MonitorState) -> None:
+        self._fields.monitor_state = int(state)
+
+    @property
+    def monitor_error(self) -> str:
+        """What went wrong, in a sentence; empty where all is well."""
+        text = str(self._fields.monitor_error.decode(errors="replace"))
+        problems = int(self._fields.monitor_problems)
+        if self.monitor_state is MonitorState.FAILED or not problems:
+            return text
+        return f"drives did not tell their temperature {problems} times; the last time: {text}"
+
+    def show_temperatures(self, temperature_k: Sequence[float], problems: Sequence[str]) -> None:
+        """Show the latest temperatures [K], and why some are missing."""
+        fields = self._fields
+        fields.temperature_k[: len(temperature_k)] = temperature_k
+        fields.monitor_seen = 1
+        if problems:
+            fields.monitor_problems += len(problems)
+            fields.monitor_error = _clipped(problems[-1], 1023)
+
+    def fail_monitor(self, text: str) -> None:
+        """Say that the monitor cannot go on."""
+        self._fields.monitor_error = _clipped(text, 1023)
+        self.monitor_state = MonitorState.FAILED
 
 
 def _clipped(text: str, size: int) -> bytes:

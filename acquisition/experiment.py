@@ -16,11 +16,19 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.clear_path import refuse_collision
-from acquisition.control_block import ControlBlock, Progress, RecorderState, TaskState
+from acquisition.control_block import (
+    ControlBlock,
+    MonitorState,
+    Progress,
+    RecorderState,
+    TaskState,
+)
 from acquisition.cycle_row import row_dtype
 from acquisition.cycle_statistics import CycleStatistics, cycle_statistics
 from acquisition.journal import read_journal
 from acquisition.journal_header import JournalHeader
+from acquisition.monitor_process import run_monitor
+from acquisition.monitor_row import MONITOR, MonitorHeader
 from acquisition.motion_samples import MotionSamples, verify_limits
 from acquisition.period_judge import Enough, PeriodJudge
 from acquisition.plate_journal import PLATE_RECORDING
@@ -35,7 +43,9 @@ from acquisition.task_process import run_cyclic_task
 from acquisition.termination import Interruption, termination_calls, termination_held
 from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
+from config.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
+from config.load import load_bundled_or_path
 from config.robot import RobotDescription
 from dynamics.clearances import Clearances
 
@@ -92,6 +102,7 @@ def record_motion(
     on_progress: Callable[[Progress], None] | None = None,
     enough: Enough | None = None,
     profile: AmplifierProfile | None = None,
+    drive_profile: DriveProfile | None = None,
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
@@ -113,6 +124,10 @@ def record_motion(
         it returns True the motion goes over to its run-out after the period under way.
     profile : AmplifierProfile, optional
         What the cell's amplifier speaks: the force plate is recorded beside, into `plate.mcap`.
+    drive_profile : DriveProfile, optional
+        The registers of the drives, where the cell has a monitor; the bundled one of the cell's
+        name when left out. Temperatures go to `monitor.mcap`; without them the motion is recorded
+        all the same, and a note says so.
 
     Raises
     ------
@@ -149,6 +164,10 @@ def record_motion(
         args=(ring, control, path, header, os.getpid()),
         name="rid-daq recorder",
     )
+    processes = [recorder, task]
+    monitor = _monitor(cell, robot, drive_profile, control, folder)
+    if monitor is not None:
+        processes.insert(0, monitor)
     with termination_calls(lambda: control.request_stop(StopCode.INTERRUPTED)) as interruption:
         # its start would let signals through again
         resource_tracker.ensure_running()
@@ -156,18 +175,65 @@ def record_motion(
         notes: list[str] = []
         try:
             with termination_held():
-                recorder.start()
-                task.start()
+                for process in processes:
+                    process.start()
             try:
-                _watch(task, recorder, control, on_progress, judge, plate)
+                _watch(task, recorder, monitor, control, on_progress, judge, plate)
             finally:
                 notes += _wind_up(task, recorder, control)
+                notes += _end_monitor(monitor, control)
                 if judge is not None:
                     judge.close()
         finally:
             if plate is not None:
                 notes += plate.close()
     return _outcome(path, task, recorder, control, interruption, len(robot.joints), notes)
+
+
+def _monitor(
+    cell: CellConfig,
+    robot: RobotDescription,
+    profile: DriveProfile | None,
+    control: ControlBlock,
+    folder: RunFolder,
+) -> SpawnProcess | None:
+    """Return the process that will ask the drives for temperatures, where the cell has a way."""
+    if cell.monitor is None:
+        return None
+    if profile is None:
+        profile = load_bundled_or_path(cell.monitor.profile, "profiles", DriveProfile)
+    control.announce_monitor(len(robot.joints))
+    header = MonitorHeader(
+        joint_names=robot.joint_names,
+        period_s=cell.monitor.period_s,
+        cell_name=cell.name,
+        robot_name=robot.name,
+        run_id=folder.run_id,
+    )
+    return get_context("spawn").Process(
+        target=run_monitor,
+        args=(cell.monitor, profile, control, folder.file(MONITOR), header, os.getpid()),
+        name="rid-daq drive monitor",
+    )
+
+
+def _end_monitor(monitor: SpawnProcess | None, control: ControlBlock) -> list[str]:
+    if monitor is None:
+        return []
+    monitor.join(FINISH_PATIENCE_S)
+    notes = []
+    if monitor.is_alive():
+        notes.append("the drive monitor did not finish and was killed; its file is not closed")
+        monitor.kill()
+        monitor.join()
+    elif monitor.exitcode != 0:
+        control.declare_monitor_dead()
+    monitor.close()
+    if control.monitor_state is MonitorState.FAILED:
+        notes.append(f"no temperatures from here on: {control.monitor_error}")
+    elif control.monitor_error:
+        notes.append(control.monitor_error)
+    return notes
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:
@@ -223,6 +289,7 @@ def _check_room(folder: Path, expected_bytes: int) -> None:
 def _watch(
     task: SpawnProcess,
     recorder: SpawnProcess,
+    monitor: SpawnProcess | None,
     control: ControlBlock,
     on_progress: Callable[[Progress], None] | None,
     judge: PeriodJudge | None,
@@ -236,6 +303,8 @@ def _watch(
         if len(sentinels) == 2 and not recorder.is_alive():
             sentinels.pop()
             control.request_stop(StopCode.RECORDER)
+        if monitor is not None and not monitor.is_alive():
+            control.declare_monitor_dead()
         progress = control.progress
         now_s = time.monotonic()
         if control.task_beat != beat:

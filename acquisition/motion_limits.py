@@ -8,6 +8,7 @@ from acquisition.arrays import FloatArray
 from acquisition.ramp import Path
 from config.errors import ConfigError
 from config.robot import RobotDescription
+from drivers.wrist_coupling import WristCoupling
 
 CHUNK_ROWS = 10_000
 
@@ -17,20 +18,26 @@ def violations(
 ) -> list[str]:
     """Return what exceeds which limit, in words: the worst of each joint, quantity and side."""
     limits = [joint.limits for joint in robot.joints]
-    bounds = (
+    velocity = ("/s", [-x.velocity for x in limits], [x.velocity for x in limits])
+    bounds = [
         ("position", "", [x.position_min for x in limits], [x.position_max for x in limits]),
-        ("velocity", "/s", [-x.velocity for x in limits], [x.velocity for x in limits]),
+        ("velocity", *velocity),
         (
             "acceleration",
             "/s^2",
             [-x.acceleration for x in limits],
             [x.acceleration for x in limits],
         ),
-    )
+    ]
+    coupling = WristCoupling.of_robot(robot)
+    if coupling is not None:
+        bounds.append(("velocity of the motor", *velocity))
     worst: dict[tuple[str, int, float], tuple[float, str]] = {}
     for first in range(0, len(path.position) - 1, CHUNK_ROWS):
         chunk = Path(*(values[first : first + CHUNK_ROWS + 1] for values in path))
-        fine = _between_rows(chunk, sample_period_s, oversampling)
+        fine: tuple[FloatArray, ...] = _between_rows(chunk, sample_period_s, oversampling)
+        if coupling is not None:
+            fine = (*fine, coupling.to_motors(fine[1]))
         for values, (quantity, per, low, high) in zip(fine, bounds, strict=True):
             for side, limit in ((1.0, high), (-1.0, low)):
                 excess = side * (values - limit)

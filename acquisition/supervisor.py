@@ -13,6 +13,7 @@ from acquisition.stop_reason import StopCode, StopReason
 from config.cell import CellConfig
 from config.robot import RobotDescription
 from drivers.interfaces import DriveEvent, EventKind
+from drivers.wrist_coupling import WristCoupling
 
 LATE_FRACTION = 0.5
 PLAUSIBLE_FACTOR = 1.5
@@ -33,9 +34,11 @@ _CODE_OF_EVENT = {
 class Supervisor:
     """Watches timing, frames, drives, measured values and set-points.
 
-    Limits on measured values are the robot's with the cell's margins; see `Supervision`. Call
-    `begin` once the drives are enabled, then in every cycle the checks, in any order, and `sent`
-    for what was commanded.
+    Limits on measured values are the robot's with the cell's margins; see `Supervision`. With a
+    coupled wrist, position, its plausibility and following error are judged joint by joint, torque
+    and standstill motor by motor, velocity on both sides; a joint counts only where all motors that
+    move it have answered. Call `begin` once the drives are enabled, then in every cycle the checks,
+    in any order, and `sent` for what was commanded.
 
     Attributes
     ----------
@@ -62,6 +65,13 @@ class Supervisor:
         self._high = [each.position_max + rules.following_error_min_rad for each in limits]
         self._velocity_limit = [each.velocity * margin for each in limits]
         self._torque_limit = [each.torque * margin for each in limits]
+        self._coupling = WristCoupling.of_robot(robot)
+        self._partners: list[tuple[int, ...]] = [()] * n  # whose answers a joint needs besides
+        if self._coupling is not None:
+            self._partners = [
+                tuple(j for j in motors if j != i)
+                for i, motors in enumerate(self._coupling.motors_of)
+            ]
         self._late_answers: deque[bool] = deque(maxlen=LATE_ANSWERS_WINDOW)
         self.position = [0.0] * n
         self.valid = [0] * n
@@ -77,6 +87,7 @@ class Supervisor:
         self._missed = [0] * n
         self._implausible = [0] * n
         self._stuck = [0] * n
+        self._velocity = [0.0] * n  # last plausible ones
         self._since = [0] * n  # periods since the last plausible position
         self._command = [0.0] * n
         self._target = list(position)
@@ -175,6 +186,8 @@ class Supervisor:
             word = statusword[i]
             if word & _STATE_MASK != _OPERATION_ENABLED:
                 return self._not_enabled(i, word)
+            if not all(received[j] for j in self._partners[i]):
+                continue
             actual, since = position[i], self._since[i]
             step = actual - self.position[i]
             if not -self._step[i] * since <= step <= self._step[i] * since:
@@ -186,7 +199,7 @@ class Supervisor:
             valid[i] = 1
             self._since[i] = 0
             self.position[i] = actual
-            velocity = step / (since * self._period_s)
+            velocity = self._velocity[i] = step / (since * self._period_s)
             reason = self._beyond_limits(i, actual, velocity, torque_nm[i])
             if reason is not None:
                 return reason
@@ -196,16 +209,36 @@ class Supervisor:
             )
             if not -allowed <= error <= allowed:
                 return self._following_error(i, error, allowed)
-            command = abs(self._command[i])
-            if command > rules.stuck_encoder_velocity_rad_s and (
-                abs(velocity) < STUCK_FRACTION * command
+            if self._coupling is None and self._stands_still(
+                i, self._command[i], velocity, periods
             ):
-                self._stuck[i] += periods
-                if self._stuck[i] >= rules.stuck_encoder_cycles:
-                    return self._stuck_encoder(i, command)
-            else:
-                self._stuck[i] = 0
+                return self._stuck_encoder(i)
+        return None if self._coupling is None else self._check_motors(self._coupling, periods)
+
+    def _check_motors(self, coupling: WristCoupling, periods: int) -> StopReason | None:
+        """Check the motors' speeds and that they turn at all, where every joint's is known."""
+        if not all(self.valid):
+            return None
+        velocities = coupling.to_motors(self._velocity).tolist()
+        commands = coupling.to_motors(self._command).tolist()
+        for i, (velocity, command) in enumerate(zip(velocities, commands, strict=True)):
+            limit = self._velocity_limit[i]
+            if not -limit <= velocity <= limit:
+                what = "motor's velocity, over its gear ratio,"
+                return self._limit(i, StopCode.VELOCITY_LIMIT, what, velocity, limit, "rad/s")
+            if self._stands_still(i, command, velocity, periods):
+                return self._stuck_encoder(i)
         return None
+
+    def _stands_still(self, i: int, command: float, velocity: float, periods: int) -> bool:
+        """Count how long an encoder stands while it is told to move; True where it is too long."""
+        rules = self._rules
+        command = abs(command)
+        moves = command <= rules.stuck_encoder_velocity_rad_s or not (
+            abs(velocity) < STUCK_FRACTION * command
+        )
+        self._stuck[i] = 0 if moves else self._stuck[i] + periods
+        return self._stuck[i] >= rules.stuck_encoder_cycles
 
     def check_set_point(
         self,
@@ -237,6 +270,11 @@ class Supervisor:
                 return self._set_point(i, "velocity jumps by", change, step)
             if not -limit <= command[i] <= limit:
                 return self._set_point(i, "velocity command is", command[i], limit)
+        if self._coupling is not None:
+            for i, velocity in enumerate(self._coupling.to_motors(command).tolist()):
+                limit = self._velocity_limit[i]
+                if not -limit <= velocity <= limit:
+                    return self._set_point(i, "velocity command for its motor is", velocity, limit)
         self._target = list(target_position)
         self._target_velocity = list(target_velocity)
         self._command = list(command)
@@ -311,11 +349,14 @@ class Supervisor:
             limit=allowed,
         )
 
-    def _stuck_encoder(self, i: int, command: float) -> StopReason:
+    def _stuck_encoder(self, i: int) -> StopReason:
+        command = self._command
+        if self._coupling is not None:
+            command = self._coupling.to_motors(command).tolist()
         return StopReason(
             StopCode.STUCK_ENCODER,
             f"joint {self._names[i]}: its position stands still for {self._stuck[i]} cycles while"
-            f" {command:.4g} rad/s are commanded. Check encoder, coupling and brake",
+            f" {abs(command[i]):.4g} rad/s are commanded. Check encoder, coupling and brake",
             joint=self._names[i],
             value=float(self._stuck[i]),
             limit=float(self._rules.stuck_encoder_cycles),

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from config.bodies import Workspace
 from config.model import ConfigModel
+from config.monitor import MonitorConfig
 from config.plate import PlateConfig
 from config.robot import NonNegative, Positive
 
@@ -98,6 +99,8 @@ class ButterworthFilter(ConfigModel):
 class CellConfig(ConfigModel):
     """A cell: one robot, its drives, their bus, its force plate, the cycle, and the limits held.
 
+    `monitor` is a second way to the drives (Modbus), for temperatures and nominal data.
+
     `robot` and `plant` name a bundled file or give a path relative to the cell file. A cell with
     `simulated: true` gets its mock hardware started by the command that needs it.
     """
@@ -116,6 +119,7 @@ class CellConfig(ConfigModel):
     validation_limits_percent: tuple[Positive, ...] | None = None
     workspace: Workspace = Workspace()
     plate: PlateConfig | None = None
+    monitor: MonitorConfig | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> CellConfig:
@@ -133,6 +137,10 @@ class CellConfig(ConfigModel):
         if limits is not None and len(limits) != len(self.axes):
             raise ValueError(
                 f"validation_limits_percent has {len(limits)} values for {len(self.axes)} axes"
+            )
+        if self.monitor is not None and len(self.monitor.units) != len(self.axes):
+            raise ValueError(
+                f"monitor.units has {len(self.monitor.units)} addresses for {len(self.axes)} axes"
             )
         unknown = set(self.drive_safety.allow_drive_without_watchdog) - set(nodes)
         if unknown:

@@ -15,6 +15,7 @@ from pydantic_core import ErrorDetails
 
 from config.amplifier_profile import AmplifierProfile, require_line
 from config.cell import CellConfig
+from config.drive_profile import DriveProfile
 from config.errors import ConfigError
 from config.import_map import ImportMap
 from config.motion import AnyMotion, Motion
@@ -37,10 +38,11 @@ class LoadedCell:
     plant: PlantConfig | None
     files: dict[str, bytes]
     amplifier_profile: AmplifierProfile | None = None
+    drive_profile: DriveProfile | None = None
 
 
 def load_cell(reference: str) -> LoadedCell:
-    """Load a cell and the robot, plant and amplifier files that it names.
+    """Load a cell and the robot, plant, amplifier and drive files that it names.
 
     Parameters
     ----------
@@ -77,7 +79,12 @@ def load_cell(reference: str) -> LoadedCell:
         profile = validate(parse_yaml(profile_text, profile_name), AmplifierProfile)
         _check_line(cell_tree, cell.plate, profile, cell.cycle_time_s)
         files["amplifier.yaml"] = profile_text
-    return LoadedCell(cell, robot, plant, files, profile)
+    drive_profile = None
+    if cell.monitor is not None:
+        drive_text, drive_name, _ = _read(cell.monitor.profile, "profiles", folder)
+        drive_profile = validate(parse_yaml(drive_text, drive_name), DriveProfile)
+        files["drives.yaml"] = drive_text
+    return LoadedCell(cell, robot, plant, files, profile, drive_profile)
 
 
 def load_robot(reference: str) -> RobotDescription:
@@ -191,11 +198,6 @@ def _read(reference: str, kind: str, folder: Path | None) -> tuple[bytes, str, P
 
 
 def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) -> None:
-    if robot.coupling is not None:
-        raise ConfigError(
-            f"{tree.name}: robot {robot.name} has a coupling, and a simulated drive moves one joint"
-            " alone: leave `plant` and `simulated` out of the cell"
-        )
     n = len(robot.joints)
     for key, entries in (("links", plant.links), ("axes", plant.axes)):
         if len(entries) != n:

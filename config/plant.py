@@ -5,10 +5,12 @@ What the identification models do not have stands in `unmodelled`, so that it ca
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, field_validator, model_validator
 
+from config.errors import ConfigError
 from config.model import ConfigModel
 from config.plate import Eight, SquareMatrix
 from config.robot import Kinematics, NonNegative, Positive, Vector3
@@ -26,11 +28,47 @@ class LinkInertia(ConfigModel):
     inertia_kg_m2: tuple[float, float, float, float, float, float]
 
 
+class PayloadBody(LinkInertia):
+    """A body that can be mounted on the flange, in the frame of the last link."""
+
+    @model_validator(mode="after")
+    def _can_exist(self) -> Self:
+        xx, yy, zz, xy, xz, yz = self.inertia_kg_m2
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if moments[0] < 0.0 or moments[0] + moments[1] < moments[2]:
+            raise ValueError(
+                f"inertia_kg_m2 has the principal moments {', '.join(f'{m:.4g}' for m in moments)}:"
+                " none may be negative, nor larger than the other two together"
+            )
+        return self
+
+
+class SimulatedThermal(ConfigModel):
+    """How a motor warms up, and what that changes.
+
+    `loss_at_rated_w` is the copper loss at rated torque, growing with the torque's square; the
+    share `friction_share` of the friction's power goes into the motor too. Temperature follows with
+    `rise_k_per_w` and `time_constant_s`, from `initial_k`. Friction and torque constant change by
+    `friction_per_k` and `torque_constant_per_k` of themselves per kelvin away from the joint's
+    reference temperature (robot file); friction never falls below a fifth.
+    """
+
+    initial_k: Positive = 298.15
+    ambient_k: Positive = 298.15
+    time_constant_s: Positive
+    rise_k_per_w: Positive
+    loss_at_rated_w: NonNegative
+    friction_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5
+    friction_per_k: float = 0.0
+    torque_constant_per_k: float = 0.0
+
+
 class SimulatedAxis(ConfigModel):
     """One simulated axis: motor, friction, servo loop and what its drive reports.
 
-    Friction and torques are at the link side. The velocity loop is tau = K_p (1 + 1/(T_i s)) of
-    the velocity error, with the current loop a first-order lag behind it.
+    Friction and torques are the motor's, at the link side of its gear. The velocity loop is
+    tau = K_p (1 + 1/(T_i s)) of the velocity error, with the current loop a first-order lag behind
+    it.
     """
 
     rotor_inertia_kg_m2: NonNegative
@@ -85,6 +123,7 @@ class UnmodelledAxis(ConfigModel):
     cogging_periods_per_motor_rev: Annotated[int, Field(ge=1)] = 12
     tachometer_ripple: NonNegative = 0.0
     friction_drift_per_s: float = 0.0
+    thermal: SimulatedThermal | None = None
 
 
 class Unmodelled(ConfigModel):
@@ -95,7 +134,11 @@ class Unmodelled(ConfigModel):
 
 
 class PlantConfig(ConfigModel):
-    """A simulated robot; lists run base to flange, one entry a joint of the robot file."""
+    """A simulated robot; lists run base to flange, one entry a joint of the robot file.
+
+    `payloads` are bodies for its flange, by name; `attached` is the one that hangs there when the
+    robot is switched on.
+    """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
     links: tuple[LinkInertia, ...] = Field(min_length=1)
@@ -103,6 +146,42 @@ class PlantConfig(ConfigModel):
     spring: SimulatedSpring | None = None
     plate: SimulatedPlate | None = None
     unmodelled: Unmodelled | None = None
+    payloads: dict[str, PayloadBody] = Field(default_factory=dict)
+    attached: str | None = None
+
+    @field_validator("payloads")
+    @classmethod
+    def _named(cls, payloads: dict[str, PayloadBody]) -> dict[str, PayloadBody]:
+        for name in payloads:
+            if not name.isidentifier():
+                raise ValueError(f"{name!r} is no name for a payload: use letters, digits and _")
+        return payloads
+
+    @model_validator(mode="after")
+    def _attachable(self) -> Self:
+        if self.attached is not None:
+            self._require_payload(self.attached)
+        return self
+
+    def _require_payload(self, name: str) -> None:
+        if name not in self.payloads:
+            known = ", ".join(self.payloads) or "none"
+            raise ValueError(f"attached: there is no payload {name!r}; there are: {known}")
+
+    def with_payload(self, name: str | None) -> PlantConfig:
+        """Return the same plant with a payload of `payloads` on its flange, or with none.
+
+        Raises
+        ------
+        ConfigError
+            There is no payload of that name.
+        """
+        if name is not None:
+            try:
+                self._require_payload(name)
+            except ValueError as error:
+                raise ConfigError(f"plant {self.name!r}: {error}") from None
+        return self.model_copy(update={"attached": name})
 
     def without_unmodelled(self) -> PlantConfig:
         """Return the same plant with every effect switched off that the models do not have."""

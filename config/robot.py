@@ -107,7 +107,11 @@ class Kinematics(ConfigModel):
 
 
 class JointLimits(ConfigModel):
-    """What a joint must not exceed; rad or m, per second, N m or N at the link side."""
+    """What a joint must not exceed; rad or m, per second, N m or N at the link side.
+
+    With a `coupling`, position and acceleration are the joint's, torque is its motor's, and
+    velocity bounds both, each on its own side.
+    """
 
     position_min: float
     position_max: float
@@ -153,7 +157,9 @@ class Joint(ConfigModel):
     and viscous friction change linearly away from `reference_temperature_k`, `load` grows with the
     torque that the gear transmits. `efficiency` (0 to 1) is where the estimate of the gear's
     efficiency starts (5.16, 5.17); without it the gear loses nothing. `torque_constant_nm_per_a` is
-    torque at the link side, gear included, per ampere of the motor.
+    torque at the link side, gear included, per ampere of the motor, at `reference_temperature_k`;
+    `torque_constant_per_k` is by which share of itself it changes per kelvin (magnets: some -0.001
+    1/K), which drives do not know.
     """
 
     name: str = Field(pattern=r"^[A-Za-z][\w-]{0,31}$")
@@ -162,6 +168,7 @@ class Joint(ConfigModel):
     gear_ratio: float = 1.0
     rotor: Rotor | None = None
     torque_constant_nm_per_a: Positive | None = None
+    torque_constant_per_k: Annotated[float, Field(ge=-0.01, le=0.01)] = 0.0
     friction: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
     stribeck_velocity: Positive = 0.05
     reference_temperature_k: Positive = 298.15

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from types import TracebackType
 
 from config.cell import CellConfig
-from config.errors import ConfigError, DeviceFaultError, DriverError, RidDaqError
+from config.errors import DeviceFaultError, DriverError, RidDaqError
 from config.robot import RobotDescription
 from drivers.servo_can import CanServoAxes
 from drivers.transport import CanLink, Clock, open_can
@@ -80,15 +80,10 @@ def open_cell(cell: CellConfig, robot: RobotDescription) -> Cell:
     Raises
     ------
     ConfigError
-        Cell and robot do not fit, the robot has a coupling, or the bus would be overloaded.
+        Cell and robot do not fit, or the bus would be overloaded.
     TransportError
         A bus cannot be opened.
     """
-    if robot.coupling is not None:
-        raise ConfigError(
-            f"cell {cell.name}: robot {robot.name} has a coupling, and a drive on the bus moves one"
-            " joint alone: such a robot can be identified from imported recordings, not moved"
-        )
     link = open_can(cell.can)
     try:
         return Cell(cell, robot, link)

@@ -19,6 +19,7 @@ from drivers.canopen.frames import SYNC, Frame, rpdo_cob_id, tpdo_cob_id
 from drivers.cia402 import AxisUnits, ControlWord, PowerState
 from drivers.drive_watch import DriveWatch
 from drivers.transport import CanLink
+from drivers.wrist_coupling import WristCoupling
 
 _COMMAND = struct.Struct("<Hih")
 _ANSWER = struct.Struct("<Hih")
@@ -37,13 +38,17 @@ class CyclicExchange:
         The drives, base to flange.
     watch
         Takes every frame that is not a TPDO of these drives.
+    coupling
+        What the motors do to the joints, where a wrist is coupled.
 
     Attributes
     ----------
     received : ndarray of bool, shape (n,)
-        Whether the axis answered in this cycle; if not, the other arrays keep its last values.
-    position, torque_nm : ndarray of float, shape (n,)
-        Joint side, rad (m) and N m (N).
+        Whether the drive answered in this cycle; if not, the other arrays keep its last values.
+    position : ndarray of float, shape (n,)
+        Of the joints [rad or m].
+    torque_nm : ndarray of float, shape (n,)
+        Of the motors, at the link side of their gears [N m or N].
     position_counts, torque_raw, statusword : ndarray of int32, int16, uint16, shape (n,)
         6064h, 6077h and 6041h as they came.
     late_frames, duplicate_frames
@@ -55,12 +60,20 @@ class CyclicExchange:
         Time of the last SYNC [s].
     """
 
-    def __init__(self, link: CanLink, node_ids: Sequence[int], watch: DriveWatch) -> None:
+    def __init__(
+        self,
+        link: CanLink,
+        node_ids: Sequence[int],
+        watch: DriveWatch,
+        coupling: WristCoupling | None = None,
+    ) -> None:
         count = len(node_ids)
         self._link = link
         self._watch = watch
         self.received: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
         self.position = np.zeros(count)
+        self._coupling = coupling
+        self._motor_position = self.position if coupling is None else np.zeros(count)
         self.torque_nm = np.zeros(count)
         self.position_counts = np.zeros(count, dtype=np.int32)
         self.torque_raw = np.zeros(count, dtype=np.int16)
@@ -148,15 +161,16 @@ class CyclicExchange:
                 self.statusword[axis] = status
                 self.position_counts[axis] = counts
                 self.torque_raw[axis] = torque
-                self.position[axis] = (counts - self._zero_counts[axis]) / self._counts_per_rad[
-                    axis
-                ]
+                turned = counts - self._zero_counts[axis]
+                self._motor_position[axis] = turned / self._counts_per_rad[axis]
                 self.torque_nm[axis] = torque * self._nm_per_permille[axis]
                 if status & 0x6F != PowerState.OPERATION_ENABLED:
                     self.left_enabled = True
                 missing -= 1
                 if not missing:
                     break
+        if self._coupling is not None:
+            self._coupling.to_joints(self._motor_position, self.position)
         self._watch.check(self.sync_time_s)
 
     def send_velocities(self, velocity: NDArray[np.float64]) -> None:
@@ -169,6 +183,8 @@ class CyclicExchange:
         TransportError
             The bus does not take a frame.
         """
+        if self._coupling is not None:
+            velocity = self._coupling.to_motors(velocity)
         for buffer, value, factor in zip(
             self._buffers, velocity.tolist(), self._units_per_rad_s, strict=True
         ):

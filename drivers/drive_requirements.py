@@ -65,7 +65,11 @@ def answer_pdo(node_id: int) -> PdoMapping:
 
 
 def safety_requirements(cell: CellConfig, units: AxisUnits) -> tuple[Requirement, ...]:
-    """Return what every drive of a cell must be told: monitoring, reactions, limits, mode."""
+    """Return what every drive of a cell must be told: monitoring, reactions, limits, mode.
+
+    A drive knows its motor alone: with a coupled wrist its following error and its deceleration are
+    the motor's, over its gear ratio.
+    """
     safety = cell.drive_safety
     window = abs(round(safety.following_error_rad * units.counts_per_rad))
     deceleration = abs(

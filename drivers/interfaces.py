@@ -1,4 +1,4 @@
-"""What can be asked of the devices, whatever the bus: `ServoAxes` and `ForcePlate`."""
+"""What can be asked of the devices, whatever the bus: axes, force plate, drive monitor."""
 
 from __future__ import annotations
 
@@ -88,7 +88,8 @@ class ServoAxes(Protocol):
 
     In order: `bring_up`, `start`, `enable`; then, every cycle, `sync`, `collect`, `command`,
     `beat`; at the end `quick_stop` and `disable`. Arrays have one element a joint, base to flange;
-    they are overwritten by every `collect`.
+    they are overwritten by every `collect`. With a coupled wrist, `position` is the joints' all the
+    same, and so are the velocities of `command`; everything else is that of the joint's drive.
     """
 
     joint_names: tuple[str, ...]
@@ -263,3 +264,61 @@ class ForcePlate(Protocol):
     @abstractmethod
     def stop(self, until_s: float) -> tuple[PlateRead, ...]:
         """End the stream; return what came until then."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotorData:
+    """What a drive says of its motor; NaN for what it does not say.
+
+    Attributes
+    ----------
+    torque_constant_nm_per_a, torque_constant_per_k, reference_temperature_k
+        Of the motor, before its gear: at the reference temperature, its relative change per kelvin,
+        and that temperature.
+    rated_torque_nm, rated_current_a, rotor_inertia_kg_m2
+        Of the motor.
+    """
+
+    torque_constant_nm_per_a: float
+    torque_constant_per_k: float
+    reference_temperature_k: float
+    rated_torque_nm: float
+    rated_current_a: float
+    rotor_inertia_kg_m2: float
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorReading:
+    """What the drives said in one round.
+
+    Attributes
+    ----------
+    temperature_k, operating_time_s : ndarray, shape (n,)
+        Of each joint's motor [K], and since its drive was switched on [s]; NaN where it did not
+        answer, or has no such register.
+    problems : tuple of str
+        Why a drive did not answer, one sentence each.
+    """
+
+    temperature_k: NDArray[np.float64]
+    operating_time_s: NDArray[np.float64]
+    problems: tuple[str, ...]
+
+
+class DriveMonitor(Protocol):
+    """A way to the drives' parameters and temperatures beside the cyclic exchange.
+
+    Every call asks every drive, base to flange, and waits a limited time.
+    """
+
+    @abstractmethod
+    def motors(self) -> tuple[MotorData, ...]:
+        """Return what the drives say of their motors."""
+
+    @abstractmethod
+    def read(self) -> MonitorReading:
+        """Return temperatures; a drive that does not answer does not keep the others' away."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the line."""

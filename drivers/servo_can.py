@@ -32,6 +32,7 @@ from drivers.drive_setup import DriveSetup, SetupResult
 from drivers.drive_watch import DriveWatch
 from drivers.interfaces import DriveEvent, DriveSetting
 from drivers.transport import CanLink
+from drivers.wrist_coupling import WristCoupling
 
 COLLECT_FRACTION = 0.6
 START_TIMEOUT_S = 2.0
@@ -85,7 +86,8 @@ class CanServoAxes:
         self._watch = DriveWatch(
             self.joint_names, nodes, cell.drive_safety, hears_itself=link.hears_itself
         )
-        self._exchange = CyclicExchange(link, nodes, self._watch)
+        coupling = WristCoupling.of_robot(robot)
+        self._exchange = CyclicExchange(link, nodes, self._watch, coupling)
         self.received = self._exchange.received
         self.position = self._exchange.position
         self.torque_nm = self._exchange.torque_nm

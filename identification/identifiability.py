@@ -86,7 +86,7 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     honest = np.diagonal(estimate.covariance_honest)
     colour = min(1.0, float(np.median(white / honest)))
     tried: list[tuple[str, FloatArray]] = []
-    for words, motion in _motions(estimate.robot):
+    for words, motion in joint_motions(estimate.robot):
         tried.append((words, _information(estimate, motion, noise)))
     found = []
     for i in weak:
@@ -120,7 +120,7 @@ def _information(
     return np.asarray((columns / noise[:, np.newaxis]).reshape(-1, len(estimate.base)))
 
 
-def _motions(
+def joint_motions(
     robot: RobotDescription,
 ) -> list[tuple[str, tuple[FloatArray, FloatArray, FloatArray]]]:
     """Return motions in words and as q, v, a: joints by one, then by two; wide, then fast."""

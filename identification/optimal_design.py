@@ -135,7 +135,7 @@ def candidates(
         )
         for seed in seeds
     )
-    with _backend(scheduler, jobs), warnings.catch_warnings():
+    with backend(scheduler, jobs), warnings.catch_warnings():
         # A caller that has seen enough closes this generator, which is no reason for a warning.
         warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
@@ -143,7 +143,7 @@ def candidates(
 
 
 @contextmanager
-def _backend(scheduler: str | None, jobs: int) -> Iterator[None]:
+def backend(scheduler: str | None, jobs: int) -> Iterator[None]:
     """Let joblib compute on this machine, or on a Dask cluster."""
     if scheduler is None:
         # One thread a process: rounding must not depend on how many cores share a sum.

@@ -1,7 +1,8 @@
 """`AxisSnapshot`: where the simulated axes really are, readable from any process.
 
 The drives' process writes it into a small file after every step; tests and the program's own checks
-read it. Nothing of it ever comes over the bus: a real robot has no such file.
+read it. Nothing of it ever comes over the bus: a real robot has no such file. One word of it goes
+the other way: which payload somebody has mounted on the flange.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 from config.errors import TransportError
 
 # Eight-byte words: sequence number (odd while writing), axes, time; each is stored at one stroke.
-_SEQUENCE, _AXES, _TIME = 0, 1, 2
-_HEADER_WORDS = 3
-_ROWS = 4
+_SEQUENCE, _AXES, _TIME, _PAYLOAD = 0, 1, 2, 3
+_HEADER_WORDS = 4
+_ROWS = 5
 _PATIENCE_S = 2.0
 """A writer may lose the processor in the middle of a snapshot; after this it is taken for dead."""
 
@@ -41,6 +42,8 @@ class AxisSnapshot:
         Of the joints, (n,): rad or m, per second, and motor torque at the link side, N m or N.
     enabled
         Whether the axis's drive is powered, (n,); its brake is closed otherwise.
+    temperature_k
+        Of the motors, (n,) [K].
     """
 
     time_s: float
@@ -48,6 +51,7 @@ class AxisSnapshot:
     velocity: NDArray[np.float64]
     torque: NDArray[np.float64]
     enabled: NDArray[np.bool_]
+    temperature_k: NDArray[np.float64]
 
 
 class SnapshotWriter:
@@ -65,6 +69,15 @@ class SnapshotWriter:
         self._sequence = 0
         self._words[_AXES] = axes
 
+    @property
+    def payload(self) -> int:
+        """The number that somebody asked for (`SnapshotReader.ask_for_payload`)."""
+        return int(self._words[_PAYLOAD])
+
+    @payload.setter
+    def payload(self, number: int) -> None:
+        self._words[_PAYLOAD] = number
+
     def write(
         self,
         time_s: float,
@@ -72,6 +85,7 @@ class SnapshotWriter:
         velocity: ArrayLike,
         torque: ArrayLike,
         enabled: ArrayLike,
+        temperature_k: ArrayLike,
     ) -> None:
         """Write one snapshot; readers see it whole or not at all."""
         self._words[_SEQUENCE] = self._sequence + 1
@@ -80,6 +94,7 @@ class SnapshotWriter:
         self._rows[1] = velocity
         self._rows[2] = torque
         self._rows[3] = enabled
+        self._rows[4] = temperature_k
         self._sequence += 2
         self._words[_SEQUENCE] = self._sequence
 
@@ -95,8 +110,8 @@ class SnapshotReader:
 
     def __init__(self, path: Path) -> None:
         try:
-            with path.open("rb") as file:
-                self._memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+            with path.open("r+b") as file:
+                self._memory = mmap.mmap(file.fileno(), 0)
         except (OSError, ValueError) as error:
             raise TransportError(f"{path}: no simulated axes to look at ({error})") from error
 
@@ -117,10 +132,15 @@ class SnapshotReader:
                 numbers = np.frombuffer(content, np.float64)
                 rows = numbers[_HEADER_WORDS:].reshape(_ROWS, axes)
                 return AxisSnapshot(
-                    float(numbers[_TIME]), rows[0], rows[1], rows[2], rows[3] != 0.0
+                    float(numbers[_TIME]), rows[0], rows[1], rows[2], rows[3] != 0.0, rows[4]
                 )
             os.sched_yield()
         raise TransportError("the simulated axes' snapshot is torn: its writer died")
+
+    def ask_for_payload(self, number: int) -> None:
+        """Ask the writer's process to mount a payload by number; 0 for none."""
+        start = 8 * _PAYLOAD
+        self._memory[start : start + 8] = number.to_bytes(8, sys.byteorder)
 
     def _sequence(self) -> int:
         return int.from_bytes(self._memory[:8], sys.byteorder)

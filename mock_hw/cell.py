@@ -15,8 +15,10 @@ from typing import Any
 
 from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
+from config.drive_profile import DriveProfile
 from config.errors import TransportError
 from config.load import load_bundled_or_path
+from config.monitor import ModbusRtu, ModbusTcp, MonitorConfig
 from config.plant import PlantConfig, SimulatedPlate
 from config.plate import PlateConfig
 from config.robot import RobotDescription
@@ -25,7 +27,9 @@ from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
 from mock_hw.drives_process import DrivesSettings, serve_drives
 from mock_hw.hub_process import HubSettings, serve_hub
 from mock_hw.line_faults import NO_FAULTS, LineFaults
+from mock_hw.register_service import RegisterSettings, ServerCertificates
 from mock_hw.runtime_directory import plate_path, runtime_directory, socket_path
+from mock_hw.simulated_registers import NO_REGISTER_FAULTS, RegisterFaults
 
 _START_TIMEOUT_S = 120.0  # the plant's kernels may have to be compiled
 _END_TIMEOUT_S = 5.0
@@ -59,6 +63,12 @@ class SimulatedCell:
         What goes wrong on the amplifier's line.
     amplifier_baud_rate
         What the amplifier is set to, where that is not what the cell file says.
+    drive_profile
+        The drives' registers; the bundled profile of the cell's name when left out.
+    register_faults
+        What goes wrong when registers are read.
+    certificates
+        What the drives show and want to see, where the cell's monitor uses TLS.
 
     Raises
     ------
@@ -80,6 +90,9 @@ class SimulatedCell:
         profile: AmplifierProfile | None = None,
         plate_faults: LineFaults = NO_FAULTS,
         amplifier_baud_rate: int | None = None,
+        drive_profile: DriveProfile | None = None,
+        register_faults: RegisterFaults = NO_REGISTER_FAULTS,
+        certificates: ServerCertificates | None = None,
     ) -> None:
         self._cell = cell
         self._robot = robot
@@ -91,7 +104,11 @@ class SimulatedCell:
         self._profile = profile
         self._plate_faults = plate_faults
         self._amplifier_baud_rate = amplifier_baud_rate
+        self._drive_profile = drive_profile
+        self._register_faults = register_faults
+        self._certificates = certificates
         self._address = ""
+        self._monitor: MonitorConfig | None = None
         self._stack = contextlib.ExitStack()
         self._channel = ""
         self._snapshots: SnapshotReader | None = None
@@ -103,9 +120,12 @@ class SimulatedCell:
 
     @property
     def cell(self) -> CellConfig:
-        """The cell with the channel and the serial port under which it is served."""
+        """The cell with the channel and the ports under which it is served."""
         can = self._cell.can.model_copy(update={"interface": "rid_sim", "channel": self._channel})
-        return with_address(self._cell.model_copy(update={"can": can}), self._address)
+        update: dict[str, object] = {"can": can}
+        if self._monitor is not None:
+            update["monitor"] = self._monitor
+        return with_address(self._cell.model_copy(update=update), self._address)
 
     @property
     def address(self) -> str:
@@ -123,6 +143,28 @@ class SimulatedCell:
         if self._snapshots is None:
             raise TransportError("this simulated cell is not running; enter it with 'with' first")
         return self._snapshots.read()
+
+    @property
+    def payloads(self) -> tuple[str, ...]:
+        """The bodies that can be mounted on the flange."""
+        return tuple(self._plant.payloads)
+
+    def attach(self, payload: str | None) -> None:
+        """Mount a payload on the flange, or take off what hangs there (None), as a person would.
+
+        Raises
+        ------
+        ConfigError
+            The plant has no such payload.
+        TransportError
+            The cell is not served, or a drive is powered: nobody may reach into the cell then.
+        """
+        plant = self._plant.with_payload(payload)
+        if self.axes().enabled.any():
+            raise TransportError("a payload is mounted while the drives are without power only")
+        assert self._snapshots is not None
+        names = [None, *plant.payloads]
+        self._snapshots.ask_for_payload(names.index(payload))
 
     def __enter__(self) -> SimulatedCell:
         """Start the hub and the drives."""
@@ -166,15 +208,17 @@ class SimulatedCell:
             socket,
             snapshot,
             self._plate_settings(plate_path(str(socket))),
+            self._register_settings(socket.with_suffix(".drives")),
         )
         hub_pipe = _launch(stack, serve_hub, hub)
         drives_pipe = _launch(stack, serve_drives, drives)
         _wait_until_ready("hub", hub_pipe)
         drives_pipe.send(None)
-        _wait_until_ready("drives", drives_pipe)
+        port = _wait_until_ready("drives", drives_pipe)
         self._snapshots = stack.enter_context(SnapshotReader(snapshot))
         self._channel = str(socket)
         self._address = "" if drives.plate is None else str(drives.plate.path)
+        self._monitor = _reachable(drives.registers, port)
 
     def _plate_settings(self, path: Path) -> PlateSettings | None:
         """Return what the plate is; a plant without a plate has one that obeys its description."""
@@ -194,6 +238,30 @@ class SimulatedCell:
             self._amplifier_baud_rate,
             self._plate_faults,
         )
+
+    def _register_settings(self, path: Path) -> RegisterSettings | None:
+        monitor = self._cell.monitor
+        if monitor is None:
+            return None
+        profile = self._drive_profile
+        if profile is None:
+            profile = load_bundled_or_path(monitor.profile, "profiles", DriveProfile)
+        return RegisterSettings(
+            monitor, profile, path, self._certificates, faults=self._register_faults
+        )
+
+
+def _reachable(registers: RegisterSettings | None, port: int | None) -> MonitorConfig | None:
+    """Return the monitor with the address that its drives are served at."""
+    if registers is None:
+        return None
+    link: ModbusTcp | ModbusRtu = registers.monitor.link
+    if isinstance(link, ModbusTcp):
+        link = link.model_copy(update={"port": port})
+    else:
+        # A pseudo-terminal has no parity to be set.
+        link = link.model_copy(update={"address": str(registers.path), "parity": "none"})
+    return registers.monitor.model_copy(update={"link": link})
 
 
 def with_address(cell: CellConfig, address: str) -> CellConfig:
@@ -225,14 +293,15 @@ def _launch(
     return ours
 
 
-def _wait_until_ready(what: str, pipe: Connection) -> None:
-    """Wait for a process's word that it serves."""
+def _wait_until_ready(what: str, pipe: Connection) -> int | None:
+    """Wait for a process's word that it serves: a port of its, or nothing; a text is a problem."""
     try:
-        problem = pipe.recv() if pipe.poll(_START_TIMEOUT_S) else "no answer"
+        word: str | int | None = pipe.recv() if pipe.poll(_START_TIMEOUT_S) else "no answer"
     except (EOFError, OSError):
-        problem = "the process ended"
-    if problem is not None:
-        raise TransportError(f"the simulated cell's {what} did not start: {problem}")
+        word = "the process ended"
+    if isinstance(word, str):
+        raise TransportError(f"the simulated cell's {what} did not start: {word}")
+    return word
 
 
 def _end(process: BaseProcess) -> None:

@@ -109,6 +109,10 @@ class DriveRack:
             )
         count = len(robot.joints)
         self._plant = Plant(robot, plant, cell.torque_filter, seed)
+        self._payloads: list[str | None] = [None, *plant.payloads]
+        self._payload = self._payloads.index(plant.attached)
+        if snapshots is not None:
+            snapshots.payload = self._payload
         self._measured = Measured(count)
         self._snapshots = snapshots
         self.time_s = now_s
@@ -202,6 +206,10 @@ class DriveRack:
                     drive.tick(self.time_s)
 
     def _step(self, end_s: float) -> None:
+        snapshots = self._snapshots
+        if snapshots is not None and snapshots.payload != self._payload:
+            self._payload = snapshots.payload
+            self._plant.attach(self._payloads[self._payload])
         for number, drive in enumerate(self.drives):
             motion = drive.motion(self.time_s, end_s)
             self._start[number], self._end[number], self._powered[number], limit = motion
@@ -222,7 +230,7 @@ class DriveRack:
     def _measure(self) -> None:
         plant, measured = self._plant, self._measured
         measured.counts = plant.position_counts().tolist()
-        measured.counts_s = (plant.velocity * self._counts_per_position).tolist()
+        measured.counts_s = (plant.actuator_velocity * self._counts_per_position).tolist()
         measured.permille = plant.torque_permille().tolist()
 
     def _publish(self) -> None:
@@ -230,5 +238,10 @@ class DriveRack:
             plant = self._plant
             powered = [drive.power.powered for drive in self.drives]
             self._snapshots.write(
-                self.time_s, plant.position, plant.velocity, plant.torque, powered
+                self.time_s,
+                plant.position,
+                plant.velocity,
+                plant.torque,
+                powered,
+                plant.temperature_k,
             )

@@ -16,12 +16,14 @@ from config.plant import PlantConfig
 from config.robot import RobotDescription
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
 from mock_hw.amplifier_port import AmplifierPort, PlateSettings
-from mock_hw.axis_snapshot import SnapshotWriter
+from mock_hw.axis_snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.drive_rack import DriveRack
 from mock_hw.hub_client import HubClient
 from mock_hw.hub_process import keep_pace, leave_interrupts_to_parent
 from mock_hw.hub_protocol import Role
 from mock_hw.plate_service import PlateService
+from mock_hw.register_service import DriveRegisters, RegisterService, RegisterSettings
+from mock_hw.simulated_registers import SimulatedRegisters
 
 LONGEST_WAIT_S = 0.010
 """How old the axes' snapshot may become while nothing happens on the bus [s]."""
@@ -39,13 +41,14 @@ class DrivesSettings:
     socket: Path
     snapshot: Path
     plate: PlateSettings | None = None
+    registers: RegisterSettings | None = None
 
 
 def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
     """Be a cell's drives until the hub is gone.
 
-    Waits at `pipe` until the hub is there; sends None once the drives are on the bus, or the text
-    of what went wrong.
+    Waits at `pipe` until the hub is there; sends the TCP port of the drives' registers (0 for none)
+    once the drives are on the bus, or the text of what went wrong.
     """
     leave_interrupts_to_parent()
     signal.signal(signal.SIGTERM, _exit)
@@ -53,10 +56,11 @@ def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
         with (
             _rack_on_bus(settings, pipe) as (rack, client),
             _served(settings, rack, client) as plate,
+            _registers(settings) as port,
         ):
             gc.freeze()
             keep_pace(settings.realtime)
-            pipe.send(None)
+            pipe.send(port)
             pipe.close()
             with contextlib.suppress(TransportError):
                 run_rack(rack, client, plate)
@@ -103,6 +107,21 @@ def _served(
         yield service
     finally:
         service.close()
+
+
+@contextlib.contextmanager
+def _registers(settings: DrivesSettings) -> Iterator[int]:
+    """Serve the drives' registers, where the cell has a monitor; yield their TCP port."""
+    if settings.registers is None:
+        yield 0
+        return
+    with SnapshotReader(settings.snapshot) as snapshots:
+        drives = DriveRegisters(
+            settings.cell, settings.robot, settings.plant, settings.registers, snapshots
+        )
+        registers = SimulatedRegisters(drives, settings.registers.faults)
+        with RegisterService(registers, settings.registers, realtime=settings.realtime) as service:
+            yield service.port
 
 
 def run_rack(rack: DriveRack, client: HubClient, plate: PlateService | None = None) -> None:

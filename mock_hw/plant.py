@@ -21,6 +21,7 @@ from config.robot import RobotDescription
 from mock_hw import servo_loops as rows
 from mock_hw.butterworth import butterworth_poles
 from mock_hw.rigid_bodies import BaseWrench, build_rigid_bodies
+from mock_hw.thermal import MotorTemperatures
 
 Vector = NDArray[np.float64]
 ComplexVector = NDArray[np.complex128]
@@ -35,7 +36,10 @@ class Plant:
     """A robot with motors, gears, friction, brakes and the sensors of its drives.
 
     Positions are rad or m and torques N m or N, at the link side; everything is in the order of
-    the robot's joints. The same seed and the same calls give the same numbers, bit for bit.
+    the robot's joints. All that belongs to a motor (commands, encoders, torques, friction, brakes)
+    is counted on its motor; with a coupled wrist that is another coordinate than the joints', in
+    which `position` and `velocity` are. The same seed and the same calls give the same numbers, bit
+    for bit.
 
     Parameters
     ----------
@@ -60,8 +64,9 @@ class Plant:
         torque_filter: ButterworthFilter | None = None,
         seed: int = 0,
     ) -> None:
-        bodies = build_rigid_bodies(robot, plant)
         count = len(robot.joints)
+        self._robot = robot
+        self._truth = plant
         ratio = np.array([abs(joint.gear_ratio) for joint in robot.joints])
         increments = np.array([axis.encoder_increments_per_motor_rev for axis in plant.axes])
         rated = np.array([axis.rated_motor_torque_nm for axis in plant.axes])
@@ -71,16 +76,16 @@ class Plant:
         self._peak_torque: Vector = peak * ratio
         self._noise_nm = np.array([axis.torque_noise_nm for axis in plant.axes])
         self._axes = _axis_rows(plant, ratio)
+        self._cold_axes = self._axes.copy()
+        self._heat = MotorTemperatures(robot, plant)
         self._spring = _spring_entries(robot, plant)
 
-        self._model = bodies.model
-        self._data: Any = self._model.createData()
-        self._coordinate_joint = bodies.coordinate_joint
-        self._coordinate_ratio = bodies.coordinate_ratio
+        self.attach(plant.attached)
+        self._joint_of = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
+        self._coupled = robot.coupling is not None
         self._mass = np.zeros((count, count))
         self._bias = np.zeros(count)
 
-        self._base_wrench = BaseWrench(robot, plant)
         self._watched: list[tuple[float, Vector]] | None = None
 
         self._poles, self._residues, self._weights = _filter_poles(torque_filter)
@@ -88,7 +93,10 @@ class Plant:
         self._filter_state = np.zeros((len(self._poles), count), dtype=np.complex128)
 
         self._state: Vector = np.zeros((rows.STATE_ROWS, count))
-        self._state[rows.POSITION] = [axis.initial_position for axis in plant.axes]
+        initial = np.array([axis.initial_position for axis in plant.axes])
+        if self._coupled:
+            initial = np.linalg.solve(self._joint_of, initial)
+        self._state[rows.POSITION] = initial
         self._command = np.zeros((rows.COMMAND_ROWS, count))
         self._random = np.random.default_rng(seed)
         self._noise = np.zeros(count)
@@ -102,11 +110,16 @@ class Plant:
     @property
     def position(self) -> Vector:
         """True joint positions, (n,), a copy."""
-        return np.array(self._state[rows.POSITION])
+        return self._of_joints(self._state[rows.POSITION])
 
     @property
     def velocity(self) -> Vector:
         """True joint velocities, (n,), a copy."""
+        return self._of_joints(self._state[rows.VELOCITY])
+
+    @property
+    def actuator_velocity(self) -> Vector:
+        """The motors' true velocities at the link side, (n,), a copy."""
         return np.array(self._state[rows.VELOCITY])
 
     @property
@@ -118,6 +131,32 @@ class Plant:
     def base_wrench(self) -> Vector:
         """The wrench that the base exerts on the robot now, (6,); see `BaseWrench`."""
         return self._base_wrench(self._state[: rows.ACCELERATION + 1])
+
+    @property
+    def temperature_k(self) -> Vector:
+        """The motors' temperatures, (n,), a copy [K]."""
+        return self._heat.temperature_k.copy()
+
+    @property
+    def attached(self) -> str | None:
+        """The payload that hangs at the flange."""
+        return self._truth.attached
+
+    def attach(self, payload: str | None) -> None:
+        """Mount one of the plant file's payloads on the flange, or take it off.
+
+        Raises
+        ------
+        ConfigError
+            There is no such payload, or plant and robot do not fit each other.
+        """
+        self._truth = self._truth.with_payload(payload)
+        bodies = build_rigid_bodies(self._robot, self._truth)
+        self._model = bodies.model
+        self._data: Any = self._model.createData()
+        self._gearing = bodies.gearing
+        self._entries = bodies.entries()
+        self._base_wrench = BaseWrench(self._robot, self._truth)
 
     def watch_base(self, watched: bool) -> None:
         """Keep the base wrench of what comes, for `take_base_wrenches`, or stop keeping it."""
@@ -156,7 +195,8 @@ class Plant:
         duration_s
             How long [s]; not negative.
         velocity_start, velocity_end : (n,)
-            Velocity commands at the beginning and the end, linear in between [rad/s or m/s].
+            The motors' velocity commands at the link side, at the beginning and the end, linear
+            in between [rad/s or m/s].
         powered : (n,) bool
             Whether the drive's velocity loop runs; without it the motor gives no torque.
         braked : (n,) bool
@@ -184,6 +224,8 @@ class Plant:
         command[rows.TORQUE_LIMIT] = self._peak_torque
         if torque_limit is not None:
             np.minimum(torque_limit, self._peak_torque, out=command[rows.TORQUE_LIMIT])
+        if self._heat.any:
+            self._warm(command)
         outer_steps = max(1, math.ceil(duration_s / OUTER_STEP_S - 1e-9))
         outer_s = duration_s / outer_steps
         inner_steps = max(1, math.ceil(outer_s / INNER_STEP_S - 1e-9))
@@ -213,6 +255,8 @@ class Plant:
                 wrench = self._base_wrench.over_step(before, after, outer_s)
                 self._watched.append((end_s, wrench))
         self._time_s += duration_s
+        if self._heat.any:
+            self._heat.advance(duration_s, self._state[rows.TORQUE], self._state[rows.VELOCITY])
         self._random.standard_normal(out=self._noise)
 
     def position_counts(self) -> NDArray[np.int64]:
@@ -225,11 +269,14 @@ class Plant:
     def measured_torque(self) -> Vector:
         """Return the motors' torques as measured, (n,): filtered, with noise.
 
-        The noise changes when time passes, not with every call.
+        What is measured is current; the drives take the torque constant for what it is at the
+        reference temperature. The noise changes when time passes, not with every call.
         """
         torque: Vector = self._state[rows.TORQUE]
         if len(self._poles):
             torque = (self._weights @ self._filter_state).real
+        if self._heat.any:
+            torque = torque / self._heat.torque_constant_factor
         return torque + self._noise_nm * self._noise
 
     def torque_permille(self) -> NDArray[np.int16]:
@@ -238,19 +285,32 @@ class Plant:
         clipped: NDArray[np.int16] = np.clip(permille, -_INT16_MAX, _INT16_MAX).astype(np.int16)
         return clipped
 
+    def _warm(self, command: Vector) -> None:
+        """Let friction, and what a current gives, be those of the motors' temperatures."""
+        friction, constant = self._heat.friction_factor, self._heat.torque_constant_factor
+        for row in (rows.COULOMB, rows.VISCOUS, rows.STRIBECK, rows.LOAD_FRICTION):
+            np.multiply(self._cold_axes[row], friction, out=self._axes[row])
+        np.multiply(self._cold_axes[rows.GAIN], constant, out=self._axes[rows.GAIN])
+        command[rows.TORQUE_LIMIT] *= constant
+
+    def _of_joints(self, of_actuators: Vector) -> Vector:
+        """Turn the actuators' positions or velocities into the joints' (5.18)."""
+        if not self._coupled:
+            return np.array(of_actuators)
+        return np.asarray(self._joint_of @ of_actuators)
+
     def _renew_rigid_bodies(self, ahead_s: float) -> None:
         """Evaluate mass matrix and bias at the state predicted `ahead_s` from now."""
         state = self._state
         acceleration = state[rows.ACCELERATION]
         velocity = state[rows.VELOCITY] + ahead_s * acceleration
         position = state[rows.POSITION] + 0.5 * ahead_s * (state[rows.VELOCITY] + velocity)
-        full_position = position[self._coordinate_joint] * self._coordinate_ratio
-        full_velocity = velocity[self._coordinate_joint] * self._coordinate_ratio
-        rows.reduce_to_joints(
+        full_position = self._gearing @ position
+        full_velocity = self._gearing @ velocity
+        rows.reduce_to_actuators(
             pin.crba(self._model, self._data, full_position),
             pin.nonLinearEffects(self._model, self._data, full_position, full_velocity),
-            self._coordinate_joint,
-            self._coordinate_ratio,
+            *self._entries,
             self._mass,
             self._bias,
         )
@@ -294,6 +354,14 @@ def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
     """Return the kernel's spring: its joint, -1 for none, then k, free length, l and r."""
     if robot.spring is None or plant.spring is None:
         return np.array([-1.0, 0.0, 0.0, 1.0, 0.5])
+    joint = robot.joint_names.index(robot.spring.joint)
+    if robot.coupling is not None and robot.coupling[joint] != tuple(
+        float(j == joint) for j in range(len(robot.joints))
+    ):
+        raise ConfigError(
+            f"robot {robot.name!r}: several motors move joint {robot.spring.joint!r}; a spring is"
+            " simulated only across a joint that its own motor moves alone"
+        )
     l_m, r_m = robot.spring.l_m, robot.spring.r_m
     if l_m is None or r_m is None:
         raise ConfigError(
@@ -307,7 +375,7 @@ def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
         )
     return np.array(
         [
-            robot.joint_names.index(robot.spring.joint),
+            joint,
             plant.spring.stiffness_n_per_m,
             plant.spring.free_length_m,
             l_m,

@@ -1,8 +1,10 @@
 """The simulated robot's rigid bodies in Pinocchio: links, and every rotor as a body of its own.
 
 A rotor turns in the full model of 2n coordinates about its axis on the link that carries it; its
-gear ties it to its joint, q_full = G q with G = [1; diag(mu)] constant. The reduced equations are
-Gᵀ M G and Gᵀ b: the rotors' coupling (physics: section 3) follows without a formula for it.
+gear ties it to its actuator, q_full = G alpha with G = [C; diag(mu)] constant, where C turns the
+actuators' angles into the joints' (5.18), 1 without a coupled wrist. The reduced equations are
+Gᵀ M G and Gᵀ b: the rotors' coupling (physics: section 3) and the wrist's (5.19) follow without a
+formula for them.
 
 What holds the base still is the generalised force of a free joint under it that does not move.
 """
@@ -19,7 +21,6 @@ from numpy.typing import NDArray
 from config.errors import ConfigError
 from config.plant import LinkInertia, PlantConfig
 from config.robot import KinematicRow, RobotDescription, Rotor
-from mock_hw.servo_loops import spread_to_coordinates
 
 Vector = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -27,41 +28,36 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class RigidBodies:
-    """A Pinocchio model of links and rotors, and how its coordinates hang on the joints.
+    """A Pinocchio model of links and rotors, and how its coordinates hang on the actuators.
 
     Attributes
     ----------
     model : pinocchio.Model
         One coordinate a joint and one a rotor, m in all.
-    coordinate_joint : (m,) int64
-        The joint that moves each coordinate.
-    coordinate_ratio : (m,) float64
-        Coordinate velocity over joint velocity: 1 for joints, the gear ratio for rotors.
-    floating
-        Whether a free joint under the base comes before these coordinates in the model.
+    gearing : (m, n) float64
+        G: coordinate velocities are G times the actuators' velocities, which are the joints' where
+        the robot has no coupling.
     """
 
     model: Any
-    coordinate_joint: Indices
-    coordinate_ratio: Vector
-    floating: bool = False
-
-    @property
-    def joints(self) -> int:
-        """Number of joints."""
-        return int(self.coordinate_joint.max()) + 1
+    gearing: Vector
 
     def coupling(self) -> Vector:
-        """Return G, (m, n): coordinate velocities are G times joint velocities."""
-        matrix = np.zeros((len(self.coordinate_joint), self.joints))
-        matrix[np.arange(len(self.coordinate_joint)), self.coordinate_joint] = self.coordinate_ratio
-        return matrix
+        """Return G, (m, n)."""
+        return self.gearing
+
+    def entries(self) -> tuple[Indices, Indices, Vector]:
+        """Return coordinate, actuator and value of every entry of G that is not 0."""
+        coordinate, actuator = np.nonzero(self.gearing)
+        return coordinate, actuator, self.gearing[coordinate, actuator]
 
 
 def build_rigid_bodies(
     robot: RobotDescription, plant: PlantConfig, *, floating: bool = False
 ) -> RigidBodies:
     """Build the model of a robot with the plant's inertias and, where given, true kinematics.
+
+    A payload that the plant has attached is rigidly part of the last link.
 
     With `floating`, the base stands on a free joint: see `BaseWrench`.
 
@@ -80,8 +76,8 @@ def build_rigid_bodies(
     parent = 0
     if floating:
         parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-    moving: list[int] = []
-    ratios: list[float] = []
+    joint_of = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
+    gearing: list[Vector] = []
     # Pinocchio wants every subtree in one piece: a link, then its rotors, then the next link.
     for number in range(count + 1):
         if number > 0:
@@ -89,19 +85,20 @@ def build_rigid_bodies(
             kind = pin.JointModelRZ() if joint.type == "revolute" else pin.JointModelPZ()
             parent = model.addJoint(parent, kind, _placement(row), joint.name)
             model.appendBodyToJoint(parent, _inertia(plant.links[number - 1]), pin.SE3.Identity())
-            moving.append(number - 1)
-            ratios.append(1.0)
+            if number == count and plant.attached is not None:
+                payload = plant.payloads[plant.attached]
+                model.appendBodyToJoint(parent, _inertia(payload), pin.SE3.Identity())
+            gearing.append(joint_of[number - 1])
         for index, joint in enumerate(robot.joints):
             if joint.rotor is not None and joint.rotor.link == number:
                 inertia = plant.axes[index].rotor_inertia_kg_m2
                 _add_rotor(model, parent, joint.rotor, inertia, f"{joint.name}-rotor")
-                moving.append(index)
-                ratios.append(joint.gear_ratio)
-    return RigidBodies(model, np.array(moving, dtype=np.int64), np.array(ratios), floating)
+                gearing.append(joint.gear_ratio * np.eye(count)[index])
+    return RigidBodies(model, np.array(gearing))
 
 
 class BaseWrench:
-    """The wrench that the base exerts on a robot, for any motion of its joints.
+    """The wrench that the base exerts on a robot, for any motion of its actuators.
 
     By Newton and Euler it is the change of the whole robot's momentum, every rotor's spin
     included, less its weight. What acts between the robot's bodies (motor torques, friction,
@@ -117,13 +114,12 @@ class BaseWrench:
         bodies = build_rigid_bodies(robot, plant, floating=True)
         self._model = bodies.model
         self._data: Any = self._model.createData()
-        self._joint = bodies.coordinate_joint
-        self._ratio = bodies.coordinate_ratio
-        # The free joint stands still in the beginning of each; the rest are the robot's own.
+        self._gearing = bodies.gearing
         self._position: Vector = np.array(pin.neutral(self._model))
         self._velocity: Vector = np.zeros(self._model.nv)
         self._acceleration: Vector = np.zeros(self._model.nv)
-        count = len(self._joint)
+        # The free joint stands still in the beginning of each; the rest are the robot's own.
+        count = len(self._gearing)
         self._own = tuple(
             full[-count:] for full in (self._position, self._velocity, self._acceleration)
         )
@@ -134,11 +130,14 @@ class BaseWrench:
         Parameters
         ----------
         motion : (3, n)
-            The joints' positions, velocities and accelerations.
+            The actuators' positions, velocities and accelerations.
         """
-        for own, joints in zip(self._own, motion, strict=True):
-            own[:] = joints[self._joint] * self._ratio
-        return self._wrench()
+        for own, full in zip(self._own, motion @ self._gearing.T, strict=True):
+            own[:] = full
+        forces = pin.rnea(
+            self._model, self._data, self._position, self._velocity, self._acceleration
+        )
+        return np.array(forces[:6])
 
     def over_step(self, before: Vector, after: Vector, step_s: float) -> Vector:
         """Return the wrench (6,) at the middle of a step, with the step's mean acceleration.
@@ -146,18 +145,12 @@ class BaseWrench:
         Parameters
         ----------
         before, after : (2, n)
-            The joints' positions and velocities at both ends.
+            The actuators' positions and velocities at both ends.
         step_s
             How long it takes [s].
         """
-        spread_to_coordinates(before, after, step_s, self._joint, self._ratio, *self._own)
-        return self._wrench()
-
-    def _wrench(self) -> Vector:
-        forces = pin.rnea(
-            self._model, self._data, self._position, self._velocity, self._acceleration
-        )
-        return np.array(forces[:6])
+        motion = np.array([*(0.5 * (before + after)), (after[1] - before[1]) / step_s])
+        return self(motion)
 
 
 def _add_rotor(model: Any, carrier: int, rotor: Rotor, inertia_kg_m2: float, name: str) -> None:

@@ -1,5 +1,6 @@
 """What happens in every axis within a fraction of a millisecond, as one compiled kernel.
 
+An axis is an actuator at its gear's output: the joint itself, but for coupled wrists.
 Velocity PI loop with a first-order current loop, Coulomb friction that sticks, viscous friction,
 gravity spring, brakes, cogging, tachometer ripple, and the anti-alias filter behind the torque
 converter. The rigid bodies' mass matrix and bias are constants here: the caller renews them.
@@ -62,48 +63,28 @@ _NEGLIGIBLE_TORQUE = 1e-12
 
 
 @njit(cache=True)
-def reduce_to_joints(
+def reduce_to_actuators(
     full_mass: Array,
     full_bias: Array,
-    coordinate_joint: IntArray,
-    coordinate_ratio: Array,
+    coordinate: IntArray,
+    actuator: IntArray,
+    value: Array,
     mass: Array,
     bias: Array,
 ) -> None:
-    """Write Gᵀ M G (n, n) into `mass` and Gᵀ b (n,) into `bias`; M and b are the full model's."""
+    """Write Gᵀ M G (n, n) into `mass` and Gᵀ b (n,) into `bias`; M and b are the full model's.
+
+    G is given by its entries that are not 0.
+    """
     mass[:] = 0.0
     bias[:] = 0.0
-    count = len(coordinate_joint)
-    for row in range(count):
-        i = coordinate_joint[row]
-        bias[i] += coordinate_ratio[row] * full_bias[row]
-        for column in range(count):
-            j = coordinate_joint[column]
-            ratio = coordinate_ratio[row] * coordinate_ratio[column]
-            mass[i, j] += ratio * full_mass[row, column]
-
-
-@njit(cache=True)
-def spread_to_coordinates(
-    before: Array,
-    after: Array,
-    over_s: float,
-    coordinate_joint: IntArray,
-    coordinate_ratio: Array,
-    position: Array,
-    velocity: Array,
-    acceleration: Array,
-) -> None:
-    """Write a step's middle into the full model's coordinates, (m,) each.
-
-    `before` and `after` hold the joints' positions and velocities, (2, n); the acceleration is the
-    mean over the step's `over_s`.
-    """
-    for row in range(len(coordinate_joint)):
-        i, ratio = coordinate_joint[row], coordinate_ratio[row]
-        position[row] = 0.5 * ratio * (before[0, i] + after[0, i])
-        velocity[row] = 0.5 * ratio * (before[1, i] + after[1, i])
-        acceleration[row] = ratio * (after[1, i] - before[1, i]) / over_s
+    count = len(coordinate)
+    for first in range(count):
+        row, i = coordinate[first], actuator[first]
+        bias[i] += value[first] * full_bias[row]
+        for second in range(count):
+            factor = value[first] * value[second]
+            mass[i, actuator[second]] += factor * full_mass[row, coordinate[second]]
 
 
 @njit(cache=True)
@@ -139,7 +120,7 @@ def advance_servo_loops(
     start_s, since_command_s
         Time since the plant began, and since `command` began to hold [s].
     mass, bias : (n, n), (n,)
-        Mass matrix and Coriolis, centrifugal and gravity torques at the joints.
+        Mass matrix and Coriolis, centrifugal and gravity torques at the actuators.
     axes, command, state : (AXES_ROWS, n), (COMMAND_ROWS, n), (STATE_ROWS, n)
         Rows as named above.
     spring : (SPRING_ENTRIES,)

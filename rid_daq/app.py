@@ -36,6 +36,8 @@ COMMANDS: dict[str, str] = {
     "identify": "estimate the robot's parameters from one or more runs",
     "validate": "predict another run's torques and judge the error",
     "friction": "friction alone, out of the runs that were made to measure it",
+    "payload": "weigh what the robot carries; load data for its controller",
+    "sensitivity": "what wrong knowledge of the robot does to a payload's estimate",
     "export": "write a model as URDF, SDF, C, Python, CSV, JSON, or for Pinocchio",
     "report": "write a run's report again from its results",
     "runs": "list the runs, and check that their files are unchanged",
@@ -58,6 +60,8 @@ class LazyCommands(TyperGroup):
         # `import` is a word of the language, so its module is import_.
         module_name = "import_" if cmd_name == "import" else cmd_name
         module = importlib.import_module(f"rid_daq.commands.{module_name}")
+        if hasattr(module, "group"):  # a command with commands of its own
+            return typer.main.get_command(module.group)
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
         single.command(name=cmd_name)(getattr(module, module_name))
         return typer.main.get_command(single)

@@ -18,6 +18,7 @@ def reachable_cell(
     realtime: bool = False,
     seed: int = 0,
     unmodelled: bool = True,
+    payload: str | None = None,
 ) -> Iterator[CellConfig]:
     """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
 
@@ -34,9 +35,13 @@ def reachable_cell(
         Of the mock hardware's noise.
     unmodelled
         Whether the plant has the effects that no model has.
+    payload
+        What hangs at a simulated robot's flange, by its name in the plant file.
 
     Raises
     ------
+    ConfigError
+        There is no such payload, or no mock hardware started here that it could be mounted on.
     LockedError
         Another session holds the cell.
     TransportError
@@ -44,6 +49,11 @@ def reachable_cell(
     """
     cell = loaded.config
     if not cell.simulated or is_served(cell):
+        if payload is not None:
+            raise ConfigError(
+                f"cell {cell.name}: its robot is not started here, so nothing can be mounted on its"
+                " flange: leave --payload out, or give it to `rid-daq mock`"
+            )
         with hold_cell(cell):
             yield _as_served(cell)
         return
@@ -57,11 +67,12 @@ def reachable_cell(
     with SimulatedCell(
         cell,
         loaded.robot,
-        loaded.plant,
+        loaded.plant if payload is None else loaded.plant.with_payload(payload),
         realtime=realtime,
         seed=seed,
         unmodelled=unmodelled,
         profile=loaded.amplifier_profile,
+        drive_profile=loaded.drive_profile,
     ) as simulated:
         yield simulated.cell
 

@@ -74,7 +74,7 @@ def estimate_runs(
         The data do not show the parameters.
     """
     how = how or HowToEstimate()
-    robot = robot or _one_robot(data)
+    robot = robot or one_robot(data)
     payload = [item.folder.run_id in how.loaded for item in data]
     run_ids = tuple(item.folder.run_id for item in data)
     cell_name = data[0].recording.cell_name
@@ -121,7 +121,7 @@ def plate_findings(
     """
     if how.options.kind != "combined":
         return None, None
-    robot = robot or _one_robot(data)
+    robot = robot or one_robot(data)
     fitted = fit_periodic(
         robot,
         [average_periods(item.recording) for item in data],
@@ -147,7 +147,7 @@ def compare_friction(
     EstimationError
         The data do not show the parameters.
     """
-    robot = _one_robot(data)
+    robot = one_robot(data)
     if how.loaded:
         raise ConfigError("friction is chosen without a payload: leave --loaded out with --choose")
     return choose_friction(
@@ -192,7 +192,14 @@ def _signals(data: Sequence[RunData], how: HowToEstimate) -> list[SmoothedSignal
     return [smooth_nonperiodic(without_torque_filter(item.recording), how.band_hz) for item in data]
 
 
-def _one_robot(data: Sequence[RunData]) -> RobotDescription:
+def one_robot(data: Sequence[RunData]) -> RobotDescription:
+    """Return the robot of some runs, which must be of one kind.
+
+    Raises
+    ------
+    ConfigError
+        They are of different robots, or some are periodic and some are not.
+    """
     robot = data[0].robot
     for other in data[1:]:
         if other.robot != robot:

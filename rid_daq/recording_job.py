@@ -16,6 +16,7 @@ from acquisition.run_folder import RunFolder, RunStatus
 from acquisition.stop_reason import StopCode
 from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
+from config.drive_profile import DriveProfile
 from config.motion import AnyMotion
 from config.robot import RobotDescription
 from rid_daq.accuracy_watch import AccuracyWatch
@@ -106,6 +107,7 @@ def record_run(
     role: str = "recording",
     accuracy: AccuracyWatch | None = None,
     profile: AmplifierProfile | None = None,
+    drive_profile: DriveProfile | None = None,
 ) -> RecordedRun:
     """Record a planned motion into a run folder, showing how far it is.
 
@@ -129,6 +131,7 @@ def record_run(
             on_progress=progress_shown(samples, display.update, accuracy),
             enough=None if accuracy is None else accuracy.enough,
             profile=profile,
+            drive_profile=drive_profile,
         )
     elapsed_s = time.monotonic() - started_s
     recording = read_journal(outcome.path).recording() if outcome.rows else None

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from acquisition.import_csv import import_csv
 from acquisition.import_report import ImportReport
 from acquisition.journal import read_journal
+from acquisition.monitor_stream import with_temperatures, with_warm_torque_constants
 from acquisition.plate_alignment import with_plate
 from acquisition.plate_journal import PLATE_RECORDING, read_plate_journal
 from acquisition.recording import Recording
@@ -56,7 +57,8 @@ class RunData:
 def read_run(folder: RunFolder) -> RunData:
     """Read a run's recording and robot.
 
-    An imported run keeps the file as it came, with its map, and is read by them every time.
+    An imported run keeps the file as it came, with its map, and is read by them every time. Where
+    the drives told their temperatures, torques are those of warm torque constants.
 
     Raises
     ------
@@ -73,7 +75,9 @@ def read_run(folder: RunFolder) -> RunData:
     robot = load_robot(str(folder.file(ROBOT)))
     if folder.file(RECORDING).exists():
         journal = read_journal(folder.file(RECORDING))
-        recording, notes = _with_plate(folder, journal.recording())
+        recording, cold = with_temperatures(journal.recording(), folder)
+        recording, notes = _with_plate(folder, with_warm_torque_constants(recording, robot))
+        notes = (*cold, *notes)
         return RunData(folder, recording, robot, damage=(*journal.damage.notes, *notes))
     import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
     recording, report = import_csv(folder.file(SOURCE), import_map, robot, run_id=folder.run_id)

@@ -22,6 +22,7 @@ from drivers.servo_can import COLLECT_FRACTION
 from rid_daq.cells import reachable_cell
 from rid_daq.check_line import CheckLine
 from rid_daq.console import AsJson, Console
+from rid_daq.monitor_check import monitor_lines
 from rid_daq.plate_check import PlateCheck
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
@@ -52,7 +53,8 @@ def check(
 
     Every drive is reset, configured and read back; then SYNC is sent for some seconds and every
     answer is counted. A force plate's amplifier is set as the cell file says and read back; it is
-    not zeroed. Exit code 3 where a line is red.
+    not zeroed. Where the cell has a drive monitor, every motor's temperature and torque constant
+    are read too. Exit code 3 where a line is red.
     """
     console = Console(as_json)
     loaded = load_cell(cell)
@@ -60,6 +62,7 @@ def check(
     with reachable_cell(loaded) as reachable:
         plate = PlateCheck(reachable, loaded.amplifier_profile)
         problem = _attempt(plate.before)
+        lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
         try:
             drives = _devices(reachable, loaded.robot, seconds)
         except _Stopped as stopped:

@@ -32,6 +32,9 @@ def mock(
         ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    payload: Annotated[
+        str | None, typer.Option(help="What the robot carries, by its name in the plant file.")
+    ] = None,
     log: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write all frames there (candump format).")
     ] = None,
@@ -52,12 +55,13 @@ def mock(
     with SimulatedCell(
         loaded.config,
         loaded.robot,
-        loaded.plant,
+        loaded.plant if payload is None else loaded.plant.with_payload(payload),
         realtime=not lockstep,
         seed=seed,
         directory=runtime_directory(),
         log=log,
         profile=loaded.amplifier_profile,
+        drive_profile=loaded.drive_profile,
     ) as simulated:
         channel = loaded.config.can.channel
         listen = f"can_logger -i rid_sim -c {channel}"

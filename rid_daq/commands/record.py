@@ -46,6 +46,10 @@ def record(
         ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")] = 0,
+    payload: Annotated[
+        str | None,
+        typer.Option(help="What a simulated robot carries, by its name in the plant file."),
+    ] = None,
     cleared: Annotated[
         bool,
         typer.Option(
@@ -73,7 +77,7 @@ def record(
         accuracy = AccuracyWatch(until or (), loaded.robot, samples)
     if not loaded.config.simulated:
         _ask_whether_cleared(loaded.config, cleared)
-    with reachable_cell(loaded, realtime=realtime, seed=seed) as reachable:
+    with reachable_cell(loaded, realtime=realtime, seed=seed, payload=payload) as reachable:
         folder = RunFolder.create(
             runs, label or as_label(motion.stem), software=software_versions()
         )
@@ -90,6 +94,7 @@ def record(
                 console,
                 accuracy=accuracy,
                 profile=loaded.amplifier_profile,
+                drive_profile=loaded.drive_profile,
             )
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report

@@ -248,3 +248,67 @@ def test_the_text_names_joint_value_limit_and_what_to_check(supervisor: Supervis
     _, reason = run(supervisor, set_at("torque", lambda k: k >= 10, 1, -111.0))
     assert reason is not None
     assert reason.text.startswith("joint joint2: its torque is -111 N m, beyond 110 N m. Check")
+
+
+class TestCoupledWrist:
+    """Joint 3 hangs on motors 2 and 3: q3 = alpha3 - 0.5 alpha2."""
+
+    @pytest.fixture
+    def supervisor(self, cell: CellConfig, robot: RobotDescription) -> Supervisor:
+        coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -0.5, 1.0))
+        coupled = Supervisor(cell, robot.model_copy(update={"coupling": coupling}))
+        coupled.begin([0.0, 0.0, 0.0])
+        for speed in (0.1, 0.2, 0.3, 0.4, SPEED):
+            assert coupled.check_set_point([0.0] * 3, [speed] * 3, [speed] * 3) is None
+        return coupled
+
+    def test_all_is_well_where_the_joints_follow(self, supervisor: Supervisor) -> None:
+        assert run(supervisor, lambda cycle: None) == (None, None)
+
+    def test_a_joint_is_unknown_while_one_of_its_motors_is_silent(
+        self, supervisor: Supervisor
+    ) -> None:
+        fault = set_at("received", lambda number: number in (10, 11), 1, False)
+        seen: list[list[int]] = []
+
+        def watched(cycle: Cycle) -> None:
+            seen.append(list(supervisor.valid))
+            fault(cycle)
+
+        assert run(supervisor, watched, 20) == (None, None)
+        assert seen[10:12] == [[1, 0, 0], [1, 0, 0]]
+        assert seen[12] == [1, 1, 1]
+
+    def test_silence_is_counted_for_the_drive_that_is_silent(self, supervisor: Supervisor) -> None:
+        number, reason = run(supervisor, set_at("received", lambda n: n >= 10, 1, False))
+        assert number == 12
+        assert reason is not None
+        assert (reason.code, reason.joint) == (StopCode.MISSED_FRAMES, "joint2")
+
+    def test_a_motor_that_stands_is_seen_although_its_joint_is_moved_by_another(
+        self, supervisor: Supervisor
+    ) -> None:
+        """Motor 3 stands at alpha3 = const; joint 3 turns backwards with motor 2."""
+
+        def fault(cycle: Cycle) -> None:
+            if cycle.number >= 10:
+                passed = cycle.number - 9
+                cycle.position[2] = SPEED * T * 9 - 0.5 * SPEED * T * passed
+                cycle.target[2] = cycle.position[2]
+
+        number, reason = run(supervisor, fault)
+        assert reason is not None
+        assert (reason.code, reason.joint) == (StopCode.STUCK_ENCODER, "joint3")
+        assert number is not None
+        assert number <= 9 + 8
+
+    def test_a_motor_must_not_be_faster_than_its_axis_may_be(
+        self, supervisor: Supervisor, robot: RobotDescription
+    ) -> None:
+        """alpha3' = q3' + 0.5 q2': both joints are within their limits, the motor is not."""
+        limit = robot.joints[2].limits.velocity
+        fast = [0.0, robot.joints[1].limits.velocity, 0.9 * limit]
+        reason = supervisor.check_set_point([0.0] * 3, [SPEED] * 3, fast)
+        assert reason is not None
+        assert (reason.code, reason.joint) == (StopCode.SET_POINT, "joint3")
+        assert "for its motor" in reason.text

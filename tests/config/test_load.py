@@ -39,15 +39,10 @@ def test_a_cell_file_finds_the_files_that_it_names_beside_itself(tmp_path: Path)
     assert loaded.files["robot.yaml"] == files["robot.yaml"]
 
 
-def test_a_coupled_robot_is_not_simulated(tmp_path: Path) -> None:
-    for name, text in load_cell("ir361").files.items():
-        (tmp_path / name).write_bytes(text)
-    with (tmp_path / "robot.yaml").open("a") as robot:
-        robot.write("coupling: [[1, 0, 0], [0, 1, 0], [0, -0.2, 1]]\n")
-    cell = tmp_path / "cell.yaml"
-    cell.write_text(cell.read_text().replace("robot: ir361", "robot: robot.yaml"))
-    with pytest.raises(ConfigError, match=r"robot ir361 has a coupling, and a simulated drive"):
-        load_cell(str(cell))
+def test_the_bundled_payload_cell_has_a_coupled_wrist() -> None:
+    loaded = load_cell("kr15")
+    assert loaded.robot.coupling is not None
+    assert loaded.plant is not None
 
 
 def edited(tmp_path: Path, old: str, new: str) -> str:

@@ -9,7 +9,7 @@ import can
 import pytest
 
 from config.cell import CanBusConfig, CellConfig
-from config.errors import ConfigError, DeviceFaultError, PreflightError, TransportError
+from config.errors import DeviceFaultError, PreflightError, TransportError
 from config.robot import RobotDescription
 from drivers.cell import Cell, open_cell
 from drivers.cia402 import PowerState
@@ -147,13 +147,6 @@ def test_a_configuration_error_closes_the_bus(
     with pytest.raises(Exception, match="of the CAN bus"):
         open_cell(cell.model_copy(update={"can": slow}), robot)
     assert closed
-
-
-def test_a_coupled_robot_is_not_moved(cell: CellConfig, robot: RobotDescription) -> None:
-    """A drive's angle would be taken for a joint's."""
-    coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -0.2, 1.0))
-    with pytest.raises(ConfigError, match="has a coupling, and a drive on the bus moves one joint"):
-        open_cell(cell, robot.model_copy(update={"coupling": coupling}))
 
 
 @pytest.mark.parametrize(

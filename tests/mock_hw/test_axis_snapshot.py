@@ -15,7 +15,7 @@ from mock_hw.axis_snapshot import SnapshotReader, SnapshotWriter
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
     writer = SnapshotWriter(tmp_path / "axes", 2)
-    writer.write(1.5, [1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [True, False])
+    writer.write(1.5, [1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [True, False], [300.0, 310.0])
     with SnapshotReader(tmp_path / "axes") as reader:
         snapshot = reader.read()
     assert snapshot.time_s == 1.5
@@ -23,6 +23,15 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(snapshot.velocity, [3.0, 4.0])
     np.testing.assert_array_equal(snapshot.torque, [5.0, 6.0])
     np.testing.assert_array_equal(snapshot.enabled, [True, False])
+    np.testing.assert_array_equal(snapshot.temperature_k, [300.0, 310.0])
+
+
+def test_a_payload_is_asked_for_from_outside(tmp_path: Path) -> None:
+    writer = SnapshotWriter(tmp_path / "axes", 2)
+    assert writer.payload == 0
+    with SnapshotReader(tmp_path / "axes") as reader:
+        reader.ask_for_payload(3)
+    assert writer.payload == 3
 
 
 WRITER = """
@@ -34,7 +43,7 @@ print("ready", flush=True)
 number = 0.0
 while True:
     number += 1.0
-    writer.write(number, [number] * 3, [number] * 3, [number] * 3, [True] * 3)
+    writer.write(number, *([number] * 3 for _ in range(3)), [True] * 3, [number] * 3)
 """
 
 

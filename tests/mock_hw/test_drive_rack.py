@@ -148,7 +148,7 @@ def test_no_snapshot_is_a_transport_error(snapshot: Path) -> None:
 
 def test_a_torn_snapshot_is_noticed(snapshot: Path) -> None:
     writer = SnapshotWriter(snapshot, 1)
-    writer.write(1.0, [2.0], [3.0], [4.0], [True])
+    writer.write(1.0, [2.0], [3.0], [4.0], [True], [300.0])
     with SnapshotReader(snapshot) as reader:
         assert reader.read().position.tolist() == [2.0]
         writer._memory[0:8] = (3).to_bytes(8, "little")

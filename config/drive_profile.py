@@ -1,0 +1,89 @@
+"""`DriveProfile`: which Modbus registers of a drive hold what, in which type, order and scale.
+
+Data, so that another maker's drive is another file. Addresses are as on the wire, from 0; manuals
+that count from 1, or write 40001, are one (or 40001) higher.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+from pydantic import Field, model_validator
+
+from config.model import ConfigModel
+
+RegisterType = Literal["uint16", "int16", "uint32", "int32", "float32"]
+Quantity = Literal[
+    "motor_temperature_k",
+    "operating_time_s",
+    "torque_constant_nm_per_a",
+    "torque_constant_per_k",
+    "reference_temperature_k",
+    "rated_torque_nm",
+    "rated_current_a",
+    "rotor_inertia_kg_m2",
+]
+
+POLLED: Final[tuple[Quantity, ...]] = ("motor_temperature_k", "operating_time_s")
+NAMEPLATE: Final[tuple[Quantity, ...]] = (
+    "torque_constant_nm_per_a",
+    "torque_constant_per_k",
+    "reference_temperature_k",
+    "rated_torque_nm",
+    "rated_current_a",
+    "rotor_inertia_kg_m2",
+)
+MOST_REGISTERS: Final = 125  # of one read (Modbus application protocol 1.1b3, 6.3)
+
+
+class Register(ConfigModel):
+    """Where a quantity stands: its value in SI is `scale` times what is read, plus `offset`.
+
+    A temperature in tenths of a degree Celsius has the scale 0.1 and the offset 273.15.
+    """
+
+    address: Annotated[int, Field(ge=0, le=0xFFFF)]
+    type: RegisterType
+    table: Literal["holding", "input"] = "holding"
+    scale: float = 1.0
+    offset: float = 0.0
+
+    @model_validator(mode="after")
+    def _readable(self) -> Register:
+        if self.scale == 0.0:
+            raise ValueError("scale must not be 0")
+        if self.address + self.count > 0x10000:
+            raise ValueError(f"address {self.address} leaves no room for a {self.type}")
+        return self
+
+    @property
+    def count(self) -> int:
+        """How many registers it takes."""
+        return 1 if self.type.endswith("16") else 2
+
+
+class DriveProfile(ConfigModel):
+    """The registers of one kind of drive.
+
+    `word_order` says which register of a 32-bit number comes first: `big`, as usual, the more
+    significant one. Registers up to `largest_gap` apart are read together, `most_registers` at a
+    time at most.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
+    word_order: Literal["big", "little"] = "big"
+    largest_gap: Annotated[int, Field(ge=0, le=64)] = 8
+    most_registers: Annotated[int, Field(ge=2, le=MOST_REGISTERS)] = MOST_REGISTERS
+    registers: dict[Quantity, Register]
+
+    @model_validator(mode="after")
+    def _worth_polling(self) -> DriveProfile:
+        if "motor_temperature_k" not in self.registers:
+            raise ValueError("registers must have motor_temperature_k: that is what is polled for")
+        taken: dict[tuple[str, int], str] = {}
+        for name, register in self.registers.items():
+            for address in range(register.address, register.address + register.count):
+                other = taken.setdefault((register.table, address), name)
+                if other != name:
+                    raise ValueError(f"{other} and {name} share the register {address}")
+        return self

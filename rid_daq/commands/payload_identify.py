@@ -1,0 +1,190 @@
+"""`rid-daq payload identify`: a payload from recordings alone."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Final, get_args
+
+import typer
+
+from acquisition.run_list import find_run
+from config.errors import ConfigError, EstimationError
+from identification.estimate_file import read_estimate
+from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
+from identification.model_options import ModelOptions
+from identification.payload_body import REPORTED
+from identification.payload_equations import Procedure
+from identification.payload_file import write_payload
+from identification.payload_fit import HowToWeigh
+from identification.payload_solution import Known
+from identification.payload_verdict import PayloadLimits
+from rid_daq.console import AsJson, Console
+from rid_daq.exit_codes import ExitCode
+from rid_daq.payload_job import Weighing, weigh_runs
+from rid_daq.payload_section import payload_section, payload_verdict, tell_payload
+from rid_daq.result import write_result
+from rid_daq.run_data import read_run, result_of
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
+
+PAYLOAD: Final = "payload.json"
+
+
+class How(StrEnum):
+    """How the robot is told from what it carries."""
+
+    TOGETHER = "together"
+    DIFFERENCE = "difference"
+    MODEL = "model"
+    APART = "apart"
+
+
+_PROCEDURES: Final[dict[str, Procedure]] = {name: name for name in get_args(Procedure)}
+
+
+def identify(
+    loaded: Annotated[
+        list[str],
+        typer.Option("--loaded", metavar="RUN", help="A run with the payload; repeat for more."),
+    ],
+    unloaded: Annotated[
+        list[str] | None,
+        typer.Option("--unloaded", metavar="RUN", help="A run without it; repeat for more."),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL", help="A model file of `identify`: the robot without payload."
+        ),
+    ] = None,
+    procedure: Annotated[
+        How | None,
+        typer.Option(
+            help="together: robot and payload at once; difference: torques of one motion,"
+            " subtracted; model: less the robot of --model; apart: two robots, subtracted."
+            " together if not given, model with --model.",
+        ),
+    ] = None,
+    known: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE[±SIGMA]",
+            help="Known otherwise, as m=2.805+-0.005 (1 σ; held without one):"
+            f" {', '.join(REPORTED)} [kg, m, kg m^2 about the centre of gravity].",
+        ),
+    ] = None,
+    torque_constant_sigma: Annotated[
+        float,
+        typer.Option(
+            "--torque-constant-sigma",
+            min=0.0,
+            max=50.0,
+            metavar="PERCENT",
+            help="What is not known of each torque constant (1 σ): widens the intervals.",
+        ),
+    ] = 0.0,
+    mass_limit_percent: Annotated[
+        float, typer.Option("--mass-limit", min=0.0, help="2σ of the mass at most [%].")
+    ] = PayloadLimits.mass_percent,
+    centre_limit_mm: Annotated[
+        float, typer.Option("--centre-limit", min=0.0, help="2σ of the centre at most [mm].")
+    ] = PayloadLimits.centre_mm,
+    inertia_limit_percent: Annotated[
+        float,
+        typer.Option(
+            "--inertia-limit", min=0.0, help="2σ of inertia at most, of that about the flange [%]."
+        ),
+    ] = PayloadLimits.inertia_percent,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help=f"The payload file; {PAYLOAD} in the run if not."
+        ),
+    ] = None,
+    band_hz: Annotated[
+        float, typer.Option("--band", min=0.01, help="Highest frequency used [Hz].")
+    ] = BAND_HZ,
+    standstill_rad_s: Annotated[
+        float, typer.Option("--standstill", min=0.0, help="Lowest speed used for friction [rad/s].")
+    ] = STANDSTILL_RAD_S,
+    rotors: Annotated[bool, typer.Option(help="Rotors with their coupling.")] = True,
+    runs: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """Weigh a payload: mass, centre of gravity and inertia, from runs with and without it.
+
+    Friction is free in every run. Exit code 1 where the payload is less sure than the limits ask
+    for; what the motion does not show is named, with the motion that would.
+    """
+    console = Console(as_json)
+    names = [*(unloaded or []), *loaded]
+    folders = [find_run(runs, name) for name in names]
+    if len({folder.run_id for folder in folders}) < len(folders):
+        raise ConfigError("a run is named twice, or as loaded and as unloaded")
+    data = [read_run(folder) for folder in folders]
+    flags = [False] * (len(names) - len(loaded)) + [True] * len(loaded)
+    robot = None if model is None else read_estimate(model)
+    if procedure is None:
+        procedure = How.TOGETHER if model is None else How.MODEL
+    if procedure is How.MODEL and robot is None:
+        raise ConfigError("--procedure model needs the robot without payload: --model MODEL")
+    if procedure in (How.TOGETHER, How.DIFFERENCE) and robot is not None:
+        raise ConfigError(f"--procedure {procedure.value} takes no --model: leave one of them out")
+    weighing = Weighing(
+        how=HowToWeigh(
+            procedure=_PROCEDURES[procedure.value],
+            options=ModelOptions(rotors=rotors),
+            robot=robot,
+            known=tuple(_known(text) for text in known or []),
+            torque_constant_sigma=torque_constant_sigma / 100.0,
+        ),
+        limits=PayloadLimits(mass_limit_percent, centre_limit_mm, inertia_limit_percent),
+        band_hz=band_hz,
+        standstill_rad_s=standstill_rad_s,
+    )
+    payload, repeats = weigh_runs(data, flags, weighing)
+    first = data[flags.index(True)]
+    if output is None:
+        output = first.folder.file(PAYLOAD)
+        write_payload(output, payload)
+        first.folder.write(PAYLOAD, output.read_bytes())
+    else:
+        write_payload(output, payload)
+    result = result_of(first)
+    section = payload_section(payload, repeats)
+    result["title"] = f"Payload on {first.robot.name}"
+    result["payload"] = section
+    result["verdict"] = payload_verdict(payload)
+    path = write_result(first.folder, result)
+    console.document(
+        {
+            "file": str(output),
+            "payload": section,
+            "verdict": result["verdict"],
+            "report": str(path),
+        }
+    )
+    tell_payload(console, section)
+    console.verdict(payload.passed, result["verdict"]["headline"])
+    console.say(f"Payload: {output}")
+    console.say(f"Report: {path}")
+    if payload.passed:
+        console.say(f"Next: rid-daq payload export {output} --to FORMAT -o FILE")
+    else:
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _known(text: str) -> Known:
+    """Return what a word such as m=2.805+-0.005 says."""
+    name, equals, rest = text.partition("=")
+    value, _, sigma = rest.replace("±", "+-").partition("+-")
+    try:
+        if not equals:
+            raise ValueError
+        return Known(name.strip(), float(value), float(sigma) if sigma else 0.0)
+    except EstimationError as error:
+        raise ConfigError(f"--known {text}: {error}") from None
+    except ValueError:
+        raise ConfigError(
+            f"--known {text}: give NAME=VALUE or NAME=VALUE+-SIGMA, such as m=2.805+-0.005"
+        ) from None

@@ -1,0 +1,82 @@
+"""`rid-daq payload read-back`: what a controller holds, against what was measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from config.errors import ConfigError
+from identification.load_data import LoadFormat, deviation, read_load_data
+from identification.payload_body import REPORTED, REPORTED_UNITS
+from identification.payload_file import read_payload
+from rid_daq.console import AsJson, Console
+from rid_daq.exit_codes import ExitCode
+from rid_daq.report.render import number
+from rid_daq.result import check, verdict
+
+LARGEST_FILE_BYTES = 1_000_000
+
+
+def read_back(
+    payload: Annotated[
+        Path, typer.Argument(metavar="PAYLOAD", help="A payload file of `payload identify`.")
+    ],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Load data, as exported or saved from the robot.")
+    ],
+    form: Annotated[LoadFormat, typer.Option("--from", help="Whose controller it comes from.")],
+    tolerance_percent: Annotated[
+        float,
+        typer.Option(
+            "--tolerance", min=0.0, help="Largest difference [%]: controllers round what they hold."
+        ),
+    ] = 0.1,
+    as_json: AsJson = False,
+) -> None:
+    """Parse load data and compare them with a payload; exit code 1 where they differ.
+
+    Compared are the mass, the centre of gravity (as a share of its distance from the flange) and
+    the inertia (as a share of its largest moment).
+    """
+    console = Console(as_json)
+    body = read_payload(payload).estimate.body
+    try:
+        if file.stat().st_size > LARGEST_FILE_BYTES:
+            raise ConfigError(f"{file}: larger than any load data")
+        text = file.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
+    try:
+        found = read_load_data(text, form)
+    except ConfigError as error:
+        raise ConfigError(f"{file}: {error}") from None
+    apart = 100.0 * deviation(body, found, form)
+    line = check("largest difference", apart, "≤", tolerance_percent, "%")
+    passed = bool(line["passed"])
+    headline = (
+        f"Passed: {file} holds the payload"
+        if passed
+        else f"Failed: {file} differs from the payload by {number(apart, 3)} %"
+    )
+    console.document(
+        {
+            "file": str(file),
+            "format": form.value,
+            "verdict": verdict([line], headline, "Compared with what was measured."),
+            "read": dict(zip(REPORTED, (float(x) for x in found.reported), strict=True)),
+        }
+    )
+    console.table(
+        ("parameter", "measured", "read", "unit"),
+        [
+            (name, number(float(wanted), 6), number(float(held), 6), unit)
+            for name, unit, wanted, held in zip(
+                REPORTED, REPORTED_UNITS, body.reported, found.reported, strict=True
+            )
+        ],
+    )
+    console.verdict(passed, headline)
+    if not passed:
+        raise typer.Exit(ExitCode.VERDICT_FAILED)

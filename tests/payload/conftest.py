@@ -1,0 +1,186 @@
+"""A six-axis arm with a coupled wrist that carries a payload, computed by Pinocchio."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+from acquisition.excitation import FourierTrajectory
+from acquisition.motion_samples import Phase
+from acquisition.periods import PeriodAverage, average_periods
+from acquisition.recording import Recording
+from config.load import load_robot
+from config.motion import FourierMotion
+from config.robot import RobotDescription
+from identification.experiment_design import two_harmonic_draws
+from identification.payload_body import PayloadBody
+
+FloatArray = NDArray[np.float64]
+
+CYCLE_S = 0.01
+FINE = 5
+PERIOD_S = 8.0
+COULOMB = np.array([33.4, 32.6, 19.6, 8.3, 6.9, 4.6])
+VISCOUS = np.array([9.1, 12.8, 5.8, 3.5, 2.4, 1.6])
+# The wrist: motor 4 turns axes 5 and 6 along, motor 5 axis 6.
+COUPLING = (
+    (1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    (0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
+    (0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0, 1.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0, 0.02, 1.0, 0.0),
+    (0.0, 0.0, 0.0, -0.015, 0.03, 1.0),
+)
+# Medium reference payload of the thesis (table 5.5): m, c, then Ixx Iyy Izz Ixy Ixz Iyz about c.
+MEDIUM = PayloadBody.of_reported(
+    np.array([9.579, 0.024, 0.090, -0.202, 0.612, 0.063, 0.637, -0.158, -0.002, -0.008])
+)
+
+
+@dataclass(frozen=True)
+class PayloadPlant:
+    """The arm in Pinocchio: links as drawn, no rotors, friction at the motors.
+
+    `tool` is where the flange's frame sits in the last link's.
+    """
+
+    robot: RobotDescription
+    model: pin.Model
+
+    @classmethod
+    def of(cls, robot: RobotDescription, payload: PayloadBody | None) -> PayloadPlant:
+        assert robot.cad is not None
+        model = pin.Model()
+        model.gravity.linear = np.array(robot.gravity_m_s2)
+        parent = 0
+        rows = robot.kinematics.modified_rows()
+        for number, (row, cad) in enumerate(zip(rows, robot.cad, strict=True), start=1):
+            x = pin.SE3(pin.utils.rotate("x", row.alpha_rad), np.array([row.a_m, 0.0, 0.0]))
+            z = pin.SE3(pin.utils.rotate("z", row.theta_rad), np.array([0.0, 0.0, row.d_m]))
+            parent = model.addJoint(parent, pin.JointModelRZ(), x * z, f"j{number}")
+            xx, xy, xz, yy, yz, zz = cad.inertia_kg_m2
+            inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            body = pin.Inertia(cad.mass_kg, np.array(cad.centre_m), inertia)
+            model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        if payload is not None:
+            rpy = pin.rpy.rpyToMatrix(*robot.tool_rpy_rad)
+            tool = pin.SE3(rpy, np.array(robot.tool_offset_m))
+            body = pin.Inertia(payload.mass_kg, payload.centre_m, payload.inertia_kg_m2)
+            model.appendBodyToJoint(parent, body, tool)
+        return cls(robot, model)
+
+    def torque(self, q: FloatArray, v: FloatArray, a: FloatArray, friction: float) -> FloatArray:
+        """Return the motors' torques, link side, (samples, 6)."""
+        data = self.model.createData()
+        joint = np.array([pin.rnea(self.model, data, *row) for row in zip(q, v, a, strict=True)])
+        coupling = np.eye(6) if self.robot.coupling is None else np.array(self.robot.coupling)
+        speed = v @ np.linalg.inv(coupling).T
+        own = COULOMB * np.sign(speed) + VISCOUS * speed
+        return np.asarray(joint @ coupling + friction * own)
+
+
+def six_axes(**update: object) -> RobotDescription:
+    """Return the bundled six-axis arm with a coupled wrist and a flange away from its last axis."""
+    robot = load_robot("ur10e")
+    joints = tuple(
+        joint.model_copy(update={"friction": ("coulomb", "viscous"), "rotor": None})
+        for joint in robot.joints
+    )
+    return robot.model_copy(
+        update={
+            "joints": joints,
+            "coupling": COUPLING,
+            "tool_offset_m": (0.01, -0.02, 0.05),
+            "tool_rpy_rad": (0.1, -0.2, 0.3),
+        }
+        | update
+    )
+
+
+def motion_of(
+    robot: RobotDescription, seed: int = 1, axes: tuple[int, ...] | None = None
+) -> FourierMotion:
+    """Return two harmonics an axis; axes that are not named stand still."""
+    draws = two_harmonic_draws(
+        robot, PERIOD_S, highest_harmonic=10, limit_fraction=0.5, seed=seed, periods=4
+    )
+    motion = next(draws)
+    if axes is None:
+        return motion
+    joints = tuple(
+        joint
+        if j in axes
+        else joint.model_copy(
+            update={
+                "sine": tuple(0.0 for _ in joint.sine),
+                "cosine": tuple(0.0 for _ in joint.cosine),
+            }
+        )
+        for j, joint in enumerate(motion.joints)
+    )
+    return motion.model_copy(update={"joints": joints})
+
+
+def measured(
+    robot: RobotDescription,
+    motion: FourierMotion,
+    payload: PayloadBody | None,
+    *,
+    seed: int,
+    friction: float = 1.0,
+    noise_nm: float = 1.0,
+    periods: int = 4,
+    gain: FloatArray | None = None,
+) -> Recording:
+    """Return periods as drives would tell them: band-limited torque, noise, rounded positions."""
+    trajectory = FourierTrajectory.from_motion(motion, robot, CYCLE_S)
+    samples = trajectory.samples_per_period
+    random = np.random.default_rng(seed)
+    times = np.arange(samples * FINE) * (CYCLE_S / FINE)
+    q, v, a = (
+        f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
+    )
+    tau = PayloadPlant.of(robot, payload).torque(q, v, a, friction)
+    spectrum = np.fft.rfft(tau, axis=0)
+    spectrum[samples // 2 :] = 0.0
+    tau = np.tile(np.fft.irfft(spectrum, n=len(times), axis=0)[::FINE], (periods, 1))
+    if gain is not None:
+        tau = tau * gain
+    tau = tau + noise_nm * random.standard_normal(tau.shape)
+    position = np.round(np.tile(q[::FINE], (periods, 1)) / 3e-6) * 3e-6
+    rows = periods * samples
+    return Recording(
+        joint_names=robot.joint_names,
+        time_s=np.arange(rows) * CYCLE_S,
+        position=position,
+        torque_nm=tau,
+        valid=np.ones(rows, dtype=np.bool_),
+        phase=np.full(rows, Phase.MAIN, dtype=np.uint8),
+        sample_index=np.arange(rows),
+        source="cell",
+        sample_period_s=CYCLE_S,
+        samples_per_period=samples,
+    )
+
+
+def averaged(*arguments: object, **options: object) -> PeriodAverage:
+    """Return the average of what `measured` returns."""
+    return average_periods(measured(*arguments, **options))  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="session")
+def lab() -> SimpleNamespace:
+    """What the tests of this folder measure with."""
+    return SimpleNamespace(
+        six_axes=six_axes,
+        motion_of=motion_of,
+        measured=measured,
+        averaged=averaged,
+        medium=MEDIUM,
+        coulomb_nm=COULOMB,
+    )

@@ -1,0 +1,223 @@
+"""Load data of every maker: golden files computed by hand, and round trips of what can exist."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from config.errors import ConfigError, EstimationError
+from identification.load_data import LoadFormat, deviation, load_data, read_load_data
+from identification.payload_body import PayloadBody
+
+# A body whose numbers are known without a computer. Mass 4 kg, centre of gravity at
+# (10, -20, 100) mm. Principal moments 0.03, 0.05 and 0.06 kg m^2, their axes turned by +30 degrees
+# about z against the flange's. With cos^2 30 = 3/4, sin^2 30 = 1/4, sin 30 cos 30 = sqrt(3)/4:
+#   Ixx = 0.03 * 3/4 + 0.05 * 1/4 = 0.035
+#   Iyy = 0.03 * 1/4 + 0.05 * 3/4 = 0.045
+#   Ixy = (0.03 - 0.05) * sqrt(3)/4 = -0.00866025403784   (the small moment lies along +x +y)
+#   Izz = 0.06, Ixz = Iyz = 0
+TURNED_ABOUT_Z = PayloadBody.of_reported(
+    np.array([4.0, 0.01, -0.02, 0.1, 0.035, 0.045, 0.06, -0.02 * np.sqrt(3.0) / 4.0, 0.0, 0.0])
+)
+
+
+def last_lines(text: str, mark: str) -> list[str]:
+    return [line for line in text.splitlines() if not line.startswith(mark)]
+
+
+def test_kuka_load_data_by_hand() -> None:
+    # mm; A is the turn about z: 30 degrees; J are the principal moments in the order of the axes.
+    text = load_data(TURNED_ABOUT_Z, LoadFormat.KUKA)
+    assert last_lines(text, ";") == [
+        "LOAD_DATA[1]={M 4,CM {X 10,Y -20,Z 100,A 30,B 0,C 0},J {X 0.03,Y 0.05,Z 0.06}}"
+    ]
+    assert "CM X, Y, Z [mm]" in text
+    assert "A, B, C [deg]" in text
+
+
+def test_kuka_turns_b_about_y_and_c_about_x() -> None:
+    # Axes turned by +20 degrees about y: x' = (cos, 0, -sin), z' = (sin, 0, cos), so
+    #   Ixz = 0.03 * cos * (-sin) + 0.06 * sin * cos = 0.03 sin 20 cos 20 = 0.015 sin 40.
+    sin2, s, c = np.sin(np.radians(40.0)), np.sin(np.radians(20.0)), np.cos(np.radians(20.0))
+    about_y = PayloadBody.of_reported(
+        np.array(
+            [
+                4.0,
+                0.0,
+                0.0,
+                0.0,
+                0.03 * c * c + 0.06 * s * s,
+                0.05,
+                0.03 * s * s + 0.06 * c * c,
+                0.0,
+                0.015 * sin2,
+                0.0,
+            ]
+        )
+    )
+    assert "A 0,B 20,C 0},J {X 0.03,Y 0.05,Z 0.06}}" in load_data(about_y, LoadFormat.KUKA)
+    # By +20 degrees about x: y' = (0, cos, sin), z' = (0, -sin, cos), so
+    #   Iyz = 0.05 * cos * sin - 0.06 * sin * cos = -0.005 sin 40.
+    about_x = PayloadBody.of_reported(
+        np.array(
+            [
+                4.0,
+                0.0,
+                0.0,
+                0.0,
+                0.03,
+                0.05 * c * c + 0.06 * s * s,
+                0.05 * s * s + 0.06 * c * c,
+                0.0,
+                0.0,
+                -0.005 * sin2,
+            ]
+        )
+    )
+    assert "A 0,B 0,C 20},J {X 0.03,Y 0.05,Z 0.06}}" in load_data(about_x, LoadFormat.KUKA)
+
+
+def test_abb_loaddata_by_hand() -> None:
+    # A turn of 30 degrees about z is the quaternion [cos 15, 0, 0, sin 15], scalar first:
+    # cos 15 = 0.965925826289, sin 15 = 0.258819045103.
+    text = load_data(TURNED_ABOUT_Z, LoadFormat.ABB)
+    assert last_lines(text, "!") == [
+        "PERS loaddata load1:=[4,[10,-20,100],[0.965925826289,0,0,0.258819045103],0.03,0.05,0.06];"
+    ]
+    assert "tool0" in text
+    assert "[mm]" in text
+
+
+def test_fanuc_schedule_by_hand() -> None:
+    # cm: 1, -2, 10. One kgf cm s^2 is 9.80665 * 0.01 = 0.0980665 kg m^2:
+    # 0.035 / 0.0980665 = 0.356900674, 0.045 / 0.0980665 = 0.458872296, 0.06 / ... = 0.611829728.
+    text = load_data(TURNED_ABOUT_Z, LoadFormat.FANUC)
+    rows = [line.rsplit(maxsplit=1) for line in last_lines(text, "#")]
+    assert [name.strip() for name, _ in rows] == [
+        "PAYLOAD [kg]",
+        "PAYLOAD CENTER X [cm]",
+        "PAYLOAD CENTER Y [cm]",
+        "PAYLOAD CENTER Z [cm]",
+        "PAYLOAD INERTIA X [kgfcms^2]",
+        "PAYLOAD INERTIA Y [kgfcms^2]",
+        "PAYLOAD INERTIA Z [kgfcms^2]",
+    ]
+    assert [float(value) for _, value in rows] == pytest.approx(
+        [4.0, 1.0, -2.0, 10.0, 0.356900674, 0.458872296, 0.611829728], rel=3e-9
+    )
+    # What the schedule cannot hold is said.
+    assert "-0.00866025403784" in text
+    assert "left out" in text
+
+
+def test_universal_robots_call_by_hand() -> None:
+    # Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the centre of gravity, m and kg m^2.
+    text = load_data(TURNED_ABOUT_Z, LoadFormat.UR)
+    assert last_lines(text, "#") == [
+        "set_target_payload(4, [0.01, -0.02, 0.1],"
+        " [0.035, 0.045, 0.06, -0.00866025403784, 0, 0], 0.1)"
+    ]
+
+
+def test_franka_column_major_by_hand() -> None:
+    text = load_data(TURNED_ABOUT_Z, LoadFormat.FRANKA)
+    document = json.loads(text)
+    assert document["load_mass"] == 4.0
+    assert document["F_x_Cload"] == [0.01, -0.02, 0.1]
+    ixy = -0.00866025403784
+    assert document["load_inertia"] == [0.035, ixy, 0.0, ixy, 0.045, 0.0, 0.0, 0.0, 0.06]
+
+
+def test_staubli_table_by_hand() -> None:
+    text = load_data(TURNED_ABOUT_Z, LoadFormat.STAUBLI)
+    assert last_lines(text, "//") == [
+        "mass_kg = 4",
+        "x_mm = 10",
+        "y_mm = -20",
+        "z_mm = 100",
+        "Ixx_kg_m2 = 0.035",
+        "Iyy_kg_m2 = 0.045",
+        "Izz_kg_m2 = 0.06",
+        "Ixy_kg_m2 = -0.00866025403784",
+        "Ixz_kg_m2 = 0",
+        "Iyz_kg_m2 = 0",
+    ]
+
+
+def test_urdf_link_by_hand() -> None:
+    text = load_data(TURNED_ABOUT_Z, LoadFormat.URDF)
+    assert '<origin xyz="0.01 -0.02 0.1" rpy="0 0 0"/>' in text
+    assert '<mass value="4"/>' in text
+    assert (
+        '<inertia ixx="0.035" ixy="-0.00866025403784" ixz="0" iyy="0.045" iyz="0" izz="0.06"/>'
+        in text
+    )
+
+
+def random_body(seed: int) -> PayloadBody:
+    """Return a body of a few point masses and balls, so that it can exist; some degenerate."""
+    random = np.random.default_rng(seed)
+    kind = seed % 4
+    if kind == 0:  # a ball: all moments equal
+        inertia = np.eye(3) * random.uniform(0.01, 1.0)
+    elif kind == 1:  # a cylinder, pointing anywhere
+        axis = random.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        across, along = 0.2, 0.35 * random.uniform(0.1, 1.0)
+        inertia = across * np.eye(3) + (along - across) * np.outer(axis, axis)
+    else:
+        points = random.normal(scale=0.1, size=(6, 3))
+        points -= points.mean(axis=0)
+        second = points.T @ points * random.uniform(0.1, 3.0)
+        inertia = np.trace(second) * np.eye(3) - second
+    return PayloadBody(
+        float(random.uniform(0.05, 300.0)), random.uniform(-0.5, 0.5, 3), (inertia + inertia.T) / 2
+    )
+
+
+@pytest.mark.parametrize("form", LoadFormat)
+def test_a_thousand_bodies_read_back_as_they_were_written(form: LoadFormat) -> None:
+    worst = 0.0
+    for seed in range(1000):
+        body = random_body(seed)
+        worst = max(worst, deviation(body, read_load_data(load_data(body, form), form), form))
+    assert worst < 2e-9
+
+
+@pytest.mark.parametrize("form", LoadFormat)
+def test_a_changed_digit_is_seen(form: LoadFormat) -> None:
+    text = load_data(TURNED_ABOUT_Z, form)
+    changed = text.replace("0.035", "0.0351").replace("0.03,", "0.0301,").replace("0.3569", "0.36")
+    assert changed != text
+    assert deviation(TURNED_ABOUT_Z, read_load_data(changed, form), form) > 1e-4
+
+
+@pytest.mark.parametrize("form", LoadFormat)
+def test_another_text_is_no_load_data(form: LoadFormat) -> None:
+    for text in ("", "hello", "{}", "[1, 2, 3]", "<robot/>", "x" * 2_000_000):
+        with pytest.raises(ConfigError):
+            read_load_data(text, form)
+
+
+@pytest.mark.parametrize("form", LoadFormat)
+def test_what_cannot_exist_is_not_written(form: LoadFormat) -> None:
+    # One moment larger than the other two together.
+    with pytest.raises(EstimationError, match="no body can have"):
+        load_data(PayloadBody(1.0, np.zeros(3), np.diag([0.1, 0.1, 0.3])), form)
+    with pytest.raises(EstimationError, match="no body can have"):
+        load_data(PayloadBody(-1.0, np.zeros(3), np.diag([0.1, 0.1, 0.1])), form)
+
+
+def test_more_inertia_than_the_controller_takes_is_refused() -> None:
+    heavy = PayloadBody(900.0, np.zeros(3), np.diag([140.0, 140.0, 140.0]))
+    with pytest.raises(EstimationError, match="more than the controller takes"):
+        load_data(heavy, LoadFormat.UR)
+
+
+def test_origin_lines_cannot_leave_their_comment() -> None:
+    origin = ("run 1\nset_target_payload(99, [0,0,0], [1,1,1,0,0,0], 0)",)
+    text = load_data(TURNED_ABOUT_Z, LoadFormat.UR, origin)
+    assert read_load_data(text, LoadFormat.UR).mass_kg == 4.0
+    assert load_data(TURNED_ABOUT_Z, LoadFormat.URDF, ("a --> b",)).count("-->") == 1

@@ -1,0 +1,211 @@
+"""`rid-daq payload` through its commands: a real robot's recordings, exports, refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identification.load_data import LoadFormat
+from identification.payload_file import read_payload
+from rid_daq.app import run
+
+FILES = {
+    "unloaded": ("ur-20_01_31-unload.csv", "300-2623"),
+    "loaded": ("ur-20_01_31-load.csv", "370-2881"),
+}
+WEIGHED_KG = 2.805
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = os.environ.get("RID_DAQ_DATA", "")
+    folder = Path(root) / "ur10e"
+    if not root or not folder.is_dir():
+        reason = "no recordings of a real robot: RID_DAQ_DATA must name the folder of ur10e/"
+        if os.environ.get("CI"):
+            pytest.fail(f"{reason}; in CI they must be there")
+        pytest.skip(reason)
+    place = tmp_path_factory.mktemp("payload")
+    for label, (name, rows) in FILES.items():
+        words = ["import", str(folder / name), "--map", "ur10e_31", "--rows", rows]
+        assert run([*words, "--label", label, "--runs", str(place / "runs")]) == 0
+    words = ["payload", "identify", "--unloaded", "unloaded", "--loaded", "loaded"]
+    words += ["--band", "9.4", "--runs", str(place / "runs")]
+    assert run([*words, "-o", str(place / "payload.json")]) == 0
+    return place
+
+
+def identify(place: Path, *words: str) -> list[str]:
+    return ["payload", "identify", "--band", "9.4", "--runs", str(place / "runs"), *words]
+
+
+def test_a_real_payload_is_weighed_within_two_percent_and_inside_its_interval(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--json")
+    assert run(words) == 0
+    document = json.loads(capsys.readouterr().out)
+    mass = document["payload"]["parameters"][0]
+    assert mass["name"] == "m"
+    assert abs(mass["value"] - WEIGHED_KG) < 0.02 * WEIGHED_KG
+    assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"]
+    # White noise would promise several times more than it can hold.
+    assert mass["std"] > 3.0 * mass["std_noise"]
+    assert document["verdict"]["passed"] is True
+    assert "hardly seen; moving" in " ".join(document["payload"]["findings"])
+    # The payload stands in the run too, and in its report.
+    report = Path(document["report"]).read_text(encoding="utf-8")
+    assert "Torque" in report or "torque of the payload" in report
+    assert (Path(document["report"]).parent / "payload.json").exists()
+
+
+def test_two_identified_robots_subtracted_say_the_same(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = workshop / "unloaded.json"
+    base = ["--band", "9.4", "--runs", str(workshop / "runs")]
+    assert run(["identify", "unloaded", "-o", str(model), *base]) == 0
+    capsys.readouterr()
+    words = identify(workshop, "--loaded", "loaded", "--model", str(model), "--json")
+    words += ["-o", str(workshop / "by_model.json")]
+    assert run(
+        [*words, "--mass-limit", "20", "--centre-limit", "50", "--inertia-limit", "500"]
+    ) in (
+        0,
+        1,
+    )
+    mass = json.loads(capsys.readouterr().out)["payload"]["parameters"][0]
+    assert abs(mass["value"] - WEIGHED_KG) < 0.05 * WEIGHED_KG
+    assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"]
+
+
+def test_a_weighed_mass_is_held(workshop: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--json")
+    words += ["-o", str(workshop / "held.json"), "--known", "m=2.805+-0.002"]
+    assert run(words) == 0
+    mass = json.loads(capsys.readouterr().out)["payload"]["parameters"][0]
+    assert mass["known"] is True
+    assert mass["value"] == pytest.approx(WEIGHED_KG, abs=0.002)
+    assert mass["std"] <= 0.002
+
+
+@pytest.mark.parametrize("form", LoadFormat)
+def test_every_export_is_read_back_and_a_changed_one_is_caught(
+    workshop: Path, form: LoadFormat, capsys: pytest.CaptureFixture[str]
+) -> None:
+    payload, file = str(workshop / "payload.json"), workshop / f"load.{form.value}"
+    assert run(["payload", "export", payload, "--to", form.value, "-o", str(file)]) == 0
+    assert run(["payload", "read-back", payload, str(file), "--from", form.value]) == 0
+    # Written again only when told.
+    assert run(["payload", "export", payload, "--to", form.value, "-o", str(file)]) == 2
+    text = file.read_text(encoding="utf-8")
+    mass = f"{read_payload(workshop / 'payload.json').estimate.body.mass_kg:.12g}"
+    assert text.count(mass) == 1
+    file.write_text(text.replace(mass, f"{float(mass) * 1.01:.6g}"), encoding="utf-8")
+    capsys.readouterr()
+    assert run(["payload", "read-back", payload, str(file), "--from", form.value]) == 1
+    assert "differs from the payload by 1 %" in capsys.readouterr().out
+
+
+def test_what_did_not_pass_reaches_no_controller(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    payload = workshop / "unsure.json"
+    words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded")
+    assert run([*words, "--mass-limit", "0.5", "-o", str(payload)]) == 1
+    capsys.readouterr()
+    out = workshop / "unsure.script"
+    assert run(["payload", "export", str(payload), "--to", "ur", "-o", str(out)]) == 6
+    assert "did not pass (interval of the mass (2σ))" in capsys.readouterr().err
+    assert not out.exists()
+    # Nor does one whose verdict was edited.
+    edited = payload.read_text(encoding="utf-8").replace('"passed": false', '"passed": true')
+    payload.write_text(edited, encoding="utf-8")
+    assert run(["payload", "export", str(payload), "--to", "ur", "-o", str(out)]) == 2
+    assert "was the file edited?" in capsys.readouterr().err
+
+
+def test_a_payload_whose_mass_was_edited_is_refused(workshop: Path) -> None:
+    document = json.loads((workshop / "payload.json").read_text(encoding="utf-8"))
+    document["about_centre_of_gravity"][0]["value"] = 1.0
+    edited = workshop / "edited.json"
+    edited.write_text(json.dumps(document), encoding="utf-8")
+    out = str(workshop / "edited.out")
+    assert run(["payload", "export", str(edited), "--to", "kuka", "-o", out]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--unloaded", "loaded", "--loaded", "loaded"], "named twice"),
+        (["--loaded", "loaded"], "cannot be told from the robot"),
+        (["--loaded", "loaded", "--procedure", "model"], "--model MODEL"),
+        (
+            ["--unloaded", "unloaded", "--loaded", "loaded", "--procedure", "difference"],
+            "are not periodic",
+        ),
+        (["--unloaded", "unloaded", "--loaded", "loaded", "--known", "mass=1"], "no quantity"),
+        (["--unloaded", "unloaded", "--loaded", "loaded", "--known", "m"], "NAME=VALUE"),
+        (["--unloaded", "loaded", "--loaded", "unloaded"], "named as loaded carry it"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_in_words(
+    workshop: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    assert run(identify(workshop, *words)) in (2, 6)
+    assert said in capsys.readouterr().err
+
+
+def test_repeated_periodic_runs_from_another_makers_csv(
+    lab: SimpleNamespace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Imported periodic runs: three with the payload, one without; scatter is told."""
+    robot = lab.six_axes(name="six")
+    motion = lab.motion_of(robot)
+    (tmp_path / "six.yaml").write_text(robot.model_dump_json(), encoding="utf-8")
+    columns = {
+        "name": "six",
+        "robot": "six.yaml",
+        "columns": 13,
+        "time": {"column": 0, "unit": "s"},
+        "units": {"position": "rad", "torque": "Nm"},
+        "joints": [
+            {"joint": name, "position": 1 + j, "torque": 7 + j}
+            for j, name in enumerate(robot.joint_names)
+        ],
+        "plausible": {"position": 7.0, "speed": 8.0, "torque": 900.0},
+        "period_s": 8.0,
+    }
+    (tmp_path / "map.yaml").write_text(json.dumps(columns), encoding="utf-8")
+    for label, payload, seed in (
+        ("empty", None, 1),
+        ("first", lab.medium, 2),
+        ("second", lab.medium, 3),
+        ("third", lab.medium, 4),
+    ):
+        recording = lab.measured(robot, motion, payload, seed=seed, friction=1.0 + 0.05 * seed)
+        table = np.column_stack([recording.time_s, recording.position, recording.torque_nm])
+        with (tmp_path / f"{label}.csv").open("w", newline="") as file:
+            csv.writer(file).writerows(table.tolist())
+        words = ["import", str(tmp_path / f"{label}.csv"), "--map", str(tmp_path / "map.yaml")]
+        assert run([*words, "--label", label, "--runs", str(tmp_path / "runs")]) == 0
+    capsys.readouterr()
+    words = ["payload", "identify", "--unloaded", "empty", "--no-rotors", "--json"]
+    for label in ("first", "second", "third"):
+        words += ["--loaded", label]
+    assert run([*words, "--runs", str(tmp_path / "runs")]) == 0
+    document = json.loads(capsys.readouterr().out)
+    section = document["payload"]
+    assert section["repeats"]["runs"] == 3
+    assert section["repeats"]["ratio"] < 2.0
+    for entry, truth in zip(section["parameters"], lab.medium.reported, strict=True):
+        assert abs(entry["value"] - truth) < 3.0 * entry["std"]
