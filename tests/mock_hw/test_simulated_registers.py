@@ -33,7 +33,7 @@ from mock_hw.simulated_registers import RegisterFaults, SimulatedRegisters, crc1
 
 PROFILE = load_bundled_or_path("servo_registers", "profiles", DriveProfile)
 UNITS = (1, 2, 9)
-TIMEOUT_S = 0.5
+TIMEOUT_S = 2.0
 
 
 def registers(unit: int) -> dict[int, int] | None:
