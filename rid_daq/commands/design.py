@@ -12,6 +12,7 @@ import numpy as np
 import typer
 
 from acquisition.motion_samples import MotionSamples, plan_motion
+from compensation.multisine_motion import multisine_motion
 from config.errors import ConfigError, RecordingError
 from config.load import LoadedCell, load_cell, to_yaml
 from config.motion import FourierMotion
@@ -33,6 +34,7 @@ class Kind(StrEnum):
     EXCITATION = "excitation"
     CONSTANT_VELOCITY = "constant-velocity"
     REVERSED = "reversed"
+    MULTISINE = "multisine"
 
 
 class Method(StrEnum):
@@ -57,8 +59,8 @@ def design(
     kind: Annotated[
         Kind,
         typer.Option(
-            help="Excitation, or friction alone: runs at constant speed, or the excitation there"
-            " and back in time."
+            help="Excitation; friction alone: runs at constant speed, or the excitation there and"
+            " back in time; or a multisine for the velocity loops."
         ),
     ] = Kind.EXCITATION,
     method: Annotated[
@@ -131,6 +133,15 @@ def design(
             output,
         )
         console.say(f"Next: rid-daq record {cell} {output}")
+        return
+    if kind is Kind.MULTISINE:
+        write_friction_motion(
+            console,
+            loaded,
+            multisine_motion(robot, loaded.config.cycle_time_s, seed=seed),
+            output,
+        )
+        console.say(f"Next: rid-daq record {cell} {output}, then rid-daq loop latest")
         return
     found: Search | None = None
     if method is Method.OPTIMAL:

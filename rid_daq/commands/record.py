@@ -8,13 +8,20 @@ from typing import Annotated
 
 import typer
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_samples import MotionSamples, plan_motion
 from acquisition.run_folder import RunFolder
 from acquisition.termination import ignore_termination
+from compensation.feedforward_file import read_feedforward
 from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, load_cell, load_motion
-from config.motion import AnyMotion, ConstantVelocityMotion, ReversedMotion
+from config.motion import (
+    AnyMotion,
+    CircleMotion,
+    ConstantVelocityMotion,
+    MultisineMotion,
+    ReversedMotion,
+)
 from rid_daq.accuracy_watch import AccuracyWatch
 from rid_daq.cells import reachable_cell
 from rid_daq.console import AsJson, Console
@@ -34,6 +41,12 @@ def record(
             metavar="GOAL",
             help="End early once a standard deviation is reached, as sx3<0.01kgm, fv_axis1<5% or"
             " torque<1.5Nm; repeat for more.",
+        ),
+    ] = None,
+    feedforward: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FEEDFORWARD", help="Pre-compensation of this motion, by `compensate`."
         ),
     ] = None,
     label: Annotated[
@@ -72,6 +85,8 @@ def record(
     asked = load_motion(motion)
     check_robot(asked, loaded, motion)
     samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
+    if feedforward is not None:
+        samples = with_feedforward(feedforward, asked, samples)
     accuracy = None
     if until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(until or (), loaded.robot, samples)
@@ -85,6 +100,8 @@ def record(
             for name, content in loaded.files.items():
                 folder.write(name, content)
             folder.write("motion.yaml", motion.read_bytes())
+            if feedforward is not None:
+                folder.write("feedforward.json", feedforward.read_bytes())
             run = record_run(
                 reachable,
                 loaded.robot,
@@ -106,6 +123,23 @@ def record(
         raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
     if accuracy is not None and not accuracy.reached:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def with_feedforward(path: Path, motion: AnyMotion, samples: MotionSamples) -> MotionSamples:
+    """Return a planned motion with the feedforward of a file.
+
+    Raises
+    ------
+    ConfigError
+        The file is of another motion, or for another cell.
+    """
+    file = read_feedforward(path)
+    if file.motion != motion:
+        raise ConfigError(
+            f"{path}: pre-compensates another motion than the one given: make it again with"
+            " `rid-daq compensate`"
+        )
+    return file.onto(samples)
 
 
 def check_robot(motion: AnyMotion, loaded: LoadedCell, path: Path) -> None:
@@ -185,6 +219,10 @@ def _tell(
     console.say(f"Report: {report}")
     if outcome.stop is None and isinstance(asked, ConstantVelocityMotion | ReversedMotion):
         console.say(f"Next: rid-daq friction {folder.path}")
+    elif outcome.stop is None and isinstance(asked, MultisineMotion):
+        console.say(f"Next: rid-daq loop {folder.path}")
+    elif outcome.stop is None and isinstance(asked, CircleMotion):
+        console.say(f"Next: rid-daq tracking {folder.path}")
     elif outcome.stop is None and run.is_periodic:
         console.say(f"Next: rid-daq identify {folder.path}")
     elif outcome.stop is None:

@@ -1,0 +1,85 @@
+"""The file that `rid-daq compensate` writes: a motion and the speeds that pre-compensate it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from acquisition.motion_samples import MotionSamples
+from config.errors import ConfigError
+from config.model import ConfigModel
+from config.motion import AnyMotion, Motion
+from config.whole_file import write_whole
+
+FORMAT: Final = "rid-daq feedforward 1"
+
+
+class FeedforwardFile(ConfigModel):
+    """Speeds to add in the position loop, row by row of the planned motion.
+
+    `feedforward` has a row a cycle and a column a joint, base to flange [rad/s or m/s].
+    """
+
+    format: Literal["rid-daq feedforward 1"]
+    cycle_time_ms: Annotated[int, Field(ge=1)]
+    joints: tuple[str, ...]
+    motion: Motion
+    feedforward: tuple[tuple[float, ...], ...] = Field(min_length=2)
+
+    def onto(self, samples: MotionSamples) -> MotionSamples:
+        """Return the planned motion with this feedforward.
+
+        Raises
+        ------
+        ConfigError
+            It belongs to another motion, cycle time or robot.
+        """
+        rows = np.array(self.feedforward, dtype=float)
+        cycle_ms = round(1e3 * samples.sample_period_s)
+        if (
+            rows.shape != samples.position.shape
+            or self.joints != samples.joint_names
+            or cycle_ms != self.cycle_time_ms
+        ):
+            raise ConfigError(
+                f"the feedforward is of {len(rows)} rows of {self.cycle_time_ms} ms for joints"
+                f" {', '.join(self.joints)}; the motion has {len(samples)} rows of {cycle_ms} ms"
+                f" for {', '.join(samples.joint_names)}: compensate it again for this cell"
+            )
+        return replace(samples, feedforward=rows)
+
+
+def write_feedforward(path: Path, motion: AnyMotion, samples: MotionSamples) -> None:
+    """Write a compensated motion into a file, whole or not at all."""
+    assert samples.feedforward is not None
+    file = FeedforwardFile(
+        format=FORMAT,
+        cycle_time_ms=round(1e3 * samples.sample_period_s),
+        joints=samples.joint_names,
+        motion=motion,
+        feedforward=tuple(map(tuple, np.round(samples.feedforward, 9).tolist())),
+    )
+    write_whole(path, (file.model_dump_json() + "\n").encode())
+
+
+def read_feedforward(path: Path) -> FeedforwardFile:
+    """Read such a file.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read or is none.
+    """
+    try:
+        return FeedforwardFile.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        raise ConfigError(
+            f"{path}: is no feedforward file ({error.errors()[0]['msg']}): make one with"
+            " `rid-daq compensate`"
+        ) from error
