@@ -18,6 +18,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from config.cell import CellConfig
+from config.drive_profile import DriveProfile
 from config.import_map import ImportMap
 from config.motion import FourierMotion, MultipointMotion
 from config.plant import PlantConfig
@@ -31,6 +32,7 @@ PAGES = {
     "motion files: periodic excitation": FourierMotion,
     "motion files: validation": MultipointMotion,
     "import maps": ImportMap,
+    "drive profiles (Modbus registers)": DriveProfile,
     "plant files (simulation only)": PlantConfig,
 }
 

@@ -65,8 +65,14 @@ def mock(
     ) as simulated:
         channel = loaded.config.can.channel
         listen = f"can_logger -i rid_sim -c {channel}"
+        registers = _registers(simulated.cell)
         console.document(
-            {"cell": loaded.config.name, "channel": simulated.channel, "listen": listen}
+            {
+                "cell": loaded.config.name,
+                "channel": simulated.channel,
+                "listen": listen,
+                "registers": registers,
+            }
         )
         nodes = ", ".join(f"{axis.joint} node {axis.node_id}" for axis in loaded.config.axes)
         console.say(
@@ -75,8 +81,20 @@ def mock(
         )
         console.say(f"Listen in:  {listen}")
         console.say(f"Use it:     rid-daq check {cell}")
+        if registers:
+            console.say(f"Registers:  {registers}")
         _wait(loaded.config)
     console.say("Ended.")
+
+
+def _registers(cell: CellConfig) -> str:
+    """Say where the drives' Modbus registers are served; nothing where they are not."""
+    if cell.monitor is None:
+        return ""
+    link = cell.monitor.link
+    if link.kind == "tcp":
+        return f"Modbus TCP {link.host}:{link.port}"
+    return f"Modbus RTU {link.address}, {link.baud_rate} baud"
 
 
 def _wait(cell: CellConfig) -> None:
