@@ -14,13 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.control_block import (
-    ControlBlock,
-    MonitorState,
-    Pace,
-    RecorderState,
-    TaskState,
-)
+from acquisition.control_block import ControlBlock, Pace, RecorderState, TaskState
+from acquisition.monitor_rounds import MonitorRounds
 from acquisition.motion_samples import MotionSamples, Phase, approach
 from acquisition.period_ends import period_ends
 from acquisition.position_loop import PositionLoop
@@ -42,7 +37,6 @@ REST_CYCLES = 5
 RECORDER_PATIENCE_S = 30.0
 PAUSE_S = 0.001
 JUDGE_PATIENCE_S = 60.0
-MONITOR_PATIENCE_S = 20.0
 
 _TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
@@ -111,7 +105,9 @@ class CyclicTask:
         self._cycle = 0
         self._late_frames = 0
         control.pace = Pace.LOCKSTEP if lockstep else Pace.REAL_TIME
-        self._monitor_s = -math.inf  # when temperatures were last asked for
+        self._monitor = None
+        if lockstep and control.monitored and cell.monitor is not None:
+            self._monitor = MonitorRounds(control, cell.monitor.period_s, cell.cycle_time_s)
         self._unrecorded_s = 0.0  # lateness of a cycle that was given up before its row
 
     def run(self, samples: MotionSamples) -> StopReason | None:
@@ -283,8 +279,8 @@ class CyclicTask:
         full = self._write(target, time_s, lateness_s, exchange_s, command, supervisor.valid)
         self._control.set_progress(target.sample_index, target.phase, self._cycle)
         self._cycle += 1
-        if self._lockstep and self._control.monitored:
-            self._wait_for_monitor(time_s)
+        if self._monitor is not None:
+            self._monitor.ask_when_due(time_s, lambda: self._order_to_stop() is not None)
         return reason or full
 
     def _exchange(self) -> tuple[float, float]:
@@ -338,20 +334,6 @@ class CyclicTask:
                 return False
             time.sleep(PAUSE_S)
         return False
-
-    def _wait_for_monitor(self, time_s: float) -> None:
-        """Let simulated time stand still while temperatures are read, once a period of theirs."""
-        monitor, control = self._cell.monitor, self._control
-        if monitor is None or time_s < self._monitor_s + monitor.period_s - 0.5 * self._period_s:
-            return
-        self._monitor_s = time_s
-        asked = control.ask_monitor(time_s)
-        until_s = time.monotonic() + MONITOR_PATIENCE_S
-        while control.monitor_rounds < asked and time.monotonic() < until_s:
-            alive = control.monitor_state in (MonitorState.STARTING, MonitorState.POLLING)
-            if not alive or self._order_to_stop() is not None:
-                return
-            time.sleep(PAUSE_S)
 
     def _stop(self) -> None:
         """Quick stop, by set-point frames alone, and watch until everything rests."""
