@@ -28,9 +28,11 @@ class Watch(Protocol):
 
     def enough(self, journal: Path, periods: int) -> bool:
         """Return whether the motion may end after the period under way."""
+        ...
 
     def line(self) -> str:
         """Say in a few words how far it is."""
+        ...
 
 
 class WarmUpWatch:

@@ -45,6 +45,8 @@ from rid_daq.versions import software_versions
 
 PERIOD_CYCLES = 600
 LIMIT_FRACTION = 0.4
+HIGHEST_HARMONIC = 6
+TRIES = 20
 
 
 def session(
@@ -216,6 +218,7 @@ def _begin(
     console: Console,
 ) -> tuple[SessionState, FourierMotion]:
     """Return a new session's state or an interrupted one's, and its motion."""
+    state: SessionState | None = None
     if resume is not None:
         state = SessionState.read(find_run(runs, resume))
         if state.cell != loaded.config.name:
@@ -226,20 +229,19 @@ def _begin(
         asked = load_motion(motion)
         check_robot(asked, loaded, motion)
     else:
-        period_s = PERIOD_CYCLES * loaded.config.cycle_time_s
         asked = design_two_harmonic(
             loaded.robot,
-            period_s,
+            PERIOD_CYCLES * loaded.config.cycle_time_s,
             loaded.config.cycle_time_s,
             limit_fraction=LIMIT_FRACTION,
-            tries=20,
-            highest_harmonic=6,
+            highest_harmonic=HIGHEST_HARMONIC,
+            tries=TRIES,
             seed=seed,
             periods=periods,
         )
     if not isinstance(asked, FourierMotion):
         raise ConfigError("a payload session needs a periodic (fourier) motion")
-    if resume is None:
+    if state is None:
         folder = RunFolder.create(runs, label, kind="payload session", software=software_versions())
         for name, content in loaded.files.items():
             folder.write(name, content)
