@@ -15,13 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.clear_path import refuse_collision
-from acquisition.control_block import (
-    ControlBlock,
-    MonitorState,
-    Pace,
-    RecorderState,
-    TaskState,
-)
+from acquisition.control_block import ControlBlock, Pace, RecorderState, TaskState
+from acquisition.monitor_rounds import MonitorRounds
+from acquisition.motion_limits import refuse_pose
 from acquisition.motion_samples import MotionSamples, Phase, approach
 from acquisition.period_ends import period_ends
 from acquisition.position_loop import PositionLoop
@@ -29,7 +25,7 @@ from acquisition.ring import Ring
 from acquisition.stop_reason import StopCode, StopReason
 from acquisition.supervisor import Supervisor
 from config.cell import CellConfig
-from config.errors import DriverError, PreflightError, SafetyStop
+from config.errors import DriverError, SafetyStop
 from config.robot import RobotDescription
 from drivers.interfaces import ServoAxes
 from drivers.transport import Clock
@@ -44,7 +40,6 @@ REST_CYCLES = 5
 RECORDER_PATIENCE_S = 30.0
 PAUSE_S = 0.001
 JUDGE_PATIENCE_S = 60.0
-MONITOR_PATIENCE_S = 20.0
 
 _TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
@@ -116,7 +111,9 @@ class CyclicTask:
         self._cycle = 0
         self._late_frames = 0
         control.pace = Pace.LOCKSTEP if lockstep else Pace.REAL_TIME
-        self._monitor_s = -math.inf  # when temperatures were last asked for
+        self._monitor = None
+        if lockstep and control.monitored and cell.monitor is not None:
+            self._monitor = MonitorRounds(control, cell.monitor.period_s, cell.cycle_time_s)
         self._unrecorded_s = 0.0  # lateness of a cycle that was given up before its row
 
     def run(self, samples: MotionSamples) -> StopReason | None:
@@ -150,7 +147,7 @@ class CyclicTask:
         control.task_state = TaskState.ENABLING
         synced_s = axes.enable()
         position = axes.position.tolist()
-        self._check_pose(position)
+        refuse_pose(self._robot, position)
         way = approach(axes.position, samples.position[0], self._robot, self._period_s)
         self._supervisor.begin(position)
         self._late_frames = axes.late_frames
@@ -173,7 +170,7 @@ class CyclicTask:
         clearances = Clearances.of(self._robot, self._cell.workspace)
         if len(clearances) == 0:
             return
-        self._check_pose(self._axes.position.tolist())
+        refuse_pose(self._robot, self._axes.position.tolist())
         way = approach(self._axes.position, samples.position[0], self._robot, self._period_s)
         refuse_collision(
             clearances,
@@ -182,15 +179,6 @@ class CyclicTask:
             "the way to the motion's start",
             meanwhile=lambda: self._axes.beat(self._clock.now_s()),
         )
-
-    def _check_pose(self, position: list[float]) -> None:
-        for joint, value in zip(self._robot.joints, position, strict=True):
-            low, high = joint.limits.position_min, joint.limits.position_max
-            if not low <= value <= high:
-                raise PreflightError(
-                    f"joint {joint.name} stands at {value:.4f}, outside its limits {low:g} to"
-                    f" {high:g}: move the robot inside them by hand, or correct the robot file"
-                )
 
     def _stream(self, way: MotionSamples, samples: MotionSamples) -> StopReason | None:
         begin = self._cycle + len(way)
@@ -305,8 +293,8 @@ class CyclicTask:
         full = self._write(target, time_s, lateness_s, exchange_s, command, supervisor.valid)
         self._control.set_progress(target.sample_index, target.phase, self._cycle)
         self._cycle += 1
-        if self._lockstep and self._control.monitored:
-            self._wait_for_monitor(time_s)
+        if self._monitor is not None:
+            self._monitor.ask_when_due(time_s, lambda: self._order_to_stop() is not None)
         return reason or full
 
     def _exchange(self) -> tuple[float, float]:
@@ -360,20 +348,6 @@ class CyclicTask:
                 return False
             time.sleep(PAUSE_S)
         return False
-
-    def _wait_for_monitor(self, time_s: float) -> None:
-        """Let simulated time stand still while temperatures are read, once a period of theirs."""
-        monitor, control = self._cell.monitor, self._control
-        if monitor is None or time_s < self._monitor_s + monitor.period_s - 0.5 * self._period_s:
-            return
-        self._monitor_s = time_s
-        asked = control.ask_monitor(time_s)
-        until_s = time.monotonic() + MONITOR_PATIENCE_S
-        while control.monitor_rounds < asked and time.monotonic() < until_s:
-            alive = control.monitor_state in (MonitorState.STARTING, MonitorState.POLLING)
-            if not alive or self._order_to_stop() is not None:
-                return
-            time.sleep(PAUSE_S)
 
     def _stop(self) -> None:
         """Quick stop, by set-point frames alone, and watch until everything rests."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from acquisition.arrays import FloatArray
 from acquisition.ramp import Path
-from config.errors import ConfigError
+from config.errors import ConfigError, PreflightError
 from config.robot import RobotDescription
 from drivers.wrist_coupling import WristCoupling
 
@@ -97,3 +99,20 @@ def refuse(broken: list[str], what: str) -> None:
     """Raise `ConfigError` where a path, called `what`, exceeds anything."""
     if broken:
         raise beyond_limits(broken, what)
+
+
+def refuse_pose(robot: RobotDescription, position: Sequence[float]) -> None:
+    """Refuse to begin where a joint stands outside its limits.
+
+    Raises
+    ------
+    PreflightError
+        One does; the text names it.
+    """
+    for joint, value in zip(robot.joints, position, strict=True):
+        low, high = joint.limits.position_min, joint.limits.position_max
+        if not low <= value <= high:
+            raise PreflightError(
+                f"joint {joint.name} stands at {value:.4f}, outside its limits {low:g} to"
+                f" {high:g}: move the robot inside them by hand, or correct the robot file"
+            )

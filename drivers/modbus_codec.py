@@ -30,7 +30,7 @@ class RegisterRead:
 
 def plan_reads(profile: DriveProfile, quantities: Iterable[Quantity]) -> tuple[RegisterRead, ...]:
     """Return the requests that bring those of the quantities that the drive has."""
-    wanted = [name for name in quantities if name in profile.registers]
+    wanted: list[Quantity] = [name for name in quantities if name in profile.registers]
     wanted.sort(key=lambda name: (profile.registers[name].table, profile.registers[name].address))
     reads: list[RegisterRead] = []
     for name in wanted:

@@ -214,8 +214,10 @@ def equations_apart(with_payload: Estimate, alone: Estimate) -> PayloadEquations
     )
     scale = np.sqrt(np.diagonal(covariance))
     lower = np.linalg.cholesky(covariance / np.outer(scale, scale))
-    matrix = np.linalg.solve(lower, columns / scale[:, np.newaxis])
-    rhs = np.linalg.solve(lower, difference / scale)
+    matrix: FloatArray = np.asarray(
+        np.linalg.solve(lower, columns / scale[:, np.newaxis]), dtype=np.float64
+    )
+    rhs: FloatArray = np.asarray(np.linalg.solve(lower, difference / scale), dtype=np.float64)
     n = len(with_payload.robot.joints)
     nothing = [np.zeros((0, ten))] * (n - 1)
     factors = tuple(

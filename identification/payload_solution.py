@@ -355,7 +355,9 @@ class _System:
     def given(self, payload: FloatArray) -> FloatArray:
         """Return all unknowns, shape (p,), that fit best with the payload's ten as they are."""
         rest = self.side - self.matrix[:, :PARAMETERS_PER_LINK] @ payload
-        others = np.linalg.lstsq(self.matrix[:, self.kept], rest, rcond=None)[0]
+        others: FloatArray = np.asarray(
+            np.linalg.lstsq(self.matrix[:, self.kept], rest, rcond=None)[0], dtype=np.float64
+        )
         return self.all_unknowns(np.concatenate([payload, others]))
 
     def all_unknowns(self, values: FloatArray) -> FloatArray:

@@ -184,7 +184,7 @@ class Estimator:
     matrix : ndarray, shape (samples n, 10 + any)
         Weighted columns of the payload, in the flange's frame, and of the friction that is seen.
     weights : ndarray, shape (n,)
-        One over each axis's noise; 0 for one that stands still and tells nothing new.
+        One over each axis's noise; 0 for one that stands still (5.20).
     offset : ndarray, shape (samples, n)
         What the believed robot takes of the torque.
     mass : float or None
@@ -208,7 +208,9 @@ class Estimator:
         model, motion = problem.believed(belief), problem.motion
         phi = regressor(model, motion.q, motion.v, motion.a, problem.conditions(True))
         groups, ten = model.parameter_groups, PARAMETERS_PER_LINK
-        weights = 1.0 / problem.noise_nm
+        # An axis at rest is held by friction too, nobody knows by how much: it tells nothing.
+        weights = np.zeros_like(problem.noise_nm)
+        weights[motion.moving] = 1.0 / problem.noise_nm[motion.moving]
         payload = phi[:, :, groups["payload"]] @ to_link(flange_pose(problem.robot))
         friction = phi[:, :, groups.get("friction", slice(0, 0))]
         columns = np.concatenate([payload, friction], axis=2) * weights[:, np.newaxis]

@@ -246,6 +246,9 @@ class SimulatedCell:
         profile = self._drive_profile
         if profile is None:
             profile = load_bundled_or_path(monitor.profile, "profiles", DriveProfile)
+        if self._directory is None and isinstance(monitor.link, ModbusTcp):
+            free = monitor.link.model_copy(update={"port": 0})  # any that is free
+            monitor = monitor.model_copy(update={"link": free})
         return RegisterSettings(
             monitor, profile, path, self._certificates, faults=self._register_faults
         )

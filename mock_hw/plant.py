@@ -19,12 +19,11 @@ from config.errors import ConfigError
 from config.plant import PlantConfig, UnmodelledAxis
 from config.robot import RobotDescription
 from mock_hw import servo_loops as rows
-from mock_hw.butterworth import butterworth_poles
 from mock_hw.rigid_bodies import BaseWrench, build_rigid_bodies
 from mock_hw.thermal import MotorTemperatures
+from mock_hw.torque_filter import discretise, filter_poles
 
 Vector = NDArray[np.float64]
-ComplexVector = NDArray[np.complex128]
 
 OUTER_STEP_S = 0.002
 INNER_STEP_S = 0.0001
@@ -88,7 +87,7 @@ class Plant:
 
         self._watched: list[tuple[float, Vector]] | None = None
 
-        self._poles, self._residues, self._weights = _filter_poles(torque_filter)
+        self._poles, self._residues, self._weights = filter_poles(torque_filter)
         self._filter_gains: dict[float, NDArray[np.complex128]] = {}
         self._filter_state = np.zeros((len(self._poles), count), dtype=np.complex128)
 
@@ -319,7 +318,7 @@ class Plant:
         """Return the filter's exact discretisation for inputs linear over a step."""
         gains = self._filter_gains.get(step_s)
         if gains is None:
-            gains = _discretise(self._poles, self._residues, step_s)
+            gains = discretise(self._poles, self._residues, step_s)
             if len(self._filter_gains) >= 64:
                 self._filter_gains.clear()
             self._filter_gains[step_s] = gains
@@ -382,27 +381,3 @@ def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
             r_m,
         ]
     )
-
-
-def _filter_poles(
-    torque_filter: ButterworthFilter | None,
-) -> tuple[ComplexVector, ComplexVector, Vector]:
-    """Return the filter's poles, residues and output weights, (p,); none without a filter."""
-    if torque_filter is None:
-        none = np.zeros(0, dtype=np.complex128)
-        return none, none, np.zeros(0)
-    return butterworth_poles(torque_filter.order, torque_filter.cutoff_hz)
-
-
-def _discretise(
-    poles: ComplexVector, residues: ComplexVector, step_s: float
-) -> NDArray[np.complex128]:
-    """Return exp(p h), and the weights of the torque at a step's beginning and end, (3, p)."""
-    growth = np.expm1(poles * step_s)
-    level = growth / poles
-    ramp = (growth - poles * step_s) / (poles * poles * step_s)
-    gains = np.empty((3, len(poles)), dtype=np.complex128)
-    gains[0] = growth + 1.0
-    gains[1] = residues * (level - ramp)
-    gains[2] = residues * ramp
-    return gains

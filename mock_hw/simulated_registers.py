@@ -31,7 +31,9 @@ class RegisterFaults:
 
     def of(self, number: int) -> Fault | None:
         """Return what goes wrong with a request."""
-        return (self.at or {}).get(number, self.always)
+        if self.at is not None and number in self.at:
+            return self.at[number]
+        return self.always
 
 
 NO_REGISTER_FAULTS: Final = RegisterFaults()

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from config.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell
 from rid_daq.session import hold_cell
+
+if TYPE_CHECKING:
+    from mock_hw.cell import SimulatedCell
 
 
 @contextlib.contextmanager
@@ -47,6 +51,25 @@ def reachable_cell(
     TransportError
         The mock hardware does not start.
     """
+    with mountable_cell(
+        loaded, realtime=realtime, seed=seed, unmodelled=unmodelled, payload=payload
+    ) as (cell, _):
+        yield cell
+
+
+@contextlib.contextmanager
+def mountable_cell(
+    loaded: LoadedCell,
+    *,
+    realtime: bool = False,
+    seed: int = 0,
+    unmodelled: bool = True,
+    payload: str | None = None,
+) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
+    """Yield the cell as `reachable_cell` does, and its mock hardware where that was started here.
+
+    Payloads can be mounted on the latter while it runs. Parameters and errors as there.
+    """
     cell = loaded.config
     if not cell.simulated or is_served(cell):
         if payload is not None:
@@ -55,7 +78,7 @@ def reachable_cell(
                 " flange: leave --payload out, or give it to `rid-daq mock`"
             )
         with hold_cell(cell):
-            yield _as_served(cell)
+            yield _as_served(cell), None
         return
     from mock_hw.cell import SimulatedCell
 
@@ -74,7 +97,7 @@ def reachable_cell(
         profile=loaded.amplifier_profile,
         drive_profile=loaded.drive_profile,
     ) as simulated:
-        yield simulated.cell
+        yield simulated.cell, simulated
 
 
 def _as_served(cell: CellConfig) -> CellConfig:

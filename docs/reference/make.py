@@ -18,6 +18,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from config.cell import CellConfig
+from config.drive_profile import DriveProfile
 from config.import_map import ImportMap
 from config.motion import FourierMotion, MultipointMotion
 from config.plant import PlantConfig
@@ -31,6 +32,7 @@ PAGES = {
     "motion files: periodic excitation": FourierMotion,
     "motion files: validation": MultipointMotion,
     "import maps": ImportMap,
+    "drive profiles (Modbus registers)": DriveProfile,
     "plant files (simulation only)": PlantConfig,
 }
 
@@ -41,7 +43,9 @@ def command_line() -> str:
     from rid_daq.app import COMMANDS
 
     parts = ["# Command line\n\nGenerated from the program's own help.\n", _help([])]
-    parts += [f"## {name}\n\n{_help([name])}" for name in COMMANDS]
+    for name in COMMANDS:
+        parts.append(f"## {name}\n\n{_help([name])}")
+        parts += [f"### {name} {own}\n\n{_help([name, own])}" for own in _own_commands(name)]
     return "\n".join(parts)
 
 
@@ -56,6 +60,16 @@ def files() -> str:
         seen: list[type[BaseModel]] = []
         _model(model, seen, parts)
     return "\n".join(parts)
+
+
+def _own_commands(name: str) -> list[str]:
+    """Return the commands of a command that has its own."""
+    import typer
+
+    from rid_daq.app import root
+
+    group: Any = typer.main.get_command(root)
+    return list(getattr(group.get_command(None, name), "commands", {}))
 
 
 def _help(arguments: list[str]) -> str:
@@ -88,6 +102,8 @@ def _default(field: FieldInfo) -> str:
         return "required"
     if field.default is None:
         return "left out"
+    if field.default_factory is not None:
+        return "empty"
     if isinstance(field.default, BaseModel):
         return "its own defaults"
     return f"`{json.dumps(field.default, ensure_ascii=False)}`"
@@ -129,6 +145,8 @@ def _kind(annotation: Any) -> tuple[str, list[type[BaseModel]]]:
         return words.get(annotation, "none"), []
     parts = [_kind(a) for a in arguments if a is not Ellipsis]
     models = [model for _, found in parts for model in found]
+    if origin is dict:
+        return f"{parts[1][0]} by name", models
     if origin is tuple:
         if Ellipsis in arguments:
             return f"list of {parts[0][0]}", models

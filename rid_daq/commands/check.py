@@ -13,7 +13,7 @@ import typer
 from acquisition.experiment import FREE_BYTES
 from config.cell import CellConfig
 from config.errors import DriverError, PreflightError, RidDaqError
-from config.load import load_cell
+from config.load import LoadedCell, load_cell
 from config.robot import RobotDescription
 from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
 from drivers.cell import Cell, open_cell
@@ -58,18 +58,8 @@ def check(
     """
     console = Console(as_json)
     loaded = load_cell(cell)
-    lines = [_bus_load(loaded.config), _disk(runs)]
     with reachable_cell(loaded) as reachable:
-        plate = PlateCheck(reachable, loaded.amplifier_profile)
-        problem = _attempt(plate.before)
-        lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
-        try:
-            drives = _devices(reachable, loaded.robot, seconds)
-        except _Stopped as stopped:
-            drives, problem = stopped.lines, stopped.error
-        if problem is None:
-            problem = _attempt(plate.after)
-        lines += [*plate.lines, *drives]
+        lines, problem = preflight(loaded, reachable, runs, seconds)
     red = [line for line in lines if line.verdict == "red"]
     passed = not red and problem is None
     console.document(
@@ -96,6 +86,23 @@ def check(
         if red
         else str(problem)
     )
+
+
+def preflight(
+    loaded: LoadedCell, reachable: CellConfig, runs: Path, seconds: float
+) -> tuple[list[CheckLine], RidDaqError | None]:
+    """Return the lines of the preflight of a reachable cell, and what ended it early."""
+    lines = [_bus_load(loaded.config), _disk(runs)]
+    plate = PlateCheck(reachable, loaded.amplifier_profile)
+    problem = _attempt(plate.before)
+    lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
+    try:
+        drives = _devices(reachable, loaded.robot, seconds)
+    except _Stopped as stopped:
+        drives, problem = stopped.lines, stopped.error
+    if problem is None:
+        problem = _attempt(plate.after)
+    return [*lines, *plate.lines, *drives], problem
 
 
 def _attempt(step: Callable[[], object]) -> RidDaqError | None:

@@ -65,7 +65,13 @@ def mock(
     ) as simulated:
         channel = loaded.config.can.channel
         listen = f"can_logger -i rid_sim -c {channel}"
-        document = {"cell": loaded.config.name, "channel": simulated.channel, "listen": listen}
+        registers = _registers(simulated.cell)
+        document = {
+            "cell": loaded.config.name,
+            "channel": simulated.channel,
+            "listen": listen,
+            "registers": registers,
+        }
         if simulated.address:
             document["plate"] = simulated.address
         console.document(document)
@@ -79,8 +85,20 @@ def mock(
             baud_rate = loaded.config.plate.amplifier.baud_rate
             console.say(f"Plate:      {simulated.address} at {baud_rate} baud")
         console.say(f"Use it:     rid-daq check {cell}")
+        if registers:
+            console.say(f"Registers:  {registers}")
         _wait(loaded.config)
     console.say("Ended.")
+
+
+def _registers(cell: CellConfig) -> str:
+    """Say where the drives' Modbus registers are served; nothing where they are not."""
+    if cell.monitor is None:
+        return ""
+    link = cell.monitor.link
+    if link.kind == "tcp":
+        return f"Modbus TCP {link.host}:{link.port}"
+    return f"Modbus RTU {link.address}, {link.baud_rate} baud"
 
 
 def _wait(cell: CellConfig) -> None:

@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 from rid_daq.commands.payload_export import export
 from rid_daq.commands.payload_identify import identify
 from rid_daq.commands.payload_read_back import read_back
+from rid_daq.commands.payload_session import session
 
 SESSION: Final = "session"
 
@@ -36,3 +37,4 @@ group = typer.Typer(
 group.command("identify")(identify)
 group.command("export")(export)
 group.command("read-back")(read_back)
+group.command(SESSION)(session)

@@ -135,7 +135,7 @@ def identify(
             procedure=_PROCEDURES[procedure.value],
             options=ModelOptions(rotors=rotors),
             robot=robot,
-            known=tuple(_known(text) for text in known or []),
+            known=tuple(known_quantity(text) for text in known or []),
             torque_constant_sigma=torque_constant_sigma / 100.0,
         ),
         limits=PayloadLimits(mass_limit_percent, centre_limit_mm, inertia_limit_percent),
@@ -174,8 +174,14 @@ def identify(
         raise typer.Exit(ExitCode.VERDICT_FAILED)
 
 
-def _known(text: str) -> Known:
-    """Return what a word such as m=2.805+-0.005 says."""
+def known_quantity(text: str) -> Known:
+    """Return what a word such as m=2.805+-0.005 says.
+
+    Raises
+    ------
+    ConfigError
+        It says nothing that can be meant.
+    """
     name, equals, rest = text.partition("=")
     value, _, sigma = rest.replace("±", "+-").partition("+-")
     try:

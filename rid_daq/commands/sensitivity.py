@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from acquisition.arrays import FloatArray
 from acquisition.excitation import FourierTrajectory
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_motion
@@ -57,9 +58,12 @@ def sensitivity(
         ),
     ] = PAYLOAD,
     against: Annotated[
-        Against,
-        typer.Option(help="Less a model of the unloaded robot, or less a run without the payload."),
-    ] = Against.MODEL,
+        Against | None,
+        typer.Option(
+            help="Less a model of the unloaded robot, or less a run without the payload; torque"
+            " constants by the latter and all else by the former if not given."
+        ),
+    ] = None,
     model: Annotated[
         Path | None,
         typer.Option(
@@ -77,7 +81,7 @@ def sensitivity(
     ] = 10.0,
     bias_nm: Annotated[
         float, typer.Option("--bias", help="Torque bias of axis 3 in the table [N m].")
-    ] = -20.0,
+    ] = -12.0,
     draws: Annotated[
         int,
         typer.Option(min=0, max=10_000_000, help="Monte Carlo over noise and doubts; 0 for none."),
@@ -92,7 +96,7 @@ def sensitivity(
     doubt_rotors_percent: Annotated[
         float, typer.Option("--doubt-rotors", min=0.0, help="Each rotor inertia's 1 σ [%].")
     ] = 0.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of phases and draws.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
     scheduler: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="A Dask scheduler to compute on, as tcp://host:8786."),
@@ -109,8 +113,10 @@ def sensitivity(
     --draws, noise and doubts are drawn by chance, on all cores or on a Dask cluster.
     """
     console = Console(as_json)
-    problems = _problems(load_cell(cell), payload, model, motion, seed)
-    how: Comparison = "model" if against is Against.MODEL else "difference"
+    problems = _problems(load_cell(cell), payload, model, motion)
+    how: Comparison | None = None
+    if against is not None:
+        how = "model" if against is Against.MODEL else "difference"
     axes = len(problems["wrist"].robot.joints)
     cases = thesis_cases(axes, share_percent / 100.0, bias_nm)
     rows: list[SensitivityRow] = []
@@ -120,15 +126,19 @@ def sensitivity(
             shown.update(float(done), case.words)
     document: dict[str, Any] = {
         "robot": problems["wrist"].robot.name,
-        "against": how,
         "parameters": list(REPORTED),
         "truth": [float(x) for x in problems["wrist"].payload.reported],
         "rows": [
-            {"number": row.case.number, "case": row.case.words, "percent": list(row.percent)}
+            {
+                "number": row.case.number,
+                "case": row.case.words,
+                "against": row.against,
+                "percent": list(row.percent),
+            }
             for row in rows
         ],
     }
-    _tell(console, rows, how)
+    _tell(console, rows)
     if output is not None:
         write_whole(output, _csv(rows).encode())
         console.say(f"Table: {output}")
@@ -139,13 +149,13 @@ def sensitivity(
             rotors=doubt_rotors_percent / 100.0,
         )
         document["monte_carlo"] = _monte_carlo(
-            console, problems["wrist"], doubt, how, draws, seed, scheduler
+            console, problems["wrist"], doubt, how or "model", draws, seed, scheduler
         )
     console.document(document)
 
 
 def _problems(
-    cell: LoadedCell, payload: str, model: Path | None, motion: str | None, seed: int
+    cell: LoadedCell, payload: str, model: Path | None, motion: str | None
 ) -> dict[Any, SensitivityProblem]:
     robot = cell.robot
     terms = RobotModel.from_description(robot)
@@ -172,8 +182,8 @@ def _problems(
         motions = {"wrist": given, "all": given}
     else:
         motions = {
-            "wrist": thesis_motion(robot, wrist, seed),
-            "all": thesis_motion(robot, range(n), seed),
+            "wrist": thesis_motion(robot, wrist),
+            "all": thesis_motion(robot, range(n)),
         }
     return {
         name: SensitivityProblem(robot, parameters, body, excitation, noise)
@@ -201,23 +211,24 @@ def _excitation(cell: LoadedCell, motion: str) -> Excitation:
         raise ConfigError(f"--motion {motion}: sensitivity needs a periodic (fourier) motion")
     trajectory = FourierTrajectory.from_motion(loaded, cell.robot, cell.config.cycle_time_s)
     samples = trajectory.samples_per_period
-    time_s = np.arange(samples, dtype=np.float64) * cell.config.cycle_time_s
+    time_s: FloatArray = np.arange(samples, dtype=np.float64) * cell.config.cycle_time_s
     return Excitation(
         trajectory.position(time_s), trajectory.velocity(time_s), trajectory.acceleration(time_s)
     )
 
 
-def _tell(console: Console, rows: list[SensitivityRow], how: str) -> None:
+def _tell(console: Console, rows: list[SensitivityRow]) -> None:
     console.say(
-        "Deviation in percent of the true value, inertia about the centre of gravity"
-        f" ({'less a model of' if how == 'model' else 'less a run of'} the unloaded robot):"
+        "Deviation in percent of the true value, inertia about the centre of gravity; less a model"
+        " of the unloaded robot, or less a run (difference):"
     )
     console.table(
-        ("", "wrong", *REPORTED),
+        ("", "wrong", "less", *REPORTED),
         [
             (
                 str(row.case.number),
                 row.case.words,
+                row.against,
                 *("–" if p is None else f"{round(p, 1) + 0.0:.1f}" for p in row.percent),
             )
             for row in rows
@@ -226,10 +237,10 @@ def _tell(console: Console, rows: list[SensitivityRow], how: str) -> None:
 
 
 def _csv(rows: list[SensitivityRow]) -> str:
-    lines = [",".join(("row", "wrong", *(f"{name}_percent" for name in REPORTED)))]
+    lines = [",".join(("row", "wrong", "less", *(f"{name}_percent" for name in REPORTED)))]
     for row in rows:
         cells = ("" if p is None else f"{p:.6g}" for p in row.percent)
-        lines.append(",".join((str(row.case.number), f'"{row.case.words}"', *cells)))
+        lines.append(",".join((str(row.case.number), f'"{row.case.words}"', row.against, *cells)))
     return "\n".join(lines) + "\n"
 
 

@@ -1,0 +1,142 @@
+"""The guided payload session on the simulated six-axis cell: unattended, and resumed."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion_samples import Phase
+from acquisition.recording import Recording
+from config.load import load_cell, to_yaml
+from identification.experiment_design import design_two_harmonic
+from rid_daq.app import run
+from rid_daq.payload_watch import WarmUpWatch, period_powers
+
+# One cell is held by one session at a time, so these tests share a worker.
+pytestmark = pytest.mark.xdist_group("bundled cell")
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    cell = load_cell("kr15")
+    asked = design_two_harmonic(
+        cell.robot,
+        4.8,
+        cell.config.cycle_time_s,
+        highest_harmonic=4,
+        limit_fraction=0.35,
+        tries=8,
+        seed=3,
+        periods=3,
+    )
+    path = tmp_path_factory.mktemp("motion") / "motion.yaml"
+    path.write_text(to_yaml(asked), encoding="utf-8")
+    return path
+
+
+def session(motion: Path, runs: Path, *words: str) -> list[str]:
+    short = ["--warm-up", "50", "--warm-up-periods", "4", "--rehearsal", "60"]
+    return [
+        "payload", "kr15", "--motion", str(motion), "--runs", str(runs), "--yes", "--json",
+        *short, *words,
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def weighed(
+    motion: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, dict[str, Any], int]:
+    runs = tmp_path_factory.mktemp("session") / "runs"
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        code = run(session(motion, runs, "--payload", "medium", "--centre-limit", "30"))
+    return runs, json.loads(said.getvalue()), code
+
+
+def test_a_session_weighs_the_payload_unattended(
+    weighed: tuple[Path, dict[str, Any], int],
+) -> None:
+    _, document, code = weighed
+    assert code == 0
+    assert list(document["done"]) == ["rehearsal", "warm-up", "unloaded", "loaded 1"]
+    mass, *centre = document["payload"]["parameters"][:4]
+    assert abs(mass["value"] - 9.579) < max(0.1, 2.5 * mass["std"])
+    for entry, truth in zip(centre, (0.024, 0.090, -0.202), strict=True):
+        assert abs(entry["value"] - truth) < max(0.004, 2.5 * entry["std"])
+    assert document["verdict"]["passed"] is True
+    assert "Warm-up: " in document["payload"]["findings"][-1]
+    report = Path(document["report"]).read_text(encoding="utf-8")
+    assert "Payload session on kr15" in report
+    assert Path(document["file"]).exists()
+
+
+def test_a_session_that_was_interrupted_goes_on_where_it_was(
+    weighed: tuple[Path, dict[str, Any], int],
+    motion: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    runs, document, _ = weighed
+    state_file = runs / document["session"] / "session.json"
+    state = json.loads(state_file.read_text(encoding="utf-8"))
+    del state["done"]["loaded 1"]
+    state_file.write_text(json.dumps(state), encoding="utf-8")
+    words = ["--resume", document["session"], "--payload", "medium", "--warm-up", "0"]
+    capsys.readouterr()
+    assert run(session(motion, runs, *words, "--centre-limit", "30")) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["session"] == document["session"]
+    assert again["done"]["unloaded"] == document["done"]["unloaded"]
+    assert again["done"]["loaded 1"] != document["done"]["loaded 1"]
+    mass = again["payload"]["parameters"][0]
+    assert abs(mass["value"] - 9.579) < max(0.1, 2.5 * mass["std"])
+    # All is done: it is weighed again, with other limits, and nothing moves.
+    assert run(session(motion, runs, *words, "--mass-limit", "0.001")) == 1
+
+
+def test_what_cannot_be_resumed_is_refused(
+    weighed: tuple[Path, dict[str, Any], int],
+    motion: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    runs, document, _ = weighed
+    other = document["done"]["unloaded"]
+    assert run(session(motion, runs, "--resume", other)) == 2
+    assert "is not the folder of a payload session" in capsys.readouterr().err
+
+
+def test_friction_that_falls_is_not_settled(tmp_path: Path) -> None:
+    samples, periods = 200, 8
+    time_s = np.arange(samples * periods) * 0.01
+    angle = 2.0 * np.pi * time_s / 2.0
+    position = np.sin(angle)[:, np.newaxis]
+    speed = np.pi * np.cos(angle)
+
+    def recorded(per_period: float) -> Recording:
+        friction = 10.0 * (1.0 - per_period) ** (time_s / 2.0)
+        return Recording(
+            joint_names=("axis1",),
+            time_s=time_s,
+            position=position,
+            torque_nm=(friction * np.sign(speed) + 50.0 * position[:, 0])[:, np.newaxis],
+            valid=np.ones(len(time_s), dtype=np.bool_),
+            phase=np.full(len(time_s), Phase.MAIN, dtype=np.uint8),
+            sample_index=np.arange(len(time_s)),
+            source="cell",
+            sample_period_s=0.01,
+            samples_per_period=samples,
+        )
+
+    powers = period_powers(recorded(0.05))
+    # Gravity's share cancels over a period; what is left is friction times |speed| (mean 2).
+    assert powers[0, 0] == pytest.approx(20.0, rel=0.05)
+    ratios = powers[1:, 0] / powers[:-1, 0]
+    assert ratios == pytest.approx(np.full(periods - 1, 0.95), abs=0.01)
+    watch = WarmUpWatch(1.0)
+    assert not watch.settled
+    assert watch.line() == "warming up"
