@@ -61,11 +61,11 @@ def check(
         plate = PlateCheck(reachable, loaded.amplifier_profile)
         problem = _attempt(plate.before)
         try:
-            drives = _devices(reachable, loaded.robot, seconds)
+            drives, position = _devices(reachable, loaded.robot, seconds)
         except _Stopped as stopped:
-            drives, problem = stopped.lines, stopped.error
+            drives, position, problem = stopped.lines, [], stopped.error
         if problem is None:
-            problem = _attempt(plate.after)
+            problem = _attempt(lambda: plate.after(position))
         lines += [*plate.lines, *drives]
     red = [line for line in lines if line.verdict == "red"]
     passed = not red and problem is None
@@ -166,8 +166,12 @@ def _disk(runs: Path) -> CheckLine:
     )
 
 
-def _devices(cell: CellConfig, robot: RobotDescription, seconds: float) -> list[CheckLine]:
+def _devices(
+    cell: CellConfig, robot: RobotDescription, seconds: float
+) -> tuple[list[CheckLine], list[float]]:
     """Bring every drive up, read it back, and count its answers; no power.
+
+    Return the lines, and where the joints stand [rad or m].
 
     Raises
     ------
@@ -183,9 +187,10 @@ def _devices(cell: CellConfig, robot: RobotDescription, seconds: float) -> list[
                 lines = [_setting(setting) for setting in opened.axes.settings()]
             opened.axes.start()
             lines += _answers(opened, seconds)
+            position = opened.axes.position.tolist()
     except (DriverError, PreflightError) as error:
         raise _Stopped(lines, error) from error
-    return lines
+    return lines, position
 
 
 def _setting(setting: DriveSetting) -> CheckLine:
