@@ -112,9 +112,7 @@ def zero_verdict(found: PlateOffset, turn: ZeroTurn, plate: PlateConfig) -> dict
     failed = [line["text"] for line in checks if not line["passed"]]
     worst = int(np.abs(found.offset_n).argmax())
     reach = number(2.0 * found.offset_sigma_n[worst], 2)
-    sentence = (
-        f"Largest offset {found.offset_n[worst]:.2f} ± {reach} N ({CHANNEL_NAMES[worst]})."
-    )
+    sentence = f"Largest offset {found.offset_n[worst]:.2f} ± {reach} N ({CHANNEL_NAMES[worst]})."
     headline = f"Failed: {', '.join(failed)}" if failed else "Passed: the force plate is zeroed"
     return verdict(checks, headline, sentence)
 
