@@ -60,7 +60,7 @@ def motion_load(
     samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
     return base_load(
         estimate,
-        np.arange(len(samples)) * samples.sample_period_s,
+        np.arange(len(samples), dtype=np.float64) * samples.sample_period_s,
         samples.position,
         samples.velocity,
         samples.acceleration,

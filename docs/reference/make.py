@@ -38,10 +38,16 @@ PAGES = {
 def command_line() -> str:
     """Return the page of the command line: every command's own help."""
     os.environ.update(COLUMNS="80", TERMINAL_WIDTH="80", NO_COLOR="1")
-    from rid_daq.app import COMMANDS
+    import typer
+
+    from rid_daq.app import COMMANDS, root
 
     parts = ["# Command line\n\nGenerated from the program's own help.\n", _help([])]
-    parts += [f"## {name}\n\n{_help([name])}" for name in COMMANDS]
+    commands: Any = typer.main.get_command(root)
+    for name in COMMANDS:
+        parts.append(f"## {name}\n\n{_help([name])}")
+        inner = getattr(commands.get_command(None, name), "commands", {})
+        parts += [f"### {name} {each}\n\n{_help([name, each])}" for each in inner]
     return "\n".join(parts)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import numpy as np
 import typer
@@ -128,10 +128,9 @@ def zero(
             )
             if run.outcome.interrupted_by is not None:
                 ignore_termination()  # a second Ctrl-C must not cost the report
-            if run.outcome.stop is None:
-                found = _evaluate(run, folder, _plate_of(reachable), turn, steps[1])
-    if run.outcome.stop is not None:
-        _stopped(run, folder, console)
+            if run.outcome.stop is not None:
+                _stopped(run, folder, console)
+            found = _evaluate(run, folder, _plate_of(reachable), turn, steps[1])
     _conclude(console, run, folder, found, turn, loaded, Path(cell) if write else None)
 
 
@@ -209,7 +208,7 @@ def _evaluate(
     )
 
 
-def _stopped(run: RecordedRun, folder: RunFolder, console: Console) -> None:
+def _stopped(run: RecordedRun, folder: RunFolder, console: Console) -> NoReturn:
     """Say that it was stopped, and leave."""
     stop = run.outcome.stop
     assert stop is not None

@@ -157,6 +157,7 @@ def _predict(
         )
     load = motion_load(estimate, motion, cell, mass_kg)
     section = load_section(load)
+    section["sentence"] += " That is the motion as commanded: overshoot of the drives comes on top."
     checks = load_checks(section)
     failed = [line["text"].rsplit(" ", 1)[-1] for line in checks if not line["passed"]]
     judged = verdict(
