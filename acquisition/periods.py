@@ -221,6 +221,12 @@ def _unfit_reaction(plate: ReactionPeriods, rejected: dict[int, str]) -> dict[in
     for k, name in enumerate(names):
         for period, reason in _incomplete(plate.present[:, :, k]).items():
             unfit.setdefault(period, f"{name}: {reason}")
+    for period, k in np.argwhere(plate.too_fast_n_s != 0.0).tolist():
+        unfit.setdefault(
+            period,
+            f"{names[k]} drifted by {plate.too_fast_n_s[period, k]:.3g} N/s,"
+            f" {plate.reaction.drift_limit_n_s:g} N/s is the limit",
+        )
     good = np.array([m not in rejected and m not in unfit for m in range(len(plate.values))])
     used = np.flatnonzero(plate.used)
     there = plate.present[:, :, used]

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acquisition.arrays import BoolArray
+from acquisition.arrays import BoolArray, FloatArray
 from acquisition.clocks import (
     FEWEST_MARKS,
     DeviceClock,
@@ -26,6 +26,8 @@ from config.errors import DataQualityError
 BITS_A_BYTE = 10
 FEWEST_EDGES = 10
 GLITCH_SHARE = 0.25
+SETTLING_CYCLES = 4.0
+"""How long the amplifier's low-pass remembers an overload, in periods of its corner."""
 
 
 def with_plate(recording: Recording, rows: PlateRows) -> Recording:
@@ -33,6 +35,8 @@ def with_plate(recording: Recording, rows: PlateRows) -> Recording:
 
     The amplifier's clock is put on the recording's: by the edges of its trigger where SYNC is
     wired to it, else by its rows' arrivals, or by marks there and back where they tell it better.
+    In simulated time, what arrived after the last SYNC is left out: how much that is depends on the
+    computer.
 
     Parameters
     ----------
@@ -46,6 +50,8 @@ def with_plate(recording: Recording, rows: PlateRows) -> Recording:
     DataQualityError
         No stream of rows is long enough to be put in its place.
     """
+    if rows.header.simulated_time and len(recording):
+        rows = rows.until(float(recording.time_s[-1]))
     parts: list[Reaction] = []
     reason = "it holds no row"
     for stream in np.unique(rows.stream):
@@ -103,7 +109,9 @@ def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int)
     """
     device_s = rows.device_s[use]
     ahead = np.concatenate([[True], np.diff(device_s) > 0.0])  # a row that came twice counts once
-    valid = ~rows.overload[use] & rows.operating[use][:, np.newaxis]
+    amplifier = rows.header.plate.amplifier
+    over = _settling(rows.overload[use], device_s, SETTLING_CYCLES / amplifier.low_pass_hz)
+    valid = ~over & rows.operating[use][:, np.newaxis]
     return reaction_of(
         rows.header.plate,
         stream_clock(recording, rows, stream),
@@ -112,3 +120,9 @@ def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int)
         valid[ahead],
         recording.time_s,
     )
+
+
+def _settling(over: BoolArray, device_s: FloatArray, settling_s: float) -> BoolArray:
+    """Return which rows (rows, 8) are overloaded, or were within the settling time before."""
+    last_s = np.where(over, device_s[:, np.newaxis], -np.inf)
+    return np.asarray(device_s[:, np.newaxis] - np.maximum.accumulate(last_s, axis=0) <= settling_s)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,8 @@ from acquisition.cycle_row import CDR_LITTLE_ENDIAN
 from acquisition.journal_chunks import JournalDamage, read_raw_journal
 from acquisition.journal_header import first_header
 from acquisition.plate_header import PlateHeader
-from acquisition.plate_row import EVENT_DTYPE, ROW_DTYPE
+from acquisition.plate_row import EVENT_DTYPE, ROW_DTYPE, overloaded
 from config.errors import RecordingError
-from config.plate import CHANNELS
 
 PLATE_RECORDING = "plate.mcap"
 ROW_CHANNEL, EVENT_CHANNEL = 1, 2
@@ -71,11 +70,8 @@ class PlateRows:
 
     @property
     def overload(self) -> BoolArray:
-        """Which channels were overloaded, or at the end of their converter, shape (rows, 8)."""
-        flagged = (self.rows["status"][:, None] >> np.arange(CHANNELS)) & 1 == 1
-        full = self.header.plate.amplifier.full_scale_counts
-        counts = self.rows["counts"].astype(np.int64)
-        return np.asarray(flagged | (counts <= -full) | (counts >= full - 1))
+        """Which channels were overloaded, or within 5 % of their range's end, shape (rows, 8)."""
+        return overloaded(self.rows, self.header.plate.amplifier.full_scale_counts)
 
     @property
     def operating(self) -> BoolArray:
@@ -89,6 +85,14 @@ class PlateRows:
         step = np.diff(self.sequence)
         same = np.diff(self.stream) == 0
         return int(np.sum(step[same & (step > 1)] - 1))
+
+    def until(self, time_s: float) -> PlateRows:
+        """Return what had arrived by a time on the clock of SYNC [s]."""
+        return replace(
+            self,
+            rows=self.rows[self.rows["arrival_s"] <= time_s],
+            events=self.events[self.events["arrival_s"] <= time_s],
+        )
 
     def of_kind(self, kind: str) -> NDArray[Any]:
         """Return the events of one kind of the profile: overload, overrun, trigger, mark."""

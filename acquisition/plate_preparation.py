@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -82,8 +82,29 @@ def prepare_plate(
         )
 
 
+def discharge_plate(plate: PlateConfig, profile: AmplifierProfile) -> PlateReadiness:
+    """Set the amplifier as the cell file says, reset it, and let it operate: the channels begin.
+
+    Raises
+    ------
+    DriverError
+        It cannot be reached, does not take a setting, or does not go along.
+    """
+    with open_amplifier(plate.amplifier, profile) as amplifier:
+        amplifier.connect()
+        amplifier.reset()
+    ready = prepare_plate(plate, profile)
+    with open_amplifier(plate.amplifier, profile) as amplifier:
+        amplifier.connect()
+        amplifier.operate()
+        overloads = amplifier.take_overloads()
+    return replace(ready, charge_lost=False, operating=True, overloads=overloads)
+
+
 def plate_zero_n(plate: PlateConfig, profile: AmplifierProfile) -> FloatArray:
-    """Return what the channels show at rest beyond the cell file's zero [N], shape (8,).
+    """Return what the channels show beyond what they showed when zeroed [N], shape (8,).
+
+    That is beyond the cell file's offset and, where it tells, gravity's share in that pose.
 
     Raises
     ------
@@ -93,5 +114,5 @@ def plate_zero_n(plate: PlateConfig, profile: AmplifierProfile) -> FloatArray:
     with open_amplifier(plate.amplifier, profile) as amplifier:
         amplifier.connect()
         forces_n = amplifier.forces_n()
-    offset_n = np.zeros(len(forces_n)) if plate.zero is None else np.array(plate.zero.offset_n)
-    return np.asarray(forces_n - offset_n)
+    zero = plate.zero
+    return forces_n if zero is None else forces_n - np.array(zero.offset_n) - np.array(zero.rest_n)

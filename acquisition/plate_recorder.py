@@ -29,6 +29,7 @@ from acquisition.plate_row import (
     ROW_DTYPE,
     ROW_NAME,
     ROW_TOPIC,
+    overloaded,
 )
 from acquisition.termination import ignore_termination
 from config.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
@@ -44,6 +45,7 @@ PIECE_BYTES = 2048  # half of what a terminal's buffer holds
 PARSE_S = 0.1
 BEAT_S = 0.1
 MARK_PERIOD_S = 1.0
+OVERLOAD_PERIOD_S = 0.2
 STOP_PATIENCE_S = 2.0
 RETRY_S = 0.2
 RETRY_PATIENCE_S = 10.0
@@ -223,7 +225,11 @@ def require_ready(amplifier: SerialAmplifier, config: AmplifierConfig) -> None:
 
 
 class _Recorder:
-    """One recording; `stream` numbers the streams that the loss of the line has made of it."""
+    """One recording; `stream` numbers the streams that the loss of the line has made of it.
+
+    In simulated time no marks are asked for: a question comes by the wall clock, and the same seed
+    is to give the same file. Overloads are asked for all the same, in runs that have any.
+    """
 
     def __init__(self, task: PlateTask, block: PlateBlock, parent: int) -> None:
         self._task = task
@@ -232,7 +238,7 @@ class _Recorder:
         self._stream = 0
         self._last_stream = 0
         self._before = StreamCounts()
-        self._flushed_s = self._synced_s = self._marked_s = time.monotonic()
+        self._flushed_s = self._synced_s = self._marked_s = self._forgot_s = time.monotonic()
 
     def run(self) -> None:
         with open_amplifier(self._task.plate.amplifier, self._task.profile) as amplifier:
@@ -310,7 +316,7 @@ class _Recorder:
             if not writer.simulated_time:
                 time.sleep(pause_s)  # the rows of some milliseconds together; none is early or late
             now_s = time.monotonic()
-            if now_s - self._marked_s >= MARK_PERIOD_S:
+            if now_s - self._marked_s >= MARK_PERIOD_S and not writer.simulated_time:
                 writer.asked(marks, amplifier.mark())
                 marks, self._marked_s = marks + 1, now_s
             if now_s < parse_s:
@@ -328,7 +334,10 @@ class _Recorder:
         rows = writer.append(read, self._stream)
         if len(rows):
             self._last_stream = int(rows["stream"][-1])
-            block.add_rows(rows["force_n"], (rows["status"] & 0xFF).astype(np.uint8), read.read_s)
+            over = overloaded(rows, self._task.plate.amplifier.full_scale_counts)
+            words = np.packbits(over, axis=1, bitorder="little")[:, 0]
+            block.add_rows(rows["force_n"], words, read.read_s)
+            self._forget_overloads(amplifier, int(rows["status"][-1]) & 0xFF)
         now, before = amplifier.stream_counts, self._before
         block.count_damage(
             before.rows_lost + now.rows_lost,
@@ -337,6 +346,13 @@ class _Recorder:
         )
         block.give_sign_of_life()
         self._flush(writer)
+
+    def _forget_overloads(self, amplifier: SerialAmplifier, word: int) -> None:
+        """Ask for overloads that the rows still tell, so that the rows after them count again."""
+        now_s = time.monotonic()
+        if word and now_s - self._forgot_s >= OVERLOAD_PERIOD_S and not self._over:
+            amplifier.forget_overloads()
+            self._forgot_s = now_s
 
     def _keep_counts(self, counts: StreamCounts) -> None:
         """Add what a stream that has ended has counted."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from config.plate import CHANNELS
 
@@ -16,6 +17,9 @@ ROW_TOPIC: Final = "/plate"
 ROW_NAME: Final = "rid_daq/msg/Plate"
 EVENT_TOPIC: Final = "/plate_event"
 EVENT_NAME: Final = "rid_daq/msg/PlateEvent"
+
+SATURATION: Final = 0.95
+"""Share of its range from which a channel counts as overloaded (faults: row 28)."""
 
 LINE_LOST: Final = 0x100
 LINE_RESTORED: Final = 0x101
@@ -60,6 +64,21 @@ def _definition(fields: Fields) -> str:
         f"{_MESSAGE_TYPE[kind]}{f'[{count}]' if count > 1 else ''} {name}  # {text}\n"
         for name, kind, count, text in fields
     )
+
+
+def overloaded(rows: NDArray[Any], full_scale_counts: int) -> NDArray[np.bool_]:
+    """Return which channels are not to be believed, (rows, 8).
+
+    Parameters
+    ----------
+    rows : ndarray with `status` and `counts`, shape (rows,)
+        As received, or as written.
+    full_scale_counts : int
+        Counts that stand for the range.
+    """
+    flagged = (rows["status"][:, np.newaxis] >> np.arange(CHANNELS)) & 1 == 1
+    high = np.abs(rows["counts"].astype(np.int64)) >= SATURATION * full_scale_counts
+    return np.asarray(flagged | high)
 
 
 ROW_DTYPE: Final = _dtype(_ROW)

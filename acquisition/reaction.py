@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,8 @@ class Reaction:
         The filter that the channels passed.
     clock : DeviceClock or None
         The plate's clock on the recording's time base, where it has its own.
+    drift_limit_n_s : float
+        A period in which a channel drifts faster is not averaged [N/s].
     """
 
     channel_names: tuple[str, ...]
@@ -41,6 +44,7 @@ class Reaction:
     base_wrench_matrix: FloatArray
     low_pass: ButterworthFilter | None = None
     clock: DeviceClock | None = None
+    drift_limit_n_s: float = math.inf
 
     def __post_init__(self) -> None:
         c = len(self.channel_names)
@@ -112,4 +116,5 @@ def reaction_of(
             order=plate.amplifier.low_pass_order, cutoff_hz=plate.amplifier.low_pass_hz
         ),
         clock=clock,
+        drift_limit_n_s=plate.drift_limit_n_s,
     )

@@ -17,6 +17,8 @@ from config.cell import ButterworthFilter
 from config.errors import DataQualityError
 
 FEWEST_CHANNELS = 3
+EDGE_FRACTION = 0.05
+DRIFT_SIGMAS = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,8 @@ class ReactionPeriods:
         False for a channel that is left out.
     drift_n_s, drift_sigma_n_s : ndarray, shape (c,)
         See `ReactionAverage`.
+    too_fast_n_s : ndarray, shape (periods, c)
+        Drift of each period in which it is beyond the limit; zero elsewhere [N/s].
     """
 
     reaction: Reaction
@@ -102,6 +106,7 @@ class ReactionPeriods:
     used: BoolArray
     drift_n_s: FloatArray
     drift_sigma_n_s: FloatArray
+    too_fast_n_s: FloatArray
 
     def average(self, good: BoolArray) -> ReactionAverage:
         """Return the mean of the good periods.
@@ -151,7 +156,8 @@ def cut_reaction(
     """Cut a plate's channels into periods; None where too few channels are left to say anything.
 
     A channel is left out where more of the good periods than `rejected_limit`, or a quarter of
-    them, miss more than `missing_limit` of its samples or more than `longest_gap` in sequence.
+    them, miss more than `missing_limit` of its samples or more than `longest_gap` in sequence, or
+    drift faster than the plate's limit.
 
     Parameters
     ----------
@@ -179,6 +185,8 @@ def cut_reaction(
             for m in range(periods)
         ]
     )
+    too_fast = _too_fast(values, present, reaction.drift_limit_n_s, samples * sample_period_s)
+    broken |= too_fast != 0.0
     used = broken[good].sum(axis=0) <= min(rejected_limit, int(good.sum()) // 4)
     if used.sum() < FEWEST_CHANNELS:
         return None
@@ -190,7 +198,9 @@ def cut_reaction(
     values = np.where(present & used, values, 0.0)
     means = values.sum(axis=1) / np.maximum((present & used).sum(axis=1), 1)
     values = np.where(present & used, values - means[:, np.newaxis], 0.0)
-    return ReactionPeriods(reaction, values, means[good].mean(axis=0), present, used, drift, sigma)
+    return ReactionPeriods(
+        reaction, values, means[good].mean(axis=0), present, used, drift, sigma, too_fast * used
+    )
 
 
 def _misses(present: BoolArray, longest_gap: int, missing_limit: float) -> bool:
@@ -223,3 +233,26 @@ def _drift(
         scatter = 1.4826 * float(np.median(np.abs(slopes - drift[k])))
         sigma[k] = 1.2533 * scatter / np.sqrt(len(slopes))
     return drift, sigma
+
+
+def _too_fast(
+    values: FloatArray, present: BoolArray, limit_n_s: float, period_s: float
+) -> FloatArray:
+    """Return each period's drift where it is beyond a limit, zero elsewhere, (periods, c) [N/s].
+
+    What repeats cancels between the beginnings of a period and of the next one; for the last
+    period, between its end and that of the one before. Where periods are so short that the noise of
+    that difference is larger than the limit, the noise is the limit.
+    """
+    periods, samples, c = values.shape
+    if periods < 2:
+        return np.zeros((periods, c))
+    edge = max(1, round(EDGE_FRACTION * samples))
+    first, last = np.all(present[:, :edge], axis=1), np.all(present[:, -edge:], axis=1)
+    begin, end = values[:, :edge].mean(axis=1), values[:, -edge:].mean(axis=1)
+    change = np.concatenate([np.diff(begin, axis=0), end[-1:] - end[-2:-1]])
+    known = np.concatenate([first[1:] & first[:-1], last[-1:] & last[-2:-1]])
+    change = np.where(known, change, 0.0)
+    scatter = 1.4826 * np.median(np.abs(change - np.median(change, axis=0)), axis=0)
+    limit = np.maximum(limit_n_s * period_s, DRIFT_SIGMAS * scatter)
+    return np.asarray(np.where(np.abs(change) > limit, change / period_s, 0.0))

@@ -72,10 +72,16 @@ class AmplifierConfig(ConfigModel):
 
 
 class PlateZero(ConfigModel):
-    """What `rid-daq plate zero` found: each channel's offset and its drift."""
+    """What `rid-daq plate zero` found: each channel's offset and its drift.
+
+    `pose` is where the robot stood at the end of it (rad or m, base to flange), `rest_n` what the
+    channels show there beyond the offset: the moment of gravity.
+    """
 
     offset_n: Eight
     drift_n_s: Eight = (0.0,) * CHANNELS
+    pose: tuple[float, ...] = ()
+    rest_n: Eight = (0.0,) * CHANNELS
 
 
 class PlateLimits(ConfigModel):
@@ -92,7 +98,8 @@ class PlateConfig(ConfigModel):
     is the sensors' plane seen from the surface, negative: the plate's z points down. All three
     stand on the plate's certificate. `sensitivity` is the crosstalk: channel readings = matrix
     times sensor forces. `position_m` and `rotation_rad` (roll, pitch, yaw as in a URDF) put the
-    plate's frame, its origin in the middle of the surface, into the robot's base frame.
+    plate's frame, its origin in the middle of the surface, into the robot's base frame. A period
+    in which a channel drifts faster than `drift_limit_n_s` is not averaged.
     """
 
     a_m: Positive
@@ -102,6 +109,7 @@ class PlateConfig(ConfigModel):
     rotation_rad: Vector3
     sensitivity: SquareMatrix | None = None
     zero: PlateZero | None = None
+    drift_limit_n_s: Positive = 0.5
     limits: PlateLimits | None = None
     amplifier: AmplifierConfig
 

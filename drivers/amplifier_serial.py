@@ -236,6 +236,18 @@ class SerialAmplifier(ForcePlate):
         self._link.write(self._dialogue.codec.request("time"))
         return asked_s
 
+    def forget_overloads(self) -> None:
+        """Ask for the overloads within the stream: those that are over leave the rows' status.
+
+        The answer is an event.
+
+        Raises
+        ------
+        TransportError
+            The port is gone.
+        """
+        self._link.write(self._dialogue.codec.request("overload"))
+
     def stop(self, until_s: float) -> tuple[PlateRead, ...]:
         """End the stream and return what came until then.
 

@@ -262,6 +262,10 @@ class ForcePlate(Protocol):
         """Ask for the device's time within the stream; return when [s, monotonic clock]."""
 
     @abstractmethod
+    def forget_overloads(self) -> None:
+        """Ask for the overloads within the stream, which forgets those that are over."""
+
+    @abstractmethod
     def stop(self, until_s: float) -> tuple[PlateRead, ...]:
         """End the stream; return what came until then."""
 

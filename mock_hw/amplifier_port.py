@@ -98,6 +98,7 @@ class AmplifierPort:
         self._line = SerialLine(self._baud_rate, settings.truth.line_jitter_s, settings.seed + 1)
         self._faults = FaultInjector(settings.faults)
         self._overloads: list[tuple[float, int]] = []
+        self._drifts: list[tuple[float, LineFault]] = []
         self._replug_s = math.inf
         self._lost_rows = 0
         self._held: deque[tuple[float, bytes]] = deque()
@@ -177,7 +178,7 @@ class AmplifierPort:
         """
         ends = np.asarray(ends_s, dtype=np.float64)
         charges = self._sensors.charges_pc(np.reshape(base_wrenches, (-1, 6)))
-        self._device.advance(end_s, ends, self._overloaded(ends, charges), edges_s)
+        self._device.advance(end_s, ends, self._spoilt(ends, charges), edges_s)
         self._send()
         self.pass_on(end_s)
 
@@ -281,8 +282,10 @@ class AmplifierPort:
             self._replug_s = until_s
         elif fault.kind is FaultKind.OVERLOAD:
             self._overloads.append((until_s, fault.channel))
+        elif fault.kind is FaultKind.DRIFT:
+            self._drifts.append((now_s, fault))
 
-    def _overloaded(
+    def _spoilt(
         self, ends_s: NDArray[np.float64], charges: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         settings = self._device.physics.settings
@@ -290,4 +293,7 @@ class AmplifierPort:
             extra = _TWICE * settings.range_n[channel] * settings.sensitivity_pc_n[channel]
             charges[:, channel] += np.where(ends_s <= until_s, extra, 0.0)
         self._overloads = [item for item in self._overloads if item[0] > self.time_s]
+        for begin_s, drift in self._drifts:
+            extra = drift.count * settings.sensitivity_pc_n[drift.channel]
+            charges[:, drift.channel] += extra * np.clip(ends_s - begin_s, 0.0, drift.duration_s)
         return charges

@@ -30,6 +30,8 @@ class FaultKind(Enum):
     """The port is gone for `duration_s`, with all that was sent meanwhile; then there is a new."""
     OVERLOAD = "overload"
     """Channel `channel` feels twice its range for `duration_s`, from about this row on."""
+    DRIFT = "drift"
+    """Channel `channel` drifts by `count` newtons a second more for `duration_s`, and keeps it."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +47,9 @@ class LineFault:
     count
         How much of it, see `FaultKind`.
     duration_s
-        Of STALL, UNPLUG and OVERLOAD, on the cell's clock [s].
+        Of STALL, UNPLUG, OVERLOAD and DRIFT, on the cell's clock [s].
     channel
-        Of OVERLOAD, from 0.
+        Of OVERLOAD and DRIFT, from 0.
     """
 
     kind: FaultKind

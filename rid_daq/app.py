@@ -30,6 +30,7 @@ COMMANDS: dict[str, str] = {
     "check": "preflight: every device, every safety setting; any red means no motion",
     "mock": "serve a cell's simulated devices on their bus until stopped",
     "design": "choose an excitation, verify it against the limits, write the motion file",
+    "plate": "zero the force plate under the robot",
     "record": "run a motion on a cell and record it",
     "import": "someone else's recording (CSV) into a run folder",
     "average": "cut a run into periods, reject bad ones, average the rest",
@@ -45,7 +46,10 @@ COMMANDS: dict[str, str] = {
     "report": "write a run's report again from its results",
     "runs": "list the runs, and check that their files are unchanged",
 }
-"""Every command and its one line in the help; the module is `rid_daq.commands.<name>`."""
+"""Every command and its one line in the help; the module is `rid_daq.commands.<name>`.
+
+A group of commands is a `typer.Typer` of that name in its module.
+"""
 
 
 class LazyCommands(TyperGroup):
@@ -63,10 +67,11 @@ class LazyCommands(TyperGroup):
         # `import` is a word of the language, so its module is import_.
         module_name = "import_" if cmd_name == "import" else cmd_name
         module = importlib.import_module(f"rid_daq.commands.{module_name}")
-        if hasattr(module, "group"):  # a command with commands of its own
-            return typer.main.get_command(module.group)
+        found = getattr(module, "group", None) or getattr(module, module_name)
+        if isinstance(found, typer.Typer):  # a command with commands of its own
+            return typer.main.get_command(found)
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(name=cmd_name)(getattr(module, module_name))
+        single.command(name=cmd_name)(found)
         return typer.main.get_command(single)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

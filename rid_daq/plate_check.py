@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from acquisition.plate_preparation import (
@@ -12,8 +14,10 @@ from acquisition.plate_preparation import (
 )
 from config.amplifier_profile import LINE_LOAD_LIMIT, AmplifierProfile, line_load
 from config.cell import CellConfig
-from config.plate import CHANNEL_NAMES, PlateConfig
+from config.plate import CHANNEL_NAMES, PlateConfig, PlateZero
 from rid_daq.check_line import CheckLine
+
+POSE_RAD = 0.02
 
 _ZERO = "let `rid-daq plate zero` find the plate's zero"
 
@@ -91,8 +95,13 @@ class PlateCheck:
         )
         return list(self.lines)
 
-    def after(self) -> list[CheckLine]:
+    def after(self, position: Sequence[float] | None = None) -> list[CheckLine]:
         """Look at the forces at rest, where the channels measure.
+
+        Parameters
+        ----------
+        position
+            Where the robot stands [rad or m]; None where that is not known.
 
         Raises
         ------
@@ -103,24 +112,31 @@ class PlateCheck:
         if plate is None or profile is None or ready is None or not ready.operating:
             return []
         first = len(self.lines)
-        self._zero(plate, profile)
+        self._zero(plate, profile, position)
         return self.lines[first:]
 
-    def _zero(self, plate: PlateConfig, profile: AmplifierProfile) -> None:
+    def _zero(
+        self, plate: PlateConfig, profile: AmplifierProfile, position: Sequence[float] | None
+    ) -> None:
         zero_n = plate_zero_n(plate, profile)
         worst = int(np.argmax(np.abs(zero_n)))
         found = f"{CHANNEL_NAMES[worst]} {zero_n[worst]:.2f} N"
-        if plate.zero is None and self._cell.simulated:
-            what = "force at rest, never zeroed"
-            self.lines.append(CheckLine(plate.amplifier.address, what, "", found, "shown"))
+        what, required = "force at rest beyond its zero", f"≤ {ZERO_LIMIT_N:g} N"
+        good = bool(abs(zero_n[worst]) <= ZERO_LIMIT_N)
+        if plate.zero is None:
+            what = "force at rest"
+            if self._cell.simulated:
+                self._show(f"{what}, never zeroed", found)
+                return
+        elif not _stands_there(plate.zero, position):
+            self._show(f"{what}, elsewhere than there", found)
             return
-        self._add(
-            "force at rest" if plate.zero is None else "force at rest beyond its zero",
-            f"≤ {ZERO_LIMIT_N:g} N",
-            found,
-            bool(abs(zero_n[worst]) <= ZERO_LIMIT_N),
-            f"is the robot where it was zeroed? If so, {_ZERO} again",
-        )
+        self._add(what, required, found, good, f"is the robot where it was? If so, {_ZERO} again")
+
+    def _show(self, what: str, found: str) -> None:
+        plate = self._cell.plate
+        where = "force plate" if plate is None else plate.amplifier.address
+        self.lines.append(CheckLine(where, what, "", found, "shown"))
 
     def _add(self, what: str, required: str, found: str, good: bool, action: str) -> None:
         plate = self._cell.plate
@@ -140,3 +156,10 @@ def _state(ready: PlateReadiness) -> str:
     if not ready.operating:
         return "reset"
     return "operate, charge lost by setting" if ready.charge_lost else "operate"
+
+
+def _stands_there(zero: PlateZero, position: Sequence[float] | None) -> bool:
+    """Return whether the robot stands where the plate was zeroed, as far as that is known."""
+    if not zero.pose or position is None or len(position) != len(zero.pose):
+        return True
+    return bool(np.allclose(position, zero.pose, rtol=0.0, atol=POSE_RAD))

@@ -184,7 +184,7 @@ def _fit_sentence(estimate: Estimate) -> str:
     words += f"; drift of up to {1e3 * abs(plate.drift_n_s).max():.3g} mN/s a channel is removed"
     left_out = sorted({name for names in plate.left_out for name in names})
     if left_out:
-        words += f"; {', '.join(left_out)} not used, for overload or loss"
+        words += f"; {', '.join(left_out)} not used, for overload, loss or drift"
     weight = ", ".join(weight_words(estimate))
     if weight:
         words += f". {weight} is the standing weight, which a plate cannot tell from its offset"

@@ -99,7 +99,7 @@ class RecordedRun:
 def record_run(
     cell: CellConfig,
     robot: RobotDescription,
-    motion: AnyMotion,
+    motion: AnyMotion | str,
     samples: MotionSamples,
     folder: RunFolder,
     console: Console,
@@ -111,6 +111,7 @@ def record_run(
 ) -> RecordedRun:
     """Record a planned motion into a run folder, showing how far it is.
 
+    `motion` is what was planned, or a sentence that says it.
     With `accuracy` the progress tells the running estimate, and the motion ends after the period in
     which its goals, if it has any, are reached; with
     `profile`, what its amplifier speaks, the cell's force plate is recorded too.
@@ -139,7 +140,8 @@ def record_run(
     result["cell"] = cell_section(cell)
     stop = None if outcome.stop is None else outcome.stop.text
     if recording is not None:
-        result["runs"] = [run_section(role, motion_sentence(motion), recording, robot, stop)]
+        sentence = motion if isinstance(motion, str) else motion_sentence(motion)
+        result["runs"] = [run_section(role, sentence, recording, robot, stop)]
     result["timing"] = {
         "elapsed_s": elapsed_s,
         "created_utc": folder.manifest().created_utc,

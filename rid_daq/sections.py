@@ -174,7 +174,7 @@ def _plate_sentence(average: PeriodAverage) -> str:
     drift = 1e3 * float(np.abs(plate.drift_n_s).max())
     words = f" The force plate's channels drifted by up to {drift:.3g} mN/s, which was removed"
     if plate.left_out:
-        words += f"; {', '.join(plate.left_out)} left out for overload or loss"
+        words += f"; {', '.join(plate.left_out)} left out for overload, loss or drift"
     return words + "."
 
 

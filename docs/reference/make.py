@@ -40,6 +40,7 @@ PAGES = {
 def command_line() -> str:
     """Return the page of the command line: every command's own help."""
     os.environ.update(COLUMNS="80", TERMINAL_WIDTH="80", NO_COLOR="1")
+
     from rid_daq.app import COMMANDS
 
     parts = ["# Command line\n\nGenerated from the program's own help.\n", _help([])]

@@ -97,11 +97,11 @@ def preflight(
     problem = _attempt(plate.before)
     lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
     try:
-        drives = _devices(reachable, loaded.robot, seconds)
+        drives, position = _devices(reachable, loaded.robot, seconds)
     except _Stopped as stopped:
-        drives, problem = stopped.lines, stopped.error
+        drives, position, problem = stopped.lines, [], stopped.error
     if problem is None:
-        problem = _attempt(plate.after)
+        problem = _attempt(lambda: plate.after(position))
     return [*lines, *plate.lines, *drives], problem
 
 
@@ -176,8 +176,12 @@ def _disk(runs: Path) -> CheckLine:
     )
 
 
-def _devices(cell: CellConfig, robot: RobotDescription, seconds: float) -> list[CheckLine]:
+def _devices(
+    cell: CellConfig, robot: RobotDescription, seconds: float
+) -> tuple[list[CheckLine], list[float]]:
     """Bring every drive up, read it back, and count its answers; no power.
+
+    Return the lines, and where the joints stand [rad or m].
 
     Raises
     ------
@@ -193,9 +197,10 @@ def _devices(cell: CellConfig, robot: RobotDescription, seconds: float) -> list[
                 lines = [_setting(setting) for setting in opened.axes.settings()]
             opened.axes.start()
             lines += _answers(opened, seconds)
+            position = opened.axes.position.tolist()
     except (DriverError, PreflightError) as error:
         raise _Stopped(lines, error) from error
-    return lines
+    return lines, position
 
 
 def _setting(setting: DriveSetting) -> CheckLine:

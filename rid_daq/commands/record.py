@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -12,8 +11,7 @@ from acquisition.motion_samples import MotionSamples, plan_motion
 from acquisition.run_folder import RunFolder
 from acquisition.termination import ignore_termination
 from compensation.feedforward_file import read_feedforward
-from config.cell import CellConfig
-from config.errors import ConfigError, PreflightError
+from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_motion
 from config.motion import (
     AnyMotion,
@@ -24,6 +22,7 @@ from config.motion import (
 )
 from rid_daq.accuracy_watch import AccuracyWatch
 from rid_daq.cells import reachable_cell
+from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
 from rid_daq.recording_job import RecordedRun, record_run
@@ -63,14 +62,7 @@ def record(
         str | None,
         typer.Option(help="What a simulated robot carries, by its name in the plant file."),
     ] = None,
-    cleared: Annotated[
-        bool,
-        typer.Option(
-            "--i-have-cleared-the-cell",
-            help="Nobody is in the cell and the emergency stop is at hand; needed for real robots"
-            " where nobody can be asked.",
-        ),
-    ] = False,
+    cleared: Cleared = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -90,8 +82,7 @@ def record(
     accuracy = None
     if until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(until or (), loaded.robot, samples)
-    if not loaded.config.simulated:
-        _ask_whether_cleared(loaded.config, cleared)
+    require_cleared(loaded.config, cleared)
     with reachable_cell(loaded, realtime=realtime, seed=seed, payload=payload) as reachable:
         folder = RunFolder.create(
             runs, label or as_label(motion.stem), software=software_versions()
@@ -156,19 +147,6 @@ def check_robot(motion: AnyMotion, loaded: LoadedCell, path: Path) -> None:
             f" {loaded.robot.name!r}; make one with `rid-daq design`, or change the name if the"
             " robots are the same"
         )
-
-
-def _ask_whether_cleared(cell: CellConfig, cleared: bool) -> None:
-    if cleared:
-        return
-    advice = "clear the cell, then type its name, or give --i-have-cleared-the-cell"
-    if not sys.stdin.isatty():
-        raise PreflightError(f"cell {cell.name} is real and nobody can be asked: {advice}")
-    answer = typer.prompt(
-        f"Robot will move. Nobody in cell {cell.name}, emergency stop at hand? Type the cell's name"
-    )
-    if answer != cell.name:
-        raise PreflightError(f"nothing was moved: {answer!r} is not {cell.name!r}; {advice}")
 
 
 def _tell(

@@ -26,6 +26,7 @@ from identification.validation import validate as compare
 from rid_daq.console import AsJson, Console
 from rid_daq.curves import torque_curves, validation_section
 from rid_daq.exit_codes import ExitCode
+from rid_daq.motion_load import is_motion_file, limits_of, motion_load
 from rid_daq.plate_section import (
     load_checks,
     load_section,
@@ -43,7 +44,12 @@ from rid_daq.session import DEFAULT_RUNS, RunsFolder
 def validate(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model file of `identify`.")],
     run: Annotated[
-        str, typer.Argument(metavar="RUN", help="A run that the model was not identified from.")
+        str,
+        typer.Argument(
+            metavar="RUN",
+            help="A run that the model was not identified from; with --base-limits also a motion"
+            " file, whose reaction is predicted.",
+        ),
     ],
     limits: Annotated[
         str | None,
@@ -66,15 +72,22 @@ def validate(
         float | None,
         typer.Option("--mass", min=0.0, help="Mass of all that the base carries [kg]."),
     ] = None,
+    cell: Annotated[
+        str | None,
+        typer.Option(metavar="CELL", help="Of a motion file: the cell, for its limits and cycle."),
+    ] = None,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
     """Predict a run's torques with a model and judge the error, axis by axis.
 
-    Exit code 1 where an axis exceeds its limit.
+    Exit code 1 where an axis, or the reaction on the base, exceeds its limit.
     """
     console = Console(as_json)
     estimate = read_estimate(model)
+    if is_motion_file(run):
+        _predict(console, estimate, Path(run), base, cell, mass_kg)
+        return
     data = read_run(find_run(runs, run))
     validation = compare(
         estimate,
@@ -128,6 +141,40 @@ def validate(
         raise typer.Exit(ExitCode.VERDICT_FAILED)
 
 
+def _predict(
+    console: Console,
+    estimate: Estimate,
+    motion: Path,
+    base: bool,
+    cell: str | None,
+    mass_kg: float | None,
+) -> None:
+    """Predict the reaction of a motion that nobody has run, and judge it."""
+    if not base:
+        raise ConfigError(
+            f"{motion}: is a motion file: without a run only the reaction on the base can be judged"
+            " (--base-limits); record it to judge torques"
+        )
+    load = motion_load(estimate, motion, cell, mass_kg)
+    section = load_section(load)
+    section["sentence"] += " That is the motion as commanded: overshoot of the drives comes on top."
+    checks = load_checks(section)
+    failed = [line["text"].rsplit(" ", 1)[-1] for line in checks if not line["passed"]]
+    judged = verdict(
+        checks,
+        f"Failed: {', '.join(failed)} beyond the limit"
+        if failed
+        else f"Passed: {motion.name} keeps the limits of the base",
+        section["sentence"],
+    )
+    console.document({"base_load": section, "verdict": judged})
+    tell_load(console, section)
+    console.say(section["sentence"])
+    console.verdict(judged["passed"], judged["headline"])
+    if failed:
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
 def _noise(data: RunData) -> FloatArray | None:
     """Return the noise of one torque sample as periods show it; None where there are none."""
     if not data.is_periodic:
@@ -165,13 +212,7 @@ def _cell(data: RunData) -> CellConfig | None:
 def _base_limits(data: RunData) -> PlateLimits:
     """Return what the run's cell file says that the floor may see."""
     cell = _cell(data)
-    limits = None if cell is None or cell.plate is None else cell.plate.limits
-    if limits is None:
-        raise ConfigError(
-            "--base-limits: the run's cell file has no `plate` with `limits`; add force_n and"
-            " moment_nm there"
-        )
-    return limits
+    return limits_of(cell, "the run's cell file")
 
 
 def _verdict(

@@ -184,3 +184,45 @@ def test_too_few_valid_periods_at_one_sample_are_told() -> None:
         valid[period * K + 7, 3] = False
     with pytest.raises(DataQualityError, match="fy23"):
         average_periods(recording(valid=valid))
+
+
+def drifting(*parts: tuple[int, int, float], limit_n_s: float = 0.5) -> Recording:
+    """A channel's level moves on by so many N/s while samples pass: (first, last, N/s) of fz1."""
+    plain = recording(noise_n=0.05)
+    assert plain.reaction is not None
+    channels = plain.reaction.channels_n.copy()
+    for first, last, rate in parts:
+        channels[:, 4] += rate * CYCLE_S * np.clip(np.arange(K * PERIODS) - first, 0, last - first)
+    reaction = replace(plain.reaction, channels_n=channels, drift_limit_n_s=limit_n_s)
+    return replace(plain, reaction=reaction)
+
+
+def test_a_period_of_drift_is_not_averaged_and_named() -> None:
+    """Row 29 of the faults: in-run drift beyond the limit marks exactly those periods."""
+    average = average_periods(drifting((3 * K, 4 * K, 0.6), (7 * K + 40, 7 * K + 60, -12.0)))
+    assert [p.index for p in average.rejected] == [3, 7]
+    for period, rate in zip(average.rejected, (0.6, -0.96), strict=True):
+        words = period.reason.removeprefix("channel fz1 of the force plate drifted by ")
+        assert float(words.split()[0]) == pytest.approx(rate, abs=0.02)
+        assert words.endswith("0.5 N/s is the limit")
+
+
+@pytest.mark.parametrize("at", [0, 5, 10, 11])
+@pytest.mark.parametrize("into", [0.1, 0.5, 0.9])
+def test_a_jump_costs_the_period_in_which_it_happens(at: int, into: float) -> None:
+    """Row 29 of the faults, wherever in the run: the last period has none after it."""
+    first = at * K + int(into * K)
+    average = average_periods(drifting((first, first + 1, 2.0 / CYCLE_S)))
+    assert [p.index for p in average.rejected] == [at]
+
+
+def test_drift_within_the_limit_costs_nothing() -> None:
+    assert average_periods(drifting((0, PERIODS * K, 0.45))).rejected == ()
+
+
+def test_a_channel_that_drifts_all_the_time_is_left_out_instead() -> None:
+    """Row 29 of the faults: the others and the torques are not lost for it."""
+    average = average_periods(drifting((0, PERIODS * K, 0.6)))
+    assert average.rejected == ()
+    assert average.reaction is not None
+    assert average.reaction.left_out == ("fz1",)

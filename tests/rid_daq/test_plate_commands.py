@@ -198,6 +198,32 @@ def test_limits_of_the_base_are_judged(
     assert "Fz" in broken
 
 
+def test_limits_of_the_base_are_judged_before_a_motion_is_run(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, motion = str(workshop / "combined.json"), str(workshop / "validation.yaml")
+    command = ["validate", model, motion, "--base-limits", "--json"]
+    cell = ["--cell", str(workshop / "cell.yaml")]
+    code = run([*command, *cell, "--mass", "99"])
+    predicted = _document(capsys)["base_load"]["components"]
+    assert code == (0 if all(c["held"] for c in predicted) else 1)
+    words = ["validate", model, "validation", "--limits", "50", "--base-limits", "--json"]
+    run([*words, "--mass", "99", *runs])
+    recorded = _document(capsys)["base_load"]["components"]
+    for before, after in zip(predicted, recorded, strict=True):
+        # the recorded one has the overshoot of the drives' loops in it
+        assert before["peak"] == pytest.approx(after["peak"], rel=0.25)
+    assert run([*command, *cell, "--mass", "250"]) == 1
+    capsys.readouterr()
+    for wrong, message in (
+        (command, "needs --cell"),
+        ([*command[:3], "--json", *cell], "--base-limits"),
+        ([*command, "--cell", "ir361"], "has no `plate` with `limits`"),
+    ):
+        assert run(wrong) == 2
+        assert message in " ".join(capsys.readouterr().err.split())
+
+
 def test_the_internal_model_cannot_judge_them(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
