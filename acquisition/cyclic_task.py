@@ -168,8 +168,6 @@ class CyclicTask:
     def _refuse_collision(self, samples: MotionSamples) -> None:
         """Measure the way to the motion, still without power, with signs of life in between."""
         clearances = Clearances.of(self._robot, self._cell.workspace)
-        if len(clearances) == 0:
-            return
         refuse_pose(self._robot, self._axes.position.tolist())
         way = approach(self._axes.position, samples.position[0], self._robot, self._period_s)
         refuse_collision(
