@@ -100,7 +100,7 @@ def test_a_motion_written_reads_back_equal(tmp_path: Path) -> None:
 
 def test_a_motion_of_an_unknown_kind_names_the_kinds(tmp_path: Path) -> None:
     path = tmp_path / "motion.yaml"
-    path.write_text("kind: circle\nrobot: ir361\n")
+    path.write_text("kind: spiral\nrobot: ir361\n")
     with pytest.raises(ConfigError, match="'fourier', 'multipoint'"):
         load_motion(path)
 

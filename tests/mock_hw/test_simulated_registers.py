@@ -18,6 +18,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import serial
 
@@ -151,7 +152,7 @@ class TestTheDriverReadsThem:
         config = workshop.serve(kind, faults=RegisterFaults(at={0: "silent"}))
         line = monitor(config, workshop)
         (read,) = plan_reads(PROFILE, POLLED)
-        with pytest.raises(DeviceTimeoutError, match=r"unit 1: no answer within 0\.5 s; check"):
+        with pytest.raises(DeviceTimeoutError, match=r"unit 1: no answer within 2 s; check"):
             line._link.read(1, read)
         assert line.read().problems == ()
 
@@ -274,8 +275,12 @@ class TestTls:
         self, workshop: Workshop, authority: Path
     ) -> None:
         config = self.serve(workshop, authority, own=None)
-        with pytest.raises(TransportError):
-            monitor(config, workshop).read()
+        try:
+            reading = monitor(config, workshop).read()
+        except TransportError:
+            return  # refused as early as in the handshake
+        assert reading.problems
+        assert np.isnan(reading.temperature_k).all()
 
     def test_files_that_are_not_there_are_named(self, workshop: Workshop, authority: Path) -> None:
         with pytest.raises(TransportError, match="a certificate cannot be used"):
