@@ -19,7 +19,7 @@ from rid_daq.app import run
 from rid_daq.payload_watch import WarmUpWatch, period_powers
 
 # One cell is held by one session at a time, so these tests share a worker.
-pytestmark = pytest.mark.xdist_group("bundled cell")
+pytestmark = pytest.mark.xdist_group("kr15 cell")
 
 
 @pytest.fixture(scope="module")
