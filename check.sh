@@ -11,4 +11,4 @@ step $bin/ruff check .
 step $bin/lint-imports --no-cache
 step $bin/mypy
 step $bin/pyright
-step $bin/python -m pytest -q -n 2 --dist loadgroup "$@"
+step $bin/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder "$@"

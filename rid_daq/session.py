@@ -38,7 +38,8 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
     cell
         The cell whose bus (interface and channel) nobody else may command meanwhile.
     folder
-        Where lock files live; the machine's lock folder unless told.
+        Where lock files live. Unless told, the machine's lock folder, and for a simulated bus
+        the folder of this user that its socket is in.
 
     Raises
     ------
@@ -47,7 +48,7 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
     RecordingError
         The lock file cannot be written.
     """
-    path = _lock_path(cell, folder or _lock_folder())
+    path = _lock_path(cell, folder or _lock_folder(cell))
     descriptor = _open_lock(path)
     try:
         try:
@@ -82,7 +83,11 @@ def unfinished(folder: RunFolder) -> Iterator[None]:
         raise
 
 
-def _lock_folder() -> Path:
+def _lock_folder(cell: CellConfig) -> Path:
+    if cell.can.interface == "rid_sim":
+        from mock_hw.runtime_directory import runtime_directory
+
+        return runtime_directory()
     machine_wide = Path("/run/lock")
     return machine_wide if os.access(machine_wide, os.W_OK) else Path(tempfile.gettempdir())
 

@@ -1,10 +1,14 @@
-"""One thread of BLAS a test worker: they share the cores, as in `rid_daq.app`; and an amplifier."""
+"""What a test worker has to itself: one thread of BLAS, simulated buses; and an amplifier."""
 
 import os
+import tempfile
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="rid", dir="/tmp")  # sockets: short paths
 
+import atexit
 import select
+import shutil
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,8 +24,23 @@ from mock_hw.amplifier_port import AmplifierPort, PlateSettings
 from mock_hw.line_faults import NO_FAULTS, LineFault, LineFaults
 
 STEP_S = 0.02
+atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True)
+PROGRAM_TESTS = Path(__file__).parent / "rid_daq"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run the longest first, so that the workers end at about the same time."""
+    items.sort(key=lambda item: PROGRAM_TESTS not in item.path.parents)
+
+
 RANGES = (1250.0,) * 4 + (5000.0,) * 4
 SENSITIVITIES = (-7.5,) * 4 + (-3.8,) * 4
+
+
+@pytest.fixture
+def measured(record_property: Callable[[str, object], None]) -> Callable[[str], None]:
+    """Return how a test of a fault tells the figure that docs/faults.md shows for it."""
+    return lambda figure: record_property("measured", figure)
 
 
 class ServedAmplifier(threading.Thread):

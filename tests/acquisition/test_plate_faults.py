@@ -22,8 +22,6 @@ from config.motion import FourierJoint, FourierMotion
 from mock_hw.cell import SimulatedCell
 from mock_hw.line_faults import FaultKind, LineFault, LineFaults
 
-pytestmark = pytest.mark.xdist_group("plate_faults")
-
 PERIOD_S, PERIODS, RATE_HZ = 2.0, 8, 1500
 
 

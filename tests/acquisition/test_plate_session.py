@@ -27,8 +27,6 @@ from drivers.amplifier_serial import open_amplifier
 from mock_hw.cell import SimulatedCell
 from mock_hw.line_faults import FaultKind, LineFault, LineFaults
 
-pytestmark = pytest.mark.xdist_group("plate_session")
-
 
 @pytest.fixture(scope="module")
 def loaded() -> LoadedCell:

@@ -15,8 +15,6 @@ from rid_daq.app import COMMANDS, printable, run
 from rid_daq.exit_codes import ExitCode, exit_code_of
 
 # One cell is held by one session at a time, so these tests share a worker.
-pytestmark = pytest.mark.xdist_group("bundled cell")
-
 CODES = {
     errors.ConfigError: 2,
     errors.PreflightError: 3,

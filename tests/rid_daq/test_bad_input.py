@@ -13,8 +13,6 @@ from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
 
 # One cell is held by one session at a time, so these tests share a worker.
-pytestmark = pytest.mark.xdist_group("bundled cell")
-
 MOTION = """\
 kind: fourier
 robot: ir361

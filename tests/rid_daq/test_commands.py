@@ -17,10 +17,8 @@ from acquisition.motion_samples import Phase
 from acquisition.run_folder import RunFolder
 from rid_daq.app import run
 
+
 # One cell is held by one session at a time, so these tests share a worker.
-pytestmark = pytest.mark.xdist_group("bundled cell")
-
-
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder made by init, with an excitation run and a validation run in it."""

@@ -11,8 +11,6 @@ import pytest
 from rid_daq.app import run
 
 # One cell is held by one session at a time, so these tests share a worker.
-pytestmark = pytest.mark.xdist_group("bundled cell")
-
 CIRCLE = """
 kind: circle
 robot: ir361

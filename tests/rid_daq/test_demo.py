@@ -8,10 +8,8 @@ import pytest
 
 from rid_daq.app import run
 
+
 # One cell is held by one session at a time, so these tests share a worker.
-pytestmark = pytest.mark.xdist_group("bundled cell")
-
-
 def _demo(root: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     words = ["demo", "--seed", "3", "--periods", "2", "--points", "2", "--json"]
     assert run([*words, "--runs", str(root)]) in (0, 1)  # so short, it may miss its own limits

@@ -44,8 +44,6 @@ from rid_daq.run_data import read_run
 from rid_daq.truth import true_parameters
 
 # One cell is held by one session at a time, so these tests share a worker.
-pytestmark = pytest.mark.xdist_group("kr15 cell")
-
 HARMONICS: dict[str, tuple[float, list[float], list[float]]] = {
     "axis1": (
         0.0,

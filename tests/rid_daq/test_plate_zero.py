@@ -29,8 +29,6 @@ from rid_daq.app import run
 JUMP_PC = (300.0, -150.0, 90.0, 0.0, -180.0, 120.0, 60.0, -30.0)
 DRIFT_PC_S = (-1.5, 0.9, -0.3, 0.0, 0.5, -0.4, 0.3, 0.0)
 # The cell is zeroed once for many tests, which therefore share a worker.
-pytestmark = pytest.mark.xdist_group("plate zero")
-
 QUICK = ["--read", "3", "--settle", "1"]
 
 
