@@ -32,12 +32,13 @@ class TaskState(IntEnum):
 
 
 class RecorderState(IntEnum):
-    """How far the recorder has come."""
+    """How far the recorder has come; FULL writes on, in the last room, and wants an end."""
 
     STARTING = 0
     RECORDING = 1
     FINISHED = 2
     FAILED = 3
+    FULL = 4
 
 
 class MonitorState(IntEnum):
@@ -332,6 +333,11 @@ class ControlBlock:
         """Say that the recorder cannot go on."""
         self._fields.recorder_error = _clipped(text, 1023)
         self.recorder_state = RecorderState.FAILED
+
+    def fill_recorder(self, text: str) -> None:
+        """Say that there is room for the motion's end, and for nothing more."""
+        self._fields.recorder_error = _clipped(text, 1023)
+        self.recorder_state = RecorderState.FULL
 
     # the drive monitor's side
 
