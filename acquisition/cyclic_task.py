@@ -43,6 +43,8 @@ JUDGE_PATIENCE_S = 60.0
 
 _TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
+    StopCode.STOP_COMMAND: "stopped by `rid-daq stop`",
+    StopCode.STOP_BUTTON: "stopped by the live page's stop button",
     StopCode.RECORDER: "the recorder process has died; what it had written is kept",
     StopCode.PLATE_LINE: "the force plate's rows have ended",
     StopCode.PLATE_OVERLOAD: "the force plate was overloaded in more periods than can be left out",
@@ -356,6 +358,7 @@ class CyclicTask:
         before = axes.position.tolist()
         target = _Set(before, self._rest, self._rest, -1, Phase.HOLD)
         resting = 0
+        began_s = self._clock.now_s()
         try:
             axes.quick_stop()
             for _ in range(cycles):
@@ -377,6 +380,7 @@ class CyclicTask:
                 before = position
                 resting = resting + 1 if rest else 0
                 if resting >= REST_CYCLES:
+                    self._control.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
                     return
         except (DriverError, SafetyStop) as error:
             self._control.add_note(f"while stopping: {error}")

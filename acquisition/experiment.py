@@ -7,7 +7,7 @@ import shutil
 import signal
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnProcess
@@ -25,6 +25,7 @@ from acquisition.control_block import (
 )
 from acquisition.cycle_row import row_dtype
 from acquisition.cycle_statistics import CycleStatistics, cycle_statistics
+from acquisition.joint_values import JointWatch
 from acquisition.journal import read_journal
 from acquisition.journal_header import JournalHeader
 from acquisition.monitor_process import run_monitor
@@ -58,6 +59,10 @@ START_PATIENCE_S = 60.0
 BEAT_PATIENCE_S = 10.0
 STOP_PATIENCE_S = 15.0
 FINISH_PATIENCE_S = 30.0
+ONLOOKER_PATIENCE_S = 2.0
+
+Onlooker = Callable[[Ring, ControlBlock], SpawnProcess]
+"""Makes, not starts, a process that may look at ring and control block, and ask for a stop."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,7 @@ def record_motion(
     enough: Enough | None = None,
     profile: AmplifierProfile | None = None,
     drive_profile: DriveProfile | None = None,
+    onlooker: Onlooker | None = None,
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
@@ -128,6 +134,9 @@ def record_motion(
         The registers of the drives, where the cell has a monitor; the bundled one of the cell's
         name when left out. Temperatures go to `monitor.mcap`; without them the motion is recorded
         all the same, and a note says so.
+    onlooker : callable, optional
+        Makes one more process, such as the live page's. It is not waited for, and its death changes
+        nothing.
 
     Raises
     ------
@@ -168,6 +177,10 @@ def record_motion(
     monitor = _monitor(cell, robot, drive_profile, control, folder)
     if monitor is not None:
         processes.insert(0, monitor)
+    looker = None if onlooker is None else onlooker(ring, control)
+    if looker is not None:
+        processes.insert(0, looker)
+    joints = JointWatch(ring, cell, robot)
     with termination_calls(lambda: control.request_stop(StopCode.INTERRUPTED)) as interruption:
         # its start would let signals through again
         resource_tracker.ensure_running()
@@ -178,10 +191,11 @@ def record_motion(
                 for process in processes:
                     process.start()
             try:
-                _watch(task, recorder, monitor, control, on_progress, judge, plate)
+                _watch(task, recorder, monitor, control, joints, on_progress, judge, plate)
             finally:
                 notes += _wind_up(task, recorder, control)
                 notes += _end_monitor(monitor, control)
+                notes += _end_onlooker(looker)
                 if judge is not None:
                     judge.close()
         finally:
@@ -234,6 +248,18 @@ def _end_monitor(monitor: SpawnProcess | None, control: ControlBlock) -> list[st
     elif control.monitor_error:
         notes.append(control.monitor_error)
     return notes
+
+
+def _end_onlooker(onlooker: SpawnProcess | None) -> list[str]:
+    if onlooker is None:
+        return []
+    onlooker.join(ONLOOKER_PATIENCE_S)
+    died = onlooker.exitcode
+    if onlooker.is_alive():
+        onlooker.kill()
+        onlooker.join()
+    onlooker.close()
+    return [f"the live page died (exit code {died}); the motion was not affected"] if died else []
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:
@@ -291,6 +317,7 @@ def _watch(
     recorder: SpawnProcess,
     monitor: SpawnProcess | None,
     control: ControlBlock,
+    joints: JointWatch,
     on_progress: Callable[[Progress], None] | None,
     judge: PeriodJudge | None,
     plate: PlateSession | None,
@@ -318,7 +345,7 @@ def _watch(
         if plate is not None:
             plate.watch(progress, control)
         if on_progress is not None:
-            on_progress(progress)
+            on_progress(replace(progress, joints=joints.look()))
 
 
 def _wind_up(task: SpawnProcess, recorder: SpawnProcess, control: ControlBlock) -> list[str]:
