@@ -39,6 +39,7 @@ from acquisition.plate_session import PlateSession
 from acquisition.recorder import run_recorder
 from acquisition.ring import Ring
 from acquisition.run_folder import RECORDING, RunFolder
+from acquisition.set_points import PlannedMotion, SetPointSource
 from acquisition.stop_reason import StopCode, StopReason
 from acquisition.task_process import run_cyclic_task
 from acquisition.termination import Interruption, termination_calls, termination_held
@@ -101,7 +102,7 @@ class RecordOutcome:
 def record_motion(
     cell: CellConfig,
     robot: RobotDescription,
-    samples: MotionSamples,
+    motion: MotionSamples | SetPointSource,
     folder: RunFolder,
     *,
     on_progress: Callable[[Progress], None] | None = None,
@@ -119,8 +120,9 @@ def record_motion(
     ----------
     cell, robot : CellConfig, RobotDescription
         The cell and its robot.
-    samples : MotionSamples
-        The motion, sampled at the cell's cycle time.
+    motion : MotionSamples or SetPointSource
+        The motion, sampled at the cell's cycle time and checked here; or a source that checks
+        what it hands out.
     folder : RunFolder
         Where `recording.mcap` is written; its manifest is left to the caller.
     on_progress : callable, optional
@@ -147,16 +149,24 @@ def record_motion(
     RecordingError
         There is no room to record, or nothing was recorded.
     """
-    _check_motion(cell, robot, samples)
+    source: SetPointSource
+    planned: MotionSamples | None = None
+    if isinstance(motion, MotionSamples):
+        _check_motion(cell, robot, motion)
+        source, planned = PlannedMotion(motion), motion
+    else:
+        source = motion
     path = folder.file(RECORDING)
     ring = Ring.create(len(robot.joints), max(RING_ROWS, int(RING_S / cell.cycle_time_s)))
-    _check_room(folder.path, len(samples) * (ring.row_size + 64))
+    _check_room(folder.path, source.rows_expected * (ring.row_size + 64))
     control = ControlBlock.create()
-    judge = None if enough is None else PeriodJudge(path, samples, control, enough)
+    judge = None
+    if enough is not None and planned is not None:
+        judge = PeriodJudge(path, planned, control, enough)
     header = JournalHeader(
         joint_names=robot.joint_names,
         sample_period_s=cell.cycle_time_s,
-        samples_per_period=samples.samples_per_period,
+        samples_per_period=source.samples_per_period,
         torque_filter=cell.torque_filter,
         cell_name=cell.name,
         robot_name=robot.name,
@@ -165,7 +175,7 @@ def record_motion(
     spawn = get_context("spawn")
     task = spawn.Process(
         target=run_cyclic_task,
-        args=(cell, robot, samples, ring, control, os.getpid()),
+        args=(cell, robot, source, ring, control, os.getpid()),
         name="rid-daq cyclic task",
     )
     recorder = spawn.Process(
@@ -184,7 +194,7 @@ def record_motion(
     with termination_calls(lambda: control.request_stop(StopCode.INTERRUPTED)) as interruption:
         # its start would let signals through again
         resource_tracker.ensure_running()
-        plate = _start_plate(cell, samples, folder, profile)
+        plate = _start_plate(cell, source, folder, profile)
         notes: list[str] = []
         try:
             with termination_held():
@@ -277,7 +287,7 @@ def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamp
 
 
 def _start_plate(
-    cell: CellConfig, samples: MotionSamples, folder: RunFolder, profile: AmplifierProfile | None
+    cell: CellConfig, source: SetPointSource, folder: RunFolder, profile: AmplifierProfile | None
 ) -> PlateSession | None:
     """Make the force plate ready and begin to record it, where the cell has one.
 
@@ -299,7 +309,7 @@ def _start_plate(
             " moved"
         )
     task = PlateTask(cell.plate, profile, folder.file(PLATE_RECORDING), cell.name, folder.run_id)
-    return PlateSession(task, samples.samples_per_period)
+    return PlateSession(task, source.samples_per_period)
 
 
 def _check_room(folder: Path, expected_bytes: int) -> None:
