@@ -11,10 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import isnan, nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from acquisition.joint_values import JointValues
-from acquisition.motion_samples import Phase
+from acquisition.phase import Phase
 from acquisition.shared_memory import SharedMemory
 from acquisition.stop_reason import StopCode, StopReason
 from config import errors
@@ -57,6 +56,9 @@ class Pace(IntEnum):
     REAL_TIME = 1
     LOCKSTEP = 2
 
+
+if TYPE_CHECKING:
+    from acquisition.joint_values import JointValues  # `rid-daq stop` does not wait for numpy
 
 MOST_JOINTS = 16
 MEMORY_NAME = "rid-daq-control-1"
