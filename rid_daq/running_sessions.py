@@ -61,10 +61,19 @@ class RunningSession:
         return _is_held(self.lock)
 
 
-def machine_lock_folder() -> Path:
-    """Return where locks of real buses live."""
-    machine_wide = Path("/run/lock")
-    return machine_wide if os.access(machine_wide, os.W_OK) else Path(tempfile.gettempdir())
+def machine_lock_folders() -> tuple[Path, ...]:
+    """Return where locks of real buses may live; a new one is made in the first.
+
+    It is the machine's lock folder, or the one for temporary files where that cannot be written; or
+    the one that the environment variable RID_DAQ_LOCKS names.
+    """
+    told = os.environ.get("RID_DAQ_LOCKS")
+    if told:
+        return (Path(told),)
+    machine_wide, temporary = Path("/run/lock"), Path(tempfile.gettempdir())
+    if os.access(machine_wide, os.W_OK):
+        return machine_wide, temporary
+    return temporary, machine_wide
 
 
 def running_sessions(cell: str | None = None) -> list[RunningSession]:
@@ -80,8 +89,7 @@ def running_sessions(cell: str | None = None) -> list[RunningSession]:
 
 
 def _lock_files() -> list[Path]:
-    folders = {machine_lock_folder(), Path("/run/lock"), Path(tempfile.gettempdir())}
-    files = {path for folder in folders for path in folder.glob("rid-daq-*.lock")}
+    files = {path for folder in machine_lock_folders() for path in folder.glob("rid-daq-*.lock")}
     from mock_hw.runtime_directory import runtime_directory
 
     with contextlib.suppress(TransportError):

@@ -17,7 +17,7 @@ import typer
 from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig
 from config.errors import LockedError, RecordingError, RidDaqError
-from rid_daq.running_sessions import machine_lock_folder
+from rid_daq.running_sessions import machine_lock_folders
 
 RunsFolder = Annotated[
     Path, typer.Option("--runs", help="The folder that holds the run folders.", show_default=True)
@@ -90,7 +90,7 @@ def lock_folder(cell: CellConfig) -> Path:
         from mock_hw.runtime_directory import socket_path
 
         return socket_path(cell.can.channel).parent
-    return machine_lock_folder()
+    return machine_lock_folders()[0]
 
 
 def _lock_path(cell: CellConfig, folder: Path) -> Path:
