@@ -8,57 +8,19 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from enum import IntEnum
 from math import isnan, nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from acquisition.phase import Phase
 from acquisition.shared_memory import SharedMemory
 from acquisition.stop_reason import StopCode, StopReason
+from acquisition.task_states import MonitorState as MonitorState
+from acquisition.task_states import Pace as Pace
+from acquisition.task_states import Progress as Progress
+from acquisition.task_states import RecorderState as RecorderState
+from acquisition.task_states import TaskState as TaskState
 from config import errors
 from config.errors import DriverError, RidDaqError
-
-
-class TaskState(IntEnum):
-    """How far the cyclic task has come."""
-
-    STARTING = 0
-    BRING_UP = 1
-    ENABLING = 2
-    MOVING = 3
-    STOPPING = 4
-    FINISHED = 5
-
-
-class RecorderState(IntEnum):
-    """How far the recorder has come."""
-
-    STARTING = 0
-    RECORDING = 1
-    FINISHED = 2
-    FAILED = 3
-
-
-class MonitorState(IntEnum):
-    """How far the drive monitor has come."""
-
-    STARTING = 0
-    POLLING = 1
-    FINISHED = 2
-    FAILED = 3
-
-
-class Pace(IntEnum):
-    """By which clock the cyclic task runs, as far as is known."""
-
-    UNKNOWN = 0
-    REAL_TIME = 1
-    LOCKSTEP = 2
-
-
-if TYPE_CHECKING:
-    from acquisition.joint_values import JointValues  # `rid-daq stop` does not wait for numpy
 
 MOST_JOINTS = 16
 MEMORY_NAME = "rid-daq-control-1"
@@ -106,24 +68,6 @@ class _Fields(ctypes.Structure):
         ("temperature_k", ctypes.c_double * MOST_JOINTS),
         ("monitor_error", ctypes.c_char * 1024),
     )
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where the cyclic task is: for a progress bar.
-
-    `sample_index` is the row of the motion last commanded, -1 before and after it;
-    `temperature_k` are the motors' latest temperatures, NaN for a drive that did not answer, empty
-    where nothing asks for them or nothing has been answered yet; `joints` is what the latest cycles
-    measured, None where there were none or nobody looked.
-    """
-
-    state: TaskState
-    phase: Phase
-    sample_index: int
-    cycles: int
-    temperature_k: tuple[float, ...] = ()
-    joints: JointValues | None = None
 
 
 class ControlBlock:

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.clear_path import refuse_collision
+from acquisition.companions import Onlooker, end_monitor, end_onlooker, monitor_process
 from acquisition.control_block import (
     ControlBlock,
-    MonitorState,
     Progress,
     RecorderState,
     TaskState,
@@ -28,8 +28,6 @@ from acquisition.cycle_statistics import CycleStatistics, cycle_statistics
 from acquisition.joint_values import JointWatch
 from acquisition.journal import read_journal
 from acquisition.journal_header import JournalHeader
-from acquisition.monitor_process import run_monitor
-from acquisition.monitor_row import MONITOR, MonitorHeader
 from acquisition.motion_samples import MotionSamples, verify_limits
 from acquisition.period_judge import Enough, PeriodJudge
 from acquisition.plate_journal import PLATE_RECORDING
@@ -47,7 +45,6 @@ from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
-from config.load import load_bundled_or_path
 from config.robot import RobotDescription
 from dynamics.clearances import Clearances
 
@@ -60,10 +57,6 @@ START_PATIENCE_S = 60.0
 BEAT_PATIENCE_S = 10.0
 STOP_PATIENCE_S = 15.0
 FINISH_PATIENCE_S = 30.0
-ONLOOKER_PATIENCE_S = 2.0
-
-Onlooker = Callable[[Ring, ControlBlock], SpawnProcess]
-"""Makes, not starts, a process that may look at ring and control block, and ask for a stop."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +177,7 @@ def record_motion(
         name="rid-daq recorder",
     )
     processes = [recorder, task]
-    monitor = _monitor(cell, robot, drive_profile, control, folder)
+    monitor = monitor_process(cell, robot, drive_profile, control, folder)
     if monitor is not None:
         processes.insert(0, monitor)
     looker = None if onlooker is None else onlooker(ring, control)
@@ -204,72 +197,14 @@ def record_motion(
                 _watch(task, recorder, monitor, control, joints, on_progress, judge, plate)
             finally:
                 notes += _wind_up(task, recorder, control)
-                notes += _end_monitor(monitor, control)
-                notes += _end_onlooker(looker)
+                notes += end_monitor(monitor, control)
+                notes += end_onlooker(looker)
                 if judge is not None:
                     judge.close()
         finally:
             if plate is not None:
                 notes += plate.close()
     return _outcome(path, task, recorder, control, interruption, len(robot.joints), notes)
-
-
-def _monitor(
-    cell: CellConfig,
-    robot: RobotDescription,
-    profile: DriveProfile | None,
-    control: ControlBlock,
-    folder: RunFolder,
-) -> SpawnProcess | None:
-    """Return the process that will ask the drives for temperatures, where the cell has a way."""
-    if cell.monitor is None:
-        return None
-    if profile is None:
-        profile = load_bundled_or_path(cell.monitor.profile, "profiles", DriveProfile)
-    control.announce_monitor(len(robot.joints))
-    header = MonitorHeader(
-        joint_names=robot.joint_names,
-        period_s=cell.monitor.period_s,
-        cell_name=cell.name,
-        robot_name=robot.name,
-        run_id=folder.run_id,
-    )
-    return get_context("spawn").Process(
-        target=run_monitor,
-        args=(cell.monitor, profile, control, folder.file(MONITOR), header, os.getpid()),
-        name="rid-daq drive monitor",
-    )
-
-
-def _end_monitor(monitor: SpawnProcess | None, control: ControlBlock) -> list[str]:
-    if monitor is None:
-        return []
-    monitor.join(FINISH_PATIENCE_S)
-    notes = []
-    if monitor.is_alive():
-        notes.append("the drive monitor did not finish and was killed; its file is not closed")
-        monitor.kill()
-        monitor.join()
-    elif monitor.exitcode != 0:
-        control.declare_monitor_dead()
-    monitor.close()
-    if control.monitor_state is MonitorState.FAILED:
-        notes.append(f"no temperatures from here on: {control.monitor_error}")
-    elif control.monitor_error:
-        notes.append(control.monitor_error)
-    return notes
-
-
-def _end_onlooker(onlooker: SpawnProcess | None) -> list[str]:
-    if onlooker is None:
-        return []
-    onlooker.join(ONLOOKER_PATIENCE_S)
-    died = onlooker.exitcode
-    if onlooker.is_alive():
-        onlooker.kill()
-        onlooker.join()
-    onlooker.close()
-    return [f"the live page died (exit code {died}); the motion was not affected"] if died else []
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:
