@@ -87,16 +87,19 @@ def mountable_cell(
             f"cell {cell.name}: mock hardware is started on can.interface rid_sim only, this is"
             f" {cell.can.interface}; serve the devices there first, or set simulated: false"
         )
-    with SimulatedCell(
-        cell,
-        loaded.robot,
-        loaded.plant if payload is None else loaded.plant.with_payload(payload),
-        realtime=realtime,
-        seed=seed,
-        unmodelled=unmodelled,
-        profile=loaded.amplifier_profile,
-        drive_profile=loaded.drive_profile,
-    ) as simulated:
+    with (
+        SimulatedCell(
+            cell,
+            loaded.robot,
+            loaded.plant if payload is None else loaded.plant.with_payload(payload),
+            realtime=realtime,
+            seed=seed,
+            unmodelled=unmodelled,
+            profile=loaded.amplifier_profile,
+            drive_profile=loaded.drive_profile,
+        ) as simulated,
+        hold_cell(simulated.cell),
+    ):
         yield simulated.cell, simulated
 
 
