@@ -31,6 +31,8 @@ class StopCode(IntEnum):
     TASK_DIED = 20
     PLATE_LINE = 21
     PLATE_OVERLOAD = 22
+    POINTS_LOST = 31
+    POINTS_REFUSED = 32
 
 
 @dataclass(frozen=True)
