@@ -44,6 +44,8 @@ class SocketCanPort:
     ----------
     channel
         The interface's name.
+    watch_errors
+        Whether error frames are received at all; simulated devices leave them to the master.
 
     Attributes
     ----------
@@ -61,14 +63,14 @@ class SocketCanPort:
         There is no such interface.
     """
 
-    def __init__(self, channel: str) -> None:
+    def __init__(self, channel: str, *, watch_errors: bool = True) -> None:
         self.channel_info = f"socketcan {channel}"
         self.lost_frames = 0
         self.error_frames = 0
         self._dropped = 0
         self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         try:
-            self._set_options()
+            self._set_options(watch_errors)
             self._socket.bind((channel,))
             self._socket.setblocking(False)
         except BaseException:
@@ -77,7 +79,7 @@ class SocketCanPort:
         self._poll = select.poll()
         self._poll.register(self._socket.fileno(), select.POLLIN)
 
-    def _set_options(self) -> None:
+    def _set_options(self, watch_errors: bool) -> None:
         own = self._socket
         try:
             own.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
@@ -86,7 +88,8 @@ class SocketCanPort:
         own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES // 2)
         own.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         own.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
-        own.setsockopt(_SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, _ERROR_CLASSES)
+        if watch_errors:
+            own.setsockopt(_SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, _ERROR_CLASSES)
 
     def fileno(self) -> int:
         """Return the socket's descriptor."""

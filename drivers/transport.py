@@ -207,8 +207,15 @@ class CanLink:
         self.close()
 
 
-def open_can(config: CanBusConfig) -> CanLink:
-    """Open the bus that a cell file names.
+def open_can(config: CanBusConfig, *, watch_errors: bool = True) -> CanLink:
+    """Open the bus that a cell file names; SocketCAN as a raw socket, past python-can.
+
+    Parameters
+    ----------
+    config
+        Interface, channel and bit rate.
+    watch_errors
+        Whether bus-off that a SocketCAN interface reports is an error.
 
     Raises
     ------
@@ -218,7 +225,7 @@ def open_can(config: CanBusConfig) -> CanLink:
     try:
         bus: can.BusABC | FramePort
         if config.interface == "socketcan":
-            bus = SocketCanPort(config.channel)
+            bus = SocketCanPort(config.channel, watch_errors=watch_errors)
         else:
             bus = can.Bus(interface=config.interface, ignore_config=True, **_options(config))
     except (
