@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from acquisition.excitation import FourierTrajectory
 from acquisition.motion_limits import beyond_limits, refuse, violations
 from acquisition.multipoint import multipoint_path
 from acquisition.multisine import realisation_motions
+from acquisition.phase import Phase as Phase
 from acquisition.ramp import (
     Path,
     join,
@@ -42,17 +42,6 @@ APPROACH_SPEED_FRACTION = 0.3
 RAMP_GROWTH = 1.25
 RAMP_ATTEMPTS = 20
 DWELL_S = 0.5
-
-
-class Phase(IntEnum):
-    """What a sample of a motion is for."""
-
-    APPROACH = 0
-    RUN_IN = 1
-    TRANSIENT = 2
-    MAIN = 3
-    RUN_OUT = 4
-    HOLD = 5
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,16 +86,19 @@ def mountable_cell(
 
     if loaded.plant is None:
         raise ConfigError(f"cell {cell.name}: a simulated cell needs plant")
-    with SimulatedCell(
-        cell,
-        loaded.robot,
-        loaded.plant if payload is None else loaded.plant.with_payload(payload),
-        realtime=realtime or cell.can.interface != SIMULATED,
-        seed=seed,
-        unmodelled=unmodelled,
-        profile=loaded.amplifier_profile,
-        drive_profile=loaded.drive_profile,
-    ) as simulated:
+    with (
+        SimulatedCell(
+            cell,
+            loaded.robot,
+            loaded.plant if payload is None else loaded.plant.with_payload(payload),
+            realtime=realtime or cell.can.interface != SIMULATED,
+            seed=seed,
+            unmodelled=unmodelled,
+            profile=loaded.amplifier_profile,
+            drive_profile=loaded.drive_profile,
+        ) as simulated,
+        hold_cell(simulated.cell),
+    ):
         yield simulated.cell, simulated
 
 

@@ -7,6 +7,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="rid", dir="/tmp")  # sockets: short paths
 
 import atexit
+import importlib.util
 import select
 import shutil
 import threading
@@ -28,9 +29,55 @@ atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True
 PROGRAM_TESTS = Path(__file__).parent / "rid_daq"
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--fault-page",
+        action="store_true",
+        help="write docs/faults.md anew where it tells of the tests that run",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--fault-page") and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(FaultPage())
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the longest first, so that the workers end at about the same time."""
     items.sort(key=lambda item: PROGRAM_TESTS not in item.path.parents)
+    for item in items:
+        rows = [row for mark in item.iter_markers("fault") for row in mark.args]
+        item.user_properties += [("fault", row) for row in rows]
+
+
+class FaultPage:
+    """Collects what tests of faults have measured, in one process or from workers."""
+
+    def __init__(self) -> None:
+        path = Path(__file__).parent.parent / "docs" / "fault_page.py"
+        spec = importlib.util.spec_from_file_location("fault_page", path)
+        assert spec is not None
+        assert spec.loader is not None
+        self._page = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(self._page)
+        self._ran: dict[int, list[object]] = {}
+        self._functions: set[str] = set()
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        rows = [int(str(value)) for name, value in report.user_properties if name == "fault"]
+        if report.when != "call" or not rows:
+            return
+        figures = [str(value) for name, value in report.user_properties if name == "measured"]
+        entry = self._page.Entry(report.nodeid, self._page.as_figure("; ".join(figures)))
+        self._functions.add(entry.function)
+        for row in rows if report.passed else []:
+            self._ran.setdefault(row, []).append(entry)
+
+    def pytest_sessionfinish(self) -> None:
+        page = self._page.PAGE
+        text = page.read_text(encoding="utf-8") if page.exists() else ""
+        new = self._page.updated(text, self._ran, self._functions, self._page.declared())
+        page.write_text(new, encoding="utf-8")
 
 
 RANGES = (1250.0,) * 4 + (5000.0,) * 4

@@ -17,6 +17,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.import_map import ImportMap
@@ -33,6 +34,7 @@ PAGES = {
     "motion files: validation": MultipointMotion,
     "import maps": ImportMap,
     "drive profiles (Modbus registers)": DriveProfile,
+    "amplifier profiles (strings and rows)": AmplifierProfile,
     "plant files (simulation only)": PlantConfig,
 }
 
@@ -136,7 +138,8 @@ def _kind(annotation: Any) -> tuple[str, list[type[BaseModel]]]:
     origin = typing.get_origin(annotation)
     arguments = typing.get_args(annotation)
     if origin is typing.Literal:
-        return " or ".join(f"`{a}`" for a in arguments), []
+        words = (str(a) if str(a).isprintable() else json.dumps(a) for a in arguments)
+        return " or ".join(f"`{word}`" for word in words), []
     if origin is typing.Annotated:
         word, models = _kind(arguments[0])
         metadata = [m for a in arguments[1:] for m in getattr(a, "metadata", [a])]

@@ -1,0 +1,184 @@
+"""Write docs/faults.md: what is injected, what must happen, and what the tests measured.
+
+The page is made by the tests themselves: ``python -m pytest --fault-page FILE...`` replaces the
+lines of the tests that ran and keeps the others. ``tests/test_fault_page.py`` holds the page to the
+tests that there are.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "faults.md"
+
+
+class Row(NamedTuple):
+    """A fault, what must follow it, and the number to hold."""
+
+    fault: str
+    reaction: str
+    bar: str
+
+
+class Entry(NamedTuple):
+    """A test that passed, by its pytest name, and the figure that it told."""
+
+    test: str
+    figure: str
+
+    @property
+    def function(self) -> str:
+        """The test without its parameters."""
+        return self.test.split("[", 1)[0]
+
+
+ROWS: dict[int, Row] = {
+    1: Row("one answer of a drive lost", "its last value is held, the row marked", "1 marked row"),
+    2: Row("three answers of one drive lost in a row", "quick stop of all axes", "≤ 4 T"),
+    3: Row("1 % of all answers lost", "goes on; bad periods left out and named", "count exact"),
+    4: Row("an answer twice", "the second is ignored", "0 rows more"),
+    5: Row(
+        "answers later than their cycle",
+        "kept for the cycle they belong to; quick stop at the third late cycle in 100",
+        "count exact",
+    ),
+    6: Row("a flipped bit that the checksum missed", "implausible: held; two: quick stop", "≤ 3 T"),
+    7: Row("wrong length, foreign identifier, a node id twice", "refused, named", "0 exceptions"),
+    8: Row("a drive resets itself", "quick stop of the others; not enabled again", "≤ 2 T"),
+    9: Row("an emergency message", "quick stop; the code in words", "≤ 2 T"),
+    10: Row("1,000 emergency messages a second", "one quick stop; 64 kept", "p99 < 1.2 ×"),
+    11: Row("a drive's heartbeat ends", "quick stop", "≤ time-out + 1 T"),
+    12: Row("bus-off, full queue, adapter gone", "silence until re-armed", "0 motion frames"),
+    13: Row(
+        "emergency stop, and power again",
+        "no motion frame; enabling needs a whole preflight",
+        "0 frames; first set-point = actual ± 1 count",
+    ),
+    14: Row("a stuck encoder while the torque rises", "quick stop", "≤ 8 T"),
+    15: Row("an axis that runs the wrong way", "quick stop", "≤ 3 T beyond the line"),
+    16: Row("a motion beyond a limit", "refused before motion", "exit 3, 0 frames"),
+    17: Row("NaN, infinity or a jump as set-point", "not sent; quick stop", "0 bad frames"),
+    18: Row("the program is killed (kill -9)", "the drives stop by themselves", "≤ 100 ms + ramp"),
+    19: Row("Ctrl-C, SIGTERM, SIGHUP, closed terminal", "quick stop, file closed", "≤ 2 T, ≤ 2 s"),
+    20: Row("Ctrl-C again, five times", "the clean-up goes on", "same end"),
+    21: Row("the recorder is killed", "quick stop; the file is readable", "≤ 100 ms lost"),
+    22: Row("the page killed, hanging, 1,000 clients", "the loop does not notice", "< 10 % T"),
+    23: Row("the stop button under full load", "quick stop", "≤ 50 ms p99"),
+    24: Row("disk full, I/O error, a disk that stalls", "absorbed, or quick stop", "0 rows lost"),
+    25: Row("a torn or damaged recording", "`recover` reads what is whole", "0 silent errors"),
+    26: Row("the date is changed", "monotonic time is used", "0 negative steps"),
+    27: Row("the loop is held up", "counted; too long: quick stop first", "0 catch-up bursts"),
+    28: Row("the amplifier saturates", "period left out; too many: stop", "0 averaged"),
+    29: Row("the amplifier drifts, or does not measure", "red before, invalid in the run", "exact"),
+    30: Row("garbage on the serial line, adapter gone", "resynchronises; gone: stop", "≤ 2 frames"),
+    31: Row("Modbus errors, late and short answers", "typed errors, no repeated writes", "≤ 50 ms"),
+    32: Row("two sessions on one bus", "the second is refused", "exit 8, 0 frames"),
+    33: Row("a payload or robot that cannot exist", "export refused", "exit 6"),
+    34: Row("an export that reads back differently", "red, taken back", "100 %"),
+    35: Row("the same recording again", "the same parameters", "≤ 1e-12"),
+    36: Row("eight hours with a fault a minute", "every reaction right", "≤ 1 % memory an hour"),
+}
+
+_HEAD = """# Faults
+
+What is made to go wrong in the tests, what must happen then, and what was measured when this page
+was last made. T is the cycle time, 8 ms in the bundled cells. "Quick stop" always means: a quick
+stop to every axis, latched; the recording closed; nothing starts again by itself. Reactions are
+counted in cycles of a simulated clock, where a count is exact; what the axes do is read from the
+simulated robot, not from what the program says that it sent.
+
+This software is not a safety function: the cell's own emergency stop is required.
+
+Made by the tests: `.venv/bin/python -m pytest --fault-page FILE...` replaces the lines of the
+tests that ran.
+
+| # | what goes wrong | what happens | to hold | measured |
+|---|---|---|---|---|
+"""
+_LINE = re.compile(r"^\| (\d+) \|.*\| (.*) \|$")
+_ENTRY = re.compile(r"^(.*) \(`(tests/[^`]*)`\)$")
+_NOTHING = "open"
+
+
+def read(text: str) -> dict[int, list[Entry]]:
+    """Return what a page says of each row."""
+    entries: dict[int, list[Entry]] = {}
+    for line in text.splitlines():
+        row = _LINE.match(line)
+        if row is None:
+            continue
+        found = [_ENTRY.match(part) for part in row[2].split("<br>")]
+        entries[int(row[1])] = [Entry(match[2], match[1]) for match in found if match]
+    return entries
+
+
+def render(entries: Mapping[int, list[Entry]]) -> str:
+    """Return the page."""
+    lines = []
+    for number, row in ROWS.items():
+        told = sorted(set(entries.get(number, [])))
+        cell = "<br>".join(f"{entry.figure} (`{entry.test}`)" for entry in told) or _NOTHING
+        lines.append(f"| {number} | {row.fault} | {row.reaction} | {row.bar} | {cell} |")
+    return _HEAD + "\n".join(lines) + "\n"
+
+
+def updated(
+    text: str,
+    ran: Mapping[int, list[Entry]],
+    functions: set[str],
+    there: Mapping[int, set[str]],
+) -> str:
+    """Return a page with the lines of the functions that ran replaced, of the tests there are."""
+    kept = {
+        number: [e for e in told if e.function in there.get(number, set()) - functions]
+        for number, told in read(text).items()
+    }
+    return render({n: [*kept.get(n, []), *ran.get(n, [])] for n in ROWS})
+
+
+def as_figure(words: str) -> str:
+    """Return a figure as it can stand in a table."""
+    plain = " ".join(words.replace("|", "/").replace("<", "‹").replace("`", "'").split())
+    return plain or "holds"
+
+
+def declared(tests: Path = ROOT / "tests") -> dict[int, set[str]]:
+    """Return the test functions that are marked with `pytest.mark.fault`, by row."""
+    rows: dict[int, set[str]] = {}
+    for path in sorted(tests.rglob("test_*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        name = path.relative_to(tests.parent).as_posix()
+        for test, marks in _tests(tree, name):
+            for number in marks:
+                rows.setdefault(number, set()).add(test)
+    return rows
+
+
+def _tests(
+    node: ast.Module | ast.ClassDef, prefix: str, above: tuple[int, ...] = ()
+) -> Iterator[tuple[str, tuple[int, ...]]]:
+    for child in node.body:
+        if isinstance(child, ast.ClassDef):
+            yield from _tests(child, f"{prefix}::{child.name}", (*above, *_marks(child)))
+        elif isinstance(child, ast.FunctionDef) and child.name.startswith("test"):
+            yield f"{prefix}::{child.name}", (*above, *_marks(child))
+
+
+def _marks(node: ast.FunctionDef | ast.ClassDef) -> Iterator[int]:
+    for decorator in node.decorator_list:
+        for call in ast.walk(decorator):
+            if (
+                isinstance(call, ast.Call)
+                and isinstance(call.func, ast.Attribute)
+                and call.func.attr == "fault"
+            ):
+                yield from (
+                    a.value
+                    for a in call.args
+                    if isinstance(a, ast.Constant) and isinstance(a.value, int)
+                )

@@ -1,0 +1,69 @@
+"""docs/faults.md: every fault of the list has tests that exist, and the page is as it is made."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+HOW = "run: .venv/bin/python -m pytest --fault-page FILE..."
+OPEN = frozenset(range(1, 37))
+"""Rows whose tests are still to be written."""
+
+
+@pytest.fixture(scope="module")
+def page() -> Any:
+    path = Path(__file__).parent.parent / "docs" / "fault_page.py"
+    spec = importlib.util.spec_from_file_location("fault_page", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_fault_has_a_test(page: Any) -> None:
+    declared = page.declared()
+    assert sorted(page.ROWS) == list(range(1, 37))
+    assert set(declared) <= set(page.ROWS), "a test is marked with a row that there is not"
+    assert set(page.ROWS) - set(declared) <= OPEN
+
+
+def test_the_page_tells_of_tests_that_exist(page: Any) -> None:
+    text = page.PAGE.read_text(encoding="utf-8")
+    told, declared = page.read(text), page.declared()
+    assert page.render(told) == text, HOW
+    for number, entries in told.items():
+        for entry in entries:
+            assert entry.function in declared.get(number, set()), HOW
+    silent = [number for number in page.ROWS if not told[number]]
+    assert set(silent) <= OPEN, HOW
+
+
+def test_a_page_keeps_what_did_not_run_and_replaces_what_did(page: Any) -> None:
+    name, gone = "tests/somewhere.py::test_it", "tests/somewhere.py::test_gone"
+    old, new = page.Entry(f"{name}[a]", "old"), page.Entry(f"{name}[b]", "new")
+    before = page.render({2: [old, page.Entry(gone, "of a test that is gone")]})
+    kept = page.read(page.updated(before, {}, set(), {2: {name}}))
+    assert kept[2] == [old]
+    after = page.read(page.updated(before, {2: [new]}, {name}, {2: {name}}))
+    assert after[2] == [new]
+    assert all(after[number] == [] for number in page.ROWS if number != 2)
+    assert page.as_figure("a | b\n < c `d`") == "a / b ‹ c 'd'"
+
+
+def test_marks_are_found_in_functions_classes_and_parameters(page: Any, tmp_path: Path) -> None:
+    file = tmp_path / "tests" / "test_x.py"
+    file.parent.mkdir()
+    file.write_text(
+        "@pytest.mark.fault(3)\nclass TestIt:\n    def test_a(self): ...\n"
+        "@pytest.mark.parametrize('n', [pytest.param(1, marks=pytest.mark.fault(5))])\n"
+        "@pytest.mark.fault(4)\ndef test_b(n): ...\n"
+    )
+    assert page.declared(file.parent) == {
+        3: {"tests/test_x.py::TestIt::test_a"},
+        4: {"tests/test_x.py::test_b"},
+        5: {"tests/test_x.py::test_b"},
+    }
