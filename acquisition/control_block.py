@@ -312,6 +312,11 @@ class ControlBlock:
         self._fields.recorder_error = _clipped(text, 1023)
         self.recorder_state = RecorderState.FAILED
 
+    def fill_recorder(self, text: str) -> None:
+        """Say that there is room for the motion's end, and for nothing more."""
+        self._fields.recorder_error = _clipped(text, 1023)
+        self.recorder_state = RecorderState.FULL
+
     # the drive monitor's side
 
     @property

@@ -233,7 +233,7 @@ class CyclicTask:
         if control.stop_code:
             code = StopCode(control.stop_code)
             return StopReason(code, _TEXT_OF_ORDER.get(code, code.name.lower()))
-        if control.recorder_state is RecorderState.FAILED:
+        if control.recorder_state in (RecorderState.FAILED, RecorderState.FULL):
             return StopReason(StopCode.RECORDER, control.recorder_error)
         if not self._lockstep and (fill := self._ring.fill) > RING_LIMIT:
             return StopReason(
@@ -335,10 +335,15 @@ class CyclicTask:
         while time.monotonic() < until_s:
             if self._ring.waiting < self._ring.capacity:
                 return True
-            if self._order_to_stop() is not None:
+            if self._recorder_gone():
                 return False
             time.sleep(PAUSE_S)
         return False
+
+    def _recorder_gone(self) -> bool:
+        control = self._control
+        failed = control.recorder_state is RecorderState.FAILED
+        return failed or control.stop_code == StopCode.RECORDER
 
     def _stop(self) -> None:
         """Quick stop, by set-point frames alone, and watch until everything rests."""

@@ -21,7 +21,16 @@ from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.import_map import ImportMap
-from config.motion import FourierMotion, MultipointMotion
+from config.motion import CircleMotion, FourierMotion, MultipointMotion
+from config.path_motion import (
+    ArcSegment,
+    CircleSegment,
+    JointPathMotion,
+    JointTableMotion,
+    LineSegment,
+    PathMotion,
+    SplineSegment,
+)
 from config.plant import PlantConfig
 from config.robot import RobotDescription
 
@@ -32,6 +41,14 @@ PAGES = {
     "robot files": RobotDescription,
     "motion files: periodic excitation": FourierMotion,
     "motion files: validation": MultipointMotion,
+    "motion files: circle": CircleMotion,
+    "motion files: path of the tool point": PathMotion,
+    "motion files: path, line": LineSegment,
+    "motion files: path, arc": ArcSegment,
+    "motion files: path, circle": CircleSegment,
+    "motion files: path, spline": SplineSegment,
+    "motion files: joint path": JointPathMotion,
+    "motion files: joint table": JointTableMotion,
     "import maps": ImportMap,
     "drive profiles (Modbus registers)": DriveProfile,
     "amplifier profiles (strings and rows)": AmplifierProfile,
