@@ -43,6 +43,8 @@ JUDGE_PATIENCE_S = 60.0
 
 _TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
+    StopCode.STOP_COMMAND: "stopped by `rid-daq stop`",
+    StopCode.STOP_BUTTON: "stopped by the live page's stop button",
     StopCode.RECORDER: "the recorder process has died; what it had written is kept",
     StopCode.PLATE_LINE: "the force plate's rows have ended",
     StopCode.PLATE_OVERLOAD: "the force plate was overloaded in more periods than can be left out",
@@ -231,7 +233,7 @@ class CyclicTask:
         if control.stop_code:
             code = StopCode(control.stop_code)
             return StopReason(code, _TEXT_OF_ORDER.get(code, code.name.lower()))
-        if control.recorder_state is RecorderState.FAILED:
+        if control.recorder_state in (RecorderState.FAILED, RecorderState.FULL):
             return StopReason(StopCode.RECORDER, control.recorder_error)
         if not self._lockstep and (fill := self._ring.fill) > RING_LIMIT:
             return StopReason(
@@ -333,10 +335,15 @@ class CyclicTask:
         while time.monotonic() < until_s:
             if self._ring.waiting < self._ring.capacity:
                 return True
-            if self._order_to_stop() is not None:
+            if self._recorder_gone():
                 return False
             time.sleep(PAUSE_S)
         return False
+
+    def _recorder_gone(self) -> bool:
+        control = self._control
+        failed = control.recorder_state is RecorderState.FAILED
+        return failed or control.stop_code == StopCode.RECORDER
 
     def _stop(self) -> None:
         """Quick stop, by set-point frames alone, and watch until everything rests."""
@@ -347,6 +354,7 @@ class CyclicTask:
         before = axes.position.tolist()
         target = SetPoint(before, self._rest, self._rest, -1, Phase.HOLD)
         resting = 0
+        began_s = self._clock.now_s()
         try:
             axes.quick_stop()
             for _ in range(cycles):
@@ -368,6 +376,7 @@ class CyclicTask:
                 before = position
                 resting = resting + 1 if rest else 0
                 if resting >= REST_CYCLES:
+                    self._control.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
                     return
         except (DriverError, SafetyStop) as error:
             self._control.add_note(f"while stopping: {error}")
