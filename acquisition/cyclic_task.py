@@ -113,7 +113,7 @@ class CyclicTask:
         Parameters
         ----------
         source : SetPointSource
-            The motion; the way to its start is planned from where the robot stands.
+            The motion, prepared; the way to its start is planned from where the robot stands.
 
         Returns
         -------
@@ -129,7 +129,7 @@ class CyclicTask:
         """
         control, axes = self._control, self._axes
         # once before it counts, so that no first-time cost falls between two cycles
-        start = source.prepare(self._lockstep)
+        start = source.begin(self._lockstep)
         approach(start, start, self._robot, self._period_s)
         reason = self._order_to_stop()
         if reason is not None:
