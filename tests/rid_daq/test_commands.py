@@ -18,6 +18,7 @@ import pytest
 from acquisition.journal import read_journal
 from acquisition.motion_samples import Phase
 from acquisition.run_folder import RunFolder
+from acquisition.run_list import find_run
 from rid_daq.app import run
 
 
@@ -94,7 +95,7 @@ def test_identify_writes_a_model_with_intervals(
 def test_a_copied_run_gives_the_same_parameters_bit_by_bit_in_another_process(
     workshop: Path, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
-    folder = RunFolder.open(next((workshop / "runs").iterdir()))
+    folder = find_run(workshop / "runs", "excitation")
     shutil.copytree(folder.path, tmp_path / "elsewhere")
     (tmp_path / "elsewhere" / "model.json").unlink(missing_ok=True)
     words = ["identify", str(tmp_path / "elsewhere"), "-o", str(tmp_path / "again.json")]
