@@ -12,6 +12,7 @@ from pathlib import Path
 
 from config.cell import CellConfig
 from config.errors import RidDaqError, TransportError
+from config.faults import NO_SCRIPT, FaultScript
 from config.plant import PlantConfig
 from config.robot import RobotDescription
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
@@ -42,6 +43,7 @@ class DrivesSettings:
     snapshot: Path
     plate: PlateSettings | None = None
     registers: RegisterSettings | None = None
+    faults: FaultScript = NO_SCRIPT
 
 
 def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
@@ -83,7 +85,8 @@ def _rack_on_bus(
     try:
         client = HubClient(settings.socket, Role.DEVICE, urgent)
         try:
-            yield DriveRack(cell, robot, plant, seed, snapshots, client.now_ns * 1e-9), client
+            now_s = client.now_ns * 1e-9
+            yield DriveRack(cell, robot, plant, seed, snapshots, now_s, settings.faults), client
         finally:
             client.close()
     finally:

@@ -19,6 +19,7 @@ from pydantic.fields import FieldInfo
 
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
+from config.faults import FaultScript
 from config.import_map import ImportMap
 from config.motion import FourierMotion, MultipointMotion
 from config.plant import PlantConfig
@@ -34,6 +35,7 @@ PAGES = {
     "import maps": ImportMap,
     "drive profiles (Modbus registers)": DriveProfile,
     "plant files (simulation only)": PlantConfig,
+    "fault scripts (simulation only)": FaultScript,
 }
 
 
