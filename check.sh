@@ -4,6 +4,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 . ./environment.sh
 rid_daq_environment
+unset PYTHONDONTWRITEBYTECODE # the tests start hundreds of processes; compiled once, they start fast
 bin=.venv/bin
 step() { printf '\n== %s\n' "$*"; "$@"; }
 step $bin/ruff format --check .

@@ -29,7 +29,8 @@ rid_daq_environment() {
             .uv/bin/python -m pip install --quiet --disable-pip-version-check 'uv>=0.5' || return 2
         fi
     fi
-    UV_PYTHON_DOWNLOADS=never "$uv" sync --quiet --frozen --inexact --python "$python" "$@" || {
+    UV_PYTHON_DOWNLOADS=never "$uv" sync --quiet --frozen --inexact --compile-bytecode \
+        --python "$python" "$@" || {
         echo "Could not make the environment .venv from uv.lock (is this machine on line?)." >&2
         return 2
     }

@@ -10,18 +10,18 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.arrays import FloatArray
 from acquisition.clear_path import refuse_collision
 from acquisition.control_block import ControlBlock, Pace, RecorderState, TaskState
 from acquisition.monitor_rounds import MonitorRounds
 from acquisition.motion_limits import refuse_pose
 from acquisition.motion_samples import MotionSamples, Phase, approach
-from acquisition.period_ends import period_ends
 from acquisition.position_loop import PositionLoop
 from acquisition.ring import Ring
+from acquisition.set_points import SetPoint, SetPointSource
 from acquisition.stop_reason import StopCode, StopReason
 from acquisition.supervisor import Supervisor
 from config.cell import CellConfig
@@ -44,25 +44,16 @@ JUDGE_PATIENCE_S = 60.0
 
 _TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
+    StopCode.STOP_COMMAND: "stopped by `rid-daq stop`",
+    StopCode.STOP_BUTTON: "stopped by the live page's stop button",
     StopCode.RECORDER: "the recorder process has died; what it had written is kept",
     StopCode.PLATE_LINE: "the force plate's rows have ended",
     StopCode.PLATE_OVERLOAD: "the force plate was overloaded in more periods than can be left out",
 }
 
 
-@dataclass(frozen=True)
-class _Set:
-    """The set-point of one cycle and where it comes from."""
-
-    position: list[float]
-    velocity: list[float]
-    feedforward: list[float]
-    sample_index: int
-    phase: int
-
-
 class CyclicTask:
-    """Streams a motion to enabled drives and stops them, whatever happens.
+    """Streams set-points to enabled drives and stops them, whatever happens.
 
     Parameters
     ----------
@@ -117,13 +108,13 @@ class CyclicTask:
             self._monitor = MonitorRounds(control, cell.monitor.period_s, cell.cycle_time_s)
         self._unrecorded_s = 0.0  # lateness of a cycle that was given up before its row
 
-    def run(self, samples: MotionSamples) -> StopReason | None:
-        """Enable the drives, approach, stream `samples`, hold, stop and disable.
+    def run(self, source: SetPointSource) -> StopReason | None:
+        """Enable the drives, approach, stream the source's set-points, hold, stop and disable.
 
         Parameters
         ----------
-        samples : MotionSamples
-            The motion; the way to its first row is planned from where the robot stands.
+        source : SetPointSource
+            The motion, prepared; the way to its start is planned from where the robot stands.
 
         Returns
         -------
@@ -139,38 +130,41 @@ class CyclicTask:
         """
         control, axes = self._control, self._axes
         # once before it counts, so that no first-time cost falls between two cycles
-        approach(samples.position[0], samples.position[0], self._robot, self._period_s)
+        start = source.begin(self._lockstep)
+        approach(start, start, self._robot, self._period_s)
         reason = self._order_to_stop()
         if reason is not None:
             control.report_stop(reason)
             return reason
-        self._refuse_collision(samples)
+        self._refuse_collision(start)
         control.task_state = TaskState.ENABLING
         synced_s = axes.enable()
         position = axes.position.tolist()
         refuse_pose(self._robot, position)
-        way = approach(axes.position, samples.position[0], self._robot, self._period_s)
+        way = approach(axes.position, start, self._robot, self._period_s)
         self._supervisor.begin(position)
         self._late_frames = axes.late_frames
         self._origin_s = synced_s
         self._cycle = max(1, math.ceil((self._clock.now_s() - synced_s) / self._period_s))
         control.task_state = TaskState.MOVING
         try:
-            reason = self._stream(way, samples)
+            reason = self._stream(way, source)
         except (DriverError, SafetyStop) as error:
             reason = StopReason(StopCode.BUS, str(error))
         if reason is not None:
             control.report_stop(reason)
             control.task_state = TaskState.STOPPING
             self._stop()
+        for note in source.notes:
+            control.add_note(note)
         self._disable()
         return reason
 
-    def _refuse_collision(self, samples: MotionSamples) -> None:
+    def _refuse_collision(self, start: FloatArray) -> None:
         """Measure the way to the motion, still without power, with signs of life in between."""
         clearances = Clearances.of(self._robot, self._cell.workspace)
         refuse_pose(self._robot, self._axes.position.tolist())
-        way = approach(self._axes.position, samples.position[0], self._robot, self._period_s)
+        way = approach(self._axes.position, start, self._robot, self._period_s)
         refuse_collision(
             clearances,
             way.position,
@@ -179,10 +173,12 @@ class CyclicTask:
             meanwhile=lambda: self._axes.beat(self._clock.now_s()),
         )
 
-    def _stream(self, way: MotionSamples, samples: MotionSamples) -> StopReason | None:
+    def _stream(self, way: MotionSamples, source: SetPointSource) -> StopReason | None:
         begin = self._cycle + len(way)
-        ends = period_ends(samples)
+        ends = source.period_ends
         left_out = 0  # rows of the motion that are not driven, since enough was seen
+        held_until: int | None = None
+        position = way.position[-1].tolist()
         while True:
             lateness_s, periods = self._wake()
             reason = self._supervisor.check_timing(lateness_s) or self._order_to_stop()
@@ -192,22 +188,19 @@ class CyclicTask:
             if row in ends and self._seen_enough(ends[row]):
                 left_out += max(ends) - row
                 row = max(ends)
-            if row >= len(samples) + math.ceil(HOLD_S / self._period_s):
-                return None
-            reason = self._move(self._target(way, samples, row), lateness_s, periods)
+            target = None
+            if held_until is None:
+                target = _on_the_way(way, row) if row < 0 else source.at(row)
+            if target is None:
+                if held_until is None:
+                    held_until = self._cycle + math.ceil(HOLD_S / self._period_s)
+                if self._cycle >= held_until:
+                    return source.stop
+                target = SetPoint(position, self._rest, self._rest, -1, Phase.HOLD)
+            position = target.position
+            reason = self._move(target, lateness_s, periods)
             if reason is not None:
                 return reason
-
-    def _target(self, way: MotionSamples, samples: MotionSamples, row: int) -> _Set:
-        """Return the set-point of a row of the motion, negative on the way to it."""
-        if row < 0:
-            position, velocity = way.position[row].tolist(), way.velocity[row].tolist()
-            return _Set(position, velocity, velocity, -1, Phase.APPROACH)
-        if row >= len(samples):
-            return _Set(samples.position[-1].tolist(), self._rest, self._rest, -1, Phase.HOLD)
-        position, velocity = samples.position[row].tolist(), samples.velocity[row].tolist()
-        ahead = velocity if samples.feedforward is None else samples.feedforward[row].tolist()
-        return _Set(position, velocity, ahead, row, int(samples.phase[row]))
 
     def _seen_enough(self, periods: int) -> bool:
         """Return whether the program has seen enough after so many whole periods.
@@ -241,7 +234,7 @@ class CyclicTask:
         if control.stop_code:
             code = StopCode(control.stop_code)
             return StopReason(code, _TEXT_OF_ORDER.get(code, code.name.lower()))
-        if control.recorder_state is RecorderState.FAILED:
+        if control.recorder_state in (RecorderState.FAILED, RecorderState.FULL):
             return StopReason(StopCode.RECORDER, control.recorder_error)
         if not self._lockstep and (fill := self._ring.fill) > RING_LIMIT:
             return StopReason(
@@ -254,7 +247,7 @@ class CyclicTask:
             return StopReason(StopCode.PROGRAM_GONE, "the program that started the motion is gone")
         return None
 
-    def _move(self, target: _Set, lateness_s: float, periods: int) -> StopReason | None:
+    def _move(self, target: SetPoint, lateness_s: float, periods: int) -> StopReason | None:
         axes, supervisor = self._axes, self._supervisor
         time_s, exchange_s = self._exchange()
         late_frames = axes.late_frames - self._late_frames
@@ -306,7 +299,7 @@ class CyclicTask:
 
     def _write(
         self,
-        target: _Set,
+        target: SetPoint,
         time_s: float,
         lateness_s: float,
         exchange_s: float,
@@ -345,10 +338,15 @@ class CyclicTask:
         while time.monotonic() < until_s:
             if self._ring.waiting < self._ring.capacity:
                 return True
-            if self._order_to_stop() is not None:
+            if self._recorder_gone():
                 return False
             time.sleep(PAUSE_S)
         return False
+
+    def _recorder_gone(self) -> bool:
+        control = self._control
+        failed = control.recorder_state is RecorderState.FAILED
+        return failed or control.stop_code == StopCode.RECORDER
 
     def _stop(self) -> None:
         """Quick stop, by set-point frames alone, and watch until everything rests.
@@ -360,9 +358,10 @@ class CyclicTask:
         ramp_s = fastest_s / self._cell.drive_safety.quick_stop_deceleration_rad_s2
         cycles = math.ceil((ramp_s + STOP_MARGIN_S) / self._period_s)
         before = axes.position.tolist()
-        target = _Set(before, self._rest, self._rest, -1, Phase.HOLD)
+        target = SetPoint(before, self._rest, self._rest, -1, Phase.HOLD)
         resting = 0
         first: list[float] = []
+        began_s = self._clock.now_s()
         try:
             axes.quick_stop()
             for cycle in range(cycles):
@@ -388,6 +387,7 @@ class CyclicTask:
                 before = position
                 resting = resting + 1 if rest else 0
                 if resting >= REST_CYCLES:
+                    self._control.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
                     return
                 first = first or speed
                 if cycle == OBEY_CYCLES and (deaf := self._disobedient(first, speed, received)):
@@ -429,3 +429,9 @@ class CyclicTask:
                 f"the drives of {', '.join(unconfirmed)} did not confirm being disabled: check them"
                 " before going near the robot"
             )
+
+
+def _on_the_way(way: MotionSamples, row: int) -> SetPoint:
+    """Return the set-point of a row of the approach, counted from its end."""
+    position, velocity = way.position[row].tolist(), way.velocity[row].tolist()
+    return SetPoint(position, velocity, velocity, -1, Phase.APPROACH)

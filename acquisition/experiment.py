@@ -7,7 +7,7 @@ import shutil
 import signal
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnProcess
@@ -16,19 +16,18 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.clear_path import refuse_collision
+from acquisition.companions import Onlooker, end_monitor, end_onlooker, monitor_process
 from acquisition.control_block import (
     ControlBlock,
-    MonitorState,
     Progress,
     RecorderState,
     TaskState,
 )
 from acquisition.cycle_row import row_dtype
 from acquisition.cycle_statistics import CycleStatistics, cycle_statistics
+from acquisition.joint_values import JointWatch
 from acquisition.journal import read_journal
 from acquisition.journal_header import JournalHeader
-from acquisition.monitor_process import run_monitor
-from acquisition.monitor_row import MONITOR, MonitorHeader
 from acquisition.motion_samples import MotionSamples, verify_limits
 from acquisition.period_judge import Enough, PeriodJudge
 from acquisition.plate_journal import PLATE_RECORDING
@@ -38,6 +37,7 @@ from acquisition.plate_session import PlateSession
 from acquisition.recorder import run_recorder
 from acquisition.ring import Ring
 from acquisition.run_folder import RECORDING, RunFolder
+from acquisition.set_points import PlannedMotion, SetPointSource
 from acquisition.stop_reason import StopCode, StopReason
 from acquisition.task_process import run_cyclic_task
 from acquisition.termination import Interruption, termination_calls, termination_held
@@ -45,7 +45,6 @@ from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
-from config.load import load_bundled_or_path
 from config.robot import RobotDescription
 from dynamics.clearances import Clearances
 
@@ -96,13 +95,14 @@ class RecordOutcome:
 def record_motion(
     cell: CellConfig,
     robot: RobotDescription,
-    samples: MotionSamples,
+    motion: MotionSamples | SetPointSource,
     folder: RunFolder,
     *,
     on_progress: Callable[[Progress], None] | None = None,
     enough: Enough | None = None,
     profile: AmplifierProfile | None = None,
     drive_profile: DriveProfile | None = None,
+    onlooker: Onlooker | None = None,
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
@@ -113,8 +113,9 @@ def record_motion(
     ----------
     cell, robot : CellConfig, RobotDescription
         The cell and its robot.
-    samples : MotionSamples
-        The motion, sampled at the cell's cycle time.
+    motion : MotionSamples or SetPointSource
+        The motion, sampled at the cell's cycle time and checked here; or a source that checks
+        what it hands out.
     folder : RunFolder
         Where `recording.mcap` is written; its manifest is left to the caller.
     on_progress : callable, optional
@@ -128,6 +129,9 @@ def record_motion(
         The registers of the drives, where the cell has a monitor; the bundled one of the cell's
         name when left out. Temperatures go to `monitor.mcap`; without them the motion is recorded
         all the same, and a note says so.
+    onlooker : callable, optional
+        Makes one more process, such as the live page's. It is not waited for, and its death changes
+        nothing.
 
     Raises
     ------
@@ -138,16 +142,24 @@ def record_motion(
     RecordingError
         There is no room to record, or nothing was recorded.
     """
-    _check_motion(cell, robot, samples)
+    source: SetPointSource
+    planned: MotionSamples | None = None
+    if isinstance(motion, MotionSamples):
+        _check_motion(cell, robot, motion)
+        source, planned = PlannedMotion(motion), motion
+    else:
+        source = motion
     path = folder.file(RECORDING)
     ring = Ring.create(len(robot.joints), max(RING_ROWS, int(RING_S / cell.cycle_time_s)))
-    _check_room(folder.path, len(samples) * (ring.row_size + 64))
+    _check_room(folder.path, source.rows_expected * (ring.row_size + 64))
     control = ControlBlock.create()
-    judge = None if enough is None else PeriodJudge(path, samples, control, enough)
+    judge = None
+    if enough is not None and planned is not None:
+        judge = PeriodJudge(path, planned, control, enough)
     header = JournalHeader(
         joint_names=robot.joint_names,
         sample_period_s=cell.cycle_time_s,
-        samples_per_period=samples.samples_per_period,
+        samples_per_period=source.samples_per_period,
         torque_filter=cell.torque_filter,
         cell_name=cell.name,
         robot_name=robot.name,
@@ -156,7 +168,7 @@ def record_motion(
     spawn = get_context("spawn")
     task = spawn.Process(
         target=run_cyclic_task,
-        args=(cell, robot, samples, ring, control, os.getpid()),
+        args=(cell, robot, source, ring, control, os.getpid()),
         name="rid-daq cyclic task",
     )
     recorder = spawn.Process(
@@ -165,75 +177,34 @@ def record_motion(
         name="rid-daq recorder",
     )
     processes = [recorder, task]
-    monitor = _monitor(cell, robot, drive_profile, control, folder)
+    monitor = monitor_process(cell, robot, drive_profile, control, folder)
     if monitor is not None:
         processes.insert(0, monitor)
+    looker = None if onlooker is None else onlooker(ring, control)
+    if looker is not None:
+        processes.insert(0, looker)
+    joints = JointWatch(ring, cell, robot)
     with termination_calls(lambda: control.request_stop(StopCode.INTERRUPTED)) as interruption:
         # its start would let signals through again
         resource_tracker.ensure_running()
-        plate = _start_plate(cell, samples, folder, profile)
+        plate = _start_plate(cell, source, folder, profile)
         notes: list[str] = []
         try:
             with termination_held():
                 for process in processes:
                     process.start()
             try:
-                _watch(task, recorder, monitor, control, on_progress, judge, plate)
+                _watch(task, recorder, monitor, control, joints, on_progress, judge, plate)
             finally:
                 notes += _wind_up(task, recorder, control)
-                notes += _end_monitor(monitor, control)
+                notes += end_monitor(monitor, control)
+                notes += end_onlooker(looker)
                 if judge is not None:
                     judge.close()
         finally:
             if plate is not None:
                 notes += plate.close()
     return _outcome(path, task, recorder, control, interruption, len(robot.joints), notes)
-
-
-def _monitor(
-    cell: CellConfig,
-    robot: RobotDescription,
-    profile: DriveProfile | None,
-    control: ControlBlock,
-    folder: RunFolder,
-) -> SpawnProcess | None:
-    """Return the process that will ask the drives for temperatures, where the cell has a way."""
-    if cell.monitor is None:
-        return None
-    if profile is None:
-        profile = load_bundled_or_path(cell.monitor.profile, "profiles", DriveProfile)
-    control.announce_monitor(len(robot.joints))
-    header = MonitorHeader(
-        joint_names=robot.joint_names,
-        period_s=cell.monitor.period_s,
-        cell_name=cell.name,
-        robot_name=robot.name,
-        run_id=folder.run_id,
-    )
-    return get_context("spawn").Process(
-        target=run_monitor,
-        args=(cell.monitor, profile, control, folder.file(MONITOR), header, os.getpid()),
-        name="rid-daq drive monitor",
-    )
-
-
-def _end_monitor(monitor: SpawnProcess | None, control: ControlBlock) -> list[str]:
-    if monitor is None:
-        return []
-    monitor.join(FINISH_PATIENCE_S)
-    notes = []
-    if monitor.is_alive():
-        notes.append("the drive monitor did not finish and was killed; its file is not closed")
-        monitor.kill()
-        monitor.join()
-    elif monitor.exitcode != 0:
-        control.declare_monitor_dead()
-    monitor.close()
-    if control.monitor_state is MonitorState.FAILED:
-        notes.append(f"no temperatures from here on: {control.monitor_error}")
-    elif control.monitor_error:
-        notes.append(control.monitor_error)
-    return notes
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:
@@ -251,7 +222,7 @@ def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamp
 
 
 def _start_plate(
-    cell: CellConfig, samples: MotionSamples, folder: RunFolder, profile: AmplifierProfile | None
+    cell: CellConfig, source: SetPointSource, folder: RunFolder, profile: AmplifierProfile | None
 ) -> PlateSession | None:
     """Make the force plate ready and begin to record it, where the cell has one.
 
@@ -273,7 +244,7 @@ def _start_plate(
             " moved"
         )
     task = PlateTask(cell.plate, profile, folder.file(PLATE_RECORDING), cell.name, folder.run_id)
-    return PlateSession(task, samples.samples_per_period)
+    return PlateSession(task, source.samples_per_period)
 
 
 def _check_room(folder: Path, expected_bytes: int) -> None:
@@ -291,6 +262,7 @@ def _watch(
     recorder: SpawnProcess,
     monitor: SpawnProcess | None,
     control: ControlBlock,
+    joints: JointWatch,
     on_progress: Callable[[Progress], None] | None,
     judge: PeriodJudge | None,
     plate: PlateSession | None,
@@ -318,7 +290,7 @@ def _watch(
         if plate is not None:
             plate.watch(progress, control)
         if on_progress is not None:
-            on_progress(progress)
+            on_progress(replace(progress, joints=joints.look()))
 
 
 def _wind_up(task: SpawnProcess, recorder: SpawnProcess, control: ControlBlock) -> list[str]:

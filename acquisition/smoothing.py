@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import interpolate, signal
+from scipy import interpolate
 
 from acquisition.arrays import FloatArray, IntArray, read_only
 from acquisition.recording import Recording
@@ -103,6 +103,8 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
     warped = np.tan(np.pi * cutoff_hz * sample_period_s)
     warped /= (np.sqrt(2.0) - 1.0) ** (0.5 / FILTER_ORDER)
     f0 = np.arctan(warped) / (np.pi * sample_period_s)
+    from scipy import signal  # slow to import, and few commands filter
+
     sections = signal.butter(FILTER_ORDER, f0, fs=1.0 / sample_period_s, output="sos")
     padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))
     return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=padding))

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from acquisition.arrays import FloatArray
 from config.cell import ButterworthFilter
@@ -99,7 +98,8 @@ def differentiate_on_bins(
 
 def filter_response(torque_filter: ButterworthFilter, frequency_hz: FloatArray) -> Bins:
     """Return the analog filter's complex response at each frequency [Hz], 1 at zero."""
-    _, poles, _ = signal.butter(torque_filter.order, 1.0, analog=True, output="zpk")
+    order = torque_filter.order
+    poles = np.exp(1j * math.pi * (2 * np.arange(order) + order + 1) / (2 * order))
     s = 1j * np.asarray(frequency_hz, dtype=float) / torque_filter.cutoff_hz
     return np.asarray(1.0 / np.prod(s[:, np.newaxis] - poles, axis=1))
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 from acquisition.control_block import ControlBlock, RecorderState, TaskState
 from acquisition.cyclic_task import PAUSE_S, RECORDER_PATIENCE_S, CyclicTask
-from acquisition.motion_samples import MotionSamples
 from acquisition.realtime import become_realtime, freeze_garbage
 from acquisition.ring import Ring
+from acquisition.set_points import SetPointSource
 from acquisition.termination import ignore_termination
 from config.cell import CellConfig
 from config.errors import RecordingError, RidDaqError
@@ -22,7 +22,7 @@ from drivers.transport import MonotonicClock
 def run_cyclic_task(
     cell: CellConfig,
     robot: RobotDescription,
-    samples: MotionSamples,
+    source: SetPointSource,
     ring: Ring,
     control: ControlBlock,
     parent: int,
@@ -36,7 +36,7 @@ def run_cyclic_task(
     ----------
     cell, robot : CellConfig, RobotDescription
         The cell and its robot.
-    samples : MotionSamples
+    source : SetPointSource
         The motion.
     ring, control : Ring, ControlBlock
         Shared with recorder and program.
@@ -51,6 +51,7 @@ def run_cyclic_task(
 
     try:
         _await_recorder(control, orphaned)
+        source.prepare()
         with open_cell(cell, robot) as opened:
             lockstep = not isinstance(opened.clock, MonotonicClock)
             opened.axes.bring_up()
@@ -68,7 +69,7 @@ def run_cyclic_task(
                 control,
                 lockstep=lockstep,
                 orphaned=orphaned,
-            ).run(samples)
+            ).run(source)
     except RidDaqError as error:
         control.report_error(error)
     finally:

@@ -19,7 +19,9 @@ from config.drive_profile import DriveProfile
 from config.errors import ConfigError
 from config.faults import FaultScript
 from config.import_map import ImportMap
+from config.joint_table import with_table
 from config.motion import AnyMotion, Motion
+from config.path_motion import JointTableMotion
 from config.plant import PlantConfig
 from config.plate import PlateConfig
 from config.robot import RobotDescription
@@ -122,16 +124,17 @@ def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
 
 
 def load_motion(path: str | Path) -> AnyMotion:
-    """Load a motion file.
+    """Load a motion file; the rows of a table that it names are in what is returned.
 
     Raises
     ------
     ConfigError
         The file is missing or says something that cannot be meant.
     """
-    text, name, _ = _read(str(path), "motions", None)
+    text, name, folder = _read(str(path), "motions", None)
     tree = parse_yaml(text, name)
-    return validate(tree, _MOTION)
+    motion = validate(tree, _MOTION)
+    return with_table(motion, folder) if isinstance(motion, JointTableMotion) else motion
 
 
 def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:

@@ -10,12 +10,10 @@ import math
 import struct
 from collections.abc import Iterable, Sequence
 
-import can
 import numpy as np
 from numpy.typing import NDArray
 
-from config.errors import DriverError, TransportError
-from drivers.canopen.frames import SYNC, Frame, rpdo_cob_id, tpdo_cob_id
+from drivers.canopen.frames import SYNC, rpdo_cob_id, tpdo_cob_id
 from drivers.cia402 import AxisUnits, ControlWord, PowerState
 from drivers.drive_watch import DriveWatch
 from drivers.transport import CanLink
@@ -93,10 +91,9 @@ class CyclicExchange:
         self._nm_per_permille = [1.0] * count
         self._buffers = [bytearray(_COMMAND.size) for _ in node_ids]
         self._commands = [
-            can.Message(arbitration_id=rpdo_cob_id(node), data=buffer, is_extended_id=False)
+            (rpdo_cob_id(node), buffer)
             for node, buffer in zip(node_ids, self._buffers, strict=True)
         ]
-        self._sync = can.Message(arbitration_id=SYNC.cob_id, is_extended_id=False)
 
     def use_units(self, units: Iterable[AxisUnits]) -> None:
         """Take the drives' units, base to flange."""
@@ -119,22 +116,20 @@ class CyclicExchange:
             self._read_waiting()
         self._cycle += 1
         self.sync_time_s = self._link.clock.now_s()
-        self._link.send_message(self._sync)
+        self._link.send_frames((SYNC,))
         return self.sync_time_s
 
     def _read_waiting(self) -> None:
-        receive = self._link.receive_message
+        receive = self._link.receive
         for _ in range(MOST_FRAMES):
-            message = receive(-math.inf)
-            if message is None:
+            frame = receive(-math.inf)
+            if frame is None:
                 return
-            axis = self._slots.get(message.arbitration_id)
+            axis = self._slots.get(frame.cob_id)
             if axis is not None:
                 self._count_surplus(axis)
             else:
-                self._watch.handle(
-                    Frame(message.arbitration_id, bytes(message.data)), self._link.last_time_s
-                )
+                self._watch.handle(frame, self._link.last_time_s)
 
     def _count_surplus(self, axis: int) -> None:
         """Count an answer too many: that of an earlier cycle that lacks one, or a copy."""
@@ -153,19 +148,17 @@ class CyclicExchange:
         received.fill(False)
         missing = len(self._commands)
         link = self._link
-        receive = link.receive_message
+        receive = link.receive
         slots = self._slots
         for _ in range(MOST_FRAMES):
-            message = receive(deadline_s)
-            if message is None:
+            frame = receive(deadline_s)
+            if frame is None:
                 break
-            axis = slots.get(message.arbitration_id)
+            cob_id, data = frame
+            axis = slots.get(cob_id)
             if axis is None:
-                self._watch.handle(
-                    Frame(message.arbitration_id, bytes(message.data)), link.last_time_s
-                )
+                self._watch.handle(frame, link.last_time_s)
                 continue
-            data = message.data
             if len(data) != 8:
                 self._watch.wrong_length(axis, len(data), link.last_time_s)
             elif received[axis] or link.last_time_s < self.sync_time_s:
@@ -204,9 +197,7 @@ class CyclicExchange:
             self._buffers, velocity.tolist(), self._units_per_rad_s, strict=True
         ):
             _COMMAND.pack_into(buffer, 0, ControlWord.ENABLE_OPERATION, round(value * factor), 0)
-        send = self._link.send_message
-        for message in self._commands:
-            send(message)
+        self._link.send_frames(self._commands)
 
     def send_words(self, words: Sequence[int]) -> None:
         """Send controlwords with velocity 0, one an axis; every axis's is tried.
@@ -216,12 +207,6 @@ class CyclicExchange:
         TransportError
             The bus did not take one of the frames.
         """
-        failed: DriverError | None = None
-        for word, buffer, message in zip(words, self._buffers, self._commands, strict=True):
+        for word, buffer in zip(words, self._buffers, strict=True):
             _COMMAND.pack_into(buffer, 0, word, 0, 0)
-            try:
-                self._link.send_message(message)
-            except TransportError as error:
-                failed = failed or error
-        if failed is not None:
-            raise failed
+        self._link.send_frames(self._commands)

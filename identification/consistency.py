@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from acquisition.arrays import FloatArray, read_only
 from config.errors import EstimationError
@@ -119,7 +119,7 @@ def consistent(estimate: Estimate) -> ConsistentEstimate:
         standard_values=standard,
         base_values=values,
         distance=distance,
-        p_value=float(chi2.sf(distance, len(base))),
+        p_value=float(chdtrc(len(base), distance)),
     )
 
 

@@ -13,7 +13,7 @@ from enum import StrEnum
 from typing import Final
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from acquisition.arrays import FloatArray, read_only
 from config.errors import EstimationError
@@ -87,7 +87,7 @@ class CrossCheck:
     @property
     def p_value(self) -> float:
         """Probability of so large a difference among so many parameters by chance (Bonferroni)."""
-        return min(1.0, 2.0 * len(self.difference) * float(norm.sf(self.largest)))
+        return min(1.0, 2.0 * len(self.difference) * float(ndtr(-self.largest)))
 
     @property
     def agrees(self) -> bool | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from acquisition.arrays import BoolArray, FloatArray
 from identification.estimate import Estimate
@@ -145,7 +145,7 @@ def ljung_box(residual: FloatArray) -> float:
     lags = np.arange(1, min(LAGS, count // 4) + 1)
     correlation = np.array([float(centred[k:] @ centred[:-k]) for k in lags]) / power
     q = count * (count + 2) * float(np.sum(correlation**2 / (count - lags)))
-    return float(chi2.sf(q, len(lags)))
+    return float(chdtrc(len(lags), q))
 
 
 def _remedy(names: set[str], joint: str, suspect: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import t
+from scipy.special import stdtr
 
 from acquisition.motion_samples import Phase
 from acquisition.recording import Recording
@@ -95,7 +95,7 @@ def _trend(joint: str, numbers: np.ndarray, means: np.ndarray) -> FrictionDrift:
     freedom = len(numbers) - 2
     spread = float(residual[0]) / freedom if len(residual) else 0.0
     sigma = math.sqrt(spread / float(np.sum((numbers - numbers.mean()) ** 2)))
-    p_value = 2.0 * float(t.sf(abs(slope) / sigma, freedom)) if sigma > 0.0 else 1.0
+    p_value = 2.0 * float(stdtr(freedom, -abs(slope) / sigma)) if sigma > 0.0 else 1.0
     return FrictionDrift(
         joint=joint,
         first=float(start + slope * numbers[0]),

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from acquisition.arrays import FloatArray, read_only
 from config.errors import EstimationError
@@ -65,7 +65,7 @@ class DriveGains:
     def wrong(self) -> tuple[bool, ...]:
         """Whether each gain differs from 1 by more than chance (Bonferroni)."""
         deviation = np.abs(self.values - 1.0) / self.sigma
-        chance = 2.0 * len(self.values) * norm.sf(deviation)
+        chance = 2.0 * len(self.values) * ndtr(-deviation)
         return tuple((chance < SIGNIFICANT_P).tolist())
 
     def sentences(self) -> list[str]:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from acquisition.arrays import FloatArray, read_only
 from config.errors import EstimationError
@@ -295,7 +295,7 @@ def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
         not_negative=np.zeros((0, PARAMETERS_PER_LINK)),
     ).solve()
     distance = float(np.sum(np.linalg.solve(lower, (standard - values) / sigma) ** 2))
-    return standard, float(chi2.sf(distance, PARAMETERS_PER_LINK))
+    return standard, float(chdtrc(PARAMETERS_PER_LINK, distance))
 
 
 def _at_least(honest: FloatArray, noise: FloatArray) -> FloatArray:

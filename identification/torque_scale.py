@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc, fdtrc, stdtr
 
 from acquisition.arrays import FloatArray
 from config.errors import EstimationError
@@ -102,7 +102,7 @@ class TorqueConsistency:
         ratios = np.array([axis.ratio for axis in self.axes])
         mean = float(np.sum(weights * ratios) / np.sum(weights))
         spread = float(np.sum(weights * (ratios - mean) ** 2))
-        return bool(stats.chi2.sf(spread, len(self.axes) - 1) > SIGNIFICANT_P)
+        return bool(chdtrc(len(self.axes) - 1, spread) > SIGNIFICANT_P)
 
 
 def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
@@ -148,14 +148,14 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
         )[width:, width:]
     sigma = np.sqrt(np.diagonal(covariance))
     freedom = max(clusters - 1, 1)
-    alone = 2.0 * stats.t.sf(np.abs(scale - 1.0) / sigma, freedom)
+    alone = 2.0 * stdtr(freedom, -np.abs(scale - 1.0) / sigma)
     wald = float((scale - 1.0) @ np.linalg.solve(covariance, scale - 1.0)) / n
     return TorqueConsistency(
         tuple(
             TorqueScale(joint, float(ratio), float(s), float(p))
             for joint, ratio, s, p in zip(joints, scale, sigma, _holm(alone), strict=True)
         ),
-        float(stats.f.sf(wald, n, freedom)),
+        float(fdtrc(n, freedom, wald)),
     )
 
 

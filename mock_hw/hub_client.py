@@ -106,6 +106,20 @@ class HubClient:
         except OSError as error:
             raise self._lost(str(error)) from error
 
+    def send_all(self, frames: Iterable[tuple[int, bytes | bytearray]]) -> None:
+        """Hand data frames (identifier and data) to the hub at once, in one packet.
+
+        Raises
+        ------
+        TransportError
+            The hub is gone.
+        """
+        body = [FRAME.pack(0, can_id, len(data), 0, data) for can_id, data in frames]
+        try:
+            self._socket.send(pack(PacketKind.SEND) + b"".join(body))
+        except OSError as error:
+            raise self._lost(str(error)) from error
+
     def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
         """Send the outbox and let time run until `until_ns`, or until there are frames.
 

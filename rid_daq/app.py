@@ -44,6 +44,8 @@ COMMANDS: dict[str, str] = {
     "tracking": "how far the robot was from where it should have been",
     "export": "write a model as URDF, SDF, C, Python, CSV, JSON, or for Pinocchio",
     "report": "write a run's report again from its results",
+    "recover": "what is readable of an unfinished, torn or damaged recording",
+    "stop": "quick stop of whatever session is running on this machine",
     "runs": "list the runs, and check that their files are unchanged",
 }
 """Every command and its one line in the help; the module is `rid_daq.commands.<name>`.

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from acquisition.control_block import Progress, TaskState
 from acquisition.experiment import RecordOutcome, record_motion
+from acquisition.joint_values import JointValues
 from acquisition.journal import read_journal
 from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.recording import Recording
@@ -39,8 +40,11 @@ _PHASES = {
     Phase.RUN_OUT: "run-out",
     Phase.HOLD: "hold",
 }
+_AGAIN = "Start again when you are ready; the robot goes to the start by itself."
 _WHAT_TO_DO = {
-    StopCode.INTERRUPTED: "Start again when you are ready; the robot goes to the start by itself.",
+    StopCode.INTERRUPTED: _AGAIN,
+    StopCode.STOP_COMMAND: _AGAIN,
+    StopCode.STOP_BUTTON: _AGAIN,
     StopCode.RECORDER: "Check the disk (free space, speed), then start again.",
     StopCode.BUS: "Check the adapter, its cable and the termination, then run `rid-daq check`.",
     StopCode.MISSED_FRAMES: "Check cable and bus load, then run `rid-daq check`.",
@@ -172,11 +176,22 @@ def progress_shown(
             done = _done(samples, progress.sample_index)
         moving = progress.state is TaskState.MOVING
         line = _PHASES[progress.phase] if moving else _STATES[progress.state]
+        if moving and progress.joints is not None:
+            line += f"; {load_words(progress.joints, samples.joint_names)}"
         if moving and accuracy is not None and accuracy.line():
             line += f"; {accuracy.line()}"
         show(done, line)
 
     return update
+
+
+def load_words(joints: JointValues, names: Sequence[str]) -> str:
+    """Say how much of their limits torque and following error take, each of the worst joint."""
+    torque, error = int(joints.torque_share.argmax()), int(joints.following_error_share.argmax())
+    return (
+        f"torque {joints.torque_share[torque]:.0%} ({names[torque]}), following error"
+        f" {joints.following_error_share[error]:.0%} ({names[error]}) of the limit"
+    )
 
 
 def _where(recording: Recording) -> str:

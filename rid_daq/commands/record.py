@@ -13,7 +13,7 @@ from acquisition.termination import ignore_termination
 from compensation.feedforward_file import read_feedforward
 from config.errors import ConfigError
 from config.faults import NO_SCRIPT
-from config.load import LoadedCell, load_cell, load_faults, load_motion
+from config.load import LoadedCell, load_cell, load_faults, load_motion, to_yaml
 from config.motion import (
     AnyMotion,
     CircleMotion,
@@ -21,6 +21,7 @@ from config.motion import (
     MultisineMotion,
     ReversedMotion,
 )
+from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
 from rid_daq.accuracy_watch import AccuracyWatch
 from rid_daq.cells import reachable_cell
 from rid_daq.clearance import Cleared, require_cleared
@@ -98,7 +99,8 @@ def record(
         with unfinished(folder):
             for name, content in loaded.files.items():
                 folder.write(name, content)
-            folder.write("motion.yaml", motion.read_bytes())
+            whole = isinstance(asked, JointTableMotion)  # with the rows of the file that it names
+            folder.write("motion.yaml", to_yaml(asked).encode() if whole else motion.read_bytes())
             if faults is not None:
                 folder.write("faults.yaml", faults.read_bytes())
             if feedforward is not None:
@@ -209,7 +211,9 @@ def _tell(
         console.say(f"Next: rid-daq friction {folder.path}")
     elif outcome.stop is None and isinstance(asked, MultisineMotion):
         console.say(f"Next: rid-daq loop {folder.path}")
-    elif outcome.stop is None and isinstance(asked, CircleMotion):
+    elif outcome.stop is None and isinstance(
+        asked, CircleMotion | PathMotion | JointPathMotion | JointTableMotion
+    ):
         console.say(f"Next: rid-daq tracking {folder.path}")
     elif outcome.stop is None and run.is_periodic:
         console.say(f"Next: rid-daq identify {folder.path}")

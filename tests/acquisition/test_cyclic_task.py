@@ -14,6 +14,7 @@ from acquisition.cycle_row import row_dtype
 from acquisition.cyclic_task import CyclicTask
 from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.ring import Ring
+from acquisition.set_points import PlannedMotion
 from acquisition.stop_reason import StopCode, StopReason
 from config.cell import CellConfig
 from config.errors import PreflightError, TransportError
@@ -58,7 +59,7 @@ class Bench:
         )  # fmt: skip
 
     def run(self, motion: MotionSamples) -> StopReason | None:
-        return self._make().run(motion)
+        return self._make().run(PlannedMotion(motion))
 
     def rows(self) -> NDArray[Any]:
         return np.frombuffer(self.ring.read(), dtype=row_dtype(3))

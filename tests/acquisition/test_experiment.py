@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import numpy as np
 import pytest
 
 from acquisition.control_block import Progress, TaskState
+from acquisition.cycle_row import row_struct
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import Journal, read_journal
 from acquisition.motion_samples import MotionSamples, Phase, plan_motion
@@ -181,8 +183,9 @@ def test_five_interrupts_stop_the_motion_once_and_the_file_is_closed(
     assert_at_rest(simulated)
 
 
+@pytest.mark.fault(21)
 def test_a_killed_recorder_stops_the_motion_and_its_file_stays_readable(
-    record: Record, long: MotionSamples, simulated: SimulatedCell
+    record: Record, long: MotionSamples, simulated: SimulatedCell, measured: Callable[[str], None]
 ) -> None:
     outcome = record(long, in_mid_motion(lambda: kill("recorder")))
     assert outcome.stop is not None
@@ -190,6 +193,30 @@ def test_a_killed_recorder_stops_the_motion_and_its_file_stays_readable(
     assert outcome.rows > 100
     assert any("not closed" in note for note in outcome.notes)
     assert_at_rest(simulated)
+    measured("quick stop, axes at rest, file readable")
+
+
+@pytest.fixture
+def small_disk() -> Iterator[None]:
+    """No file of this process's children can grow beyond 1 MB."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.fault(24)
+@pytest.mark.usefixtures("small_disk")
+def test_a_disk_that_takes_no_more_stops_the_motion_and_what_was_written_stays_readable(
+    record: Record, long: MotionSamples, simulated: SimulatedCell, measured: Callable[[str], None]
+) -> None:
+    outcome = record(long)
+    assert outcome.stop is not None
+    assert outcome.stop.code is StopCode.RECORDER
+    assert "cannot be written" in outcome.stop.text
+    assert outcome.rows > 0.97 * 1_000_000 / (row_struct(3).size + 35 + 16)
+    assert_at_rest(simulated)
+    measured(f"quick stop, axes at rest, {outcome.rows} rows readable")
 
 
 def test_a_killed_task_is_reported_and_the_drives_stop_by_themselves(

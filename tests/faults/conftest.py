@@ -24,6 +24,7 @@ from acquisition.cycle_row import row_dtype
 from acquisition.cyclic_task import CyclicTask
 from acquisition.motion_samples import MotionSamples, plan_motion
 from acquisition.ring import Ring
+from acquisition.set_points import PlannedMotion
 from acquisition.stop_reason import StopReason
 from config.cell import CellConfig
 from config.errors import RidDaqError, TransportError
@@ -244,7 +245,7 @@ class Rig:
                 reason = CyclicTask(
                     cell.axes, cell.clock, cell.config, self._loaded.robot, ring, control,
                     lockstep=True, orphaned=lambda: False,
-                ).run(samples)  # fmt: skip
+                ).run(PlannedMotion(samples))  # fmt: skip
         except RidDaqError as problem:
             error = problem
         with contextlib.suppress(TransportError), self.session() as cell:
