@@ -330,7 +330,8 @@ class CyclicTask:
         if self._lockstep and self._wait_for_room():
             self._ring.write(row)
             return None
-        return StopReason(StopCode.RECORDER, "the recorder's buffer is full: a row was lost")
+        full = StopReason(StopCode.RECORDER, "the recorder's buffer is full: a row was lost")
+        return self._order_to_stop() or full
 
     def _wait_for_room(self) -> bool:
         """Let simulated time stand still until the recorder has made room."""
