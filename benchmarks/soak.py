@@ -13,6 +13,7 @@ import argparse
 import contextlib
 import gc
 import json
+import math
 import multiprocessing
 import os
 import random
@@ -44,7 +45,9 @@ GROWTH_BAR_PERCENT_PER_H: Final = 1.0
 GROWTH_BAR_QUICK_PERCENT: Final = 5.0
 WARM_UP: Final = 3
 PERIOD_S: Final = 2.0
-MARGIN_S: Final = 6.0  # of motion after the fault
+RAMP_S: Final = 1.0
+AFTER_S: Final = 3.0  # of motion after the fault
+LEAST_S: Final = 6.0  # from a motion's beginning to its fault
 REST_PATIENCE_S: Final = 60.0
 
 
@@ -70,9 +73,12 @@ class Fault:
     stops: tuple[StopCode, ...] = ()
 
 
-FAULTS: Final = (
-    Fault("one answer is lost", "bus", {"kind": "drop", "joint": "axis2"}),
-    Fault("an answer comes twice", "bus", {"kind": "duplicate"}),
+_BLOCKED = (StopCode.FOLLOWING_ERROR, StopCode.STUCK_ENCODER, StopCode.EMERGENCY)
+_POWERLESS = (StopCode.NOT_ENABLED, StopCode.EMERGENCY, StopCode.DRIVE_FAULT)
+_FAULT = (StopCode.EMERGENCY, StopCode.DRIVE_FAULT)
+_SILENT = {"kind": "heartbeat_stops", "joint": "axis1", "duration_s": 2.0}
+
+QUICK: Final = (
     Fault("a strange frame", "bus", {"kind": "strange", "identifier": 0x555}),
     Fault(
         "three answers are lost",
@@ -80,37 +86,47 @@ FAULTS: Final = (
         {"kind": "drop", "joint": "axis1", "count": 3},
         (StopCode.MISSED_FRAMES,),
     ),
-    Fault("a drive boots", "drives", {"kind": "reset", "joint": "axis3"}, (StopCode.DRIVE_RESTARTED,)),
-    Fault("the operator stops", "program", {"signal": signal.SIGINT}, (StopCode.INTERRUPTED,)),
-    Fault("an emergency message", "drives", {"kind": "emergency", "joint": "axis1"}, (StopCode.EMERGENCY,)),
     Fault("the recorder is killed", "program", {"kill": "recorder"}, (StopCode.RECORDER,)),
     Fault(
-        "a drive's fault",
+        "a drive boots",
         "drives",
-        {"kind": "fault", "joint": "axis2"},
-        (StopCode.EMERGENCY, StopCode.DRIVE_FAULT),
+        {"kind": "reset", "joint": "axis3"},
+        (StopCode.DRIVE_RESTARTED,),
     ),
+)
+FAULTS: Final = (
+    *QUICK,
+    Fault("one answer is lost", "bus", {"kind": "drop", "joint": "axis2"}),
+    Fault("an answer comes twice", "bus", {"kind": "duplicate"}),
+    Fault("the operator stops", "program", {"signal": signal.SIGINT}, (StopCode.INTERRUPTED,)),
+    Fault(
+        "an emergency message",
+        "drives",
+        {"kind": "emergency", "joint": "axis1"},
+        (StopCode.EMERGENCY,),
+    ),
+    Fault("a drive's fault", "drives", {"kind": "fault", "joint": "axis2"}, _FAULT),
     Fault("the task is killed", "program", {"kill": "cyclic task"}, (StopCode.TASK_DIED,)),
     Fault(
         "an axis is blocked",
         "drives",
         {"kind": "blocked", "joint": "axis2", "duration_s": 2.0},
-        (StopCode.FOLLOWING_ERROR, StopCode.STUCK_ENCODER, StopCode.EMERGENCY, StopCode.TORQUE_LIMIT),
+        _BLOCKED,
     ),
-    Fault("the computer is held up", "bus", {"kind": "held_up", "duration_s": 0.05}, (StopCode.LATE_CYCLE,)),
+    Fault(
+        "the computer is held up",
+        "bus",
+        {"kind": "held_up", "duration_s": 0.05},
+        (StopCode.LATE_CYCLE,),
+    ),
     Fault(
         "an emergency stop",
         "drives",
         {"kind": "motor_power_lost", "duration_s": 2.0},
-        (StopCode.NOT_ENABLED, StopCode.EMERGENCY, StopCode.DRIVE_FAULT),
+        _POWERLESS,
     ),
-    Fault(
-        "a drive falls silent",
-        "drives",
-        {"kind": "heartbeat_stops", "joint": "axis1", "duration_s": 2.0},
-        (StopCode.HEARTBEAT_LOST,),
-    ),
-)  # fmt: skip
+    Fault("a drive falls silent", "drives", _SILENT, (StopCode.HEARTBEAT_LOST,)),
+)
 
 
 @dataclass
@@ -123,10 +139,10 @@ class Soak:
         Reactions that were not right.
     faults, rows : int
         Faults so far, rows recorded.
-    memory_b, descriptors : list of dict
-        Of each process after each fault, by its name.
     hours : list of float
-        The simulated time of these.
+        Simulated time after each fault.
+    memory_b, descriptors : list of dict
+        What each process held then, by its name.
     """
 
     wrong: list[str] = field(default_factory=list)
@@ -147,12 +163,16 @@ class Soak:
         self.memory_b.append({name: _memory_b(pid) for name, pid in processes.items()})
         self.descriptors.append({name: _descriptors(pid) for name, pid in processes.items()})
 
+    @property
+    def _settled(self) -> int:
+        return min(WARM_UP, len(self.hours) // 2)
+
     def growth(self) -> dict[str, tuple[float, float]]:
         """Return each process's growth after the warm-up: percent an hour, percent in all."""
         found = {}
-        hours = np.array(self.hours[WARM_UP:])
+        hours = np.array(self.hours[self._settled :])
         for name in self.memory_b[-1]:
-            held = np.array([each[name] for each in self.memory_b[WARM_UP:]], dtype=float)
+            held = np.array([each[name] for each in self.memory_b[self._settled :]], dtype=float)
             slope = float(np.polyfit(hours, held, 1)[0]) if len(hours) > 2 else 0.0
             whole = 100.0 * (float(held[-1]) - float(held[0])) / float(held[0])
             found[name] = (100.0 * slope / float(held[0]), whole)
@@ -160,7 +180,7 @@ class Soak:
 
     def leaks(self) -> dict[str, int]:
         """Return each process's descriptors at the end, less those after the warm-up."""
-        first, last = self.descriptors[WARM_UP], self.descriptors[-1]
+        first, last = self.descriptors[self._settled], self.descriptors[-1]
         return {name: last[name] - first.get(name, 0) for name in last}
 
 
@@ -216,7 +236,8 @@ def soak(
 
 def _plan(faults: tuple[Fault, ...], count: int, seed: int) -> list[Fault]:
     """Return faults in an order of their own, all of them before any comes again."""
-    shuffled, order = random.Random(seed), []
+    shuffled = random.Random(seed)
+    order: list[Fault] = []
     while len(order) < count:
         order += shuffled.sample(faults, len(faults))
     return order[:count]
@@ -236,7 +257,9 @@ def _live_through(
 ) -> tuple[str, int]:
     """Move until a fault has come and gone; return what was wrong, and the rows recorded."""
     left_s = at_s - cell.axes().time_s
-    motion = _motion(loaded, left_s + MARGIN_S)
+    if left_s < LEAST_S:
+        return f"only {left_s:.1f} s are left to move before it: the faults are too close", 0
+    motion = _motion(loaded, left_s + AFTER_S)
     samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
     run = RunFolder.create(folder, "soak")
     try:
@@ -258,8 +281,8 @@ def _motion(loaded: LoadedCell, duration_s: float) -> FourierMotion:
         kind="fourier",
         robot=loaded.robot.name,
         period_s=PERIOD_S,
-        periods=max(1, round(duration_s / PERIOD_S)),
-        ramp_s=1.0,
+        periods=math.ceil((duration_s - PERIOD_S - 2.0 * RAMP_S) / PERIOD_S),
+        ramp_s=RAMP_S,
         joints=joints,
     )
 
@@ -315,7 +338,7 @@ def _comes_to_rest(cell: SimulatedCell) -> bool:
 
 
 def _memory_b(pid: int) -> int:
-    """Return the memory that a process has for itself [bytes]: resident, less what is shared."""
+    """Return a process's resident memory [bytes]."""
     with contextlib.suppress(OSError):
         for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
             if line.startswith("Rss:"):
@@ -338,9 +361,8 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _lines(hours: float, every_s: float, seed: int) -> Soak:
-    with TemporaryDirectory(prefix="rid-soak-") as folder:
-        return soak(hours, every_s, seed, Path(folder), lambda text: print(text, flush=True))
+def _say(text: str) -> None:
+    print(text, flush=True)
 
 
 def _memory_names(growth: dict[str, tuple[float, float]]) -> Iterator[str]:
@@ -351,8 +373,13 @@ def _memory_names(growth: dict[str, tuple[float, float]]) -> Iterator[str]:
 def main() -> int:
     """Measure and print; the last line is one JSON object."""
     given = _arguments()
-    hours, every_s = (70.0 / 3600.0, 10.0) if given.quick else (given.hours, given.every)
-    found = _lines(hours, every_s, given.seed)
+    hours, every_s = given.hours, given.every
+    faults: tuple[Fault, ...] = FAULTS
+    if given.quick:
+        every_s, faults = 20.0, QUICK
+        hours = len(QUICK) * every_s / 3600.0
+    with TemporaryDirectory(prefix="rid-soak-") as folder:
+        found = soak(hours, every_s, given.seed, Path(folder), _say, faults)
     growth, leaks = found.growth(), found.leaks()
     for line in (*found.wrong, *_memory_names(growth)):
         print(line)
