@@ -122,10 +122,6 @@ def _parts(answer: bytes) -> tuple[int, str, bytes]:
     return int(head.split()[1]) if head else 0, head.decode(), body
 
 
-def _status(line: socket.socket) -> int:
-    return _parts(line.recv(65536))[0]
-
-
 def _event(line: socket.socket) -> bytes:
     """Return the next whole event of a stream."""
     received = b""
@@ -290,14 +286,13 @@ def test_a_thousand_clients_cost_a_bounded_amount_and_the_stop_gets_through(
 
 def test_more_viewers_than_there_is_room_for_are_told_to_come_again(served: Served) -> None:
     viewers = [served._ask_for_events() for _ in range(MOST_STREAMS + 1)]
-    admitted = [_status(viewer) for viewer in viewers].count(200)
-    status, head, _ = served.get("/events", served.cookie)
-    assert status == 503
-    assert "Retry-After" in head
+    answers = [_parts(viewer.recv(65536)) for viewer in viewers]
     for viewer in viewers:
         viewer.close()
-    # one who has just left, in an earlier test, may still be counted
-    assert MOST_STREAMS - 1 <= admitted <= MOST_STREAMS
+    refused = [head for status, head, _ in answers if status == 503]
+    # one who has just left, in an earlier test, may still have had a place
+    assert 1 <= len(refused) <= 2
+    assert all("Retry-After" in head for head in refused)
     assert MOST_STREAMS + MOST_WAITING < MOST_DESCRIPTORS
 
 
