@@ -125,11 +125,11 @@ def _parts(answer: bytes) -> tuple[int, str, bytes]:
 def _event(line: socket.socket) -> bytes:
     """Return the next whole event of a stream."""
     received = b""
-    while b"data: " not in received or not received.endswith(b"\n\n"):
+    while b"\ndata: " not in received or not received.endswith(b"\n\n"):
         data = line.recv(65536)
         assert data, "the stream has ended"
         received += data
-    return received[received.rindex(b"data: ") + 6 :].strip()
+    return received.strip().rpartition(b"\ndata: ")[2]
 
 
 @pytest.fixture(scope="module")
