@@ -11,7 +11,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rid_daq.report.figures import FAINT, PREDICTED, STYLE, WRONG, as_svg
+from rid_daq.report.figures import FAINT, MEASURED, PREDICTED, STYLE, WRONG, as_svg
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def path_figure(drawn: dict[str, Any], name: str) -> str:
             for label, curve, color in lines:
                 path, off = (np.asarray(curve[key])[across] for key in ("wanted_m", "deviation_m"))
                 panel.plot(*(path + times * off), color=color, linewidth=1.1, label=label)
-            _scale(panel, wanted[across], times)
+            _scale(panel, float(extents.max()), times)
             panel.set_title(f"deviation drawn {times:g} times as large", fontsize=9.0)
             panel.set_xlabel(f"{AXES[across[0]]} [m]")
             panel.set_ylabel(f"{AXES[across[1]]} [m]")
@@ -59,7 +59,7 @@ def path_figure(drawn: dict[str, Any], name: str) -> str:
 
 
 def error_figure(drawn: dict[str, Any], joints: list[dict[str, Any]], name: str) -> str:
-    """Draw the tool point's distance from its path and the joints' errors over time.
+    """Draw the tool point's distance from its path, and the errors of axes and joints over time.
 
     Parameters
     ----------
@@ -73,24 +73,28 @@ def error_figure(drawn: dict[str, Any], joints: list[dict[str, Any]], name: str)
     lines = [(label, drawn[label]) for label in ("before", "after") if drawn[label] is not None]
     colors = {"before": WRONG, "after": PREDICTED}
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 4.6), layout="constrained")
-        grid = figure.add_gridspec(2, len(joints))
-        top = figure.add_subplot(grid[0, :])
+        figure = Figure(figsize=(9.6, 6.0), layout="constrained")
+        top, middle, bottom = figure.subfigures(3, 1)
+        panel = top.subplots()
         for label, curve in lines:
             distance = 1e3 * np.maximum(np.asarray(curve["distance_m"]), 1e-7)
-            top.semilogy(curve["time_s"], distance, color=colors[label], label=label)
-        top.set_ylabel("distance [mm]")
-        top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
-        top.set_xlim(0.0, max(curve["time_s"][-1] for _, curve in lines))
-        for j, joint in enumerate(joints):
-            panel = figure.add_subplot(grid[1, j])
-            for label, curve in lines:
-                values = 1e3 * np.asarray(curve["joint"][j])
-                panel.plot(curve["time_s"], values, color=colors[label], linewidth=0.9)
-            panel.set_title(joint["joint"], fontsize=9.0)
-            panel.set_xlabel("time [s]")
-            if j == 0:
-                panel.set_ylabel(f"joint error [m{joint['unit']}]")
+            panel.semilogy(curve["time_s"], distance, color=colors[label], label=label)
+        panel.set_ylabel("distance [mm]")
+        panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
+        panel.set_xlim(0.0, max(curve["time_s"][-1] for _, curve in lines))
+        base = [(f"{axis}, base frame", "path error [mm]") for axis in AXES]
+        own = [(joint["joint"], f"joint error [m{joint['unit']}]") for joint in joints]
+        for part, key, titles in ((middle, "deviation_m", base), (bottom, "joint", own)):
+            panels = part.subplots(1, len(titles), squeeze=False).ravel()
+            for k, (panel, (title, words)) in enumerate(zip(panels, titles, strict=True)):
+                for label, curve in lines:
+                    values = 1e3 * np.asarray(curve[key][k])
+                    panel.plot(curve["time_s"], values, color=colors[label], linewidth=0.9)
+                panel.set_title(title, fontsize=9.0)
+                if k == 0:
+                    panel.set_ylabel(words)
+                if part is bottom:
+                    panel.set_xlabel("time [s]")
         return as_svg(figure, name)
 
 
@@ -113,21 +117,20 @@ def _largest(curve: dict[str, Any], across: list[int]) -> float:
     return float(np.linalg.norm(np.asarray(curve["deviation_m"])[across], axis=0).max())
 
 
-def _scale(panel: Axes, path: FloatArray, times: float) -> None:
-    """Draw to scale, with a bar that says what a length across the path means."""
+def _scale(panel: Axes, extent_m: float, times: float) -> None:
+    """Draw to scale, with a bar below that says what a length across the path means."""
     panel.set_aspect("equal", adjustable="datalim")
-    panel.margins(0.08)
-    low, extent = path.min(axis=1), float(np.ptp(path, axis=1).max())
-    means = 0.1 * extent / times
+    means = 0.12 * extent_m / times
     power = 10.0 ** math.floor(math.log10(means))
     means = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= means)
-    start = low + 0.02 * extent
-    panel.plot([start[0], start[0] + times * means], [start[1]] * 2, color="#1f2933", linewidth=2.0)
+    left, low = panel.dataLim.x0, panel.dataLim.y0 - 0.09 * extent_m
+    panel.plot([left, left + times * means], [low, low], color=MEASURED, linewidth=2.0)
     size = f"{1e3 * means:g} mm" if means >= 1e-3 else f"{1e6 * means:g} µm"
     panel.annotate(
         f"{size} of deviation",
-        (start[0], start[1]),
-        (0.0, 4.0),
+        (left + times * means, low),
+        (5.0, 0.0),
         textcoords="offset points",
         fontsize=7.5,
+        va="center",
     )

@@ -273,6 +273,8 @@ def test_more_torque_than_a_joint_has_is_refused_by_the_segment(
     joint = cell.robot.joints[2]
     weak = joint.model_copy(update={"limits": joint.limits.model_copy(update={"torque": 20.0})})
     robot = cell.robot.model_copy(update={"joints": (*cell.robot.joints[:2], weak)})
-    words = r"the corner between segments 1 and 2, \d+ mm into it, the motion takes .* of joint 'axis3'"
+    words = (
+        r"the corner between segments 1 and 2, \d+ mm into it, the motion takes .* of joint 'axis3'"
+    )
     with pytest.raises(ConfigError, match=words):
         refuse_torque(SPLINE, path, model, robot)
