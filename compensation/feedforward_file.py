@@ -11,6 +11,7 @@ from pydantic import Field, ValidationError
 
 from acquisition.motion_samples import MotionSamples
 from compensation.feedforward import FeedforwardTuning
+from compensation.tuning import Tuning
 from config.errors import ConfigError
 from config.model import ConfigModel
 from config.motion import AnyMotion, Motion
@@ -22,7 +23,8 @@ FORMAT: Final = "rid-daq feedforward 1"
 class TuningEntry(ConfigModel):
     """How a reference run tuned the feedforward, joint by joint; base to flange.
 
-    `used` is false for a joint that the run does not show well enough: it keeps 1 and 0.
+    `used` is false for a joint that the run does not show well enough; `applied_scale` and
+    `applied_delay_s` are 1 and 0 where the run cannot tell the value from them.
     """
 
     run: str
@@ -32,11 +34,27 @@ class TuningEntry(ConfigModel):
     delay_s: tuple[float, ...]
     delay_std_s: tuple[float, ...]
     used: tuple[bool, ...]
+    applied_scale: tuple[float, ...]
+    applied_delay_s: tuple[float, ...]
+
+    @classmethod
+    def of(cls, found: Tuning, run: str, same_motion: bool) -> TuningEntry:
+        """Return the entry of a tuning by a run, of the same motion or another."""
+        return cls(
+            run=run,
+            same_motion=same_motion,
+            scale=tuple(found.scale.tolist()),
+            scale_std=tuple(found.scale_std.tolist()),
+            delay_s=tuple(found.delay_s.tolist()),
+            delay_std_s=tuple(found.delay_std_s.tolist()),
+            used=found.used,
+            applied_scale=tuple(found.tuning.scale.tolist()),
+            applied_delay_s=tuple(found.tuning.delay_s.tolist()),
+        )
 
     def as_tuning(self) -> FeedforwardTuning:
         """Return what to compute with."""
-        used = np.array(self.used)
-        return FeedforwardTuning(np.where(used, self.scale, 1.0), np.where(used, self.delay_s, 0.0))
+        return FeedforwardTuning(np.array(self.applied_scale), np.array(self.applied_delay_s))
 
 
 class RefinementEntry(ConfigModel):

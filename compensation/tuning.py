@@ -32,6 +32,7 @@ FEWEST_LINES: Final = 8
 STEPS: Final = 8
 WORST_SCALE_STD: Final = 0.05
 LARGEST_CHANGE: Final = 0.5
+SIGMAS: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +42,13 @@ class Tuning:
     Attributes
     ----------
     tuning : FeedforwardTuning
-        To use: 1 and 0 for axes that the run does not show well enough.
+        To use: 1 and 0 where the run cannot tell the value from them.
     scale, delay_s : ndarray, shape (n,)
         As found.
     scale_std, delay_std_s : ndarray, shape (n,)
         Standard deviations, from the residuals.
     used : tuple of bool
-        Which axes were tuned.
+        Which axes the run shows well enough.
     """
 
     tuning: FeedforwardTuning
@@ -135,5 +136,6 @@ def tune(
             f" {loops[worst].joint_name}: model or velocity loops are of another robot or payload;"
             " measure them again"
         )
-    chosen = FeedforwardTuning(np.where(used, found[0], 1.0), np.where(used, found[1], 0.0))
+    told = used & (np.abs(found - [[1.0], [0.0]]) > SIGMAS * std)
+    chosen = FeedforwardTuning(np.where(told[0], found[0], 1.0), np.where(told[1], found[1], 0.0))
     return Tuning(chosen, found[0], found[1], std[0], std[1], tuple(used.tolist()))

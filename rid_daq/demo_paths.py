@@ -144,7 +144,7 @@ def tell_paths(
             tuning = tune(planned, measured, estimate, loops, cell.position_gain_per_s)
             reference = plain.folder.run_id
         ahead = compensated_motion(planned, estimate, loops, tuning.tuning)
-        entry = _entry(tuning, reference, motion is motions.circle)
+        entry = TuningEntry.of(tuning, reference, motion is motions.circle)
         file = feedforward_bytes(motion, ahead, Origin(tuning=entry))
         after = record(f"{name}-compensated", motion, ahead, {FEEDFORWARD: file})
         runs += [(f"{name.capitalize()}, plain", motion, plain)]
@@ -163,23 +163,11 @@ def tell_paths(
     }
 
 
-def _entry(tuning: Tuning, run: str, same_motion: bool) -> TuningEntry:
-    return TuningEntry(
-        run=run,
-        same_motion=same_motion,
-        scale=tuple(tuning.scale.tolist()),
-        scale_std=tuple(tuning.scale_std.tolist()),
-        delay_s=tuple(tuning.delay_s.tolist()),
-        delay_std_s=tuple(tuning.delay_std_s.tolist()),
-        used=tuning.used,
-    )
-
-
 def _loop_sentence(loops: list[VelocityLoop], tuning: Tuning) -> str:
     """Say what the chapter measured before it compensated."""
     parts = [
         f"{loop.joint_name} {loop.gain:.4g} ± {2.0 * loop.sigma['gain']:.2g} and"
-        f" {1e3 * loop.integral_time_s:.4g} ms (torque scaled by {scale:.3f},"
+        f" {1e3 * loop.integral_time_s:.4g} ms (torque times {scale:.3f},"
         f" {1e3 * delay_s:.2f} ms later)"
         for loop, scale, delay_s in zip(
             loops, tuning.tuning.scale.tolist(), tuning.tuning.delay_s.tolist(), strict=True

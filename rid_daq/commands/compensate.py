@@ -99,34 +99,30 @@ def _tuned(
     ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
     measured = repeated_error(samples, [run.data.recording])
     found = tune(samples, measured, estimate, ordered, run.cell.position_gain_per_s)
-    return TuningEntry(
-        run=run.run_id,
-        same_motion=run.motion == motion,
-        scale=tuple(found.scale.tolist()),
-        scale_std=tuple(found.scale_std.tolist()),
-        delay_s=tuple(found.delay_s.tolist()),
-        delay_std_s=tuple(found.delay_std_s.tolist()),
-        used=found.used,
-    )
+    return TuningEntry.of(found, run.run_id, run.motion == motion)
 
 
 def _tell(console: Console, tuning: TuningEntry, names: tuple[str, ...]) -> None:
     console.table(
-        ("axis", "scale", "± 2σ", "delay [ms]", "± 2σ"),
+        ("axis", "scale", "± 2σ", "applied", "delay [ms]", "± 2σ", "applied"),
         [
             (
                 name,
                 f"{scale:.4f}",
                 f"{2.0 * scale_std:.4f}",
+                f"{applied:.4f}",
                 f"{1e3 * delay_s:.3f}",
                 f"{2e3 * delay_std_s:.3f}",
+                f"{1e3 * applied_s:.3f}",
             )
-            for name, scale, scale_std, delay_s, delay_std_s in zip(
+            for name, scale, scale_std, applied, delay_s, delay_std_s, applied_s in zip(
                 names,
                 tuning.scale,
                 tuning.scale_std,
+                tuning.applied_scale,
                 tuning.delay_s,
                 tuning.delay_std_s,
+                tuning.applied_delay_s,
                 strict=True,
             )
         ],
