@@ -74,7 +74,7 @@ def error_figure(drawn: dict[str, Any], joints: list[dict[str, Any]], name: str)
     colors = {"before": WRONG, "after": PREDICTED}
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 6.0), layout="constrained")
-        top, middle, bottom = figure.subfigures(3, 1)
+        top, middle, bottom = figure.subfigures(3, 1, squeeze=False)[:, 0]
         panel = top.subplots()
         for label, curve in lines:
             distance = 1e3 * np.maximum(np.asarray(curve["distance_m"]), 1e-7)
