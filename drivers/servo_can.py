@@ -190,6 +190,11 @@ class CanServoAxes:
         """How many frames came with identifiers that nobody in the cell has."""
         return self._watch.unexpected_frames
 
+    @property
+    def lost_frames(self) -> int:
+        """How many frames this computer had to drop, as far as the bus counts them."""
+        return self._link.lost_frames
+
     # ---- power on, power off ---------------------------------------------------------------
 
     def start(self) -> None:

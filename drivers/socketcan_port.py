@@ -20,8 +20,8 @@ from config.errors import TransportError
 from drivers.can_ports import Arrival, refuse_bus_off
 
 RECEIVE_BUFFER_BYTES = 4 << 20
-SEND_BUFFER_BYTES = 8 << 10
-"""About ten frames: the kernel counts some 800 bytes for each, and doubles what is asked for."""
+SEND_BUFFER_BYTES = 20 << 10
+"""Some 25 frames, a cycle of sixteen axes: the kernel counts about 800 bytes for each."""
 
 ERROR_FLAG, REMOTE_FLAG, EXTENDED_FLAG = 0x2000_0000, 0x4000_0000, 0x8000_0000
 
@@ -85,7 +85,9 @@ class SocketCanPort:
             own.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
         except PermissionError:  # without CAP_NET_ADMIN as much as net.core.rmem_max allows
             own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-        own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES // 2)
+        own.setsockopt(
+            socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES // 2
+        )  # the kernel doubles it
         own.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         own.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
         if watch_errors:
