@@ -83,7 +83,14 @@ class CanServoAxes:
         nodes = [axis.node_id for axis in self._axes]
         self._watch = DriveWatch(self.joint_names, nodes, cell.drive_safety)
         coupling = WristCoupling.of_robot(robot)
-        self._exchange = CyclicExchange(link, nodes, self._watch, coupling)
+        self._exchange = CyclicExchange(
+            link,
+            nodes,
+            self._watch,
+            coupling,
+            trimmed=cell.exchange == "trimmed",
+            bitrate=cell.can.bitrate,
+        )
         self.received = self._exchange.received
         self.position = self._exchange.position
         self.torque_nm = self._exchange.torque_nm

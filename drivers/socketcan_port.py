@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import math
 import select
 import socket
 import struct
@@ -63,6 +62,8 @@ class SocketCanPort:
         There is no such interface.
     """
 
+    time_stamped = True
+
     def __init__(self, channel: str, *, watch_errors: bool = True) -> None:
         self.channel_info = f"socketcan {channel}"
         self.lost_frames = 0
@@ -76,8 +77,6 @@ class SocketCanPort:
         except BaseException:
             self._socket.close()
             raise
-        self._poll = select.poll()
-        self._poll.register(self._socket.fileno(), select.POLLIN)
 
     def _set_options(self, watch_errors: bool) -> None:
         own = self._socket
@@ -123,7 +122,7 @@ class SocketCanPort:
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
         """Return all that has arrived; see `FramePort`."""
-        if not self._poll.poll(math.ceil(timeout_s * 1000.0) if timeout_s > 0.0 else 0):
+        if not select.select([self._socket], [], [], max(timeout_s, 0.0))[0]:
             return None
         epoch_ns = time.time_ns() - time.monotonic_ns()
         arrived: list[Arrival] = []

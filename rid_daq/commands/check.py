@@ -15,7 +15,8 @@ from config.cell import CellConfig
 from config.errors import DriverError, PreflightError, RidDaqError
 from config.load import LoadedCell, load_cell
 from config.robot import RobotDescription
-from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
+from drivers.bring_up import bus_load
+from drivers.canopen.bus_load import LOAD_LIMIT
 from drivers.cell import Cell, open_cell
 from drivers.interfaces import DriveSetting
 from drivers.servo_can import COLLECT_FRACTION
@@ -147,13 +148,7 @@ class _Stopped(Exception):  # noqa: N818 - carries what was found until then
 
 
 def _bus_load(cell: CellConfig) -> CheckLine:
-    load = cyclic_load(
-        len(cell.axes),
-        cell.cycle_time_s,
-        cell.can.bitrate,
-        master_heartbeat_s=cell.drive_safety.master_heartbeat_ms / 1000.0,
-        drive_heartbeat_s=cell.drive_safety.drive_heartbeat_ms / 1000.0,
-    )
+    load = bus_load(cell)
     return CheckLine(
         where=f"{cell.can.interface}:{cell.can.channel}",
         what="bus load",

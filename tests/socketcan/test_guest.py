@@ -20,14 +20,16 @@ HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parent.parent
 NEEDED = ("linux.uml", "busybox", "candump", "cansend", "slcand", "ip", "tc")
 MISSING = [name for name in NEEDED if shutil.which(name) is None]
+PATIENCE_S = 580
 
 pytestmark = [
     pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}"),
+    pytest.mark.timeout(PATIENCE_S + 20),
     pytest.mark.skipif(sys.platform != "linux", reason="user-mode-linux"),
 ]
 
 SUITE = "tests/mock_hw/test_bus_acceptance.py"
-WHAT = "test_interface or socketcan and not fault"
+WHAT = "test_interface or moved or killed"
 
 
 def boot(folder: Path, *tests: str) -> str:
@@ -59,7 +61,7 @@ def boot(folder: Path, *tests: str) -> str:
         ],
         stdin=subprocess.DEVNULL,
         capture_output=True,
-        timeout=280,
+        timeout=PATIENCE_S,
         check=False,
     )
     return done.stdout.decode("utf-8", "replace").replace("\r", "")
