@@ -33,6 +33,8 @@ class StopCode(IntEnum):
     PLATE_OVERLOAD = 22
     STOP_COMMAND = 23
     STOP_BUTTON = 24
+    POINTS_LOST = 31
+    POINTS_REFUSED = 32
 
 
 @dataclass(frozen=True)
