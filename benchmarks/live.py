@@ -116,7 +116,8 @@ class Bench:
 def bench() -> Iterator[Bench]:
     """Start everything, in real time."""
     loaded = load_cell("ir361")
-    assert loaded.plant is not None
+    plant = loaded.plant
+    assert plant is not None
     config = loaded.config.model_copy(update={"plate": None, "monitor": None})
     loaded = replace(loaded, config=config)
     context = multiprocessing.get_context("spawn")
@@ -124,7 +125,7 @@ def bench() -> Iterator[Bench]:
     with (
         tempfile.TemporaryDirectory() as folder,
         live_page(Console(), True, "127.0.0.1:0") as page,
-        SimulatedCell(config, loaded.robot, loaded.plant, realtime=True, seed=1) as simulated,
+        SimulatedCell(config, loaded.robot, plant, realtime=True, seed=1) as simulated,
     ):
         assert page is not None
         process = context.Process(target=crowd, args=(page.access, theirs), daemon=True)
