@@ -28,6 +28,7 @@ function heat(element, share) {
 function makeCards(joints) {
   byId("joints").replaceChildren();
   cards.length = 0;
+  document.body.classList.toggle("many", joints.length > 4);
   for (const joint of joints) {
     const article = byId("joint").content.cloneNode(true).firstElementChild;
     const part = (name) => article.querySelector(`[data-${name}]`);
@@ -109,7 +110,7 @@ function show(picture) {
   byId("done").style.width = `${100 * (share || 0)}%`;
   byId("way").setAttribute("aria-valuenow", String(Math.round(100 * (share || 0))));
   setText(byId("count"), `${share === null ? "" : `${Math.floor(100 * share)} %, `}${picture.count}`);
-  setText(byId("left"), picture.left_s === null || picture.over ? "" : `${duration(picture.left_s)} left`);
+  setText(byId("left"), picture.left_s === null || picture.over || picture.stop !== null ? "" : `${duration(picture.left_s)} left`);
   picture.joints.forEach((joint, i) => showJoint(cards[i], joint));
   const lines = [...picture.notes];
   if (picture.recorder.startsWith("failed")) lines.unshift(`Recorder ${picture.recorder}`);
