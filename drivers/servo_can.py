@@ -19,6 +19,7 @@ from drivers.axis_answer import AxisAnswer, refuse_fault
 from drivers.bring_up import (
     axes_in_joint_order,
     check_bus_load,
+    listen_for_masters,
     refuse_red,
     wait_for_boot_up,
 )
@@ -28,6 +29,7 @@ from drivers.cia402 import FOLLOWS_COMMAND, ControlWord, PowerState, next_contro
 from drivers.cyclic_exchange import CyclicExchange
 from drivers.drive_setup import DriveSetup, SetupResult
 from drivers.drive_watch import DriveWatch
+from drivers.fault_reset import FaultReset, reset_fault
 from drivers.interfaces import DriveEvent, DriveSetting
 from drivers.transport import CanLink
 from drivers.wrist_coupling import WristCoupling
@@ -122,6 +124,21 @@ class CanServoAxes:
         refuse_red(self.settings())
         self._exchange.use_units(setup.units for setup in self._setups if setup.units is not None)
         self._phase = _Phase.CONFIGURED
+
+    def reset_faults(self) -> tuple[FaultReset, ...]:
+        """Reset the drives that are in fault, as a person has asked; no power, no motion.
+
+        Raises
+        ------
+        LockedError
+            Another master is active on the bus.
+        DeviceTimeoutError
+            A drive does not answer.
+        TransportError
+            The bus is gone.
+        """
+        listen_for_masters(self._link, self._cell, self._watch)
+        return tuple(reset_fault(self._link, axis, self._watch.handle) for axis in self._axes)
 
     def settings(self) -> tuple[DriveSetting, ...]:
         """Return what the last `bring_up` required and read back, also when it failed."""

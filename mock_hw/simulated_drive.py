@@ -232,9 +232,15 @@ class SimulatedDrive:
                 self.power.abort_connection(self._now_s)
 
     def _reset(self, *, communication_only: bool) -> None:
-        self.power.switch_off(PowerState.NOT_READY_TO_SWITCH_ON)
+        """Begin anew; a fault outlives a reset of the communication, not one of the whole drive."""
+        faulty = self.power.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
+        kept = communication_only and faulty
+        self.power.switch_off(PowerState.FAULT if kept else PowerState.NOT_READY_TO_SWITCH_ON)
         self.objects.reset(communication_only=communication_only)
-        self._errors.reset()
+        if kept:
+            self._errors.restore()
+        else:
+            self._errors.reset()
         self._sdo.reset()
         self._arm_pdos()
         self._outbox.clear()
