@@ -23,7 +23,8 @@ from drivers.socketcan_port import SocketCanPort
 
 AXES = 6
 FRAME = struct.Struct("=IB3x8s")
-COMMANDS = [(0x080, b""), *[(0x201 + axis, bytearray(8)) for axis in range(AXES)]]
+COMMANDS: list[tuple[int, bytes | bytearray]] = [(0x080, b"")]
+COMMANDS += [(0x201 + axis, bytearray(8)) for axis in range(AXES)]
 ANSWERS = [FRAME.pack(0x181 + axis, 8, bytes(8)) for axis in range(AXES)]
 
 
