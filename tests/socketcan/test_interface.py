@@ -10,6 +10,7 @@ import os
 import socket
 import struct
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -194,7 +195,7 @@ def test_few_set_points_wait_for_a_dead_bus_and_none_survives_it(
     run("tc", "qdisc", "del", "dev", CHANNEL, "root")
     run("ip", "link", "set", CHANNEL, "up")
     assert set_points(raw) == 0
-    print(f"MEASURED {taken} frames wait at most, 0 go out when the bus is back")
+    sys.stdout.write(f"MEASURED {taken} frames wait at most, 0 go out when the bus is back\n")
 
 
 def test_the_preflight_looks_at_the_transmit_queue(loaded: LoadedCell) -> None:
@@ -234,7 +235,7 @@ def test_a_bus_that_dies_in_motion_is_an_error_and_nothing_follows(
     run("ip", "link", "set", CHANNEL, "down")
     run("ip", "link", "set", CHANNEL, "up")
     assert set_points(raw) == 0
-    print(f"MEASURED {fault}: an error in the same cycle, 0 set-points afterwards")
+    sys.stdout.write(f"MEASURED {fault}: an error in the same cycle, 0 set-points afterwards\n")
 
 
 def die_in_motion(simulated: SimulatedCell, loaded: LoadedCell, kill: Callable[[], None]) -> None:
