@@ -101,6 +101,9 @@ class CellConfig(ConfigModel):
 
     `monitor` is a second way to the drives (Modbus), for temperatures and nominal data.
 
+    `velocity_loop_band_hz` is where multisines measure the drives' velocity loops: the lowest and
+    the highest frequency.
+
     `robot` and `plant` name a bundled file or give a path relative to the cell file. A cell with
     `simulated: true` gets its mock hardware started by the command that needs it.
     """
@@ -116,6 +119,7 @@ class CellConfig(ConfigModel):
     drive_safety: DriveSafety
     supervision: Supervision = Supervision()
     torque_filter: ButterworthFilter | None = None
+    velocity_loop_band_hz: tuple[Positive, Positive] | None = None
     validation_limits_percent: tuple[Positive, ...] | None = None
     workspace: Workspace = Workspace()
     plate: PlateConfig | None = None
@@ -133,6 +137,7 @@ class CellConfig(ConfigModel):
             raise ValueError("two axes move the same joint")
         if self.simulated and self.plant is None:
             raise ValueError("a simulated cell needs plant: the file that says what is simulated")
+        self._check_band()
         limits = self.validation_limits_percent
         if limits is not None and len(limits) != len(self.axes):
             raise ValueError(
@@ -146,6 +151,17 @@ class CellConfig(ConfigModel):
         if unknown:
             raise ValueError(f"allow_drive_without_watchdog names unknown nodes {sorted(unknown)}")
         return self
+
+    def _check_band(self) -> None:
+        if self.velocity_loop_band_hz is None:
+            return
+        lowest, highest = self.velocity_loop_band_hz
+        half = 500.0 / self.cycle_time_ms
+        if not lowest < highest < half:
+            raise ValueError(
+                f"velocity_loop_band_hz [{lowest:g}, {highest:g}]: the first must be the smaller,"
+                f" and the second below half the cycle's frequency, {half:g} Hz"
+            )
 
     @property
     def cycle_time_s(self) -> float:

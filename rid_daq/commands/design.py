@@ -138,7 +138,7 @@ def design(
         write_friction_motion(
             console,
             loaded,
-            multisine_motion(robot, loaded.config.cycle_time_s, seed=seed),
+            multisine_motion(robot, loaded.config, seed=seed),
             output,
         )
         console.say(f"Next: rid-daq record {cell} {output}, then rid-daq loop latest")
