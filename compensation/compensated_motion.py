@@ -10,8 +10,8 @@ import numpy as np
 from acquisition.arrays import FloatArray
 from acquisition.motion_samples import MotionSamples, Phase
 from compensation.feedforward import FeedforwardTuning, feedforward, periodic_feedforward
+from compensation.online import in_order
 from compensation.velocity_loop import VelocityLoop
-from config.errors import ConfigError
 from identification.estimate import Estimate, predict
 
 BLEND_S = 0.3
@@ -44,19 +44,7 @@ def compensated_motion(
     ConfigError
         Model or loops are of other joints.
     """
-    names = samples.joint_names
-    if estimate.robot.joint_names != names:
-        raise ConfigError(
-            f"the model is of joints {', '.join(estimate.robot.joint_names)}, the motion of"
-            f" {', '.join(names)}: give a model of this robot"
-        )
-    measured = {loop.joint_name: loop for loop in loops}
-    missing = [name for name in names if name not in measured]
-    if missing:
-        raise ConfigError(
-            f"there is no velocity loop of {', '.join(missing)}: measure it with `rid-daq loop`"
-        )
-    ordered = [measured[name] for name in names]
+    ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
     torque = predict(estimate, samples.position, samples.velocity, samples.acceleration)
     step_s = samples.sample_period_s
     ahead = feedforward(ordered, samples.velocity, torque, step_s, tuning=tuning)

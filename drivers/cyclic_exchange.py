@@ -10,12 +10,10 @@ import math
 import struct
 from collections.abc import Iterable, Sequence
 
-import can
 import numpy as np
 from numpy.typing import NDArray
 
-from config.errors import DriverError, TransportError
-from drivers.canopen.frames import SYNC, Frame, rpdo_cob_id, tpdo_cob_id
+from drivers.canopen.frames import SYNC, rpdo_cob_id, tpdo_cob_id
 from drivers.cia402 import AxisUnits, ControlWord, PowerState
 from drivers.drive_watch import DriveWatch
 from drivers.transport import CanLink
@@ -25,6 +23,7 @@ _COMMAND = struct.Struct("<Hih")
 _ANSWER = struct.Struct("<Hih")
 
 MOST_FRAMES = 1024
+LATE_CYCLES = 4
 
 
 class CyclicExchange:
@@ -52,7 +51,8 @@ class CyclicExchange:
     position_counts, torque_raw, statusword : ndarray of int32, int16, uint16, shape (n,)
         6064h, 6077h and 6041h as they came.
     late_frames, duplicate_frames
-        How many TPDOs came after their cycle, or twice in one; they are not used.
+        How many TPDOs came after their cycle, or twice; they are not used. An answer too many is a
+        late one where its drive did not answer in one of the `LATE_CYCLES` cycles before.
     left_enabled
         Whether an answer has shown another state than Operation Enabled; set here, cleared by the
         owner.
@@ -82,6 +82,8 @@ class CyclicExchange:
         self.duplicate_frames = 0
         self.left_enabled = False
         self.sync_time_s = -math.inf
+        self._cycle = 0
+        self._missed_in = [-LATE_CYCLES - 1] * count  # the last cycle without an answer
         self._slots = {tpdo_cob_id(node): axis for axis, node in enumerate(node_ids)}
         self._zero_counts = [0] * count
         self._counts_per_rad = [1.0] * count
@@ -89,10 +91,9 @@ class CyclicExchange:
         self._nm_per_permille = [1.0] * count
         self._buffers = [bytearray(_COMMAND.size) for _ in node_ids]
         self._commands = [
-            can.Message(arbitration_id=rpdo_cob_id(node), data=buffer, is_extended_id=False)
+            (rpdo_cob_id(node), buffer)
             for node, buffer in zip(node_ids, self._buffers, strict=True)
         ]
-        self._sync = can.Message(arbitration_id=SYNC.cob_id, is_extended_id=False)
 
     def use_units(self, units: Iterable[AxisUnits]) -> None:
         """Take the drives' units, base to flange."""
@@ -108,24 +109,35 @@ class CyclicExchange:
         What still waits from the cycle before is read first, so that it is not taken for an answer
         to this SYNC; in simulated time the frames' own stamps tell.
         """
+        for axis, received in enumerate(self.received.tolist()):
+            if not received:
+                self._missed_in[axis] = self._cycle
         if not self._link.simulated:
             self._read_waiting()
+        self._cycle += 1
         self.sync_time_s = self._link.clock.now_s()
-        self._link.send_message(self._sync)
+        self._link.send_frames((SYNC,))
         return self.sync_time_s
 
     def _read_waiting(self) -> None:
-        receive = self._link.receive_message
+        receive = self._link.receive
         for _ in range(MOST_FRAMES):
-            message = receive(-math.inf)
-            if message is None:
+            frame = receive(-math.inf)
+            if frame is None:
                 return
-            if message.arbitration_id in self._slots:
-                self.late_frames += 1
+            axis = self._slots.get(frame.cob_id)
+            if axis is not None:
+                self._count_surplus(axis)
             else:
-                self._watch.handle(
-                    Frame(message.arbitration_id, bytes(message.data)), self._link.last_time_s
-                )
+                self._watch.handle(frame, self._link.last_time_s)
+
+    def _count_surplus(self, axis: int) -> None:
+        """Count an answer too many: that of an earlier cycle that lacks one, or a copy."""
+        if self._cycle - self._missed_in[axis] <= LATE_CYCLES:
+            self._missed_in[axis] = -LATE_CYCLES - 1
+            self.late_frames += 1
+        else:
+            self.duplicate_frames += 1
 
     def collect(self, deadline_s: float) -> None:
         """Wait for every axis's answer, at most until `deadline_s` [s]; fill the arrays.
@@ -136,25 +148,21 @@ class CyclicExchange:
         received.fill(False)
         missing = len(self._commands)
         link = self._link
-        receive = link.receive_message
+        receive = link.receive
         slots = self._slots
         for _ in range(MOST_FRAMES):
-            message = receive(deadline_s)
-            if message is None:
+            frame = receive(deadline_s)
+            if frame is None:
                 break
-            axis = slots.get(message.arbitration_id)
+            cob_id, data = frame
+            axis = slots.get(cob_id)
             if axis is None:
-                self._watch.handle(
-                    Frame(message.arbitration_id, bytes(message.data)), link.last_time_s
-                )
+                self._watch.handle(frame, link.last_time_s)
                 continue
-            data = message.data
             if len(data) != 8:
                 self._watch.wrong_length(axis, len(data), link.last_time_s)
-            elif link.last_time_s < self.sync_time_s:
-                self.late_frames += 1
-            elif received[axis]:
-                self.duplicate_frames += 1
+            elif received[axis] or link.last_time_s < self.sync_time_s:
+                self._count_surplus(axis)
             else:
                 status, counts, torque = _ANSWER.unpack(data)
                 received[axis] = True
@@ -189,9 +197,7 @@ class CyclicExchange:
             self._buffers, velocity.tolist(), self._units_per_rad_s, strict=True
         ):
             _COMMAND.pack_into(buffer, 0, ControlWord.ENABLE_OPERATION, round(value * factor), 0)
-        send = self._link.send_message
-        for message in self._commands:
-            send(message)
+        self._link.send_frames(self._commands)
 
     def send_words(self, words: Sequence[int]) -> None:
         """Send controlwords with velocity 0, one an axis; every axis's is tried.
@@ -201,12 +207,6 @@ class CyclicExchange:
         TransportError
             The bus did not take one of the frames.
         """
-        failed: DriverError | None = None
-        for word, buffer, message in zip(words, self._buffers, self._commands, strict=True):
+        for word, buffer in zip(words, self._buffers, strict=True):
             _COMMAND.pack_into(buffer, 0, word, 0, 0)
-            try:
-                self._link.send_message(message)
-            except TransportError as error:
-                failed = failed or error
-        if failed is not None:
-            raise failed
+        self._link.send_frames(self._commands)

@@ -36,8 +36,6 @@ class DriveWatch:
         The axes, base to flange.
     safety
         The cell's time limits and the node id of this computer.
-    hears_itself
-        Whether the bus brings back what this computer sends, so that another master cannot be told.
 
     Attributes
     ----------
@@ -56,10 +54,7 @@ class DriveWatch:
         joint_names: Sequence[str],
         node_ids: Sequence[int],
         safety: DriveSafety,
-        *,
-        hears_itself: bool = False,
     ) -> None:
-        self._hears_itself = hears_itself
         self._joint_names = tuple(joint_names)
         timeout_s = safety.drive_heartbeat_timeout_ms / 1000.0
         self._emcy = {emcy_cob_id(node): axis for axis, node in enumerate(node_ids)}
@@ -178,8 +173,6 @@ class DriveWatch:
 
     def _unexpected(self, cob_id: int, now_s: float) -> None:
         foreign = self.foreign_master(cob_id)
-        if foreign is not None and self._hears_itself:
-            return
         self.unexpected_frames += 1
         if cob_id in self._seen or len(self._seen) >= MOST_EVENTS:
             return

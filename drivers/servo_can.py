@@ -9,7 +9,6 @@ import struct
 from collections.abc import Sequence
 from enum import IntEnum
 
-import can
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +22,6 @@ from drivers.bring_up import (
     refuse_red,
     wait_for_boot_up,
 )
-from drivers.canopen.frames import Frame
 from drivers.canopen.heartbeat import HeartbeatProducer, heartbeat_frame
 from drivers.canopen.nmt import NmtCommand, NmtState, nmt_frame
 from drivers.cia402 import FOLLOWS_COMMAND, ControlWord, PowerState, next_controlword
@@ -83,9 +81,7 @@ class CanServoAxes:
         check_bus_load(cell)
         self.joint_names = robot.joint_names
         nodes = [axis.node_id for axis in self._axes]
-        self._watch = DriveWatch(
-            self.joint_names, nodes, cell.drive_safety, hears_itself=link.hears_itself
-        )
+        self._watch = DriveWatch(self.joint_names, nodes, cell.drive_safety)
         coupling = WristCoupling.of_robot(robot)
         self._exchange = CyclicExchange(link, nodes, self._watch, coupling)
         self.received = self._exchange.received
@@ -97,9 +93,7 @@ class CanServoAxes:
         self._setups: tuple[SetupResult, ...] = ()
         self._phase = _Phase.CLOSED
         self._beats = HeartbeatProducer(cell.drive_safety.master_heartbeat_ms / 1000.0)
-        self._beat = _message(
-            heartbeat_frame(cell.drive_safety.master_node_id, NmtState.OPERATIONAL)
-        )
+        self._beat = heartbeat_frame(cell.drive_safety.master_node_id, NmtState.OPERATIONAL)
 
     # ---- bring-up -------------------------------------------------------------------------
 
@@ -175,7 +169,7 @@ class CanServoAxes:
     def beat(self, now_s: float) -> None:
         """Send this computer's heartbeat when it is due at `now_s` [s]."""
         if self._beats.due(now_s):
-            self._link.send_message(self._beat)
+            self._link.send(self._beat)
 
     def take_events(self) -> tuple[DriveEvent, ...]:
         """Return what the drives reported since the last call, at most 64 events."""
@@ -387,7 +381,3 @@ class CanServoAxes:
                 f"the drives cannot {verb} now: they are {self._phase.name.lower()};"
                 f" run {before} first"
             )
-
-
-def _message(frame: Frame) -> can.Message:
-    return can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)

@@ -106,6 +106,20 @@ class HubClient:
         except OSError as error:
             raise self._lost(str(error)) from error
 
+    def send_all(self, frames: Iterable[tuple[int, bytes | bytearray]]) -> None:
+        """Hand data frames (identifier and data) to the hub at once, in one packet.
+
+        Raises
+        ------
+        TransportError
+            The hub is gone.
+        """
+        body = [FRAME.pack(0, can_id, len(data), 0, data) for can_id, data in frames]
+        try:
+            self._socket.send(pack(PacketKind.SEND) + b"".join(body))
+        except OSError as error:
+            raise self._lost(str(error)) from error
+
     def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
         """Send the outbox and let time run until `until_ns`, or until there are frames.
 
@@ -138,7 +152,7 @@ class HubClient:
         while True:
             packet = self._receive()
             kind, _, number, time_ns = unpack_header(packet)
-            frames += unpack_frames(packet)
+            frames += unpack_frames(packet, errors=True)
             if kind == PacketKind.WAKE and number == self._number:
                 self.now_ns = time_ns
                 return frames
@@ -157,7 +171,7 @@ class HubClient:
         frames: list[WireFrame] = []
         try:
             while select.select([self._socket], [], [], timeout_s)[0]:
-                frames += unpack_frames(self._receive())
+                frames += unpack_frames(self._receive(), errors=True)
                 timeout_s = 0.0
         except ValueError as error:
             raise self._lost("this connection is closed") from error

@@ -42,8 +42,11 @@ COMMANDS: dict[str, str] = {
     "loop": "the drives' velocity loops, out of a multisine run",
     "compensate": "the feedforward that makes a motion accurate, from model and loops",
     "tracking": "how far the robot was from where it should have been",
-    "export": "write a model as URDF, SDF, C, Python, CSV, JSON, or for Pinocchio",
+    "export": "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV, Parquet, MAT, MDF4",
     "report": "write a run's report again from its results",
+    "compare": "two estimates, or the runs behind them, side by side",
+    "recover": "what is readable of an unfinished, torn or damaged recording",
+    "stop": "quick stop of whatever session is running on this machine",
     "runs": "list the runs, and check that their files are unchanged",
 }
 """Every command and its one line in the help; the module is `rid_daq.commands.<name>`.

@@ -33,6 +33,7 @@ from rid_daq.sections import (
     motion_sentence,
     run_section,
 )
+from rid_daq.session import hold_cell
 from rid_daq.truth import true_parameters
 from rid_daq.versions import software_versions
 
@@ -86,15 +87,18 @@ def tell_story(
     robot, cell, plant = loaded.robot, loaded.config, loaded.plant
     if plant is None:
         raise ConfigError(f"cell {cell.name}: names no plant, so nothing can be simulated")
-    with SimulatedCell(
-        cell,
-        robot,
-        plant,
-        realtime=False,
-        seed=seed,
-        unmodelled=unmodelled,
-        profile=loaded.amplifier_profile,
-    ) as simulated:
+    with (
+        SimulatedCell(
+            cell,
+            robot,
+            plant,
+            realtime=False,
+            seed=seed,
+            unmodelled=unmodelled,
+            profile=loaded.amplifier_profile,
+        ) as simulated,
+        hold_cell(simulated.cell),
+    ):
         tell = _Recorder(folder, loaded, simulated.cell, unmodelled, show)
         excited = tell.record("excitation", motions.excitation)
         validated = tell.record("validation", motions.validation)
