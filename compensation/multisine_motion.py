@@ -108,6 +108,11 @@ def multisine_motion(
             f"a band from {lowest_hz:g} Hz needs a period of at least {2.0 / lowest_hz:g} s, it is"
             f" {period_s:g} s: the first harmonic is the slow sine's"
         )
+    if phases == "schroeder" and realisations > 1:
+        raise ConfigError(
+            f"Schroeder's phases are the same in all {realisations} realisations: ask for one, or"
+            " for random phases"
+        )
     limits = [joint.limits for joint in robot.joints]
     speed = SHARE_OF_ACCELERATION * np.array([each.acceleration for each in limits])
     speed /= 2.0 * math.pi * highest_hz
