@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.arrays import FloatArray, IntArray
+from acquisition.arrays import FloatArray, IntArray, PhaseArray
 from acquisition.motion_samples import Phase, plan_motion
 from acquisition.multisine import excited_lines, speed_phasors
 from acquisition.recording import Recording
@@ -147,21 +147,31 @@ def realisation_starts(
         None is whole.
     """
     assert recording.sample_period_s is not None
-    planned = plan_motion(motion, robot, recording.sample_period_s).phase == Phase.MAIN
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], planned.astype(int), [0]])))
+    length = motion.periods * round(motion.period_s / recording.sample_period_s)
+    parts = _main_parts(recording.phase)
+    numbers = list(range(len(parts)))
+    if len(parts) != motion.realisations:
+        # Some are missing altogether: where each stands in the motion tells which it is.
+        planned = plan_motion(motion, robot, recording.sample_period_s).phase
+        expected = np.array([first for first, _ in _main_parts(planned)])
+        indices = [int(recording.sample_index[first]) for first, _ in parts]
+        numbers = [int(np.argmin(np.abs(expected - index))) for index in indices]
     found = {}
-    for number, (first, end) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
-        place = np.flatnonzero(recording.sample_index == first)
-        if len(place) != 1:
-            continue
-        part = slice(int(place[0]), int(place[0]) + int(end - first))
-        index = recording.sample_index[part]
-        whole = np.array_equal(index, np.arange(first, end))
-        if whole and recording.valid[part].all():
-            found[number] = part.start
+    for number, (first, end) in zip(numbers, parts, strict=True):
+        index = recording.sample_index[first:end]
+        whole = end - first == length and bool((np.diff(index) == 1).all())
+        if whole and recording.valid[first:end].all():
+            found[number] = first
     if not found:
         raise DataQualityError(
             f"the recording holds none of the multisine's {motion.realisations} realisations with"
             " all its rows: record it again"
         )
     return found
+
+
+def _main_parts(phase: PhaseArray) -> list[tuple[int, int]]:
+    """Return first row and end of every stretch that counts."""
+    main = np.concatenate([[0], (phase == Phase.MAIN).astype(int), [0]])
+    edges = np.flatnonzero(np.diff(main)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))

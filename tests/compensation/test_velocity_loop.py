@@ -12,13 +12,16 @@ import pytest
 
 from acquisition.motion_samples import Phase, plan_motion
 from acquisition.recording import Recording
-from benchmarks.velocity_loop import Proof, prove
+from benchmarks.velocity_loop import Proof, closed_loop, prove
 from compensation.command_path import interpolation_response
 from compensation.frequency_response import (
     Distortion,
     FrequencyResponse,
     frequency_responses,
 )
+from compensation.loop_measurement import measure_loops
+from compensation.multisine_motion import multisine_motion
+from compensation.multisine_spectra import multisine_spectra
 from compensation.velocity_loop import VelocityLoop, fit_velocity_loop, whiteness
 from config.errors import DataQualityError, EstimationError
 from config.load import LoadedCell
@@ -196,6 +199,59 @@ def test_what_lies_between_the_lines_is_distortion(
         assert (measured.coherence > 0.0).all()
         assert len(measured.odd.frequency_hz) > 4
         assert np.median(measured.odd.output) > np.median(measured.even.output)
+
+
+def test_a_torn_realisation_is_left_out_and_the_others_keep_their_phases(
+    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
+) -> None:
+    motion, recording = recorded
+    whole = multisine_spectra(recording, motion, cell.robot)
+    assert whole.left_out == ()
+    main = np.flatnonzero(recording.phase == Phase.MAIN)
+    second = main[np.flatnonzero(np.diff(main) > 1)[0] + 1]
+    torn = recording.valid.copy()
+    torn[main[5]] = False
+    late = multisine_spectra(replace(recording, valid=torn), motion, cell.robot)
+    from_second = slice(second - 100, None)
+    cut = replace(
+        recording,
+        **{
+            name: getattr(recording, name)[from_second]
+            for name in (
+                "time_s",
+                "position",
+                "torque_nm",
+                "valid",
+                "phase",
+                "sample_index",
+                "target_position",
+                "velocity_command",
+            )
+        },
+    )
+    for left in (late, multisine_spectra(cut, motion, cell.robot)):
+        assert left.left_out == (1,)
+        np.testing.assert_array_equal(left.torque[0], whole.torque[1])
+        np.testing.assert_array_equal(left.reference[0][0], whole.reference[0][1])
+
+
+def test_friction_that_sticks_passes_for_inertia_without_the_slow_sine(cell: LoadedCell) -> None:
+    """The drive's controller is found either way; what it moves only where nothing sticks."""
+    assert cell.plant is not None
+    inertia = {}
+    for slow in (True, False):
+        motion = multisine_motion(
+            cell.robot, cell.config, period_s=4.0, periods=2, realisations=2, slow=slow, seed=1
+        )
+        samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+        recording = closed_loop(cell, cell.plant, samples, 1)
+        found = measure_loops(recording, motion, cell.robot, cell.config.position_gain_per_s)
+        inertia[slow] = np.array([each.mechanics.inertia for each in found.cascades])
+        for axis, loop in zip(cell.plant.axes, found.loops, strict=True):
+            assert loop.gain == pytest.approx(axis.velocity_gain_nm_s, rel=0.02)
+    # The mass matrix of the plant about this pose, by Pinocchio.
+    np.testing.assert_allclose(inertia[True], [10.98, 24.58, 3.59], rtol=0.12)
+    assert (inertia[False] > 1.15 * inertia[True]).all()
 
 
 def test_a_triangle_two_cycles_late_is_what_interpolated_commands_are() -> None:
