@@ -82,7 +82,7 @@ class SessionState:
             if document["schema"] != SCHEMA:
                 raise ValueError
             return cls(folder, document["cell"], dict(document["done"]), dict(document["facts"]))
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             raise ConfigError(
                 f"{folder.file(STATE)}: not the state of a payload session; was it edited?"
             ) from None

@@ -126,6 +126,10 @@ function show(picture) {
   document.title = `${share === null ? "" : `${Math.floor(100 * share)} % `}${picture.words} – ${picture.cell}`;
 }
 
+function stopWords(text) {
+  return /^stopped /.test(text) ? `S${text.slice(1)}` : `Stopped: ${text}`;
+}
+
 function banner(kind, text) {
   const element = byId("banner");
   element.hidden = text === "";
@@ -142,7 +146,7 @@ function look() {
   const rest = shown && shown.at_rest_s !== null ? ` All axes at rest ${shown.at_rest_s.toFixed(2)} s later.` : "";
   if (stopFailed) banner("bad", "The stop was NOT sent. Use the emergency stop.");
   else if (unknown) banner("bad", "Not admitted: open the whole address that the terminal shows.");
-  else if (shown && shown.stop !== null) banner("bad", `Stopped: ${shown.stop}.${rest}`);
+  else if (shown && shown.stop !== null) banner("bad", `${stopWords(shown.stop)}.${rest}`);
   else if (shown && shown.problem !== null) banner("bad", shown.problem);
   else if (ended) banner("good", "The motion has ended; the drives are off.");
   else if (silent && shown !== null) banner("bad", "NOT LIVE: what you see is old.");

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
-from rid_daq.report.drawing import FAINT, MEASURED, PREDICTED, STYLE, WRONG, inline_svg
+from rid_daq.report.figures import FAINT, MEASURED, PREDICTED, STYLE, WRONG, as_svg
 
 EVEN, NOISE, LINE = "#7c3aed", "#8593a3", "#475569"
 SMALLEST_DB = 1e-9
@@ -85,7 +85,7 @@ def controller_figure(axis: dict[str, Any], name: str) -> str:
         bottom.plot(f, phase, "o", color=MEASURED, markersize=3.0)
         bottom.set_ylabel("phase [°]")
         _frequencies(bottom, float(f[0]), float(f[-1]))
-        return inline_svg(figure, name)
+        return as_svg(figure, name)
 
 
 def cascade_figure(axis: dict[str, Any], name: str) -> str:
@@ -132,7 +132,7 @@ def cascade_figure(axis: dict[str, Any], name: str) -> str:
         bottom.set_ylabel("phase [°]")
         figure.legend(loc="outside upper right", ncols=3, fontsize=8.0)
         _frequencies(bottom, float(f[0]), float(f[-1]))
-        return inline_svg(figure, name)
+        return as_svg(figure, name)
 
 
 def _margins(top: Axes, bottom: Axes, margins: dict[str, float | None], colour: str) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import itertools
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +12,24 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from rid_daq.report.drawing import FAINT, MEASURED, PREDICTED, STYLE, WRONG, inline_svg
+MEASURED, PREDICTED, WRONG, FAINT, GRID = "#1f2933", "#3b82f6", "#c2410c", "#b6c0cb", "#e3e8ee"
+
+STYLE: Any = {
+    "svg.fonttype": "none",  # text stays text: small, searchable, in the page's font
+    "svg.hashsalt": "rid-daq",  # the same numbers give the same bytes
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#8593a3",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.0,
+    "legend.frameon": False,
+}
 
 
 def torque_figure(time_s: Sequence[float], axis: dict[str, Any], name: str) -> str:
@@ -52,7 +71,7 @@ def torque_figure(time_s: Sequence[float], axis: dict[str, Any], name: str) -> s
         bottom.set_ylabel(f"error [{axis['unit']}]")
         bottom.set_xlabel("time [s]")
         bottom.set_xlim(float(t[0]), float(t[-1]))
-        return inline_svg(figure, name)
+        return as_svg(figure, name)
 
 
 def spectrum_figure(frequency_hz: Sequence[float], axes: Sequence[dict[str, Any]]) -> str:
@@ -87,7 +106,7 @@ def spectrum_figure(frequency_hz: Sequence[float], axes: Sequence[dict[str, Any]
         panels[0].set_ylabel("rms torque")
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper right", ncols=3)
-        return inline_svg(figure, "spectrum")
+        return as_svg(figure, "spectrum")
 
 
 def truth_figure(cases: Sequence[dict[str, Any]]) -> str:
@@ -115,7 +134,7 @@ def truth_figure(cases: Sequence[dict[str, Any]]) -> str:
             panel.set_title(case["title"], fontsize=9.0)
             panel.set_xlabel("parameter number")
         panels[0].set_ylabel("(estimate - truth) / σ")
-        return inline_svg(figure, "truth")
+        return as_svg(figure, "truth")
 
 
 def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str) -> str:
@@ -147,7 +166,7 @@ def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str
         panel.grid(visible=False, axis="x")
         panel.set_xlabel("lateness of the cycle [µs]")
         panel.set_ylabel("cycles")
-        return inline_svg(figure, name)
+        return as_svg(figure, name)
 
 
 def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
@@ -197,4 +216,20 @@ def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
             panel.legend(loc="lower right", fontsize=7.5)
         for panel in panels[len(joints) :]:
             panel.set_visible(False)
-        return inline_svg(figure, "friction")
+        return as_svg(figure, "friction")
+
+
+def as_svg(figure: Figure, name: str) -> str:
+    """Return a drawing as an element to put into a page, its ids made its own by a word."""
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    drawing = buffer.getvalue()
+    drawing = drawing[drawing.index("<svg") :]
+    drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
+    drawing = drawing.replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')
+    return re.sub(
+        r'(<svg[^>]*?) width="[^"]*" height="[^"]*"|<metadata>.*?</metadata>\s*',
+        lambda found: found.group(1) or "",
+        drawing,
+        flags=re.DOTALL,
+    )

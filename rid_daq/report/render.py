@@ -16,6 +16,7 @@ from rid_daq.report.figures import (
     torque_figure,
     truth_figure,
 )
+from rid_daq.report.path_figures import error_figure, path_figure
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -103,6 +104,15 @@ def _figures(result: dict[str, Any]) -> dict[str, Any]:
         ]
         figures["cascades"] = [
             Markup(cascade_figure(axis["cascade"], f"cascade{k}")) for k, axis in enumerate(axes)
+        ]
+    if "tracking" in result:
+        tracking = result["tracking"]
+        figures["tracking"] = [
+            (
+                Markup(path_figure(motion["drawn"], f"path{position}")),
+                Markup(error_figure(motion["drawn"], tracking["joints"], f"error{position}")),
+            )
+            for position, motion in enumerate(tracking["motions"])
         ]
     figures["loops"] = [
         Markup(histogram_figure(loop["edges_us"], loop["counts"], f"loop{position}"))
