@@ -16,7 +16,7 @@ EVERY_S = 16.0
 def test_every_reaction_is_right_and_nothing_grows(
     tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
-    faults = QUICK[:3]
+    faults = QUICK[1:3]
     found = soak(len(faults) * EVERY_S / 3600.0, EVERY_S, 1, tmp_path, faults=faults)
     assert found.wrong == []
     assert found.faults == len(faults)
