@@ -42,7 +42,9 @@ class DriveSafety(ConfigModel):
 
     The heartbeat consumer (1016h) with abort connection (6007h) is what stops the drive when
     this computer dies; `allow_drive_without_watchdog` names the drives (node ids) that may run
-    without it.
+    without it. With `trip_watchdog_with_power` the preflight switches the drives on, at rest, and
+    withholds this computer's heartbeat until each has stopped by itself; without it, it does so
+    without power and sees their emergency message.
     """
 
     master_node_id: Annotated[int, Field(ge=1, le=127)] = 127
@@ -58,6 +60,7 @@ class DriveSafety(ConfigModel):
     following_error_timeout_ms: Annotated[int, Field(ge=0, le=65535)] = 20
     torque_limit_fraction: Annotated[float, Field(gt=0.0, le=6.5)] = 3.0
     allow_drive_without_watchdog: tuple[int, ...] = ()
+    trip_watchdog_with_power: bool = False
 
     @model_validator(mode="after")
     def _beats_within_timeouts(self) -> DriveSafety:
@@ -65,6 +68,10 @@ class DriveSafety(ConfigModel):
             raise ValueError("master_heartbeat_ms must be at most half master_heartbeat_timeout_ms")
         if self.drive_heartbeat_ms >= self.drive_heartbeat_timeout_ms:
             raise ValueError("drive_heartbeat_ms must be below drive_heartbeat_timeout_ms")
+        if self.trip_watchdog_with_power and self.abort_connection == 1:
+            raise ValueError(
+                "trip_watchdog_with_power would leave the drives in fault: abort_connection is 1"
+            )
         return self
 
 

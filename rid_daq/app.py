@@ -29,6 +29,7 @@ COMMANDS: dict[str, str] = {
     "demo": "the whole story on the bundled simulated cell, with a report, no hardware",
     "init": "write a commented cell, robot and motion to start from",
     "check": "preflight: every device, every safety setting; any red means no motion",
+    "reset": "reset the faults of a cell's drives, once their causes are gone",
     "mock": "serve a cell's simulated devices on their bus until stopped",
     "design": "choose an excitation, verify it against the limits, write the motion file",
     "plate": "zero the force plate under the robot",

@@ -165,15 +165,20 @@ def tell_paths(
 
 def _loop_sentence(loops: list[VelocityLoop], tuning: Tuning) -> str:
     """Say what the chapter measured before it compensated."""
-    parts = [
-        f"{loop.joint_name} {loop.gain:.4g} ± {2.0 * loop.sigma['gain']:.2g} and"
-        f" {1e3 * loop.integral_time_s:.4g} ms (torque times {scale:.3f},"
-        f" {1e3 * delay_s:.2f} ms later)"
-        for loop, scale, delay_s in zip(
-            loops, tuning.tuning.scale.tolist(), tuning.tuning.delay_s.tolist(), strict=True
+    parts, tuned = [], []
+    for loop, scale, delay_s in zip(
+        loops, tuning.tuning.scale.tolist(), tuning.tuning.delay_s.tolist(), strict=True
+    ):
+        parts.append(
+            f"{loop.joint_name} {loop.gain:.4g} ± {2.0 * loop.sigma['gain']:.2g} and"
+            f" {1e3 * loop.integral_time_s:.4g} ms"
         )
-    ]
+        if (scale, delay_s) != (1.0, 0.0):
+            tuned.append(
+                f"{loop.joint_name} torque times {scale:.3f}, {1e3 * delay_s:.2f} ms later"
+            )
     return (
         "Velocity loops out of a multisine, gain [N m s/rad] and integral time:"
-        f" {'; '.join(parts)}. The circle without compensation tuned scale and delay."
+        f" {'; '.join(parts)}. By the circle without compensation:"
+        f" {'; '.join(tuned) or 'nothing to tune'}."
     )
