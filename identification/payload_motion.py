@@ -32,7 +32,7 @@ from identification.payload_equations import PayloadModel
 from identification.torque_columns import torque_columns
 
 POSITION_SHARE: Final = 0.6
-SPEED_SHARE: Final = 0.4
+SPEED_SHARE: Final = 0.2
 HARMONICS: Final = 6
 DRAWS: Final = 200
 STEPS: Final = 1500
@@ -43,7 +43,7 @@ ARM_M: Final = 0.3
 MASS_KG: Final = 5.0
 MASS_GOAL_KG: Final = 0.04
 CENTRE_GOAL_M: Final = 0.002
-LASTING_SHARE: Final = 0.2
+LASTING_SHARE: Final = 0.1
 HEAT_WEIGHT: Final = 10.0
 FIRST_STEP: Final = 0.3
 LAST_STEP: Final = 0.03
@@ -188,7 +188,7 @@ class PayloadSearch:
         Six payloads stand for all, each 0.3 m away along one of the flange's axes. Of each, the
         variances of mass and centre of gravity count, a standard deviation of 2 mm as much as one
         of 40 g. Noise is taken for a share of the joint's torque limit. Motions whose lasting
-        torque (RMS, by the links as drawn) is more than a fifth of a limit count as worse: motors
+        torque (RMS, by the links as drawn) is more than a tenth of a limit count as worse: motors
         bear about a third of it for long, and warm ones drift.
         """
         model, motion = self.model, self.path(coefficients)
