@@ -359,7 +359,7 @@ class ExcitationProblem:
 
     @cached_property
     def _to_motors(self) -> FloatArray | None:
-        """Turns the joints' speeds into the motors' over their gears, (n, n); None without coupling.
+        """Turns the joints' speeds into the motors' over their gears, (n, n); None where uncoupled.
 
         A motor may turn as fast as its joint may where nothing couples them.
         """

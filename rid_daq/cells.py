@@ -101,12 +101,20 @@ def mountable_cell(
 
 
 def _as_served(cell: CellConfig) -> CellConfig:
-    """Return the cell with its plate at the port that `rid-daq mock` has made for it."""
-    if not cell.simulated or cell.plate is None or cell.can.interface != "rid_sim":
+    """Return the cell with the serial ports that `rid-daq mock` has made for it."""
+    if not cell.simulated or cell.can.interface != "rid_sim":
         return cell
-    from mock_hw.cell import with_address
-    from mock_hw.runtime_directory import plate_path
+    from mock_hw.cell import on_pseudo_terminal, with_address
+    from mock_hw.runtime_directory import plate_path, registers_path
 
+    if cell.monitor is not None and cell.monitor.link.kind == "rtu":
+        line = registers_path(cell.can.channel)
+        if line.exists():
+            link = on_pseudo_terminal(cell.monitor.link, line)
+            monitor = cell.monitor.model_copy(update={"link": link})
+            cell = cell.model_copy(update={"monitor": monitor})
+    if cell.plate is None:
+        return cell
     port = plate_path(cell.can.channel)
     return with_address(cell, str(port)) if port.exists() else cell
 

@@ -27,6 +27,7 @@ from rid_daq.commands.payload_identify import PAYLOAD, known_quantity
 from rid_daq.commands.record import check_robot
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
+from rid_daq.flange import compared
 from rid_daq.payload_job import Weighing, weigh_runs
 from rid_daq.payload_section import payload_section, payload_verdict, tell_payload
 from rid_daq.payload_steps import (
@@ -52,7 +53,7 @@ def session(
         Path | None,
         typer.Option(metavar="MOTION", help="A periodic motion; one is searched if not given."),
     ] = None,
-    periods: Annotated[int, typer.Option(min=2, help="Periods measured in each run at most.")] = 14,
+    periods: Annotated[int, typer.Option(min=2, help="Periods measured in each run at most.")] = 18,
     repeats: Annotated[int, typer.Option(min=1, max=20, help="Runs with the payload.")] = 1,
     model: Annotated[
         Path | None,
@@ -135,7 +136,7 @@ def session(
                     f"--payload is for a simulated cell that is started here, not for {cell}"
                 )
             _preflight(loaded, reachable, runs, console)
-            guide = _Guide(PayloadSteps(loaded, reachable, console), state, asked, label)
+            guide = _Guide(PayloadSteps(loaded, reachable, console, simulated), state, asked, label)
             empty = ", no payload attached" if "unloaded" in wanted else ""
             clear = f"Nobody in cell {loaded.config.name}, emergency stop at hand{empty}?"
             require_yes(console, clear, yes or loaded.config.simulated)
@@ -292,6 +293,7 @@ def _finish(
     result = new_result(f"Payload session on {loaded.config.name}", loaded.robot.name)
     result["cell"] = cell_section(loaded.config)
     section = payload_section(judged, repeats)
+    section["findings"] += compared(data, [name != "unloaded" for name in names], judged)
     warm = state.facts.get("warm_up")
     if isinstance(warm, dict):
         section["findings"].append(

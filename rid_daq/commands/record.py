@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from pydantic import JsonValue
 
 from acquisition.motion_samples import MotionSamples, plan_motion
 from acquisition.run_folder import RunFolder
@@ -21,10 +22,11 @@ from config.motion import (
     ReversedMotion,
 )
 from rid_daq.accuracy_watch import AccuracyWatch
-from rid_daq.cells import reachable_cell
+from rid_daq.cells import mountable_cell
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
+from rid_daq.flange import note_flange
 from rid_daq.recording_job import RecordedRun, record_run
 from rid_daq.result import write_result
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
@@ -83,13 +85,19 @@ def record(
     if until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(until or (), loaded.robot, samples)
     require_cleared(loaded.config, cleared)
-    with reachable_cell(loaded, realtime=realtime, seed=seed, payload=payload) as reachable:
+    with mountable_cell(loaded, realtime=realtime, seed=seed, payload=payload) as (
+        reachable,
+        simulated,
+    ):
         folder = RunFolder.create(
             runs, label or as_label(motion.stem), software=software_versions()
         )
         with unfinished(folder):
+            facts: dict[str, JsonValue] = {"robot": loaded.robot.name}
             for name, content in loaded.files.items():
                 folder.write(name, content)
+            if simulated is not None:
+                facts |= note_flange(folder, loaded, simulated.attached)
             folder.write("motion.yaml", motion.read_bytes())
             if feedforward is not None:
                 folder.write("feedforward.json", feedforward.read_bytes())
@@ -107,7 +115,7 @@ def record(
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report
     report = write_result(folder, run.result)
-    folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
+    folder.finish(run.status, facts | {"rows": run.outcome.rows})
     _tell(console, run, asked, folder, report, accuracy)
     stop = run.outcome.stop
     if stop is not None:

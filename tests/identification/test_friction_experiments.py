@@ -206,7 +206,7 @@ def test_a_motor_that_turns_the_other_way_has_friction_of_the_same_sign() -> Non
 
 def test_a_motor_that_stands_still_while_its_joint_moves_alone_is_refused() -> None:
     robot = coupled(0.1)
-    with pytest.raises(EstimationError, match="motor of axis2 turns by only 0.1 .*kind reversed"):
+    with pytest.raises(EstimationError, match=r"motor of axis2 turns by only 0\.1 .*kind reversed"):
         constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)
 
 
