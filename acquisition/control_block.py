@@ -1,68 +1,35 @@
 """`ControlBlock`: what the program, the cyclic task, the recorder and the monitor tell one another.
 
-A few words of anonymous shared memory. Every field has one writer; texts are written before the
-word that announces them.
+A few words of anonymous shared memory. Every field has one writer, but for the request to stop,
+which anybody may make; texts are written before the word that announces them.
 """
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from enum import IntEnum
 from math import isnan, nan
-from multiprocessing import get_context
 from typing import Any
 
-from acquisition.motion_samples import Phase
+from acquisition.phase import Phase
+from acquisition.shared_memory import SharedMemory
 from acquisition.stop_reason import StopCode, StopReason
+from acquisition.task_states import MonitorState as MonitorState
+from acquisition.task_states import Pace as Pace
+from acquisition.task_states import Progress as Progress
+from acquisition.task_states import RecorderState as RecorderState
+from acquisition.task_states import TaskState as TaskState
 from config import errors
 from config.errors import DriverError, RidDaqError
 
-
-class TaskState(IntEnum):
-    """How far the cyclic task has come."""
-
-    STARTING = 0
-    BRING_UP = 1
-    ENABLING = 2
-    MOVING = 3
-    STOPPING = 4
-    FINISHED = 5
-
-
-class RecorderState(IntEnum):
-    """How far the recorder has come."""
-
-    STARTING = 0
-    RECORDING = 1
-    FINISHED = 2
-    FAILED = 3
-
-
-class MonitorState(IntEnum):
-    """How far the drive monitor has come."""
-
-    STARTING = 0
-    POLLING = 1
-    FINISHED = 2
-    FAILED = 3
-
-
-class Pace(IntEnum):
-    """By which clock the cyclic task runs, as far as is known."""
-
-    UNKNOWN = 0
-    REAL_TIME = 1
-    LOCKSTEP = 2
-
-
 MOST_JOINTS = 16
+MEMORY_NAME = "rid-daq-control-1"
+"""Says what is in the memory, and in which layout: count it up where that changes."""
 
 
 class _Fields(ctypes.Structure):
     _fields_ = (
-        # written by the program
+        # written by the program; the first also by the live page and by `rid-daq stop`
         ("stop_code", ctypes.c_int64),
         ("task_gone", ctypes.c_int64),
         ("judging", ctypes.c_int64),
@@ -80,6 +47,8 @@ class _Fields(ctypes.Structure):
         ("reason_limit", ctypes.c_double),
         ("reason_joint", ctypes.c_char * 64),
         ("reason_text", ctypes.c_char * 1024),
+        ("at_rest", ctypes.c_int64),
+        ("ramp_s", ctypes.c_double),
         ("task_failed", ctypes.c_int64),
         ("error_class", ctypes.c_char * 64),
         ("error_text", ctypes.c_char * 4096),
@@ -101,37 +70,37 @@ class _Fields(ctypes.Structure):
     )
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where the cyclic task is: for a progress bar.
-
-    `sample_index` is the row of the motion last commanded, -1 before and after it;
-    `temperature_k` are the motors' latest temperatures, NaN for a drive that did not answer, empty
-    where nothing asks for them or nothing has been answered yet.
-    """
-
-    state: TaskState
-    phase: Phase
-    sample_index: int
-    cycles: int
-    temperature_k: tuple[float, ...] = ()
-
-
 class ControlBlock:
     """The shared words; made by `create`, handed to the processes as an argument."""
 
-    def __init__(self, fields: Any) -> None:
-        self._fields = fields
+    def __init__(self, memory: SharedMemory) -> None:
+        self._memory = memory
+        self._fields = _Fields.from_buffer(memory.buffer)
 
     @classmethod
     def create(cls) -> ControlBlock:
         """Return a cleared block in fresh shared memory."""
-        block = cls(get_context("spawn").RawValue(_Fields))
+        block = cls(SharedMemory.create(MEMORY_NAME, ctypes.sizeof(_Fields)))
         block.set_progress(-1, Phase.APPROACH, 0)
         return block
 
+    @classmethod
+    def of_process(cls, pid: int) -> ControlBlock | None:
+        """Return the block of the motion that another process has under way, None without one.
+
+        Raises
+        ------
+        PermissionError
+            The process is not this user's.
+        """
+        for memory in SharedMemory.of_process(pid, MEMORY_NAME, ctypes.sizeof(_Fields)):
+            block = cls(memory)
+            if block.task_state is not TaskState.FINISHED and not block.task_gone:
+                return block
+        return None
+
     def __reduce__(self) -> tuple[Callable[..., ControlBlock], tuple[Any]]:
-        return ControlBlock, (self._fields,)
+        return ControlBlock, (self._memory,)
 
     # the program's side
 
@@ -193,6 +162,11 @@ class ControlBlock:
             value=None if isnan(value) else value,
             limit=None if isnan(limit) else limit,
         )
+
+    @property
+    def ramp_s(self) -> float | None:
+        """How long the axes took to come to rest [s], None as long as that was not seen."""
+        return float(self._fields.ramp_s) if self._fields.at_rest else None
 
     @property
     def task_error(self) -> RidDaqError | None:
@@ -286,6 +260,11 @@ class ControlBlock:
         fields.reason_limit = nan if reason.limit is None else reason.limit
         fields.reason_code = int(reason.code)
 
+    def report_rest(self, ramp_s: float) -> None:
+        """Say that all axes rest, so long after the quick stop [s]."""
+        self._fields.ramp_s = ramp_s
+        self._fields.at_rest = 1
+
     def add_note(self, text: str) -> None:
         """Keep one more sentence for the program's report."""
         line = " ".join(text.split())
@@ -332,6 +311,11 @@ class ControlBlock:
         """Say that the recorder cannot go on."""
         self._fields.recorder_error = _clipped(text, 1023)
         self.recorder_state = RecorderState.FAILED
+
+    def fill_recorder(self, text: str) -> None:
+        """Say that there is room for the motion's end, and for nothing more."""
+        self._fields.recorder_error = _clipped(text, 1023)
+        self.recorder_state = RecorderState.FULL
 
     # the drive monitor's side
 

@@ -37,12 +37,15 @@ RING_LIMIT = 0.8
 STOP_MARGIN_S = 0.5
 REST_VELOCITY = 0.01
 REST_CYCLES = 5
+OBEY_CYCLES = 8
 RECORDER_PATIENCE_S = 30.0
 PAUSE_S = 0.001
 JUDGE_PATIENCE_S = 60.0
 
 _TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
+    StopCode.STOP_COMMAND: "stopped by `rid-daq stop`",
+    StopCode.STOP_BUTTON: "stopped by the live page's stop button",
     StopCode.RECORDER: "the recorder process has died; what it had written is kept",
     StopCode.PLATE_LINE: "the force plate's rows have ended",
     StopCode.PLATE_OVERLOAD: "the force plate was overloaded in more periods than can be left out",
@@ -111,7 +114,7 @@ class CyclicTask:
         Parameters
         ----------
         source : SetPointSource
-            The motion; the way to its start is planned from where the robot stands.
+            The motion, prepared; the way to its start is planned from where the robot stands.
 
         Returns
         -------
@@ -127,7 +130,7 @@ class CyclicTask:
         """
         control, axes = self._control, self._axes
         # once before it counts, so that no first-time cost falls between two cycles
-        start = source.prepare(self._lockstep)
+        start = source.begin(self._lockstep)
         approach(start, start, self._robot, self._period_s)
         reason = self._order_to_stop()
         if reason is not None:
@@ -231,7 +234,7 @@ class CyclicTask:
         if control.stop_code:
             code = StopCode(control.stop_code)
             return StopReason(code, _TEXT_OF_ORDER.get(code, code.name.lower()))
-        if control.recorder_state is RecorderState.FAILED:
+        if control.recorder_state in (RecorderState.FAILED, RecorderState.FULL):
             return StopReason(StopCode.RECORDER, control.recorder_error)
         if not self._lockstep and (fill := self._ring.fill) > RING_LIMIT:
             return StopReason(
@@ -252,6 +255,7 @@ class CyclicTask:
         reason = (
             supervisor.check_events(axes.take_events())
             or supervisor.check_late_frames(late_frames)
+            or supervisor.check_target(target.position, target.velocity, periods)
             or supervisor.check_measured(
                 axes.received.tolist(),
                 axes.position.tolist(),
@@ -270,7 +274,9 @@ class CyclicTask:
             reason = supervisor.check_set_point(target.position, target.velocity, wanted, periods)
             if reason is None:
                 self._velocity[:] = wanted
-                if axes.command(self._velocity):
+                if not axes.received.any():
+                    command = self._rest  # a bus without drives would keep it for their return
+                elif axes.command(self._velocity):
                     command = wanted
                 else:
                     reason = StopReason(
@@ -325,7 +331,8 @@ class CyclicTask:
         if self._lockstep and self._wait_for_room():
             self._ring.write(row)
             return None
-        return StopReason(StopCode.RECORDER, "the recorder's buffer is full: a row was lost")
+        full = StopReason(StopCode.RECORDER, "the recorder's buffer is full: a row was lost")
+        return self._order_to_stop() or full
 
     def _wait_for_room(self) -> bool:
         """Let simulated time stand still until the recorder has made room."""
@@ -333,13 +340,21 @@ class CyclicTask:
         while time.monotonic() < until_s:
             if self._ring.waiting < self._ring.capacity:
                 return True
-            if self._order_to_stop() is not None:
+            if self._recorder_gone():
                 return False
             time.sleep(PAUSE_S)
         return False
 
+    def _recorder_gone(self) -> bool:
+        control = self._control
+        failed = control.recorder_state is RecorderState.FAILED
+        return failed or control.stop_code == StopCode.RECORDER
+
     def _stop(self) -> None:
-        """Quick stop, by set-point frames alone, and watch until everything rests."""
+        """Quick stop, by set-point frames alone, and watch until everything rests.
+
+        An axis that is told to and does not slow down is not waited for: power off is next.
+        """
         axes = self._axes
         fastest_s = max(joint.limits.velocity for joint in self._robot.joints)
         ramp_s = fastest_s / self._cell.drive_safety.quick_stop_deceleration_rad_s2
@@ -347,9 +362,11 @@ class CyclicTask:
         before = axes.position.tolist()
         target = SetPoint(before, self._rest, self._rest, -1, Phase.HOLD)
         resting = 0
+        first: list[float] = []
+        began_s = self._clock.now_s()
         try:
             axes.quick_stop()
-            for _ in range(cycles):
+            for cycle in range(cycles):
                 lateness_s, periods = self._wake()
                 time_s, exchange_s = self._exchange()
                 axes.quick_stop()
@@ -365,9 +382,21 @@ class CyclicTask:
                 rest = all(received) and all(
                     abs(now - then) <= most for now, then in zip(position, before, strict=True)
                 )
+                speed = [
+                    abs(now - then) / (self._period_s * periods)
+                    for now, then in zip(position, before, strict=True)
+                ]
                 before = position
                 resting = resting + 1 if rest else 0
                 if resting >= REST_CYCLES:
+                    self._control.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
+                    return
+                first = first or speed
+                if cycle == OBEY_CYCLES and (deaf := self._disobedient(first, speed, received)):
+                    self._control.add_note(
+                        f"the quick stop did not slow down {', '.join(deaf)}: the power was taken"
+                        " away at once"
+                    )
                     return
         except (DriverError, SafetyStop) as error:
             self._control.add_note(f"while stopping: {error}")
@@ -376,6 +405,20 @@ class CyclicTask:
             "standstill could not be seen within the time that the ramp takes; the drives were"
             " disabled all the same"
         )
+
+    def _disobedient(
+        self, first: list[float], speed: list[float], received: list[bool]
+    ) -> list[str]:
+        """Return the axes that have slowed down by less than half of what the quick stop asks."""
+        deceleration = self._cell.drive_safety.quick_stop_deceleration_rad_s2
+        slower = 0.5 * deceleration * (OBEY_CYCLES - 2) * self._period_s
+        return [
+            name
+            for name, then, now, answered in zip(
+                self._axes.joint_names, first, speed, received, strict=True
+            )
+            if answered and now > max(10.0 * REST_VELOCITY, then - slower)
+        ]
 
     def _disable(self) -> None:
         try:

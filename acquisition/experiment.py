@@ -7,7 +7,7 @@ import shutil
 import signal
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnProcess
@@ -16,19 +16,18 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.clear_path import refuse_collision
+from acquisition.companions import Onlooker, end_monitor, end_onlooker, monitor_process
 from acquisition.control_block import (
     ControlBlock,
-    MonitorState,
     Progress,
     RecorderState,
     TaskState,
 )
 from acquisition.cycle_row import row_dtype
 from acquisition.cycle_statistics import CycleStatistics, cycle_statistics
+from acquisition.joint_values import JointWatch
 from acquisition.journal import read_journal
 from acquisition.journal_header import JournalHeader
-from acquisition.monitor_process import run_monitor
-from acquisition.monitor_row import MONITOR, MonitorHeader
 from acquisition.motion_samples import MotionSamples, verify_limits
 from acquisition.period_judge import Enough, PeriodJudge
 from acquisition.plate_journal import PLATE_RECORDING
@@ -46,7 +45,6 @@ from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
-from config.load import load_bundled_or_path
 from config.robot import RobotDescription
 from dynamics.clearances import Clearances
 
@@ -104,6 +102,7 @@ def record_motion(
     enough: Enough | None = None,
     profile: AmplifierProfile | None = None,
     drive_profile: DriveProfile | None = None,
+    onlooker: Onlooker | None = None,
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
@@ -130,6 +129,9 @@ def record_motion(
         The registers of the drives, where the cell has a monitor; the bundled one of the cell's
         name when left out. Temperatures go to `monitor.mcap`; without them the motion is recorded
         all the same, and a note says so.
+    onlooker : callable, optional
+        Makes one more process, such as the live page's. It is not waited for, and its death changes
+        nothing.
 
     Raises
     ------
@@ -175,9 +177,13 @@ def record_motion(
         name="rid-daq recorder",
     )
     processes = [recorder, task]
-    monitor = _monitor(cell, robot, drive_profile, control, folder)
+    monitor = monitor_process(cell, robot, drive_profile, control, folder)
     if monitor is not None:
         processes.insert(0, monitor)
+    looker = None if onlooker is None else onlooker(ring, control)
+    if looker is not None:
+        processes.insert(0, looker)
+    joints = JointWatch(ring, cell, robot)
     with termination_calls(lambda: control.request_stop(StopCode.INTERRUPTED)) as interruption:
         # its start would let signals through again
         resource_tracker.ensure_running()
@@ -188,62 +194,17 @@ def record_motion(
                 for process in processes:
                     process.start()
             try:
-                _watch(task, recorder, monitor, control, on_progress, judge, plate)
+                _watch(task, recorder, monitor, control, joints, on_progress, judge, plate)
             finally:
                 notes += _wind_up(task, recorder, control)
-                notes += _end_monitor(monitor, control)
+                notes += end_monitor(monitor, control)
+                notes += end_onlooker(looker)
                 if judge is not None:
                     judge.close()
         finally:
             if plate is not None:
                 notes += plate.close()
     return _outcome(path, task, recorder, control, interruption, len(robot.joints), notes)
-
-
-def _monitor(
-    cell: CellConfig,
-    robot: RobotDescription,
-    profile: DriveProfile | None,
-    control: ControlBlock,
-    folder: RunFolder,
-) -> SpawnProcess | None:
-    """Return the process that will ask the drives for temperatures, where the cell has a way."""
-    if cell.monitor is None:
-        return None
-    if profile is None:
-        profile = load_bundled_or_path(cell.monitor.profile, "profiles", DriveProfile)
-    control.announce_monitor(len(robot.joints))
-    header = MonitorHeader(
-        joint_names=robot.joint_names,
-        period_s=cell.monitor.period_s,
-        cell_name=cell.name,
-        robot_name=robot.name,
-        run_id=folder.run_id,
-    )
-    return get_context("spawn").Process(
-        target=run_monitor,
-        args=(cell.monitor, profile, control, folder.file(MONITOR), header, os.getpid()),
-        name="rid-daq drive monitor",
-    )
-
-
-def _end_monitor(monitor: SpawnProcess | None, control: ControlBlock) -> list[str]:
-    if monitor is None:
-        return []
-    monitor.join(FINISH_PATIENCE_S)
-    notes = []
-    if monitor.is_alive():
-        notes.append("the drive monitor did not finish and was killed; its file is not closed")
-        monitor.kill()
-        monitor.join()
-    elif monitor.exitcode != 0:
-        control.declare_monitor_dead()
-    monitor.close()
-    if control.monitor_state is MonitorState.FAILED:
-        notes.append(f"no temperatures from here on: {control.monitor_error}")
-    elif control.monitor_error:
-        notes.append(control.monitor_error)
-    return notes
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:
@@ -301,6 +262,7 @@ def _watch(
     recorder: SpawnProcess,
     monitor: SpawnProcess | None,
     control: ControlBlock,
+    joints: JointWatch,
     on_progress: Callable[[Progress], None] | None,
     judge: PeriodJudge | None,
     plate: PlateSession | None,
@@ -328,7 +290,7 @@ def _watch(
         if plate is not None:
             plate.watch(progress, control)
         if on_progress is not None:
-            on_progress(progress)
+            on_progress(replace(progress, joints=joints.look()))
 
 
 def _wind_up(task: SpawnProcess, recorder: SpawnProcess, control: ControlBlock) -> list[str]:

@@ -24,7 +24,7 @@ MAX_CHUNK_BYTES = 1 << 20
 METADATA_NAME = "rid_daq.header"
 
 _MAGIC = b"\x89MCAP0\r\n"
-_FOOTER, _STATISTICS, _CHANNEL, _MESSAGE = 0x02, 0x0B, 0x04, 0x05
+_FOOTER, _STATISTICS, _CHANNEL, _MESSAGE, _MESSAGE_INDEX = 0x02, 0x0B, 0x04, 0x05, 0x07
 _RECORD = struct.Struct("<BQ")
 # opcode, record length, first and last time, uncompressed size, CRC, length of the (empty)
 # name of the compression, size of the records
@@ -49,11 +49,14 @@ class JournalDamage:
         First row missing and how many, counted from row 0.
     bad_chunks : int
         Chunks that were there and failed their CRC.
+    torn_bytes : int
+        Bytes after the last readable chunk of a file that was not closed.
     """
 
     finished: bool
     gaps: tuple[tuple[int, int], ...]
     bad_chunks: int
+    torn_bytes: int = 0
 
     @property
     def rows_lost(self) -> int:
@@ -69,6 +72,8 @@ class JournalDamage:
         ]
         if self.bad_chunks:
             notes.append(f"{self.bad_chunks} blocks fail their checksum and were left out")
+        if self.torn_bytes:
+            notes.append(f"the last {self.torn_bytes} bytes are torn and were left out")
         if not self.finished:
             notes.append("the file was not closed: rows after the last one may be missing")
         return tuple(notes)
@@ -84,6 +89,10 @@ class RawJournal:
         Channel id of each message.
     payloads : list of bytes
         Body of each message, in the order written.
+    sequences : list of int
+        Number of each message among all that were written; a gap is a loss.
+    times_ns : list of int
+        Time of each message [ns].
     headers : tuple of dict
         What may be the file's header, the better kept copy first.
     damage : JournalDamage
@@ -92,6 +101,8 @@ class RawJournal:
 
     channels: list[int]
     payloads: list[bytes]
+    sequences: list[int]
+    times_ns: list[int]
     headers: tuple[dict[str, str], ...]
     damage: JournalDamage
 
@@ -126,28 +137,44 @@ def _read(data: _Buffer) -> RawJournal:
     channels: list[int] = []
     payloads: list[bytes] = []
     sequences: list[int] = []
+    times_ns: list[int] = []
     headers = [_metadata_pairs(data)]
-    bad_chunks = 0
-    for records in _chunks(data):
+    bad_chunks = end_of_chunks = 0
+    for records, end_of_chunk in _chunks(data):
         if records is None:
             bad_chunks += 1
             continue
+        end_of_chunks = end_of_chunk
         for opcode, start, end in _records(records):
             if opcode == _MESSAGE:
-                channel, sequence, _, _ = _MESSAGE_HEAD.unpack_from(records, start)
+                channel, sequence, time_ns, _ = _MESSAGE_HEAD.unpack_from(records, start)
                 if sequences and sequence <= sequences[-1]:
                     raise RecordingError(f"row {sequence} follows row {sequences[-1]}")
                 sequences.append(sequence)
+                times_ns.append(time_ns)
                 channels.append(channel)
                 payloads.append(records[start + _MESSAGE_HEAD.size : end])
             elif opcode == _CHANNEL and len(headers) == 1:
                 headers.append(_channel_pairs(records[start:end]))
     total = _messages_written(data)
     damage = JournalDamage(
-        finished=total is not None, gaps=_gaps(sequences, total), bad_chunks=bad_chunks
+        finished=total is not None,
+        gaps=_gaps(sequences, total),
+        bad_chunks=bad_chunks,
+        torn_bytes=len(data) - _end_of_index(data, end_of_chunks) if total is None else 0,
     )
     known = tuple(pairs for pairs in headers if pairs is not None)
-    return RawJournal(channels, payloads, known, damage)
+    return RawJournal(channels, payloads, sequences, times_ns, known, damage)
+
+
+def _end_of_index(data: _Buffer, position: int) -> int:
+    """Return where the index records end that follow the last chunk."""
+    while position + _RECORD.size <= len(data):
+        opcode, length = _RECORD.unpack_from(data, position)
+        if opcode != _MESSAGE_INDEX or position + _RECORD.size + length > len(data):
+            break
+        position += _RECORD.size + length
+    return position
 
 
 def _gaps(sequences: list[int], total: int | None) -> tuple[tuple[int, int], ...]:
@@ -156,8 +183,8 @@ def _gaps(sequences: list[int], total: int | None) -> tuple[tuple[int, int], ...
     return tuple((int(numbers[i]) + 1, int(missing[i])) for i in np.flatnonzero(missing > 0))
 
 
-def _chunks(data: _Buffer) -> Iterator[bytes | None]:
-    """Yield every intact chunk's records; None for one that fails its CRC."""
+def _chunks(data: _Buffer) -> Iterator[tuple[bytes | None, int]]:
+    """Yield every intact chunk's records and its end; None for one that fails its CRC."""
     position, size = 0, len(data)
     budget = 4 * size + MAX_CHUNK_BYTES
     while True:
@@ -178,9 +205,9 @@ def _chunks(data: _Buffer) -> Iterator[bytes | None]:
         records = data[begin : begin + stored_size]
         if zlib.crc32(records) == crc:
             position = begin + stored_size
-            yield records
+            yield records, position
         else:
-            yield None
+            yield None, position
 
 
 def _records(data: bytes) -> Iterator[tuple[int, int, int]]:

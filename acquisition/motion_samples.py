@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
@@ -13,9 +12,13 @@ from acquisition.arrays import FloatArray, PhaseArray, read_only
 from acquisition.circle import circle_motion
 from acquisition.constant_velocity import constant_velocity_runs, duration_s
 from acquisition.excitation import FourierTrajectory
+from acquisition.joint_path import joint_path_motion, joint_table_motion
 from acquisition.motion_limits import beyond_limits, refuse, violations
 from acquisition.multipoint import multipoint_path
 from acquisition.multisine import realisation_motions
+from acquisition.path_geometry import stretches
+from acquisition.path_motion import path_motion
+from acquisition.phase import Phase as Phase
 from acquisition.ramp import (
     Path,
     join,
@@ -35,6 +38,7 @@ from config.motion import (
     MultisineMotion,
     ReversedMotion,
 )
+from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
 from config.robot import RobotDescription
 
 LONGEST_MOTION_S = 4 * 3600.0
@@ -42,17 +46,6 @@ APPROACH_SPEED_FRACTION = 0.3
 RAMP_GROWTH = 1.25
 RAMP_ATTEMPTS = 20
 DWELL_S = 0.5
-
-
-class Phase(IntEnum):
-    """What a sample of a motion is for."""
-
-    APPROACH = 0
-    RUN_IN = 1
-    TRANSIENT = 2
-    MAIN = 3
-    RUN_OUT = 4
-    HOLD = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +128,7 @@ def plan_motion(
 
     Parameters
     ----------
-    motion : FourierMotion, MultipointMotion, ConstantVelocityMotion, ReversedMotion or
-        MultisineMotion
+    motion : AnyMotion
         What the robot is to do. Reversed motions and multisines are planned as several periodic
         ones, and count as not periodic as a whole.
     robot : RobotDescription
@@ -161,6 +153,8 @@ def plan_motion(
         samples = _plan_parts(parts, robot, sample_period_s, motion.dwell_s)
     elif isinstance(motion, MultisineMotion):
         samples = _plan_parts(realisation_motions(motion, robot), robot, sample_period_s, DWELL_S)
+    elif isinstance(motion, PathMotion | JointPathMotion | JointTableMotion):
+        samples = _plan_path(motion, robot, sample_period_s)
     else:
         if isinstance(motion, MultipointMotion):
             path = multipoint_path(motion, robot, sample_period_s)
@@ -173,8 +167,34 @@ def plan_motion(
     return samples
 
 
+def _plan_path(
+    motion: PathMotion | JointPathMotion | JointTableMotion,
+    robot: RobotDescription,
+    sample_period_s: float,
+) -> MotionSamples:
+    """Return a path with its rests before and after; rows in between are its main part."""
+    if isinstance(motion, PathMotion):
+        path = path_motion(motion, robot, sample_period_s)
+    elif isinstance(motion, JointPathMotion):
+        path = joint_path_motion(motion, robot, sample_period_s)
+    else:
+        path = joint_table_motion(motion, robot, sample_period_s)
+    rest = max(1, math.ceil(motion.dwell_s / sample_period_s))
+    rows = len(path.position)
+    phase = _phases((Phase.HOLD, rest), (Phase.MAIN, rows - 2 * rest), (Phase.HOLD, rest))
+    return MotionSamples(robot.joint_names, sample_period_s, *path, phase)
+
+
 def _refuse_endless(motion: AnyMotion) -> None:
-    if isinstance(motion, MultipointMotion):
+    if isinstance(motion, MultipointMotion | JointPathMotion):
+        return
+    if isinstance(motion, PathMotion):
+        length_m = sum(part.length_m for part in stretches(motion))
+        slowest = min([s.speed_m_s or motion.speed_m_s for s in motion.segments])
+        _refuse_longer(length_m / slowest, f"{length_m:.4g} m at {slowest:g} m/s")
+        return
+    if isinstance(motion, JointTableMotion):
+        _refuse_longer(max(motion.time_s) - min(motion.time_s), "the times of its table")
         return
     if isinstance(motion, ConstantVelocityMotion):
         seconds, what = duration_s(motion), "its runs"
@@ -187,6 +207,10 @@ def _refuse_endless(motion: AnyMotion) -> None:
             parts = motion.realisations
         seconds = parts * (periods * motion.period_s + 2 * motion.ramp_s)
         what = f"{parts * periods} periods of {motion.period_s:.6g} s and its ramps"
+    _refuse_longer(seconds, what)
+
+
+def _refuse_longer(seconds: float, what: str) -> None:
     if seconds > LONGEST_MOTION_S:
         raise ConfigError(
             f"the motion takes {seconds:.6g} s: {what}; at most {LONGEST_MOTION_S:g} s can be run."

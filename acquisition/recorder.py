@@ -12,6 +12,7 @@ from pathlib import Path
 
 from acquisition.control_block import ControlBlock, RecorderState
 from acquisition.cycle_row import MESSAGE_NAME, message_definition, row_struct
+from acquisition.disk_reserve import RESERVE_BYTES
 from acquisition.journal_file import FLUSH_PERIOD_S, SYNC_PERIOD_S, JournalFile
 from acquisition.journal_header import JournalHeader
 from acquisition.ring import Ring
@@ -43,7 +44,7 @@ class JournalWriter(JournalFile):
         joints = len(header.joint_names)
         self._row_size = row_struct(joints).size
         pairs = header.to_metadata()
-        super().__init__(path, pairs)
+        super().__init__(path, pairs, reserve_bytes=RESERVE_BYTES)
         self._channel = self.add_channel(TOPIC, MESSAGE_NAME, message_definition(joints), pairs)
 
     def append(self, rows: bytes) -> None:
@@ -103,6 +104,8 @@ def _carry(ring: Ring, control: ControlBlock, writer: JournalWriter, parent: int
             writer.flush(to_disk=to_disk)
             flushed = now
             synced = now if to_disk else synced
+        if writer.disk_full and control.recorder_state is RecorderState.RECORDING:
+            control.fill_recorder(f"{writer.path}: the disk is full")
         if os.getppid() != parent:
             if control.task_beat != beat:
                 beat, alive = control.task_beat, now

@@ -106,3 +106,23 @@ class Ring:
         rows = bytes(self._rows[first * self.row_size : (first + count) * self.row_size])
         counters[_READ] = start + count
         return rows
+
+    def latest(self, limit: int) -> bytes:
+        """Return up to `limit` of the rows last written, without taking them; for onlookers.
+
+        Returns
+        -------
+        bytes
+            Whole rows, oldest first; empty where there is none, or where the writer came round
+            while they were copied.
+        """
+        counters = self._counters
+        end = counters[_WRITTEN]
+        start = max(0, end - min(limit, self.capacity - 1))
+        first, last = start % self.capacity, end % self.capacity
+        size = self.row_size
+        if first <= last:
+            rows = bytes(self._rows[first * size : last * size])
+        else:
+            rows = bytes(self._rows[first * size :]) + bytes(self._rows[: last * size])
+        return rows if counters[_WRITTEN] - start < self.capacity else b""

@@ -59,8 +59,17 @@ class SetPointSource(Protocol):
     def notes(self) -> Sequence[str]:
         """What a person should know once the motion is over, one sentence each."""
 
-    def prepare(self, lockstep: bool) -> FloatArray:
-        """Get ready, in the task's process and before power; return the pose to begin at.
+    def prepare(self) -> None:
+        """Get ready, in the task's process and before the drives are spoken to: may take its time.
+
+        Raises
+        ------
+        RidDaqError
+            There is nothing to drive.
+        """
+
+    def begin(self, lockstep: bool) -> FloatArray:
+        """Return the pose to begin at, at rest; called before power, and quick.
 
         Parameters
         ----------
@@ -113,7 +122,10 @@ class PlannedMotion:
         """Nothing."""
         return ()
 
-    def prepare(self, lockstep: bool) -> FloatArray:
+    def prepare(self) -> None:
+        """Do nothing."""
+
+    def begin(self, lockstep: bool) -> FloatArray:
         """Return the first row's pose."""
         return np.asarray(self.samples.position[0])
 

@@ -31,6 +31,10 @@ class StopCode(IntEnum):
     TASK_DIED = 20
     PLATE_LINE = 21
     PLATE_OVERLOAD = 22
+    STOP_COMMAND = 23
+    STOP_BUTTON = 24
+    POINTS_LOST = 31
+    POINTS_REFUSED = 32
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,7 @@ def run_cyclic_task(
 
     try:
         _await_recorder(control, orphaned)
+        source.prepare()
         with open_cell(cell, robot) as opened:
             lockstep = not isinstance(opened.clock, MonotonicClock)
             opened.axes.bring_up()

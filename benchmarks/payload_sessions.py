@@ -111,7 +111,7 @@ def main() -> int:
     asked = [(name, 100 * k + seed) for k, name in enumerate(names) for seed in range(count)]
     sessions: list[Session] = []
     with ThreadPoolExecutor(jobs) as pool:
-        for each in pool.map(lambda pair: session(*pair, quick), asked):
+        for each in pool.map(lambda pair: session(pair[0], pair[1], quick), asked):
             sessions.append(each)
             centre = ", ".join(f"{1e3 * value:+.2f}" for value in each.off[1:4])
             print(

@@ -42,7 +42,9 @@ class DriveSafety(ConfigModel):
 
     The heartbeat consumer (1016h) with abort connection (6007h) is what stops the drive when
     this computer dies; `allow_drive_without_watchdog` names the drives (node ids) that may run
-    without it.
+    without it. With `trip_watchdog_with_power` the preflight switches the drives on, at rest, and
+    withholds this computer's heartbeat until each has stopped by itself; without it, it does so
+    without power and sees their emergency message.
     """
 
     master_node_id: Annotated[int, Field(ge=1, le=127)] = 127
@@ -58,6 +60,7 @@ class DriveSafety(ConfigModel):
     following_error_timeout_ms: Annotated[int, Field(ge=0, le=65535)] = 20
     torque_limit_fraction: Annotated[float, Field(gt=0.0, le=6.5)] = 3.0
     allow_drive_without_watchdog: tuple[int, ...] = ()
+    trip_watchdog_with_power: bool = False
 
     @model_validator(mode="after")
     def _beats_within_timeouts(self) -> DriveSafety:
@@ -65,6 +68,10 @@ class DriveSafety(ConfigModel):
             raise ValueError("master_heartbeat_ms must be at most half master_heartbeat_timeout_ms")
         if self.drive_heartbeat_ms >= self.drive_heartbeat_timeout_ms:
             raise ValueError("drive_heartbeat_ms must be below drive_heartbeat_timeout_ms")
+        if self.trip_watchdog_with_power and self.abort_connection == 1:
+            raise ValueError(
+                "trip_watchdog_with_power would leave the drives in fault: abort_connection is 1"
+            )
         return self
 
 
@@ -73,6 +80,10 @@ class Supervision(ConfigModel):
 
     `missed_frames_limit` and `late_cycles_limit` count in a row; `late_answers_limit` counts the
     cycles, of the last 100, whose drives' answers came after their cycle.
+
+    A stuck encoder stands still for `stuck_encoder_cycles` while more than
+    `stuck_encoder_velocity_rad_s` is commanded; or while less is, and the torque has changed by
+    `stuck_encoder_torque_fraction` of the joint's limit since it stands: stiction gives way before.
 
     Following error: `following_error_min_rad` at standstill, growing with the commanded speed by
     `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR).
@@ -86,6 +97,7 @@ class Supervision(ConfigModel):
     following_error_per_velocity_s: NonNegative = 0.1
     stuck_encoder_cycles: Annotated[int, Field(ge=2)] = 5
     stuck_encoder_velocity_rad_s: Positive = 0.05
+    stuck_encoder_torque_fraction: Annotated[float, Field(gt=0.0, le=2.0)] = 0.35
     limit_margin_fraction: Annotated[float, Field(ge=0.0, le=0.5)] = 0.1
 
 
@@ -101,6 +113,11 @@ class CellConfig(ConfigModel):
 
     `monitor` is a second way to the drives (Modbus), for temperatures and nominal data.
 
+    `exchange` says what a cycle carries for each axis: `full`, two frames of 8 bytes; `trimmed`, 4
+    bytes there (velocity) and 6 back (position and torque), so that a fourth axis fits into 1 ms at
+    1 Mbit/s. Controlword and statusword then go in frames of their own, when they change and a few
+    times a second.
+
     `robot` and `plant` name a bundled file or give a path relative to the cell file. A cell with
     `simulated: true` gets its mock hardware started by the command that needs it.
     """
@@ -114,6 +131,7 @@ class CellConfig(ConfigModel):
     axes: tuple[DriveAxis, ...] = Field(min_length=1, max_length=16)
     position_gain_per_s: Annotated[float, Field(gt=0.0, le=200.0)]
     drive_safety: DriveSafety
+    exchange: Literal["full", "trimmed"] = "full"
     supervision: Supervision = Supervision()
     torque_filter: ButterworthFilter | None = None
     validation_limits_percent: tuple[Positive, ...] | None = None

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
+from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
 from config.robot import Positive, Vector3
 
 
@@ -216,5 +217,8 @@ AnyMotion = (
     | ReversedMotion
     | MultisineMotion
     | CircleMotion
+    | PathMotion
+    | JointPathMotion
+    | JointTableMotion
 )
 Motion = Annotated[AnyMotion, Field(discriminator="kind")]

@@ -1,7 +1,8 @@
 """`CyclicExchange`: SYNC, the drives' answers and their set-points, every cycle, at little cost.
 
 Cycle k: SYNC, at which every drive takes up the set-point of cycle k-1 and answers with statusword,
-position and torque (TPDO 1); then the next set-point (RPDO 1), which acts at SYNC k+1.
+position and torque (TPDO 1); then the next set-point (RPDO 1), which acts at SYNC k+1. Where it is
+trimmed, controlword and statusword are frames of their own (RPDO 2, TPDO 2), sent when they change.
 """
 
 from __future__ import annotations
@@ -10,21 +11,28 @@ import math
 import struct
 from collections.abc import Iterable, Sequence
 
-import can
 import numpy as np
 from numpy.typing import NDArray
 
-from config.errors import DriverError, TransportError
-from drivers.canopen.frames import SYNC, Frame, rpdo_cob_id, tpdo_cob_id
-from drivers.cia402 import AxisUnits, ControlWord, PowerState
+from config.errors import TransportError
+from drivers.canopen.frames import SYNC, Frame, tpdo_cob_id
+from drivers.cia402 import AxisUnits, PowerState
+from drivers.command_frames import Frames, FullCommands, TrimmedCommands
 from drivers.drive_watch import DriveWatch
 from drivers.transport import CanLink
 from drivers.wrist_coupling import WristCoupling
 
-_COMMAND = struct.Struct("<Hih")
 _ANSWER = struct.Struct("<Hih")
+_TRIMMED_ANSWER = struct.Struct("<ih")
+_STATUS = struct.Struct("<H")
+_BARE_BITS = 47  # of a frame without data, intermission included, no stuff bit
 
 MOST_FRAMES = 1024
+LATE_CYCLES = 4
+LATER, EARLIER = 0.01, 0.2
+"""How fast `collect` learns that answers come later, or earlier, than it had expected."""
+
+MOST_BURSTS = 1.5
 
 
 class CyclicExchange:
@@ -40,6 +48,11 @@ class CyclicExchange:
         Takes every frame that is not a TPDO of these drives.
     coupling
         What the motors do to the joints, where a wrist is coupled.
+    trimmed
+        Whether the cell's exchange is the trimmed one.
+    bitrate
+        Of a bus in real time [bit/s]: until all answers should have come, `collect` sleeps instead
+        of waking up for each; 0 to look at once. When that is, is learnt from their time stamps.
 
     Attributes
     ----------
@@ -52,7 +65,8 @@ class CyclicExchange:
     position_counts, torque_raw, statusword : ndarray of int32, int16, uint16, shape (n,)
         6064h, 6077h and 6041h as they came.
     late_frames, duplicate_frames
-        How many TPDOs came after their cycle, or twice in one; they are not used.
+        How many TPDOs came after their cycle, or twice; they are not used. An answer too many is a
+        late one where its drive did not answer in one of the `LATE_CYCLES` cycles before.
     left_enabled
         Whether an answer has shown another state than Operation Enabled; set here, cleared by the
         owner.
@@ -66,6 +80,9 @@ class CyclicExchange:
         node_ids: Sequence[int],
         watch: DriveWatch,
         coupling: WristCoupling | None = None,
+        *,
+        trimmed: bool = False,
+        bitrate: int = 0,
     ) -> None:
         count = len(node_ids)
         self._link = link
@@ -82,17 +99,23 @@ class CyclicExchange:
         self.duplicate_frames = 0
         self.left_enabled = False
         self.sync_time_s = -math.inf
+        self._cycle = 0
+        self._missed_in = [-LATE_CYCLES - 1] * count  # the last cycle without an answer
         self._slots = {tpdo_cob_id(node): axis for axis, node in enumerate(node_ids)}
         self._zero_counts = [0] * count
         self._counts_per_rad = [1.0] * count
         self._units_per_rad_s = [1.0] * count
         self._nm_per_permille = [1.0] * count
-        self._buffers = [bytearray(_COMMAND.size) for _ in node_ids]
-        self._commands = [
-            can.Message(arbitration_id=rpdo_cob_id(node), data=buffer, is_extended_id=False)
-            for node, buffer in zip(node_ids, self._buffers, strict=True)
-        ]
-        self._sync = can.Message(arbitration_id=SYNC.cob_id, is_extended_id=False)
+        self._commands: FullCommands | TrimmedCommands
+        self._commands = TrimmedCommands(node_ids) if trimmed else FullCommands(node_ids)
+        self._trimmed = trimmed
+        self._answer_bytes = _TRIMMED_ANSWER.size if trimmed else _ANSWER.size
+        self._status_slots = {
+            tpdo_cob_id(node, 2): axis for axis, node in enumerate(node_ids) if trimmed
+        }
+        bits = (count + 1) * _BARE_BITS + 8 * self._answer_bytes * count
+        self._burst_s = bits / bitrate if bitrate and not link.simulated else 0.0
+        self._expected_s = self._burst_s
 
     def use_units(self, units: Iterable[AxisUnits]) -> None:
         """Take the drives' units, base to flange."""
@@ -101,6 +124,8 @@ class CyclicExchange:
             self._counts_per_rad[axis] = unit.counts_per_rad
             self._units_per_rad_s[axis] = unit.velocity_units_per_rad_s
             self._nm_per_permille[axis] = unit.nm_per_permille
+        self._commands.forget()
+        self.statusword.fill(0)
 
     def sync(self) -> float:
         """Send SYNC; return its time on the link's clock [s].
@@ -108,24 +133,35 @@ class CyclicExchange:
         What still waits from the cycle before is read first, so that it is not taken for an answer
         to this SYNC; in simulated time the frames' own stamps tell.
         """
+        for axis, received in enumerate(self.received.tolist()):
+            if not received:
+                self._missed_in[axis] = self._cycle
         if not self._link.simulated:
             self._read_waiting()
+        self._cycle += 1
         self.sync_time_s = self._link.clock.now_s()
-        self._link.send_message(self._sync)
+        self._link.send_frames((SYNC,))
         return self.sync_time_s
 
     def _read_waiting(self) -> None:
-        receive = self._link.receive_message
+        receive = self._link.receive
         for _ in range(MOST_FRAMES):
-            message = receive(-math.inf)
-            if message is None:
+            frame = receive(-math.inf)
+            if frame is None:
                 return
-            if message.arbitration_id in self._slots:
-                self.late_frames += 1
+            axis = self._slots.get(frame.cob_id)
+            if axis is not None:
+                self._count_surplus(axis)
             else:
-                self._watch.handle(
-                    Frame(message.arbitration_id, bytes(message.data)), self._link.last_time_s
-                )
+                self._other_frame(frame)
+
+    def _count_surplus(self, axis: int) -> None:
+        """Count an answer too many: that of an earlier cycle that lacks one, or a copy."""
+        if self._cycle - self._missed_in[axis] <= LATE_CYCLES:
+            self._missed_in[axis] = -LATE_CYCLES - 1
+            self.late_frames += 1
+        else:
+            self.duplicate_frames += 1
 
     def collect(self, deadline_s: float) -> None:
         """Wait for every axis's answer, at most until `deadline_s` [s]; fill the arrays.
@@ -134,44 +170,68 @@ class CyclicExchange:
         """
         received = self.received
         received.fill(False)
-        missing = len(self._commands)
         link = self._link
-        receive = link.receive_message
+        if self._burst_s:
+            link.clock.sleep_until(min(self.sync_time_s + self._expected_s, deadline_s))
+        missing = len(received)
+        receive = link.receive
         slots = self._slots
         for _ in range(MOST_FRAMES):
-            message = receive(deadline_s)
-            if message is None:
+            frame = receive(deadline_s)
+            if frame is None:
                 break
-            axis = slots.get(message.arbitration_id)
+            cob_id, data = frame
+            axis = slots.get(cob_id)
             if axis is None:
-                self._watch.handle(
-                    Frame(message.arbitration_id, bytes(message.data)), link.last_time_s
-                )
-                continue
-            data = message.data
-            if len(data) != 8:
-                self._watch.wrong_length(axis, len(data), link.last_time_s)
-            elif link.last_time_s < self.sync_time_s:
-                self.late_frames += 1
-            elif received[axis]:
-                self.duplicate_frames += 1
+                self._other_frame(frame)
+            elif len(data) != self._answer_bytes:
+                self._watch.wrong_length(axis, len(data), link.last_time_s, self._answer_bytes)
+            elif received[axis] or link.last_time_s < self.sync_time_s:
+                self._count_surplus(axis)
             else:
-                status, counts, torque = _ANSWER.unpack(data)
                 received[axis] = True
-                self.statusword[axis] = status
-                self.position_counts[axis] = counts
-                self.torque_raw[axis] = torque
-                turned = counts - self._zero_counts[axis]
-                self._motor_position[axis] = turned / self._counts_per_rad[axis]
-                self.torque_nm[axis] = torque * self._nm_per_permille[axis]
-                if status & 0x6F != PowerState.OPERATION_ENABLED:
-                    self.left_enabled = True
+                self._take_answer(axis, data)
                 missing -= 1
                 if not missing:
+                    self._learn(link.last_time_s - self.sync_time_s)
                     break
         if self._coupling is not None:
             self._coupling.to_joints(self._motor_position, self.position)
         self._watch.check(self.sync_time_s)
+
+    def _learn(self, arrival_s: float) -> None:
+        """Follow how early the last answer comes after SYNC [s]: nobody need wake up before."""
+        if self._burst_s and self._link.time_stamped:
+            rate = LATER if arrival_s > self._expected_s else EARLIER
+            expected_s = self._expected_s + rate * (arrival_s - self._expected_s)
+            self._expected_s = min(max(expected_s, self._burst_s), MOST_BURSTS * self._burst_s)
+
+    def _take_answer(self, axis: int, data: bytes) -> None:
+        if self._trimmed:
+            counts, torque = _TRIMMED_ANSWER.unpack(data)
+        else:
+            status, counts, torque = _ANSWER.unpack(data)
+            self._take_status(axis, status)
+        self.position_counts[axis] = counts
+        self.torque_raw[axis] = torque
+        turned = counts - self._zero_counts[axis]
+        self._motor_position[axis] = turned / self._counts_per_rad[axis]
+        self.torque_nm[axis] = torque * self._nm_per_permille[axis]
+
+    def _take_status(self, axis: int, status: int) -> None:
+        self.statusword[axis] = status
+        if status & 0x6F != PowerState.OPERATION_ENABLED:
+            self.left_enabled = True
+
+    def _other_frame(self, frame: Frame) -> None:
+        """Take a frame that is no answer to SYNC: a statusword by itself, or for the watch."""
+        axis = self._status_slots.get(frame.cob_id)
+        if axis is None:
+            self._watch.handle(frame, self._link.last_time_s)
+        elif len(frame.data) == _STATUS.size:
+            self._take_status(axis, *_STATUS.unpack(frame.data))
+        else:
+            self._watch.wrong_length(axis, len(frame.data), self._link.last_time_s, _STATUS.size)
 
     def send_velocities(self, velocity: NDArray[np.float64]) -> None:
         """Send set-points [rad/s or m/s, joint side] with Enable Operation; all of them or none.
@@ -185,13 +245,14 @@ class CyclicExchange:
         """
         if self._coupling is not None:
             velocity = self._coupling.to_motors(velocity)
-        for buffer, value, factor in zip(
-            self._buffers, velocity.tolist(), self._units_per_rad_s, strict=True
-        ):
-            _COMMAND.pack_into(buffer, 0, ControlWord.ENABLE_OPERATION, round(value * factor), 0)
-        send = self._link.send_message
-        for message in self._commands:
-            send(message)
+        self._send(
+            self._commands.velocities(
+                [
+                    round(value * factor)
+                    for value, factor in zip(velocity.tolist(), self._units_per_rad_s, strict=True)
+                ]
+            )
+        )
 
     def send_words(self, words: Sequence[int]) -> None:
         """Send controlwords with velocity 0, one an axis; every axis's is tried.
@@ -201,12 +262,11 @@ class CyclicExchange:
         TransportError
             The bus did not take one of the frames.
         """
-        failed: DriverError | None = None
-        for word, buffer, message in zip(words, self._buffers, self._commands, strict=True):
-            _COMMAND.pack_into(buffer, 0, word, 0, 0)
-            try:
-                self._link.send_message(message)
-            except TransportError as error:
-                failed = failed or error
-        if failed is not None:
-            raise failed
+        self._send(self._commands.words(words))
+
+    def _send(self, frames: Frames) -> None:
+        try:
+            self._link.send_frames(frames)
+        except TransportError:
+            self._commands.forget()
+            raise

@@ -10,6 +10,8 @@ import socket
 import termios
 import time
 from abc import abstractmethod
+from collections import Counter, deque
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Protocol
 
@@ -18,10 +20,10 @@ import serial
 
 from config.cell import CanBusConfig
 from config.errors import TransportError
+from drivers.can_ports import Arrival, FramePort, PythonCanPort
 from drivers.canopen.frames import Frame
+from drivers.socketcan_port import SocketCanPort
 
-_RECEIVE_BUFFER_BYTES = 4 << 20
-_BUS_OFF = 0x40
 _READ_BYTES = 1 << 16
 _WRITE_TIMEOUT_S = 1.0
 _POLL_S = 0.02
@@ -56,9 +58,9 @@ class MonotonicClock:
 class _SimulatedClock:
     """A simulated bus's clock, with typed errors."""
 
-    def __init__(self, clock: Clock, bus: can.BusABC) -> None:
+    def __init__(self, clock: Clock, bus_name: str) -> None:
         self._clock = clock
-        self._bus = bus
+        self._bus_name = bus_name
         self.now_s = clock.now_s
 
     def sleep_until(self, time_s: float) -> None:
@@ -67,15 +69,19 @@ class _SimulatedClock:
             self._clock.sleep_until(time_s)
         except (can.CanError, OSError) as error:
             raise TransportError(
-                f"CAN bus {self._bus.channel_info}: the simulated time stopped ({error})"
+                f"CAN bus {self._bus_name}: the simulated time stopped ({error})"
             ) from error
 
 
 class CanLink:
-    """A python-can bus with typed errors, absolute receive deadlines and its clock.
+    """A CAN bus with typed errors, absolute receive deadlines and its clock.
 
     A bus whose attribute `simulated_clock` is not None brings its own time; its receive timeouts
-    and its messages' time stamps are then in that time.
+    and its frames' times are then in that time.
+
+    A bus that brings back what is sent on it, as UDP multicast does, `hears_itself`: as many frames
+    as were sent are left out when they come back, so that a frame of the same identifier that
+    somebody else sent is told from them.
 
     Attributes
     ----------
@@ -83,39 +89,67 @@ class CanLink:
         The time that all deadlines of this link are in.
     simulated
         Whether that is a simulated clock.
-    hears_itself
-        Whether the bus brings back what is sent on it, as UDP multicast does.
+    time_stamped
+        Whether the bus says when a frame arrived; otherwise that is when it was read.
     last_time_s
         When the last received frame arrived, on `clock` [s].
     """
 
-    def __init__(self, bus: can.BusABC, *, hears_itself: bool = False) -> None:
-        self._bus = bus
-        self.hears_itself = hears_itself
+    def __init__(self, bus: can.BusABC | FramePort, *, hears_itself: bool = False) -> None:
         simulated_clock: Clock | None = getattr(bus, "simulated_clock", None)
         self.simulated = simulated_clock is not None
+        self._port: FramePort
+        if isinstance(bus, FramePort):
+            self._port = bus
+        else:
+            self._port = PythonCanPort(bus, simulated=self.simulated)
+        self._name = bus.channel_info
+        self._descriptor = bus.fileno if hasattr(bus, "fileno") else None
         self.clock: Clock = (
-            MonotonicClock() if simulated_clock is None else _SimulatedClock(simulated_clock, bus)
+            MonotonicClock()
+            if simulated_clock is None
+            else _SimulatedClock(simulated_clock, self._name)
         )
+        self.time_stamped = self._port.time_stamped
         self.last_time_s = self.clock.now_s()
+        self._arrived: deque[Arrival] = deque()
+        self._echoes: Counter[tuple[int, bytes]] | None = Counter() if hears_itself else None
+
+    @property
+    def lost_frames(self) -> int:
+        """How many frames the computer had to drop, as far as the bus counts them."""
+        return int(getattr(self._port, "lost_frames", 0))
+
+    def fileno(self) -> int:
+        """Return a descriptor to wait at, -1 where there is none; see `waiting`."""
+        try:
+            return -1 if self._descriptor is None else int(self._descriptor())
+        except NotImplementedError:
+            return -1
 
     def send(self, frame: Frame) -> None:
         """Send a frame; raises `TransportError` when the bus does not take it."""
-        self.send_message(
-            can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
-        )
+        self.send_frames((frame,))
 
-    def send_message(self, message: can.Message) -> None:
-        """Send a python-can message that the caller reuses: the cyclic path."""
+    def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
+        """Send frames (identifier and data), oldest first; every one is tried.
+
+        Raises
+        ------
+        TransportError
+            The bus did not take one of them.
+        """
+        if self._echoes is not None:
+            self._echoes.update((cob_id, bytes(data)) for cob_id, data in frames)
         try:
-            self._bus.send(message)
+            self._port.send_frames(frames)
         except (can.CanError, OSError) as error:
             raise TransportError(
-                f"CAN bus {self._bus.channel_info}: sending failed ({error});"
+                f"CAN bus {self._name}: sending failed ({error});"
                 " check the adapter, its cable and the bus termination"
             ) from error
 
-    def receive_message(self, until_s: float) -> can.Message | None:
+    def receive(self, until_s: float) -> Frame | None:
         """Return the next classic data frame, or None when `until_s` [s] comes first.
 
         A deadline that has passed still takes what is waiting, without waiting.
@@ -125,40 +159,42 @@ class CanLink:
         TransportError
             The adapter is gone, or reports bus-off.
         """
+        arrived = self._arrived
         while True:
+            while arrived:
+                cob_id, data, time_s = arrived.popleft()
+                if self._echoes is None or not self._is_echo((cob_id, data)):
+                    self.last_time_s = self.clock.now_s() if time_s is None else time_s
+                    return Frame(cob_id, data)
             timeout_s = until_s - self.clock.now_s()
             try:
-                message = self._bus.recv(timeout_s if timeout_s > 0.0 else 0.0)
+                frames = self._port.receive_frames(timeout_s if timeout_s > 0.0 else 0.0)
             except (can.CanError, OSError, ValueError) as error:
                 raise TransportError(
-                    f"CAN bus {self._bus.channel_info}: receiving failed ({error});"
+                    f"CAN bus {self._name}: receiving failed ({error});"
                     " check the adapter and its cable"
                 ) from error
-            if message is None:
+            if frames is None:
                 return None
-            self.last_time_s = message.timestamp if self.simulated else self.clock.now_s()
-            if message.is_error_frame:
-                if message.arbitration_id & _BUS_OFF:
-                    raise TransportError(
-                        f"CAN bus {self._bus.channel_info}: the adapter is bus-off;"
-                        " check bit rate, cable and termination, then restart the interface"
-                    )
-            elif not (message.is_extended_id or message.is_remote_frame or message.is_fd):
-                return message
+            arrived.extend(frames)
 
-    def receive(self, until_s: float) -> Frame | None:
-        """Return the next frame, or None when `until_s` [s] comes first (`receive_message`)."""
-        message = self.receive_message(until_s)
-        return None if message is None else Frame(message.arbitration_id, bytes(message.data))
+    def _is_echo(self, frame: tuple[int, bytes]) -> bool:
+        """Return whether a frame is one that was sent here and has come back."""
+        echoes = self._echoes
+        assert echoes is not None
+        count = echoes[frame]
+        if count > 1:
+            echoes[frame] = count - 1
+        else:
+            del echoes[frame]
+        return count > 0
 
     def close(self) -> None:
         """Close the bus; raises `TransportError` when even that fails."""
         try:
-            self._bus.shutdown()
+            self._port.shutdown()
         except (can.CanError, OSError) as error:
-            raise TransportError(
-                f"CAN bus {self._bus.channel_info}: closing failed ({error})"
-            ) from error
+            raise TransportError(f"CAN bus {self._name}: closing failed ({error})") from error
 
     def __enter__(self) -> CanLink:
         """Return the link itself."""
@@ -174,29 +210,34 @@ class CanLink:
         self.close()
 
 
-def open_can(config: CanBusConfig) -> CanLink:
-    """Open the bus that a cell file names.
+def open_can(config: CanBusConfig, *, watch_errors: bool = True) -> CanLink:
+    """Open the bus that a cell file names; SocketCAN as a raw socket, past python-can.
+
+    Parameters
+    ----------
+    config
+        Interface, channel and bit rate.
+    watch_errors
+        Whether bus-off that a SocketCAN interface reports is an error.
 
     Raises
     ------
     TransportError
         The interface is unknown, its driver is missing or the channel cannot be opened.
     """
-    options: dict[str, Any] = {"participant": True} if config.interface == "rid_sim" else {}
     try:
-        bus = can.Bus(
-            interface=config.interface,
-            channel=config.channel,
-            bitrate=config.bitrate,
-            ignore_config=True,
-            **options,
-        )
+        bus: can.BusABC | FramePort
+        if config.interface == "socketcan":
+            bus = SocketCanPort(config.channel, watch_errors=watch_errors)
+        else:
+            bus = can.Bus(interface=config.interface, ignore_config=True, **_options(config))
     except (
         can.CanError,
         OSError,
         ValueError,
         TypeError,
         ImportError,
+        AttributeError,
         NotImplementedError,
     ) as error:
         raise TransportError(
@@ -204,16 +245,16 @@ def open_can(config: CanBusConfig) -> CanLink:
             " check can.interface and can.channel in the cell file, and that the adapter is"
             " plugged in and up"
         ) from error
-    if config.interface == "socketcan":
-        _widen_receive_buffer(bus)
     return CanLink(bus, hears_itself=config.interface == "udp_multicast")
 
 
-def _widen_receive_buffer(bus: can.BusABC) -> None:
-    """Give SocketCAN room: its default holds 35 ms of a full bus and drops the rest silently."""
-    bus_socket = getattr(bus, "socket", None)
-    if isinstance(bus_socket, socket.socket):
-        bus_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
+def _options(config: CanBusConfig) -> dict[str, Any]:
+    """Return what python-can's interface is told; UDP multicast stays on this computer."""
+    if config.interface == "udp_multicast":
+        group, _, port = config.channel.partition("@")
+        return {"channel": group, "hop_limit": 0} | ({"port": int(port)} if port else {})
+    options: dict[str, Any] = {"channel": config.channel, "bitrate": config.bitrate}
+    return options | ({"participant": True} if config.interface == "rid_sim" else {})
 
 
 class SerialLink:

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Sequence
 from typing import Any
 
 import can
 from can import typechecking
 
 from config.errors import DriverError
+from drivers.can_ports import Arrival
 from mock_hw.can_wire import FOREVER_NS, WireFrame
 from mock_hw.hub_client import HubClient
 from mock_hw.hub_protocol import Role
 from mock_hw.runtime_directory import socket_path
-from mock_hw.wire_time import EXTENDED_FLAG, EXTENDED_MASK, REMOTE_FLAG
+from mock_hw.wire_time import (
+    ERROR_FLAG,
+    EXTENDED_FLAG,
+    EXTENDED_MASK,
+    REMOTE_FLAG,
+    STANDARD_MASK,
+)
 
 _POLLS_WITHOUT_TIME = 100
 _POLL_NS = 1000
@@ -61,6 +69,8 @@ class RidSimBus(can.BusABC):
     can.CanInitializationError
         Nobody serves the channel.
     """
+
+    time_stamped = True
 
     def __init__(
         self,
@@ -141,6 +151,67 @@ class RidSimBus(can.BusABC):
             if not self._inbox and not self._client.lockstep and self.now_ns >= until_ns:
                 return None
 
+    def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
+        """Send classic data frames, in real time as one packet: the drivers' own path.
+
+        Raises
+        ------
+        can.CanOperationError
+            The hub is gone.
+        """
+        client = self._client
+        try:
+            if client.lockstep:
+                for cob_id, data in frames:
+                    client.post(cob_id, bytes(data), len(data))
+            else:
+                client.send_all(frames)
+        except DriverError as error:
+            raise can.CanOperationError(str(error)) from error
+
+    def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
+        """Return all classic data frames that have come; None when `timeout_s` [s] passes first.
+
+        Raises
+        ------
+        can.CanOperationError
+            The hub is gone.
+        """
+        if not self._client.lockstep:
+            return self._receive_realtime(timeout_s)
+        until_ns = self.now_ns + _nanoseconds(timeout_s)
+        while not self._inbox:
+            if self._expired(until_ns):
+                return None
+            try:
+                self._inbox.extend(self._client.wait(until_ns))
+            except DriverError as error:
+                raise can.CanOperationError(str(error)) from error
+        self._empty_polls = 0
+        arrivals = [
+            Arrival(frame.can_id, frame.data[: frame.length], frame.time_ns * 1e-9)
+            for frame in self._inbox
+            if frame.can_id <= STANDARD_MASK
+        ]
+        errors = [frame for frame in self._inbox if frame.can_id & ERROR_FLAG]
+        self._inbox.clear()
+        if errors:
+            raise can.CanOperationError("the adapter is bus-off")
+        return arrivals
+
+    def _receive_realtime(self, timeout_s: float) -> Sequence[Arrival] | None:
+        try:
+            frames = self._client.take_all(timeout_s)
+        except DriverError as error:
+            raise can.CanOperationError(str(error)) from error
+        if not frames:
+            return None
+        return [
+            Arrival(can_id, data[:length], time_ns * 1e-9)
+            for time_ns, can_id, length, _, data in frames
+            if can_id <= STANDARD_MASK
+        ]
+
     def sleep_until_ns(self, until_ns: int) -> None:
         """Let simulated time run until `until_ns`.
 
@@ -182,11 +253,13 @@ class RidSimBus(can.BusABC):
 
     def _message(self, frame: WireFrame) -> can.Message:
         remote = bool(frame.can_id & REMOTE_FLAG)
+        error = bool(frame.can_id & ERROR_FLAG)
         return can.Message(
             timestamp=frame.time_ns * 1e-9 + self._epoch_s,
             arbitration_id=frame.can_id & EXTENDED_MASK,
             is_extended_id=bool(frame.can_id & EXTENDED_FLAG),
             is_remote_frame=remote,
+            is_error_frame=error,
             dlc=frame.length,
             data=None if remote else frame.data[: frame.length],
             is_rx=True,

@@ -6,6 +6,7 @@ import contextlib
 import multiprocessing
 import shutil
 import tempfile
+import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -14,9 +15,10 @@ from types import TracebackType
 from typing import Any
 
 from config.amplifier_profile import AmplifierProfile
-from config.cell import CellConfig
+from config.cell import CanBusConfig, CellConfig
 from config.drive_profile import DriveProfile
-from config.errors import TransportError
+from config.errors import ConfigError, TransportError
+from config.faults import NO_SCRIPT, FaultScript
 from config.load import load_bundled_or_path
 from config.monitor import ModbusRtu, ModbusTcp, MonitorConfig
 from config.plant import PlantConfig, SimulatedPlate
@@ -24,9 +26,10 @@ from config.plate import PlateConfig
 from config.robot import RobotDescription
 from mock_hw.amplifier_port import PlateSettings
 from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
-from mock_hw.drives_process import DrivesSettings, serve_drives
+from mock_hw.drives_process import DrivesSettings, serve_drives, serve_until
+from mock_hw.fault_clock import refuse_unknown_joints
 from mock_hw.hub_process import HubSettings, serve_hub
-from mock_hw.line_faults import NO_FAULTS, LineFaults
+from mock_hw.line_faults import NO_FAULTS, LineFaults, line_faults
 from mock_hw.register_service import RegisterSettings, ServerCertificates
 from mock_hw.runtime_directory import (
     plate_path,
@@ -34,7 +37,12 @@ from mock_hw.runtime_directory import (
     runtime_directory,
     socket_path,
 )
-from mock_hw.simulated_registers import NO_REGISTER_FAULTS, RegisterFaults
+from mock_hw.served_bus import ONE_PROCESS, SIMULATED, as_served, served_name
+from mock_hw.simulated_registers import (
+    NO_REGISTER_FAULTS,
+    RegisterFaults,
+    script_register_faults,
+)
 
 _START_TIMEOUT_S = 120.0  # the plant's kernels may have to be compiled
 _END_TIMEOUT_S = 5.0
@@ -42,6 +50,11 @@ _END_TIMEOUT_S = 5.0
 
 class SimulatedCell:
     """A served simulated cell: ``with SimulatedCell(...) as simulated: ...``.
+
+    The cell's `can.interface` says on which bus: `rid_sim` is the hub, with wire time and both
+    clocks; `slcan` a simulated adapter on a pseudo-terminal; `virtual` is in this process, for the
+    drives alone; on any other of python-can's, such as `socketcan` or `udp_multicast`, the drives
+    are put on the bus that is there, in real time.
 
     Entering starts the hub and the drives and returns when they are on the bus; leaving ends them
     and removes what they left. They also end by themselves some seconds after the process that
@@ -74,9 +87,14 @@ class SimulatedCell:
         What goes wrong when registers are read.
     certificates
         What the drives show and want to see, where the cell's monitor uses TLS.
+    faults
+        What goes wrong, on every line of the cell; its `amplifier` and `registers` parts stand for
+        `plate_faults` and `register_faults`, where those are left out.
 
     Raises
     ------
+    ValueError
+        The faults are of joints that the robot does not have.
     TransportError
         The bus or the drives cannot be served.
     """
@@ -98,7 +116,10 @@ class SimulatedCell:
         drive_profile: DriveProfile | None = None,
         register_faults: RegisterFaults = NO_REGISTER_FAULTS,
         certificates: ServerCertificates | None = None,
+        faults: FaultScript = NO_SCRIPT,
     ) -> None:
+        refuse_unknown_joints(faults, robot.joint_names)
+        self._faults = faults
         self._cell = cell
         self._robot = robot
         self._plant = plant if unmodelled else plant.without_unmodelled()
@@ -108,9 +129,13 @@ class SimulatedCell:
         self._log = log
         self._profile = profile
         self._plate_faults = plate_faults
+        if faults.amplifier and plate_faults is NO_FAULTS:
+            self._plate_faults = line_faults(faults)
         self._amplifier_baud_rate = amplifier_baud_rate
         self._drive_profile = drive_profile
         self._register_faults = register_faults
+        if faults.registers and register_faults is NO_REGISTER_FAULTS:
+            self._register_faults = script_register_faults(faults)
         self._certificates = certificates
         self._address = ""
         self._monitor: MonitorConfig | None = None
@@ -120,13 +145,13 @@ class SimulatedCell:
 
     @property
     def channel(self) -> str:
-        """What to put into the cell's `can.channel`, with the interface rid_sim."""
+        """What to put into the cell's `can.channel`."""
         return self._channel
 
     @property
     def cell(self) -> CellConfig:
         """The cell with the channel and the ports under which it is served."""
-        can = self._cell.can.model_copy(update={"interface": "rid_sim", "channel": self._channel})
+        can = self._cell.can.model_copy(update={"channel": self._channel})
         update: dict[str, object] = {"can": can}
         if self._monitor is not None:
             update["monitor"] = self._monitor
@@ -195,21 +220,14 @@ class SimulatedCell:
         self._stack.close()
 
     def _start(self, stack: contextlib.ExitStack) -> None:
-        name = self._cell.can.channel.rsplit("/", 1)[-1]
+        name = served_name(self._cell).rsplit("/", 1)[-1]
         folder = self._directory
         if folder is None:
             folder = Path(tempfile.mkdtemp(prefix=f"{name}-", dir=runtime_directory()))
             stack.callback(shutil.rmtree, folder, ignore_errors=True)
         socket = socket_path(str(folder / f"{name}.sock"))
         snapshot = socket.with_suffix(".axes")
-        hub = HubSettings(
-            socket,
-            self._cell.can.bitrate,
-            self._realtime,
-            name,
-            self._log,
-            private_folder=self._directory is None,
-        )
+        bus = self._other_bus(folder, name)
         drives = DrivesSettings(
             self._cell,
             self._robot,
@@ -220,16 +238,65 @@ class SimulatedCell:
             snapshot,
             self._plate_settings(plate_path(str(socket))),
             self._register_settings(registers_path(str(socket))),
+            self._faults,
+            bus,
+            private_folder=bus is not None and self._directory is None,
         )
-        hub_pipe = _launch(stack, serve_hub, hub)
-        drives_pipe = _launch(stack, serve_drives, drives)
-        _wait_until_ready("hub", hub_pipe)
+        if bus is not None and bus.interface == ONE_PROCESS:
+            drives_pipe = _launch_thread(stack, drives)
+        else:
+            hub_pipe = None if bus is not None else _launch(stack, serve_hub, self._hub(socket))
+            drives_pipe = _launch(stack, serve_drives, drives)
+            if hub_pipe is not None:
+                _wait_until_ready("hub", hub_pipe)
         drives_pipe.send(None)
         port = _wait_until_ready("drives", drives_pipe)
         self._snapshots = stack.enter_context(SnapshotReader(snapshot))
-        self._channel = str(socket)
+        self._channel = str(socket) if bus is None else bus.channel
         self._address = "" if drives.plate is None else str(drives.plate.path)
         self._monitor = _reachable(drives.registers, port)
+
+    def _hub(self, socket: Path) -> HubSettings:
+        return HubSettings(
+            socket,
+            self._cell.can.bitrate,
+            self._realtime,
+            self._cell.can.channel.rsplit("/", 1)[-1],
+            self._log,
+            private_folder=self._directory is None,
+            faults=self._faults,
+            nodes={axis.joint: axis.node_id for axis in self._cell.axes},
+            master=self._cell.drive_safety.master_node_id,
+        )
+
+    def _other_bus(self, folder: Path, name: str) -> CanBusConfig | None:
+        """Return the bus to be served, with its channel; None for the simulated one."""
+        can = self._cell.can
+        if can.interface == SIMULATED:
+            return None
+        if not self._realtime:
+            raise ConfigError(
+                f"cell {self._cell.name}: on can.interface {can.interface} there is real time only;"
+                f" simulated (lock-step) time is of {SIMULATED}"
+            )
+        if self._log is not None:
+            raise ConfigError(
+                f"cell {self._cell.name}: frames are logged on {SIMULATED} only; on"
+                f" {can.interface} use candump or can_logger"
+            )
+        if self._faults.bus:
+            raise ConfigError(
+                f"cell {self._cell.name}: a fault script's bus part is for {SIMULATED} only, this"
+                f" is {can.interface}; leave it out"
+            )
+        if can.interface == ONE_PROCESS and (self._cell.plate or self._cell.monitor):
+            raise ConfigError(
+                f"cell {self._cell.name}: on can.interface {ONE_PROCESS} there are drives only;"
+                " leave out plate and monitor"
+            )
+        if can.interface == "slcan" and self._directory is None:
+            return can.model_copy(update={"channel": str(folder / f"{name}.tty")})
+        return as_served(can)
 
     def _plate_settings(self, path: Path) -> PlateSettings | None:
         """Return what the plate is; a plant without a plate has one that obeys its description."""
@@ -308,6 +375,24 @@ def _launch(
     process.start()
     theirs.close()
     stack.callback(_end, process)
+    return ours
+
+
+def _launch_thread(stack: contextlib.ExitStack, settings: DrivesSettings) -> Connection:
+    """Start the drives in this process, on the only bus that does not leave it."""
+    ours, theirs = multiprocessing.Pipe()
+    ended = threading.Event()
+    thread = threading.Thread(
+        target=serve_until,
+        args=(settings, theirs, ended.is_set),
+        kwargs={"alone": False},
+        name="simulated drives",
+        daemon=True,
+    )
+    thread.start()
+    stack.callback(ours.close)
+    stack.callback(thread.join)
+    stack.callback(ended.set)
     return ours
 
 

@@ -4,26 +4,39 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import multiprocessing
+import shutil
 import signal
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from config.cell import CellConfig
+from config.cell import CanBusConfig, CellConfig
 from config.errors import RidDaqError, TransportError
+from config.faults import NO_SCRIPT, FaultScript
 from config.plant import PlantConfig
 from config.robot import RobotDescription
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
+from drivers.transport import CanLink, open_can
 from mock_hw.amplifier_port import AmplifierPort, PlateSettings
 from mock_hw.axis_snapshot import SnapshotReader, SnapshotWriter
+from mock_hw.bus_client import BusClient
 from mock_hw.drive_rack import DriveRack
 from mock_hw.hub_client import HubClient
-from mock_hw.hub_process import keep_pace, leave_interrupts_to_parent
+from mock_hw.hub_process import LINGER_NS, keep_pace, leave_interrupts_to_parent
 from mock_hw.hub_protocol import Role
+from mock_hw.lawicel_port import LawicelPort
 from mock_hw.plate_service import PlateService
 from mock_hw.register_service import DriveRegisters, RegisterService, RegisterSettings
+from mock_hw.served_bus import adapter_path, hold_served_bus
 from mock_hw.simulated_registers import SimulatedRegisters
+
+_LOOK_S = 0.1
+
+DeviceClient = HubClient | BusClient
+"""How the drives are on their bus."""
 
 LONGEST_WAIT_S = 0.010
 """How old the axes' snapshot may become while nothing happens on the bus [s]."""
@@ -42,24 +55,46 @@ class DrivesSettings:
     snapshot: Path
     plate: PlateSettings | None = None
     registers: RegisterSettings | None = None
+    faults: FaultScript = NO_SCRIPT
+    bus: CanBusConfig | None = None
+    """The bus that the drives are on; None for the hub at `socket`."""
+    private_folder: bool = False
+    """Without a hub: whether the socket's folder is this cell's own, to be removed at the end."""
 
 
 def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
-    """Be a cell's drives until the hub is gone.
+    """Be a cell's drives until the hub is gone, or without a hub some seconds after the parent.
 
     Waits at `pipe` until the hub is there; sends the TCP port of the drives' registers (0 for none)
     once the drives are on the bus, or the text of what went wrong.
     """
     leave_interrupts_to_parent()
     signal.signal(signal.SIGTERM, _exit)
+    with contextlib.ExitStack() as stack:
+        if settings.private_folder:
+            stack.callback(shutil.rmtree, settings.socket.parent, ignore_errors=True)
+        if settings.bus is not None:
+            try:
+                stack.enter_context(hold_served_bus(settings.bus))
+            except RidDaqError as error:
+                pipe.send(str(error))
+                return
+        serve_until(settings, pipe, _after_the_parent())
+
+
+def serve_until(
+    settings: DrivesSettings, pipe: Connection, ended: Callable[[], bool], *, alone: bool = True
+) -> None:
+    """Do the same until `ended`, or the end of the hub; `alone` in the process, or in a thread."""
     try:
         with (
-            _rack_on_bus(settings, pipe) as (rack, client),
+            _rack_on_bus(settings, pipe, ended) as (rack, client),
             _served(settings, rack, client) as plate,
             _registers(settings) as port,
         ):
-            gc.freeze()
-            keep_pace(settings.realtime)
+            if alone:
+                gc.freeze()
+                keep_pace(settings.realtime)
             pipe.send(port)
             pipe.close()
             with contextlib.suppress(TransportError):
@@ -71,28 +106,54 @@ def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
 
 @contextlib.contextmanager
 def _rack_on_bus(
-    settings: DrivesSettings, pipe: Connection
-) -> Iterator[tuple[DriveRack, HubClient]]:
+    settings: DrivesSettings, pipe: Connection, ended: Callable[[], bool]
+) -> Iterator[tuple[DriveRack, DeviceClient]]:
     """Build the rack, its kernels compiled, and join the bus; the snapshot goes at the end."""
     cell, robot, plant, seed = settings.cell, settings.robot, settings.plant, settings.seed
     DriveRack(cell, robot, plant, seed).advance_to(LONGEST_WAIT_S)
     pipe.recv()
-    urgent = [NMT_COB_ID, SYNC_COB_ID]
-    urgent += [sdo_request_cob_id(axis.node_id) for axis in cell.axes]
     snapshots = SnapshotWriter(settings.snapshot, len(robot.joints))
     try:
-        client = HubClient(settings.socket, Role.DEVICE, urgent)
+        client = _client(settings, ended)
         try:
-            yield DriveRack(cell, robot, plant, seed, snapshots, client.now_ns * 1e-9), client
+            now_s = client.now_ns * 1e-9
+            yield DriveRack(cell, robot, plant, seed, snapshots, now_s, settings.faults), client
         finally:
             client.close()
     finally:
         settings.snapshot.unlink(missing_ok=True)
 
 
+def _client(settings: DrivesSettings, ended: Callable[[], bool]) -> DeviceClient:
+    bus = settings.bus
+    if bus is None:
+        urgent = [NMT_COB_ID, SYNC_COB_ID]
+        urgent += [sdo_request_cob_id(axis.node_id) for axis in settings.cell.axes]
+        return HubClient(settings.socket, Role.DEVICE, urgent)
+    if bus.interface == "slcan":
+        return BusClient(CanLink(LawicelPort(adapter_path(bus.channel), bus.bitrate)), ended)
+    return BusClient(open_can(bus, watch_errors=False), ended)
+
+
+def _after_the_parent() -> Callable[[], bool]:
+    """Return whether the process that started this one is gone for as long as drives need."""
+    parent = multiprocessing.parent_process()
+    asked_s = gone_s = 0.0
+
+    def ended() -> bool:
+        nonlocal asked_s, gone_s
+        now_s = time.monotonic()
+        if parent is not None and not gone_s and now_s - asked_s > _LOOK_S:
+            asked_s = now_s
+            gone_s = 0.0 if parent.is_alive() else now_s
+        return gone_s > 0.0 and now_s - gone_s > LINGER_NS * 1e-9
+
+    return ended
+
+
 @contextlib.contextmanager
 def _served(
-    settings: DrivesSettings, rack: DriveRack, client: HubClient
+    settings: DrivesSettings, rack: DriveRack, client: DeviceClient
 ) -> Iterator[PlateService | None]:
     """Serve the plate's amplifier, where there is a plate; the port goes at the end."""
     if settings.plate is None:
@@ -124,7 +185,7 @@ def _registers(settings: DrivesSettings) -> Iterator[int]:
             yield service.port
 
 
-def run_rack(rack: DriveRack, client: HubClient, plate: PlateService | None = None) -> None:
+def run_rack(rack: DriveRack, client: DeviceClient, plate: PlateService | None = None) -> None:
     """Serve the bus and the plate; ends with the `TransportError` of a hub that is gone."""
     wait = client.wait if plate is None else plate.wait
     while True:

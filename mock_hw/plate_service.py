@@ -12,6 +12,7 @@ import time
 from collections.abc import Sequence
 
 from mock_hw.amplifier_port import AmplifierPort
+from mock_hw.bus_client import BusClient
 from mock_hw.can_wire import WireFrame
 from mock_hw.drive_rack import DriveRack
 from mock_hw.hub_client import HubClient
@@ -30,7 +31,7 @@ class PlateService:
         The amplifier, the robot with its drives, and the bus that both live by.
     """
 
-    def __init__(self, port: AmplifierPort, rack: DriveRack, client: HubClient) -> None:
+    def __init__(self, port: AmplifierPort, rack: DriveRack, client: HubClient | BusClient) -> None:
         self._port = port
         self._rack = rack
         self._client = client

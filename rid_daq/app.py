@@ -28,6 +28,7 @@ COMMANDS: dict[str, str] = {
     "demo": "the whole story on the bundled simulated cell, with a report, no hardware",
     "init": "write a commented cell, robot and motion to start from",
     "check": "preflight: every device, every safety setting; any red means no motion",
+    "reset": "reset the faults of a cell's drives, once their causes are gone",
     "mock": "serve a cell's simulated devices on their bus until stopped",
     "design": "choose an excitation, verify it against the limits, write the motion file",
     "plate": "zero the force plate under the robot",
@@ -41,9 +42,13 @@ COMMANDS: dict[str, str] = {
     "sensitivity": "what wrong knowledge of the robot does to a payload's estimate",
     "loop": "the drives' velocity loops, out of a multisine run",
     "compensate": "the feedforward that makes a motion accurate, from model and loops",
+    "refine": "the next feedforward, from what the robot missed with this one",
     "tracking": "how far the robot was from where it should have been",
-    "export": "write a model as URDF, SDF, C, Python, CSV, JSON, or for Pinocchio",
+    "export": "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV, Parquet, MAT, MDF4",
     "report": "write a run's report again from its results",
+    "compare": "two estimates, or the runs behind them, side by side",
+    "recover": "what is readable of an unfinished, torn or damaged recording",
+    "stop": "quick stop of whatever session is running on this machine",
     "runs": "list the runs, and check that their files are unchanged",
 }
 """Every command and its one line in the help; the module is `rid_daq.commands.<name>`.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from config.cell import CellConfig
 from config.errors import ConfigError, TransportError
+from config.faults import NO_SCRIPT, FaultScript
 from config.load import LoadedCell
 from rid_daq.session import hold_cell
 
@@ -23,6 +24,7 @@ def reachable_cell(
     seed: int = 0,
     unmodelled: bool = True,
     payload: str | None = None,
+    faults: FaultScript = NO_SCRIPT,
 ) -> Iterator[CellConfig]:
     """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
 
@@ -41,18 +43,26 @@ def reachable_cell(
         Whether the plant has the effects that no model has.
     payload
         What hangs at a simulated robot's flange, by its name in the plant file.
+    faults
+        What goes wrong in mock hardware.
 
     Raises
     ------
     ConfigError
-        There is no such payload, or no mock hardware started here that it could be mounted on.
+        There is no such payload, or no mock hardware started here that it could be mounted on, or
+        that could have faults.
     LockedError
         Another session holds the cell.
     TransportError
         The mock hardware does not start.
     """
     with mountable_cell(
-        loaded, realtime=realtime, seed=seed, unmodelled=unmodelled, payload=payload
+        loaded,
+        realtime=realtime,
+        seed=seed,
+        unmodelled=unmodelled,
+        payload=payload,
+        faults=faults,
     ) as (cell, _):
         yield cell
 
@@ -65,64 +75,89 @@ def mountable_cell(
     seed: int = 0,
     unmodelled: bool = True,
     payload: str | None = None,
+    faults: FaultScript = NO_SCRIPT,
 ) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
     """Yield the cell as `reachable_cell` does, and its mock hardware where that was started here.
 
     Payloads can be mounted on the latter while it runs. Parameters and errors as there.
     """
     cell = loaded.config
+    refuse_one_process(cell)
     if not cell.simulated or is_served(cell):
         if payload is not None:
             raise ConfigError(
                 f"cell {cell.name}: its robot is not started here, so nothing can be mounted on its"
                 " flange: leave --payload out, or give it to `rid-daq mock`"
             )
+        if faults is not NO_SCRIPT:
+            raise ConfigError(
+                f"cell {cell.name}: its devices are not started here, so nothing can be made to go"
+                " wrong in them: leave --faults out, or give it to `rid-daq mock`"
+            )
         with hold_cell(cell):
             yield _as_served(cell), None
         return
     from mock_hw.cell import SimulatedCell
+    from mock_hw.served_bus import SIMULATED
 
-    if loaded.plant is None or cell.can.interface != "rid_sim":
-        raise ConfigError(
-            f"cell {cell.name}: mock hardware is started on can.interface rid_sim only, this is"
-            f" {cell.can.interface}; serve the devices there first, or set simulated: false"
-        )
-    with SimulatedCell(
-        cell,
-        loaded.robot,
-        loaded.plant if payload is None else loaded.plant.with_payload(payload),
-        realtime=realtime,
-        seed=seed,
-        unmodelled=unmodelled,
-        profile=loaded.amplifier_profile,
-        drive_profile=loaded.drive_profile,
-    ) as simulated:
+    if loaded.plant is None:
+        raise ConfigError(f"cell {cell.name}: a simulated cell needs plant")
+    with (
+        SimulatedCell(
+            cell,
+            loaded.robot,
+            loaded.plant if payload is None else loaded.plant.with_payload(payload),
+            realtime=realtime or cell.can.interface != SIMULATED,
+            seed=seed,
+            unmodelled=unmodelled,
+            profile=loaded.amplifier_profile,
+            drive_profile=loaded.drive_profile,
+            faults=faults,
+        ) as simulated,
+        hold_cell(simulated.cell),
+    ):
         yield simulated.cell, simulated
 
 
 def _as_served(cell: CellConfig) -> CellConfig:
-    """Return the cell with the serial ports that `rid-daq mock` has made for it."""
-    if not cell.simulated or cell.can.interface != "rid_sim":
+    """Return the cell with bus and serial ports as `rid-daq mock` has made them."""
+    if not cell.simulated:
         return cell
     from mock_hw.cell import on_pseudo_terminal, with_address
     from mock_hw.runtime_directory import plate_path, registers_path
+    from mock_hw.served_bus import as_served, served_name
 
-    if cell.monitor is not None and cell.monitor.link.kind == "rtu":
-        line = registers_path(cell.can.channel)
-        if line.exists():
-            link = on_pseudo_terminal(cell.monitor.link, line)
-            monitor = cell.monitor.model_copy(update={"link": link})
-            cell = cell.model_copy(update={"monitor": monitor})
-    if cell.plate is None:
-        return cell
-    port = plate_path(cell.can.channel)
-    return with_address(cell, str(port)) if port.exists() else cell
+    served = cell.model_copy(update={"can": as_served(cell.can)})
+    line = registers_path(served_name(cell))
+    if cell.monitor is not None and cell.monitor.link.kind == "rtu" and line.exists():
+        link = on_pseudo_terminal(cell.monitor.link, line)
+        monitor = cell.monitor.model_copy(update={"link": link})
+        served = served.model_copy(update={"monitor": monitor})
+    port = plate_path(served_name(cell))
+    return with_address(served, str(port)) if cell.plate and port.exists() else served
+
+
+def refuse_one_process(cell: CellConfig) -> None:
+    """Refuse a bus that does not leave a process: sessions are several.
+
+    Raises
+    ------
+    ConfigError
+        The cell's interface is `virtual`.
+    """
+    if cell.can.interface == "virtual":
+        raise ConfigError(
+            f"cell {cell.name}: can.interface virtual lives within one process, a session has"
+            " several; use rid_sim, udp_multicast, slcan or socketcan"
+        )
 
 
 def is_served(cell: CellConfig) -> bool:
-    """Return whether somebody serves the cell's simulated bus already."""
+    """Return whether somebody serves the cell's simulated devices already."""
     if cell.can.interface != "rid_sim":
-        return False
+        from mock_hw.served_bus import as_served, is_bus_served
+
+        return is_bus_served(as_served(cell.can))
     from mock_hw.hub_client import HubClient
     from mock_hw.hub_protocol import Role
     from mock_hw.runtime_directory import socket_path

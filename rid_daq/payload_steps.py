@@ -21,6 +21,7 @@ from config.load import LoadedCell, to_yaml
 from config.motion import FourierMotion
 from rid_daq.console import Console
 from rid_daq.flange import note_flange
+from rid_daq.live.live_page import LivePage
 from rid_daq.payload_watch import Watch
 from rid_daq.recording_job import progress_shown
 from rid_daq.session import unfinished
@@ -86,7 +87,7 @@ class SessionState:
             if document["schema"] != SCHEMA:
                 raise ValueError
             return cls(folder, document["cell"], dict(document["done"]), dict(document["facts"]))
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             raise ConfigError(
                 f"{folder.file(STATE)}: not the state of a payload session; was it edited?"
             ) from None
@@ -106,12 +107,15 @@ class PayloadSteps:
         Where progress is shown.
     simulated : SimulatedCell or None
         The mock hardware, where it was started here.
+    page : LivePage, optional
+        Where it is shown too.
     """
 
     loaded: LoadedCell
     cell: CellConfig
     console: Console
     simulated: SimulatedCell | None = None
+    page: LivePage | None = None
 
     def record(
         self, motion: FourierMotion, folder: RunFolder, role: str, watch: Watch | None = None
@@ -131,6 +135,10 @@ class PayloadSteps:
         if self.simulated is not None:
             facts |= note_flange(folder, self.loaded, self.simulated.attached)
         periods = len(samples) / (samples.samples_per_period or len(samples))
+        onlooker = None
+        if self.page is not None:
+            title = f"Payload session: {role}"
+            onlooker = self.page.onlooker(title, samples, self.cell, self.loaded.robot)
         with unfinished(folder), self.console.progress(role, periods, "periods") as display:
             show = progress_shown(samples, self._shown(display.update, watch))
             outcome = record_motion(
@@ -141,6 +149,7 @@ class PayloadSteps:
                 on_progress=show,
                 enough=None if watch is None else watch.enough,
                 drive_profile=self.loaded.drive_profile,
+                onlooker=onlooker,
             )
         status = RunStatus.COMPLETE if outcome.complete else RunStatus.STOPPED
         folder.finish(status, facts | {"rows": outcome.rows})

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from acquisition.control_block import Progress, TaskState
 from acquisition.experiment import RecordOutcome, record_motion
+from acquisition.joint_values import JointValues
 from acquisition.journal import read_journal
 from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.recording import Recording
@@ -21,26 +22,16 @@ from config.motion import AnyMotion
 from config.robot import RobotDescription
 from rid_daq.accuracy_watch import AccuracyWatch
 from rid_daq.console import Console
+from rid_daq.live.live_page import LivePage
+from rid_daq.motion_words import PHASES, motion_words
 from rid_daq.result import new_result, verdict
 from rid_daq.sections import cell_section, loop_section, loop_sentence, motion_sentence, run_section
 
-_STATES = {
-    TaskState.STARTING: "starting",
-    TaskState.BRING_UP: "configuring the drives",
-    TaskState.ENABLING: "switching the drives on",
-    TaskState.STOPPING: "stopping",
-    TaskState.FINISHED: "power off",
-}
-_PHASES = {
-    Phase.APPROACH: "approach",
-    Phase.RUN_IN: "run-in",
-    Phase.TRANSIENT: "transient period",
-    Phase.MAIN: "measuring",
-    Phase.RUN_OUT: "run-out",
-    Phase.HOLD: "hold",
-}
+_AGAIN = "Start again when you are ready; the robot goes to the start by itself."
 _WHAT_TO_DO = {
-    StopCode.INTERRUPTED: "Start again when you are ready; the robot goes to the start by itself.",
+    StopCode.INTERRUPTED: _AGAIN,
+    StopCode.STOP_COMMAND: _AGAIN,
+    StopCode.STOP_BUTTON: _AGAIN,
     StopCode.RECORDER: "Check the disk (free space, speed), then start again.",
     StopCode.BUS: "Check the adapter, its cable and the termination, then run `rid-daq check`.",
     StopCode.MISSED_FRAMES: "Check cable and bus load, then run `rid-daq check`.",
@@ -88,7 +79,8 @@ class RecordedRun:
             return ""
         where = "" if self.recording is None else f" {_where(self.recording)}"
         text = stop.text if stop.text.endswith(".") else f"{stop.text}."
-        return f"Stopped: {text}{where} {_WHAT_TO_DO.get(stop.code, _CHECK)}"
+        said = f"S{text[1:]}" if text.startswith("stopped ") else f"Stopped: {text}"
+        return f"{said}{where} {_WHAT_TO_DO.get(stop.code, _CHECK)}"
 
     @property
     def timing_sentence(self) -> str:
@@ -108,13 +100,15 @@ def record_run(
     accuracy: AccuracyWatch | None = None,
     profile: AmplifierProfile | None = None,
     drive_profile: DriveProfile | None = None,
+    page: LivePage | None = None,
 ) -> RecordedRun:
     """Record a planned motion into a run folder, showing how far it is.
 
     `motion` is what was planned, or a sentence that says it.
     With `accuracy` the progress tells the running estimate, and the motion ends after the period in
     which its goals, if it has any, are reached; with
-    `profile`, what its amplifier speaks, the cell's force plate is recorded too.
+    `profile`, what its amplifier speaks, the cell's force plate is recorded too. A live `page`
+    shows it.
 
     Raises
     ------
@@ -122,6 +116,8 @@ def record_run(
         Nothing was moved, or nothing was recorded (`record_motion`).
     """
     total, unit = _total(samples)
+    sentence = motion if isinstance(motion, str) else motion_sentence(motion)
+    onlooker = None if page is None else page.onlooker(sentence, samples, cell, robot)
     started_s = time.monotonic()
     with console.progress(role, total, unit) as display:
         outcome = record_motion(
@@ -133,6 +129,7 @@ def record_run(
             enough=None if accuracy is None else accuracy.enough,
             profile=profile,
             drive_profile=drive_profile,
+            onlooker=onlooker,
         )
     elapsed_s = time.monotonic() - started_s
     recording = read_journal(outcome.path).recording() if outcome.rows else None
@@ -140,7 +137,6 @@ def record_run(
     result["cell"] = cell_section(cell)
     stop = None if outcome.stop is None else outcome.stop.text
     if recording is not None:
-        sentence = motion if isinstance(motion, str) else motion_sentence(motion)
         result["runs"] = [run_section(role, sentence, recording, robot, stop)]
     result["timing"] = {
         "elapsed_s": elapsed_s,
@@ -171,12 +167,23 @@ def progress_shown(
         if progress.sample_index >= 0:
             done = _done(samples, progress.sample_index)
         moving = progress.state is TaskState.MOVING
-        line = _PHASES[progress.phase] if moving else _STATES[progress.state]
+        line = motion_words(progress)
+        if moving and progress.joints is not None:
+            line += f"; {load_words(progress.joints, samples.joint_names)}"
         if moving and accuracy is not None and accuracy.line():
             line += f"; {accuracy.line()}"
         show(done, line)
 
     return update
+
+
+def load_words(joints: JointValues, names: Sequence[str]) -> str:
+    """Say how much of their limits torque and following error take, each of the worst joint."""
+    torque, error = int(joints.torque_share.argmax()), int(joints.following_error_share.argmax())
+    return (
+        f"torque {joints.torque_share[torque]:.0%} ({names[torque]}), following error"
+        f" {joints.following_error_share[error]:.0%} ({names[error]}) of the limit"
+    )
 
 
 def _where(recording: Recording) -> str:
@@ -190,7 +197,7 @@ def _where(recording: Recording) -> str:
     if recording.samples_per_period is not None and phase is Phase.MAIN:
         first = moved[recording.phase[recording.sample_index >= 0] == Phase.MAIN][0]
         period = f", period {int(moved[-1] - first) // recording.samples_per_period + 1}"
-    return f"That was {into_s:.2f} s into the motion ({_PHASES[phase]}{period})."
+    return f"That was {into_s:.2f} s into the motion ({PHASES[phase]}{period})."
 
 
 def _total(samples: MotionSamples) -> tuple[float, str]:

@@ -20,6 +20,7 @@ from config.motion import (
     MultisineMotion,
     ReversedMotion,
 )
+from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
 from config.robot import Joint, RobotDescription
 from identification.comparison import Comparison
 from identification.estimate import Estimate
@@ -66,6 +67,12 @@ def motion_sentence(motion: AnyMotion) -> str:
             f"{motion.realisations} multisines, {motion.periods} periods of {motion.period_s:g} s"
             f" each, {motion.lowest_hz:g} to {motion.highest_hz:g} Hz."
         )
+    if isinstance(motion, PathMotion):
+        return f"A path of {len(motion.segments)} segments at up to {motion.speed_m_s:g} m/s."
+    if isinstance(motion, JointPathMotion):
+        return f"A curve through {len(motion.points)} poses."
+    if isinstance(motion, JointTableMotion):
+        return f"A table of {len(motion.time_s)} rows of joint positions."
     return f"Smooth moves through {motion.points} random points (seed {motion.seed})."
 
 

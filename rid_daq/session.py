@@ -8,7 +8,6 @@ import hashlib
 import os
 import re
 import sys
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +17,7 @@ import typer
 from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig
 from config.errors import LockedError, RecordingError, RidDaqError
+from rid_daq.running_sessions import machine_lock_folders
 
 RunsFolder = Annotated[
     Path, typer.Option("--runs", help="The folder that holds the run folders.", show_default=True)
@@ -39,7 +39,7 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
         The cell whose bus (interface and channel) nobody else may command meanwhile.
     folder
         Where lock files live. Unless told, the machine's lock folder, and for a simulated bus
-        the folder of this user that its socket is in.
+        the folder that its socket is in.
 
     Raises
     ------
@@ -48,18 +48,19 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
     RecordingError
         The lock file cannot be written.
     """
-    path = _lock_path(cell, folder or _lock_folder(cell))
+    path = _lock_path(cell, folder or lock_folder(cell))
     descriptor = _open_lock(path)
     try:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            holder = os.pread(descriptor, 200, 0).decode("utf-8", "replace").strip()
+            holder = os.pread(descriptor, 200, 0).decode("utf-8", "replace").partition("\n")[0]
             raise LockedError(
                 f"cell {cell.name}: bus {cell.can.interface}:{cell.can.channel} is held by another"
-                f" session ({holder or 'of another user'}). Wait until it ends, or stop it."
+                f" session ({holder or 'of another user'}). Wait until it ends, or stop it:"
+                " `rid-daq stop`."
             ) from None
-        _sign(descriptor)
+        _sign(descriptor, cell)
         yield
     finally:
         os.close(descriptor)
@@ -83,13 +84,13 @@ def unfinished(folder: RunFolder) -> Iterator[None]:
         raise
 
 
-def _lock_folder(cell: CellConfig) -> Path:
+def lock_folder(cell: CellConfig) -> Path:
+    """Return where the lock of a cell's bus lives."""
     if cell.can.interface == "rid_sim":
-        from mock_hw.runtime_directory import runtime_directory
+        from mock_hw.runtime_directory import socket_path
 
-        return runtime_directory()
-    machine_wide = Path("/run/lock")
-    return machine_wide if os.access(machine_wide, os.W_OK) else Path(tempfile.gettempdir())
+        return socket_path(cell.can.channel).parent
+    return machine_lock_folders()[0]
 
 
 def _lock_path(cell: CellConfig, folder: Path) -> Path:
@@ -110,8 +111,9 @@ def _open_lock(path: Path) -> int:
         raise RecordingError(f"{path}: cannot open the lock file: {error.strerror}") from None
 
 
-def _sign(descriptor: int) -> None:
+def _sign(descriptor: int, cell: CellConfig) -> None:
     with contextlib.suppress(OSError):
         os.ftruncate(descriptor, 0)
-        command = " ".join(Path(word).name for word in sys.argv[:3])
-        os.pwrite(descriptor, f"process {os.getpid()}: {command}\n".encode(), 0)
+        command = " ".join(("rid-daq", *(Path(word).name for word in sys.argv[1:3])))
+        text = f"process {os.getpid()}: {command}\ncell {cell.name}\n"
+        os.pwrite(descriptor, text.encode(), 0)

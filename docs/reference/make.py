@@ -17,10 +17,21 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
+from config.faults import FaultScript
 from config.import_map import ImportMap
-from config.motion import FourierMotion, MultipointMotion
+from config.motion import CircleMotion, FourierMotion, MultipointMotion
+from config.path_motion import (
+    ArcSegment,
+    CircleSegment,
+    JointPathMotion,
+    JointTableMotion,
+    LineSegment,
+    PathMotion,
+    SplineSegment,
+)
 from config.plant import PlantConfig
 from config.robot import RobotDescription
 
@@ -31,9 +42,19 @@ PAGES = {
     "robot files": RobotDescription,
     "motion files: periodic excitation": FourierMotion,
     "motion files: validation": MultipointMotion,
+    "motion files: circle": CircleMotion,
+    "motion files: path of the tool point": PathMotion,
+    "motion files: path, line": LineSegment,
+    "motion files: path, arc": ArcSegment,
+    "motion files: path, circle": CircleSegment,
+    "motion files: path, spline": SplineSegment,
+    "motion files: joint path": JointPathMotion,
+    "motion files: joint table": JointTableMotion,
     "import maps": ImportMap,
     "drive profiles (Modbus registers)": DriveProfile,
+    "amplifier profiles (strings and rows)": AmplifierProfile,
     "plant files (simulation only)": PlantConfig,
+    "fault scripts (simulation only)": FaultScript,
 }
 
 
@@ -136,7 +157,8 @@ def _kind(annotation: Any) -> tuple[str, list[type[BaseModel]]]:
     origin = typing.get_origin(annotation)
     arguments = typing.get_args(annotation)
     if origin is typing.Literal:
-        return " or ".join(f"`{a}`" for a in arguments), []
+        words = (str(a) if str(a).isprintable() else json.dumps(a) for a in arguments)
+        return " or ".join(f"`{word}`" for word in words), []
     if origin is typing.Annotated:
         word, models = _kind(arguments[0])
         metadata = [m for a in arguments[1:] for m in getattr(a, "metadata", [a])]

@@ -12,10 +12,12 @@ import typer
 from acquisition.termination import TERMINATION, ignore_termination
 from config.cell import CellConfig
 from config.errors import ConfigError, LockedError, TransportError
-from config.load import load_cell
+from config.faults import NO_SCRIPT
+from config.load import load_cell, load_faults
 from mock_hw.cell import SimulatedCell
 from mock_hw.runtime_directory import runtime_directory
-from rid_daq.cells import is_served
+from mock_hw.served_bus import SIMULATED
+from rid_daq.cells import is_served, refuse_one_process
 from rid_daq.console import AsJson, Console
 
 _LOOK_S = 2.0
@@ -28,7 +30,8 @@ def mock(
     lockstep: Annotated[
         bool,
         typer.Option(
-            "--lockstep", help="Simulated time that the commanding program moves on, not the clock."
+            "--lockstep",
+            help="Simulated time that the commanding program moves on, not the clock (rid_sim).",
         ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
@@ -37,6 +40,9 @@ def mock(
     ] = None,
     log: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write all frames there (candump format).")
+    ] = None,
+    faults: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A fault script: what is to go wrong.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -51,6 +57,7 @@ def mock(
         raise ConfigError(
             f"cell {loaded.config.name}: is not simulated; say simulated: true and name a plant"
         )
+    script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
     _check_channel(loaded.config)
     with SimulatedCell(
         loaded.config,
@@ -62,9 +69,9 @@ def mock(
         log=log,
         profile=loaded.amplifier_profile,
         drive_profile=loaded.drive_profile,
+        faults=script,
     ) as simulated:
-        channel = loaded.config.can.channel
-        listen = f"can_logger -i rid_sim -c {channel}"
+        listen = _listen(simulated.cell, loaded.config.can.channel)
         registers = _registers(simulated.cell)
         document = {
             "cell": loaded.config.name,
@@ -80,7 +87,12 @@ def mock(
             f"Cell {loaded.config.name} is served: {nodes};"
             f" {'lock-step' if lockstep else 'real'} time. Ctrl-C ends it."
         )
-        console.say(f"Listen in:  {listen}")
+        if faults is not None:
+            console.say(f"Faults:     as {faults} says")
+        if listen:
+            console.say(f"Listen in:  {listen}")
+        else:
+            console.say(f"Adapter:    {simulated.channel} (slcan)")
         if simulated.address and loaded.config.plate is not None:
             baud_rate = loaded.config.plate.amplifier.baud_rate
             console.say(f"Plate:      {simulated.address} at {baud_rate} baud")
@@ -89,6 +101,18 @@ def mock(
             console.say(f"Registers:  {registers}")
         _wait(loaded.config)
     console.say("Ended.")
+
+
+def _listen(served: CellConfig, channel: str) -> str:
+    """Say how to see the frames; an slcan adapter's port is for one program alone."""
+    interface = served.can.interface
+    if interface == "slcan":
+        return ""
+    if interface == "socketcan":
+        return f"candump {channel}"
+    group, _, port = channel.partition("@")
+    options = f" --bus-kwargs port={port}" if port else ""
+    return f"can_logger -i {interface} -c {group}{options}"
 
 
 def _registers(cell: CellConfig) -> str:
@@ -119,10 +143,11 @@ def _wait(cell: CellConfig) -> None:
 
 def _check_channel(cell: CellConfig) -> None:
     """Refuse a channel that cannot be served, or is served already."""
-    if cell.can.interface != "rid_sim" or os.sep in cell.can.channel:
+    refuse_one_process(cell)
+    if cell.can.interface == SIMULATED and os.sep in cell.can.channel:
         raise ConfigError(
-            f"cell {cell.name}: can.interface {cell.can.interface}, channel {cell.can.channel}:"
-            " simulated devices are served on interface rid_sim with a plain channel name"
+            f"cell {cell.name}: can.channel {cell.can.channel}: on interface {SIMULATED} simulated"
+            " devices are served under a plain channel name"
         )
     if is_served(cell):
         raise LockedError(f"cell {cell.name}: channel {cell.can.channel} is served already")

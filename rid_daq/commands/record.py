@@ -13,7 +13,8 @@ from acquisition.run_folder import RunFolder
 from acquisition.termination import ignore_termination
 from compensation.feedforward_file import read_feedforward
 from config.errors import ConfigError
-from config.load import LoadedCell, load_cell, load_motion
+from config.faults import NO_SCRIPT
+from config.load import LoadedCell, load_cell, load_faults, load_motion, to_yaml
 from config.motion import (
     AnyMotion,
     CircleMotion,
@@ -21,12 +22,15 @@ from config.motion import (
     MultisineMotion,
     ReversedMotion,
 )
+from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
 from rid_daq.accuracy_watch import AccuracyWatch
 from rid_daq.cells import mountable_cell
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
 from rid_daq.flange import note_flange
+from rid_daq.live.access import DEFAULT_LISTEN
+from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
 from rid_daq.recording_job import RecordedRun, record_run
 from rid_daq.result import write_result
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
@@ -64,7 +68,15 @@ def record(
         str | None,
         typer.Option(help="What a simulated robot carries, by its name in the plant file."),
     ] = None,
+    faults: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A fault script: what goes wrong in a simulated cell."),
+    ] = None,
     cleared: Cleared = False,
+    live: Live = False,
+    listen: Listen = DEFAULT_LISTEN,
+    token: Token = None,
+    certificate: Certificate = None,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -85,9 +97,13 @@ def record(
     if until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(until or (), loaded.robot, samples)
     require_cleared(loaded.config, cleared)
-    with mountable_cell(loaded, realtime=realtime, seed=seed, payload=payload) as (
-        reachable,
-        simulated,
+    script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
+    with (
+        live_page(console, live, listen, token, certificate) as page,
+        mountable_cell(loaded, realtime=realtime, seed=seed, payload=payload, faults=script) as (
+            reachable,
+            simulated,
+        ),
     ):
         folder = RunFolder.create(
             runs, label or as_label(motion.stem), software=software_versions()
@@ -98,7 +114,10 @@ def record(
                 folder.write(name, content)
             if simulated is not None:
                 facts |= note_flange(folder, loaded, simulated.attached)
-            folder.write("motion.yaml", motion.read_bytes())
+            whole = isinstance(asked, JointTableMotion)  # with the rows of the file that it names
+            folder.write("motion.yaml", to_yaml(asked).encode() if whole else motion.read_bytes())
+            if faults is not None:
+                folder.write("faults.yaml", faults.read_bytes())
             if feedforward is not None:
                 folder.write("feedforward.json", feedforward.read_bytes())
             run = record_run(
@@ -111,6 +130,7 @@ def record(
                 accuracy=accuracy,
                 profile=loaded.amplifier_profile,
                 drive_profile=loaded.drive_profile,
+                page=page,
             )
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report
@@ -207,7 +227,9 @@ def _tell(
         console.say(f"Next: rid-daq friction {folder.path}")
     elif outcome.stop is None and isinstance(asked, MultisineMotion):
         console.say(f"Next: rid-daq loop {folder.path}")
-    elif outcome.stop is None and isinstance(asked, CircleMotion):
+    elif outcome.stop is None and isinstance(
+        asked, CircleMotion | PathMotion | JointPathMotion | JointTableMotion
+    ):
         console.say(f"Next: rid-daq tracking {folder.path}")
     elif outcome.stop is None and run.is_periodic:
         console.say(f"Next: rid-daq identify {folder.path}")

@@ -11,6 +11,7 @@ from config.cell import CellConfig
 from config.errors import (
     ConfigError,
     DeviceTimeoutError,
+    DriverError,
     LockedError,
     PreflightError,
     ProtocolError,
@@ -118,12 +119,21 @@ class TestRefusals:
         with pytest.raises(PreflightError, match=rf"shoulder \(node 2\): {name}.*{index:04X}h"):
             bench.axes.bring_up()
 
-    def test_a_drive_without_heartbeat_consumer(self, bench: Any) -> None:
+    @pytest.mark.fault(18)
+    def test_a_drive_without_heartbeat_consumer(
+        self, bench: Any, measured: Callable[[str], None]
+    ) -> None:
+        """What would keep running when the laptop dies cannot be enabled."""
         del bench.drives[2].objects[0x1016, 1]
         with pytest.raises(
             PreflightError, match=r"elbow \(node 3\).*1016h:01 is not in this drive"
         ):
             bench.axes.bring_up()
+        with pytest.raises(DriverError, match="bring_up"):
+            bench.axes.start()
+        with pytest.raises(DriverError, match="start first"):
+            bench.axes.enable()
+        measured("a drive without 1016h: cannot be started, cannot be enabled")
 
     def test_unless_the_cell_file_names_it(
         self, make_bench: Callable[[CellConfig], Any], cell: CellConfig
@@ -237,6 +247,8 @@ class TestDevicesThatAreNotThere:
             (heartbeat_frame(127, NmtState.OPERATIONAL), "node 127's heartbeat"),
             (Frame(0x602, bytes(8)), "SDO requests to node 2"),
             (Frame(0x203, bytes(8)), "commands to node 3"),
+            (Frame(0x655, bytes(8)), "SDO requests to node 85"),
+            (Frame(0x7E5, bytes(8)), "layer settings"),
         ],
     )
     def test_another_master(self, bench: Any, frame: Frame, what: str) -> None:
@@ -244,6 +256,14 @@ class TestDevicesThatAreNotThere:
         with pytest.raises(LockedError, match=f"it sends {what}"):
             bench.axes.bring_up()
         assert bench.bus.sent == []
+
+    @pytest.mark.parametrize("delay_s", [0.082, 0.095, 0.108, 0.112])
+    def test_another_master_in_the_middle_of_the_bring_up(self, bench: Any, delay_s: float) -> None:
+        bench.bus.transmit(Frame(0x602, bytes(8)), delay_s)
+        with pytest.raises(LockedError, match="it sends SDO requests to node 2"):
+            bench.axes.bring_up()
+        assert bench.bus.sent != []
+        assert bench.bus.sent_to(0x201) == []
 
     def test_other_devices_on_the_bus_do_not_disturb(self, bench: Any) -> None:
         for delay_s in (0.02, 0.1, 0.2):

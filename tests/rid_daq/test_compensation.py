@@ -1,13 +1,15 @@
-"""The path error cut through the commands: loops, feedforward, a circle before and after."""
+"""The path error cut through the commands: loops, feedforward, refinement, before and after."""
 
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from config.load import load_cell, to_yaml
 from rid_daq.app import run
 
 # One cell is held by one session at a time, so these tests share a worker.
@@ -18,7 +20,9 @@ centre_m: [0.575, -0.078, -1.724]
 radius_m: 0.2
 speed_m_s: 0.6
 near: [0.1, -0.1, 0.4]
-periods: 3
+periods: 4
+transient_periods: 1
+ramp_s: 1.0
 """
 MULTISINE = """
 kind: multisine
@@ -40,17 +44,24 @@ joints:
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model of the simulated arm, its velocity loops, and a circle without compensation."""
     folder = tmp_path_factory.mktemp("compensation")
+    # The bundled cell without its force plate, which takes as long as all the rest.
+    bundled = load_cell("ir361").config
+    arm = bundled.model_copy(update={"plate": None, "name": "arm"})
+    (folder / "arm.yaml").write_text(to_yaml(arm))
+    cell = str(folder / "arm.yaml")
     runs = ["--runs", str(folder / "runs")]
     (folder / "circle.yaml").write_text(CIRCLE)
     (folder / "multisine.yaml").write_text(MULTISINE)
     excitation = str(folder / "excitation.yaml")
-    words = ["design", "ir361", "-o", excitation, "--method", "two-harmonic", "--periods", "4"]
+    words = ["design", cell, "-o", excitation, "--method", "two-harmonic", "--periods", "3"]
     assert run(words) == 0
-    assert run(["record", "ir361", excitation, "--label", "excitation", *runs]) == 0
+    assert run(["record", cell, excitation, "--label", "excitation", *runs]) == 0
     assert run(["identify", "excitation", "-o", str(folder / "model.json"), *runs]) == 0
     for label in ("multisine", "circle"):
         motion = str(folder / f"{label}.yaml")
-        assert run(["record", "ir361", motion, "--label", label, *runs]) == 0
+        assert run(["record", cell, motion, "--label", label, *runs]) == 0
+    words = ["loop", "multisine", "-o", str(folder / "loops.json"), *runs]
+    assert run(words) == 0
     return folder
 
 
@@ -60,36 +71,106 @@ def document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     return found
 
 
+def by(workshop: Path) -> list[str]:
+    """The options that say model and loops."""
+    return ["--model", str(workshop / "model.json"), "--loop", str(workshop / "loops.json")]
+
+
+@pytest.fixture(scope="module")
+def compensated(workshop: Path) -> Path:
+    """The feedforward of the circle, tuned by the plain circle, and a run with it."""
+    cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
+    circle, ahead = str(workshop / "circle.yaml"), str(workshop / "ahead.json")
+    words = ["compensate", cell, circle, *by(workshop), "-o", ahead]
+    assert run([*words, "--reference", "circle", *runs]) == 0
+    words = ["record", cell, circle, "--feedforward", ahead, "--label", "compensated", *runs]
+    assert run(words) == 0
+    return workshop / "ahead.json"
+
+
 def test_the_circle_comes_an_order_of_magnitude_closer(
-    workshop: Path, capsys: pytest.CaptureFixture[str]
+    workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nothing is taken from the plant; the thesis went from 1.42 mm to 0.25 mm."""
-    runs, loops = ["--runs", str(workshop / "runs")], str(workshop / "loops.json")
-    capsys.readouterr()
-    assert run(["loop", "multisine", "-o", loops, "--json", *runs]) == 0
-    for axis, gain in zip(document(capsys)["axes"], (900.0, 1300.0, 250.0), strict=True):
+    loops = json.loads((workshop / "loops.json").read_text())["loops"]
+    for axis, gain in zip(loops, (900.0, 1300.0, 250.0), strict=True):
         assert axis["gain"] == pytest.approx(gain, rel=0.02)
-    circle, ahead = str(workshop / "circle.yaml"), str(workshop / "ahead.json")
-    words = ["compensate", "ir361", circle, "--model", str(workshop / "model.json")]
-    assert run([*words, "--loop", loops, "-o", ahead]) == 0
-    words = ["record", "ir361", circle, "--feedforward", ahead, "--label", "compensated", *runs]
-    assert run(words) == 0
+    tuning = json.loads(compensated.read_text())["origin"]["tuning"]
+    assert tuning["same_motion"]
+    assert tuning["used"] == [True, True, True]
+    assert tuning["scale"] == pytest.approx([1.0, 1.0, 1.0], abs=0.1)
+    runs = ["--runs", str(workshop / "runs")]
     capsys.readouterr()
     assert run(["tracking", "compensated", "--against", "circle", "--json", *runs]) == 0
     found = document(capsys)
-    assert 1e-3 < found["against"]["mean_m"] < 3e-3
-    assert found["mean_ratio"] > 10.0
-    assert found["max_ratio"] > 6.0
+    (motion,) = found["motions"]
+    assert motion["use"] == "tuned on it"
+    assert 1e-3 < motion["against"]["mean_m"] < 3e-3
+    assert motion["mean_ratio"] > 10.0
+    assert motion["max_ratio"] > 6.0
+    page = Path(found["report"]).read_text()
+    assert "deviation drawn 10 times as large" in page
+    assert "times closer than before" in page
+    assert "tuned on it" in page
+
+
+def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_noticed(
+    workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
+    better = str(workshop / "better.json")
+    capsys.readouterr()
+    assert run(["refine", "compensated", *by(workshop), "-o", better, "--json", *runs]) == 0
+    found = document(capsys)
+    assert not found["finished"]
+    assert all(axis["bound"] < 0.5 for axis in found["axes"])
+    circle = str(workshop / "circle.yaml")
+    words = ["record", cell, circle, "--feedforward", better, "--label", "refined", *runs]
+    assert run(words) == 0
+    capsys.readouterr()
+    assert run(["tracking", "refined", "--against", "circle", "--json", *runs]) == 0
+    (motion,) = document(capsys)["motions"]
+    assert motion["use"] == "refined 1 time"
+    assert motion["mean_ratio"] > 20.0
+    assert motion["max_ratio"] > 10.0
+
+    # The same run, once as if it had been as good before, once as if it had been far better.
+    (recorded,) = (
+        path.parent
+        for path in (workshop / "runs").glob("*/feedforward.json")
+        if path.read_text() == (workshop / "better.json").read_text()
+    )
+    for factor, code, words in ((1.0, 0, "no longer shrinks"), (0.5, 6, "has grown since")):
+        changed = tmp_path / str(factor) / recorded.name
+        shutil.copytree(recorded, changed)
+        file = json.loads((changed / "feedforward.json").read_text())
+        capsys.readouterr()
+        again = ["refine", str(recorded), *by(workshop), "-o", str(tmp_path / "x.json"), "--json"]
+        assert run(again) == 0
+        rms = [factor * axis["rms"] for axis in document(capsys)["axes"]]
+        file["origin"]["refinements"][-1]["rms"] = rms
+        (changed / "feedforward.json").write_text(json.dumps(file))
+        again[1], again[-2:] = str(changed), [str(tmp_path / "y.json")]
+        assert run(again) == code
+        output = capsys.readouterr()
+        assert words in output.out + output.err
+    kept = json.loads((tmp_path / "y.json").read_text())
+    assert kept["feedforward"] == json.loads((workshop / "better.json").read_text())["feedforward"]
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["loop", "circle"], "is of a circle motion"),
-        (["compensate", "ir361", "circle.yaml", "--model", "model.json"], "Missing option"),
+        (["compensate", "arm.yaml", "circle.yaml", "--model", "model.json"], "Missing option"),
         (
-            ["record", "ir361", "circle.yaml", "--feedforward", "model.json"],
+            ["record", "arm.yaml", "circle.yaml", "--feedforward", "model.json"],
             "is no feedforward file",
+        ),
+        (["tracking", "circle", "--against", "multisine"], "is of none of the motions given"),
+        (
+            ["refine", "circle", "multisine", "--model", "model.json", "--loop", "loops.json"],
+            "differ in motion or feedforward",
         ),
     ],
 )
@@ -102,6 +183,6 @@ def test_what_cannot_be_meant_is_one_clear_message(
 ) -> None:
     monkeypatch.chdir(workshop)
     capsys.readouterr()
-    more = ["-o", "x.json"] if words[0] == "compensate" else ["--runs", "runs"]
-    assert run([*words, *more]) == 2
+    more = ["-o", "x.json"] if words[0] in ("compensate", "refine") else []
+    assert run([*words, *more, *(["--runs", "runs"] if words[0] != "compensate" else [])]) == 2
     assert message in capsys.readouterr().err

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,18 @@ def test_the_files_explain_themselves(tmp_path: Path) -> None:
         text = path.read_text()
         comments = sum("#" in line for line in text.splitlines())
         assert comments >= 5, path.name
+
+
+def test_every_optional_part_loads_when_its_comment_is_lifted(tmp_path: Path) -> None:
+    run(["init", str(tmp_path)])
+    path = tmp_path / "cell.yaml"
+    key = re.compile(r"^# (?=[a-z_]+:( |$)|  )", re.MULTILINE)
+    path.write_text(key.sub("", path.read_text()))
+    config = load_cell(str(path)).config
+    assert config.validation_limits_percent
+    assert config.workspace
+    assert config.plate
+    assert config.monitor
 
 
 def test_init_overwrites_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

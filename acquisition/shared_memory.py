@@ -1,0 +1,72 @@
+"""`SharedMemory`: memory of several processes that has no name and is gone with the last of them.
+
+Another program of the same user can find it all the same, through a process that has it: that is
+how `rid-daq stop` reaches a motion without asking the program that may be too busy to answer.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import weakref
+from collections.abc import Callable, Iterator
+from multiprocessing import reduction
+from typing import Any
+
+
+class SharedMemory:
+    """Zeroed memory behind a file descriptor; handed to spawned processes as an argument.
+
+    Parameters
+    ----------
+    descriptor : int
+        Of a memory file; it is closed with this object.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        weakref.finalize(self, os.close, descriptor)
+        self.buffer = mmap.mmap(descriptor, os.fstat(descriptor).st_size)
+
+    @classmethod
+    def create(cls, label: str, size: int) -> SharedMemory:
+        """Return fresh memory of `size` bytes; `label` says to other programs what it is."""
+        descriptor = os.memfd_create(label, os.MFD_CLOEXEC)
+        os.ftruncate(descriptor, size)
+        return cls(descriptor)
+
+    @classmethod
+    def of_process(cls, pid: int, label: str, size: int) -> Iterator[SharedMemory]:
+        """Yield what another process has of this label and size, the newest first.
+
+        Raises
+        ------
+        PermissionError
+            The process is not this user's.
+        """
+        folder = f"/proc/{pid}/fd"
+        try:
+            numbers = sorted((int(name) for name in os.listdir(folder)), reverse=True)
+        except (FileNotFoundError, ProcessLookupError):
+            return
+        seen = set()
+        for number in numbers:
+            try:
+                if os.readlink(f"{folder}/{number}") != f"/memfd:{label} (deleted)":
+                    continue
+                descriptor = os.open(f"{folder}/{number}", os.O_RDWR | os.O_CLOEXEC)
+            except (FileNotFoundError, ProcessLookupError):
+                continue
+            status = os.fstat(descriptor)
+            if status.st_ino in seen or status.st_size != size:
+                os.close(descriptor)
+                continue
+            seen.add(status.st_ino)
+            yield cls(descriptor)
+
+    def __reduce__(self) -> tuple[Callable[..., SharedMemory], tuple[Any]]:
+        return _received, (reduction.DupFd(self._descriptor),)
+
+
+def _received(duplicate: Any) -> SharedMemory:
+    return SharedMemory(duplicate.detach())

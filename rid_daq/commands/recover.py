@@ -1,0 +1,105 @@
+"""`rid-daq recover`: what is readable of an unfinished, torn or damaged recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from acquisition.journal_repair import Repair
+from acquisition.run_list import find_run
+from config.errors import ConfigError, RecordingError
+from rid_daq.console import AsJson, Console
+from rid_daq.exit_codes import ExitCode
+from rid_daq.recovery_job import Recovery, recover_file, recover_run
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
+
+
+def recover(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|RUN", help="A recording (.mcap), or a run folder, its id or label."
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="PATH",
+            help="Of a file: the file to write; of a run: the folder for the new run folder."
+            " Beside the old one if not given.",
+        ),
+    ] = None,
+    runs: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """Write what is readable of a damaged recording as a new one; the old one is never changed.
+
+    Only blocks whose checksums are right are taken, so no number in the new recording is wrong, and
+    every row known to be lost is told. A run becomes a new run folder that all commands read. The
+    exit code is 0 where no row is known to be lost, 1 where some are, 7 where nothing is readable.
+    """
+    console = Console(as_json)
+    path = Path(what)
+    if path.is_file():
+        target = output or path.with_name(f"{path.stem}-recovered.mcap")
+        recovery = recover_file(path, target)
+    else:
+        source = _run_folder(runs, what)
+        recovery = recover_run(source, output or source.resolve().parent)
+    _tell(console, recovery, is_run=not path.is_file())
+    if recovery.lost_rows:
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _run_folder(runs: Path, what: str) -> Path:
+    """Return a run's folder, its manifest readable or not."""
+    for path in (Path(what), runs / what):
+        if what not in ("", ".", "..") and path.is_dir():
+            return path
+    if Path(what).suffix == ".mcap":
+        raise RecordingError(f"{what}: no such file")
+    try:
+        return find_run(runs, what).path
+    except ConfigError as error:
+        raise ConfigError(f"{error}; give the path of a run folder or of an .mcap file") from error
+
+
+def _tell(console: Console, recovery: Recovery, *, is_run: bool) -> None:
+    console.document(
+        {
+            "source": str(recovery.source),
+            "recovered": None if recovery.target is None else str(recovery.target),
+            "rows_lost": recovery.lost_rows,
+            "seconds_lost": recovery.lost_s,
+            "recordings": {name: _entry(each) for name, each in recovery.repairs.items()},
+            "notes": list(recovery.notes),
+        }
+    )
+    for name, repair in recovery.repairs.items():
+        for number, sentence in enumerate(repair.sentences):
+            console.say(f"{name}: {sentence}" if number == 0 else f"  {sentence}")
+    for note in recovery.notes:
+        console.say(f"note: {note}")
+    if recovery.target is None:
+        console.verdict(True, f"{recovery.source}: is whole; there is nothing to recover")
+        return
+    console.verdict(not recovery.lost_rows, f"Recovered: {recovery.target}")
+    if is_run and "recording.mcap" in recovery.repairs:
+        console.say(f"Next: rid-daq average {recovery.target}")
+
+
+def _entry(repair: Repair) -> dict[str, Any]:
+    return {
+        "rows": repair.kept_rows,
+        "seconds": repair.kept_s,
+        "rows_lost": repair.lost_rows,
+        "seconds_lost": repair.lost_s,
+        "closed": repair.damage.finished,
+        "torn_bytes": repair.damage.torn_bytes,
+        "bad_blocks": repair.damage.bad_chunks,
+        "gaps": [{"first_row": first, "rows": count} for first, count in repair.damage.gaps],
+    }

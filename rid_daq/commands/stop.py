@@ -1,0 +1,186 @@
+"""`rid-daq stop`: quick stop of whatever session is running on this machine."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquisition.control_block import ControlBlock, TaskState
+from acquisition.stop_reason import StopCode
+from rid_daq.console import AsJson, Console
+from rid_daq.exit_codes import ExitCode
+from rid_daq.running_sessions import RunningSession, running_sessions
+
+LOOK_S = 0.002
+STOP_PATIENCE_S = 2.0
+REST_PATIENCE_S = 15.0
+END_PATIENCE_S = 30.0
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """What became of a session that was told to stop.
+
+    Attributes
+    ----------
+    seen : bool
+        Whether it was seen to have stopped.
+    sentence : str
+        What happened, with times.
+    rest_at : str or None
+        When the axes were at rest, where they moved and that was seen.
+    """
+
+    seen: bool
+    sentence: str
+    rest_at: str | None = None
+
+
+def stop(
+    cell: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[CELL]",
+            help="Only the session on this cell: its name or its file. Every session if not given.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Stop whatever session is running on this machine: a quick stop of all axes, then power off.
+
+    It works from any terminal of the same user (root: of every user), however busy the session is,
+    and the session keeps what it has recorded. Exit code 0 says that the stop was seen; 1 that no
+    session runs, 4 that one did not answer. It is not an emergency stop.
+    """
+    console = Console(as_json)
+    name = None if cell is None else _cell_name(cell)
+    sessions = running_sessions(name)
+    # first the request to everyone, then the looking
+    waits = [(session, _ask(session)) for session in sessions]
+    results = [(session, wait()) for session, wait in waits]
+    console.document(
+        {
+            "sessions": [
+                {
+                    "process": session.pid,
+                    "command": session.command,
+                    "cell": session.cell,
+                    "stopped": result.seen,
+                    "text": result.sentence,
+                    "at_rest": result.rest_at,
+                }
+                for session, result in results
+            ]
+        }
+    )
+    if not results:
+        where = "" if name is None else f" on cell {name}"
+        console.verdict(False, f"No session runs{where} on this machine: nothing was stopped.")
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+    for session, result in results:
+        console.verdict(result.seen, f"{session.words}: {result.sentence}")
+    if not all(result.seen for _, result in results):
+        console.say("Use the cell's emergency stop where anything still moves.")
+        raise typer.Exit(ExitCode.COMMUNICATION)
+
+
+def _cell_name(cell: str) -> str:
+    """Return the name in a cell file, or what was given where that is no file."""
+    if not Path(cell).is_file():
+        return cell
+    from config.load import load_cell
+
+    return load_cell(cell).config.name
+
+
+def _ask(session: RunningSession) -> Callable[[], Stopped]:
+    """Tell a session to stop; return what waits until it has."""
+    if not session.ours:
+        refused = Stopped(
+            False, "belongs to another user; only that user or root can stop it from here"
+        )
+        return lambda: refused
+    try:
+        control = session.control()
+    except PermissionError:
+        # as for a program with capabilities of its own: it can be told, but not watched
+        _terminate(session)
+        return lambda: _wait_for_end(session, "told to end; whether its axes rest was not seen")
+    if control is None:
+        _terminate(session)
+        return lambda: _wait_for_end(session, None)
+    began_s = time.monotonic()
+    control.request_stop(StopCode.STOP_COMMAND)
+    return lambda: _wait_for_rest(session, control, began_s)
+
+
+def _terminate(session: RunningSession) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(session.pid, signal.SIGTERM)
+
+
+def _wait_for_end(session: RunningSession, doubt: str | None) -> Stopped:
+    ended = _wait(lambda: not session.is_running, END_PATIENCE_S)
+    if not ended:
+        return Stopped(False, f"did not end within {END_PATIENCE_S:g} s")
+    if doubt is not None:
+        return Stopped(False, doubt)
+    return Stopped(True, "ended; no motion was under way")
+
+
+def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: float) -> Stopped:
+    """Watch a motion until its axes rest.
+
+    The task may be configuring drives when it is told: the request is then seen before they move.
+    """
+
+    def is_over() -> bool:
+        return control.task_gone or not session.is_running
+
+    def has_answered() -> bool:
+        return control.stop_reason is not None or is_over()
+
+    patience_s = STOP_PATIENCE_S if control.task_state is TaskState.MOVING else END_PATIENCE_S
+    if not _wait(has_answered, patience_s):
+        return Stopped(False, f"did not answer within {patience_s:g} s")
+    answered_ms = 1e3 * (time.monotonic() - began_s)
+    _wait(lambda: control.ramp_s is not None or is_over(), REST_PATIENCE_S)
+    reason, ramp_s = control.stop_reason, control.ramp_s
+    now = datetime.now().astimezone()
+    if reason is not None and ramp_s is not None:
+        why = "quick stop"
+        if reason.code is not StopCode.STOP_COMMAND:
+            why = f"was stopping already ({reason.text})"
+        return Stopped(
+            True,
+            f"{why} seen {answered_ms:.0f} ms after the request; all axes at rest {ramp_s:.3f} s"
+            f" later, at {now:%H:%M:%S}.{now.microsecond // 1000:03d}.",
+            now.isoformat(timespec="milliseconds"),
+        )
+    if is_over() and control.task_state is TaskState.FINISHED:
+        if reason is None:
+            return Stopped(True, "ended by itself meanwhile; the drives are off")
+        if not control.progress.cycles:
+            return Stopped(True, "stopped before the motion; the axes did not move")
+        return Stopped(False, "stopped, but the axes were not seen to come to rest")
+    return Stopped(False, "did not come to its end: nobody knows what its axes do")
+
+
+def _wait(condition: Callable[[], bool], patience_s: float) -> bool:
+    """Wait until a condition holds; return whether it did in time."""
+    until_s = time.monotonic() + patience_s
+    while not condition():
+        if time.monotonic() > until_s:
+            return condition()
+        time.sleep(LOOK_S)
+    return True

@@ -1,0 +1,214 @@
+"""Recovering a run: a new run folder with everything of the old one that can be trusted."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pydantic import JsonValue
+
+from acquisition.journal_file import being_written
+from acquisition.journal_repair import Repair, examine_journal, repair_journal
+from acquisition.run_folder import MANIFEST, Manifest, RunFolder, RunStatus
+from config.errors import ConfigError, LockedError, RecordingError, RidDaqError
+from rid_daq.session import as_label, unfinished
+from rid_daq.versions import software_versions
+
+LARGEST_FILE_BYTES = 1 << 30
+_JOURNAL = ".mcap"
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What became of a recording or a run.
+
+    Attributes
+    ----------
+    source : Path
+        The old one; it is as it was.
+    target : Path or None
+        The new one; None where nothing was wrong with the old one.
+    repairs : dict of str to Repair
+        What was kept of each journal.
+    notes : tuple of str
+        What else a person should know, one sentence each.
+    """
+
+    source: Path
+    target: Path | None
+    repairs: dict[str, Repair]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def lost_rows(self) -> int:
+        """Rows known to be missing, of all journals."""
+        return sum(repair.lost_rows for repair in self.repairs.values())
+
+    @property
+    def lost_s(self) -> float:
+        """The longest time that a journal is known to lack [s]."""
+        return max((repair.lost_s for repair in self.repairs.values()), default=0.0)
+
+
+def recover_file(source: Path, target: Path) -> Recovery:
+    """Write what is readable of one journal as a new file.
+
+    Raises
+    ------
+    LockedError
+        The journal is still being written.
+    RecordingError
+        It holds nothing readable, or the new file cannot be written.
+    """
+    _refuse_open(source)
+    repair = examine_journal(source)
+    if repair.whole:
+        return Recovery(source, None, {source.name: repair})
+    if target.exists() or target.is_symlink():
+        raise RecordingError(f"{target}: exists already; give another name with --output")
+    temporary = target.with_name(f"{target.name}.tmp")
+    try:
+        temporary.unlink(missing_ok=True)
+        repair = repair_journal(source, temporary)
+        os.link(temporary, target)  # never replaces, whoever else writes here
+    except OSError as error:
+        raise RecordingError(f"{target}: cannot be written: {error.strerror}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+    return Recovery(source, target, {source.name: repair})
+
+
+def recover_run(source: Path, root: Path) -> Recovery:
+    """Make a new run folder under `root` with what can be trusted of an old one.
+
+    Journals are written again from their checksums. Other files are copied where the manifest's
+    SHA-256 vouches for them; a file that differs from it is left out.
+
+    Raises
+    ------
+    LockedError
+        The run is still being recorded.
+    RecordingError
+        Nothing of it is readable, or the new one cannot be written.
+    """
+    source = source.resolve()
+    names, notes = _files(source)
+    manifest, problem = _manifest(source)
+    notes += problem
+    journals = [name for name in names if name.endswith(_JOURNAL)]
+    for name in journals:
+        _refuse_open(source / name)
+    readable = {}
+    for name in journals:
+        try:
+            readable[name] = examine_journal(source / name)
+        except RecordingError as error:
+            notes.append(str(error))
+    if not readable:
+        raise RecordingError(
+            "; ".join(notes) or f"{source}: no recording ({_JOURNAL}) in it, nothing to recover"
+        )
+    kept, left_out = _trusted(source, [n for n in names if n not in journals], manifest)
+    notes += left_out
+    whole = all(repair.whole for repair in readable.values()) and not notes
+    if (
+        whole
+        and manifest is not None
+        and manifest.status in (RunStatus.COMPLETE, RunStatus.STOPPED)
+    ):
+        return Recovery(source, None, readable)
+    folder = RunFolder.create(
+        root,
+        manifest.label if manifest is not None else as_label(source.name),
+        kind=manifest.kind if manifest is not None else "record",
+        software=manifest.software if manifest is not None else software_versions(),
+    )
+    with unfinished(folder):
+        recovery = _fill(folder, Recovery(source, folder.path, {}, tuple(notes)), kept, readable)
+        facts: dict[str, JsonValue] = {} if manifest is None else dict(manifest.facts)
+        was = source.name if manifest is None else manifest.run_id
+        rows = max(repair.kept_rows for repair in recovery.repairs.values())
+        facts |= {"recovered_from": was, "rows": rows, "rows_lost": recovery.lost_rows}
+        folder.finish(RunStatus.RECOVERED, facts)
+    return recovery
+
+
+def _fill(
+    folder: RunFolder, recovery: Recovery, kept: list[str], readable: dict[str, Repair]
+) -> Recovery:
+    repairs = {}
+    for name in kept:
+        folder.write(name, (recovery.source / name).read_bytes())
+    for name in readable:
+        target = folder.file(name)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        repairs[name] = repair_journal(recovery.source / name, target, folder.run_id)
+    return replace(recovery, repairs=repairs)
+
+
+def _refuse_open(path: Path) -> None:
+    if being_written(path):
+        raise LockedError(
+            f"{path}: is still being written: wait until the recording ends, or stop it"
+        )
+
+
+def _manifest(source: Path) -> tuple[Manifest | None, list[str]]:
+    try:
+        return RunFolder(source, "").manifest(), []
+    except RidDaqError as error:
+        return None, [f"{error}; label and kind are lost, and nothing vouches for the other files"]
+
+
+def _files(source: Path) -> tuple[list[str], list[str]]:
+    """Return the names of a folder's files, and what of it is not taken."""
+    names, notes = [], []
+    probe = RunFolder(source, "")
+    for folder, folders, files in os.walk(source, followlinks=False):
+        for name in sorted((*folders, *files)):
+            path = Path(folder) / name
+            relative = str(path.relative_to(source))
+            if relative == MANIFEST or name.endswith(".tmp"):
+                continue
+            try:
+                probe.file(relative)
+            except (ConfigError, RecordingError) as error:
+                notes.append(f"left out: {error}")
+                continue
+            if path.is_file():
+                names.append(relative)
+            elif not path.is_dir():
+                notes.append(f"left out: {path}: is no file")
+    return sorted(names), notes
+
+
+def _trusted(
+    source: Path, names: list[str], manifest: Manifest | None
+) -> tuple[list[str], list[str]]:
+    """Return which files can be copied, and why others are not or should be looked at."""
+    kept, notes = [], []
+    for name in names:
+        path = source / name
+        try:
+            if path.stat().st_size > LARGEST_FILE_BYTES:
+                notes.append(f"left out: {path}: larger than {LARGEST_FILE_BYTES >> 30} GB")
+                continue
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        except OSError as error:
+            notes.append(f"left out: {path}: cannot be read: {error.strerror}")
+            continue
+        entry = None if manifest is None else manifest.files.get(name)
+        if entry is not None and entry.sha256 != digest:
+            notes.append(
+                f"left out: {name}: is not what was written (its SHA-256 differs): put a copy that"
+                " you trust into the new folder"
+            )
+            continue
+        if manifest is not None and entry is None:
+            notes.append(f"{name}: copied, although no manifest vouches for it")
+        kept.append(name)
+    expected = () if manifest is None else sorted(manifest.files)
+    missing = [n for n in expected if n not in names and not n.endswith(_JOURNAL)]
+    return kept, notes + [f"{name}: is missing" for name in missing]

@@ -1,0 +1,262 @@
+"""One acceptance suite for simulated drives on every bus: bring-up, preflight, recording, stops.
+
+What a bus cannot do, it is not asked: `virtual` lives in one process, so that no session of several
+processes can use it and nobody can die alone there. SocketCAN is tested where RID_DAQ_SOCKETCAN
+names an interface that is up, and then alone; tests/socketcan provides a kernel that has one.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from acquisition.experiment import record_motion
+from acquisition.journal import read_journal
+from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.run_folder import RunFolder
+from acquisition.stop_reason import StopCode
+from config.cell import CanBusConfig, CellConfig
+from config.errors import ConfigError, LockedError
+from config.load import LoadedCell, load_cell
+from config.motion import FourierJoint, FourierMotion
+from drivers.cell import Cell, open_cell
+from mock_hw.cell import SimulatedCell
+from rid_daq.commands.check import preflight
+
+PATIENCE_S = 30.0
+SPEED_RAD_S = 0.3
+SOCKETCAN = os.environ.get("RID_DAQ_SOCKETCAN", "")
+
+CHANNELS = {
+    "rid_sim": "accept",
+    "udp_multicast": f"239.74.163.7@{20_000 + os.getpid() % 20_000}",
+    "slcan": "accept",
+    "socketcan": SOCKETCAN,
+    "virtual": "accept",
+}
+SESSIONS = ["socketcan"] if SOCKETCAN else ["rid_sim", "udp_multicast", "slcan"]
+
+MOVE_FOR_EVER = f"""
+import sys
+from pathlib import Path
+import numpy as np
+from config.cell import CellConfig
+from config.load import load_cell
+from drivers.cell import open_cell
+
+config = CellConfig.model_validate_json(sys.argv[1])
+with open_cell(config, load_cell("ir361").robot) as cell:
+    cell.axes.bring_up()
+    cell.axes.start()
+    next_s = cell.axes.enable()
+    for cycle in range(10**9):
+        next_s = max(next_s + config.cycle_time_s, cell.clock.now_s())
+        cell.clock.sleep_until(next_s)
+        now_s = cell.axes.sync()
+        cell.axes.collect(now_s + 0.6 * config.cycle_time_s)
+        cell.axes.beat(now_s)
+        assert cell.axes.command(np.full(3, {SPEED_RAD_S} * np.sin(cycle * 0.02)))
+        if cycle == 40:
+            print("moving", flush=True)
+"""
+
+
+def patient_cell(interface: str, channel: str, **changes: object) -> LoadedCell:
+    """Return the bundled cell without a plate on a bus, with limits for a loaded test machine."""
+    loaded = load_cell("ir361")
+    safety = loaded.config.drive_safety.model_copy(
+        update={
+            "master_heartbeat_ms": 40,
+            "master_heartbeat_timeout_ms": 1000,
+            "drive_heartbeat_ms": 100,
+            "drive_heartbeat_timeout_ms": 3000,
+            "following_error_timeout_ms": 200,
+        }
+    )
+    supervision = loaded.config.supervision.model_copy(
+        update={
+            "missed_frames_limit": 50,
+            "late_cycles_limit": 50,
+            "late_by_cycles_limit": 100.0,
+            "late_answers_limit": 100,
+            "stuck_encoder_cycles": 100,
+            "following_error_per_velocity_s": 2.0,
+            "following_error_min_rad": 0.5,
+        }
+    )
+    values: dict[str, object] = {
+        "can": CanBusConfig(interface=interface, channel=channel),
+        "cycle_time_ms": 20,
+        "plate": None,
+        "drive_safety": safety,
+        "supervision": supervision,
+    }
+    return replace(loaded, config=loaded.config.model_copy(update=values | changes))
+
+
+@dataclass
+class Served:
+    """Simulated drives on a bus, and the cell file's contents."""
+
+    loaded: LoadedCell
+    simulated: SimulatedCell
+
+    @property
+    def cell(self) -> CellConfig:
+        return self.simulated.cell
+
+    def open(self, **safety: object) -> Cell:
+        changed = self.cell.drive_safety.model_copy(update=safety)
+        cell = self.cell.model_copy(update={"drive_safety": changed})
+        return open_cell(cell, self.loaded.robot)
+
+    def await_rest(self) -> None:
+        """Wait until the simulated axes are without power and at rest, which must come."""
+        until_s = time.monotonic() + PATIENCE_S
+        while (axes := self.simulated.axes()).enabled.any() or np.abs(axes.velocity).max() > 1e-3:
+            assert time.monotonic() < until_s, "the axes were not stopped"
+            time.sleep(0.05)
+
+
+def serve(interface: str, **changes: object) -> Iterator[Served]:
+    loaded = patient_cell(interface, CHANNELS[interface], **changes)
+    assert loaded.plant is not None
+    with SimulatedCell(
+        loaded.config, loaded.robot, loaded.plant, realtime=True, seed=2
+    ) as simulated:
+        yield Served(loaded, simulated)
+
+
+@pytest.fixture(scope="module", params=SESSIONS)
+def served(request: pytest.FixtureRequest) -> Iterator[Served]:
+    yield from serve(request.param)
+
+
+def motion(loaded: LoadedCell) -> MotionSamples:
+    joints = tuple(
+        FourierJoint(joint=name, offset=0.1, sine=(0.1,), cosine=(0.0,))
+        for name in loaded.robot.joint_names
+    )
+    return plan_motion(
+        FourierMotion(
+            kind="fourier", robot="ir361", period_s=1.0, periods=2, ramp_s=0.5, joints=joints
+        ),
+        loaded.robot,
+        loaded.config.cycle_time_s,
+    )
+
+
+def move(served: Served, cell: Cell, cycles: int) -> None:
+    next_s = cell.axes.enable()
+    for cycle in range(cycles):
+        next_s = max(next_s + served.cell.cycle_time_s, cell.clock.now_s())
+        cell.clock.sleep_until(next_s)
+        now_s = cell.axes.sync()
+        cell.axes.collect(now_s + 1.0)
+        cell.axes.beat(now_s)
+        assert cell.axes.received.all()
+        assert cell.axes.command(np.full(3, SPEED_RAD_S * np.sin(0.1 * cycle)))
+
+
+def assert_moves(served: Served) -> None:
+    """Bring up, move, compare with the truth; leaving must take the power off."""
+    with served.open() as cell:
+        cell.axes.bring_up()
+        assert {setting.verdict for setting in cell.axes.settings()} <= {"ok", "shown"}
+        cell.axes.start()
+        move(served, cell, 30)
+        truth = served.simulated.axes()
+        assert truth.enabled.all()
+        assert cell.axes.position == pytest.approx(truth.position, abs=0.1)
+        assert cell.axes.halt()
+        assert cell.axes.take_events() == ()
+    assert not served.simulated.axes().enabled.any()
+
+
+def test_drives_are_brought_up_moved_and_disabled(served: Served) -> None:
+    assert_moves(served)
+    assert_moves(served)  # a second master after the first has gone
+
+
+def test_the_preflight_is_green_and_moves_nothing(served: Served, tmp_path: Path) -> None:
+    lines, problem = preflight(served.loaded, served.cell, tmp_path, 1.0)
+    assert problem is None
+    assert [line for line in lines if line.verdict == "red"] == []
+    assert not served.simulated.axes().enabled.any()
+
+
+def test_a_short_motion_is_recorded_whole(served: Served, tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path / "runs", "accept")
+    samples = motion(served.loaded)
+    outcome = record_motion(served.cell, served.loaded.robot, samples, folder)
+    assert outcome.complete, outcome.stop
+    journal = read_journal(outcome.path)
+    assert outcome.rows == len(journal.rows)
+    assert not served.simulated.axes().enabled.any()
+
+
+def test_a_drives_fault_stops_the_motion(served: Served, tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path / "runs", "fault")
+    narrow = served.cell.drive_safety.model_copy(
+        update={"following_error_rad": 2e-3, "following_error_timeout_ms": 0}
+    )
+    cell = served.cell.model_copy(update={"drive_safety": narrow})
+    outcome = record_motion(cell, served.loaded.robot, motion(served.loaded), folder)
+    assert outcome.stop is not None
+    assert outcome.stop.code is StopCode.EMERGENCY
+    assert "following error" in outcome.stop.text
+    served.await_rest()
+
+
+def test_a_killed_hosts_axes_come_to_rest_by_themselves(served: Served) -> None:
+    host = subprocess.Popen(
+        [sys.executable, "-c", MOVE_FOR_EVER, served.cell.model_dump_json()], stdout=subprocess.PIPE
+    )
+    try:
+        assert host.stdout is not None
+        assert host.stdout.readline() == b"moving\n"
+        assert served.simulated.axes().enabled.all()
+    finally:
+        host.send_signal(signal.SIGKILL)
+        host.communicate()
+    served.await_rest()
+    assert_moves(served)  # a person re-arms: bring-up works again
+
+
+def test_a_foreign_master_is_noticed_before_anything_is_sent(served: Served) -> None:
+    if served.cell.can.interface == "slcan":
+        pytest.skip("an slcan adapter's port is one program's alone: nobody else can be on it")
+    with other_master(served.cell.can) as bus, served.open() as cell:
+        bus.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+        with pytest.raises(LockedError, match="it sends SYNC"):
+            cell.axes.bring_up()
+
+
+def other_master(bus: CanBusConfig) -> can.BusABC:
+    if bus.interface == "udp_multicast":
+        group, _, port = bus.channel.partition("@")
+        return can.Bus(interface="udp_multicast", channel=group, port=int(port), hop_limit=0)
+    return can.Bus(interface=bus.interface, channel=bus.channel)
+
+
+def test_virtual_serves_one_process() -> None:
+    for served in serve("virtual"):
+        assert_moves(served)
+
+
+def test_simulated_time_belongs_to_rid_sim() -> None:
+    loaded = patient_cell("slcan", "accept")
+    assert loaded.plant is not None
+    simulated = SimulatedCell(loaded.config, loaded.robot, loaded.plant, realtime=False, seed=2)
+    with pytest.raises(ConfigError, match=r"interface slcan there is real time only"):
+        simulated.__enter__()
