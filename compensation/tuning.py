@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from acquisition.arrays import FloatArray, read_only
 from acquisition.motion_samples import MotionSamples
 from acquisition.spectrum import differentiate_on_bins, to_bins
+from compensation.command_path import interpolation_response
 from compensation.feedforward import FeedforwardTuning, inverse_response
-from compensation.frequency_response import interpolation_response
 from compensation.repeated_error import RepeatedError
 from compensation.velocity_loop import VelocityLoop
 from config.errors import DataQualityError

@@ -29,6 +29,7 @@ from rid_daq.sections import motion_sentence, run_section
 from rid_daq.tracking_section import followed, tracking_section
 
 NEAR: Final = (0.1, -0.1, 0.4)
+BAND_HZ: Final = (0.75, 15.0)
 
 
 @dataclass(frozen=True)
@@ -63,11 +64,13 @@ class PathMotions:
     path: PathMotion
 
     @classmethod
-    def of_robot(cls, robot: RobotDescription, cycle_time_s: float, seed: int) -> PathMotions:
+    def of_cell(cls, robot: RobotDescription, cell: CellConfig, seed: int) -> PathMotions:
         """Return those of the bundled arm."""
-        loops = multisine_motion(robot, cycle_time_s, period_s=4.0, lowest_hz=0.75, seed=seed)
+        multisine = multisine_motion(
+            robot, cell, band_hz=BAND_HZ, period_s=4.0, periods=2, realisations=2, seed=seed
+        )
         return cls(
-            multisine=loops.model_copy(update={"realisations": 2, "periods": 2}),
+            multisine=multisine,
             circle=CircleMotion(
                 kind="circle",
                 robot=robot.name,
