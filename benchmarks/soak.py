@@ -114,12 +114,6 @@ FAULTS: Final = (
         _BLOCKED,
     ),
     Fault(
-        "the computer is held up",
-        "bus",
-        {"kind": "held_up", "duration_s": 0.05},
-        (StopCode.LATE_CYCLE,),
-    ),
-    Fault(
         "an emergency stop",
         "drives",
         {"kind": "motor_power_lost", "duration_s": 2.0},
@@ -320,8 +314,7 @@ def _judge(fault: Fault, outcome: RecordOutcome, cell: SimulatedCell) -> str:
     journal = read_journal(outcome.path)
     if fault.keys.get("kill") != "recorder" and journal.damage.notes:
         return "; ".join(journal.damage.notes)
-    held_up = fault.keys.get("kind") == "held_up"
-    if not held_up and (np.diff(journal.rows["cycle"].astype(np.int64)) != 1).any():
+    if (np.diff(journal.rows["cycle"].astype(np.int64)) != 1).any():
         return "rows are missing in the recording"
     return ""
 

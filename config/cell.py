@@ -113,6 +113,9 @@ class CellConfig(ConfigModel):
 
     `monitor` is a second way to the drives (Modbus), for temperatures and nominal data.
 
+    `velocity_loop_band_hz` is where multisines measure the drives' velocity loops: the lowest and
+    the highest frequency.
+
     `exchange` says what a cycle carries for each axis: `full`, two frames of 8 bytes; `trimmed`, 4
     bytes there (velocity) and 6 back (position and torque), so that a fourth axis fits into 1 ms at
     1 Mbit/s. Controlword and statusword then go in frames of their own, when they change and a few
@@ -134,6 +137,7 @@ class CellConfig(ConfigModel):
     exchange: Literal["full", "trimmed"] = "full"
     supervision: Supervision = Supervision()
     torque_filter: ButterworthFilter | None = None
+    velocity_loop_band_hz: tuple[Positive, Positive] | None = None
     validation_limits_percent: tuple[Positive, ...] | None = None
     workspace: Workspace = Workspace()
     plate: PlateConfig | None = None
@@ -151,6 +155,7 @@ class CellConfig(ConfigModel):
             raise ValueError("two axes move the same joint")
         if self.simulated and self.plant is None:
             raise ValueError("a simulated cell needs plant: the file that says what is simulated")
+        self._check_band()
         limits = self.validation_limits_percent
         if limits is not None and len(limits) != len(self.axes):
             raise ValueError(
@@ -164,6 +169,17 @@ class CellConfig(ConfigModel):
         if unknown:
             raise ValueError(f"allow_drive_without_watchdog names unknown nodes {sorted(unknown)}")
         return self
+
+    def _check_band(self) -> None:
+        if self.velocity_loop_band_hz is None:
+            return
+        lowest, highest = self.velocity_loop_band_hz
+        half = 500.0 / self.cycle_time_ms
+        if not lowest < highest < half:
+            raise ValueError(
+                f"velocity_loop_band_hz [{lowest:g}, {highest:g}]: the first must be the smaller,"
+                f" and the second below half the cycle's frequency, {half:g} Hz"
+            )
 
     @property
     def cycle_time_s(self) -> float:

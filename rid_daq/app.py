@@ -19,6 +19,7 @@ import typer
 from typer.core import TyperGroup
 
 from config.errors import RidDaqError
+from rid_daq.console import printable
 from rid_daq.exit_codes import ExitCode, exit_code_of
 
 # Small factorisations gain nothing from threads of BLAS, and lose much where the cores are busy.
@@ -137,11 +138,6 @@ def run(arguments: Sequence[str]) -> int:
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else ExitCode.DONE
     return ExitCode.DONE
-
-
-def printable(text: str) -> str:
-    """Return text with control characters made visible: it may come from a device or a file."""
-    return "".join(c if c.isprintable() or c in "\n\t" else f"\\x{ord(c):02x}" for c in text)
 
 
 def _end_once(number: int, _frame: FrameType | None) -> NoReturn:

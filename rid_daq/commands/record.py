@@ -8,9 +8,11 @@ from typing import Annotated
 import typer
 
 from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.rehearsal import SLOWER, rehearsal
 from acquisition.run_folder import RunFolder
 from acquisition.termination import ignore_termination
 from compensation.feedforward_file import read_feedforward
+from config.cell import CellConfig
 from config.errors import ConfigError
 from config.faults import NO_SCRIPT
 from config.load import LoadedCell, load_cell, load_faults, load_motion, to_yaml
@@ -70,6 +72,13 @@ def record(
         Path | None,
         typer.Option(metavar="FILE", help="A fault script: what goes wrong in a simulated cell."),
     ] = None,
+    rehearse: Annotated[
+        bool,
+        typer.Option(
+            "--rehearse",
+            help="Drive it once at a quarter of its speed first, into a run of its own.",
+        ),
+    ] = False,
     cleared: Cleared = False,
     live: Live = False,
     listen: Listen = DEFAULT_LISTEN,
@@ -102,9 +111,10 @@ def record(
             loaded, realtime=realtime, seed=seed, payload=payload, faults=script
         ) as reachable,
     ):
-        folder = RunFolder.create(
-            runs, label or as_label(motion.stem), software=software_versions()
-        )
+        name = label or as_label(motion.stem)
+        if rehearse:
+            _rehearse(reachable, loaded, samples, runs, name, console)
+        folder = RunFolder.create(runs, name, software=software_versions())
         with unfinished(folder):
             for name, content in loaded.files.items():
                 folder.write(name, content)
@@ -136,6 +146,40 @@ def record(
         raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
     if accuracy is not None and not accuracy.reached:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _rehearse(
+    cell: CellConfig,
+    loaded: LoadedCell,
+    samples: MotionSamples,
+    runs: Path,
+    name: str,
+    console: Console,
+) -> None:
+    """Drive a motion slowly once; the command ends here where that is stopped."""
+    folder = RunFolder.create(runs, f"{name[:54]} rehearsal", software=software_versions())
+    with unfinished(folder):
+        for file, content in loaded.files.items():
+            folder.write(file, content)
+        run = record_run(
+            cell,
+            loaded.robot,
+            f"A rehearsal of {name} at 1/{SLOWER:g} of its speed.",
+            rehearsal(samples),
+            folder,
+            console,
+            role="rehearsal",
+            profile=loaded.amplifier_profile,
+            drive_profile=loaded.drive_profile,
+        )
+    write_result(folder, run.result)
+    folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
+    stop = run.outcome.stop
+    if stop is None:
+        console.say(f"Rehearsed at 1/{SLOWER:g} of the speed: {folder.path}")
+        return
+    console.verdict(False, f"{run.stop_sentence} That was the rehearsal; nothing else was driven.")
+    raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
 
 
 def with_feedforward(path: Path, motion: AnyMotion, samples: MotionSamples) -> MotionSamples:

@@ -19,6 +19,7 @@ from acquisition.journal import read_journal
 from acquisition.motion_samples import Phase
 from acquisition.run_folder import RunFolder
 from acquisition.run_list import find_run
+from config.errors import ConfigError
 from rid_daq.app import run
 
 
@@ -201,6 +202,13 @@ def test_a_fault_script_goes_with_a_recording_and_a_reset_is_a_command(
     assert run(["reset", cell, "--json"]) == 0
     drives = _document(capsys)["drives"]
     assert [drive["after"] for drive in drives] == ["switch on disabled"] * 3
+    words[4] = "twice"
+    assert run([*words, "--rehearse"]) == 5
+    labels = {folder.name for folder in (workshop / "runs").iterdir()}
+    assert "That was the rehearsal; nothing else was driven." in capsys.readouterr().out
+    assert find_run(workshop / "runs", "twice rehearsal").path.name in labels
+    with pytest.raises(ConfigError, match="no run"):
+        find_run(workshop / "runs", "twice")
     faults.write_text("drives: [{kind: emergency, joint: elbow}]\n")
     assert run(words) == 2
 
