@@ -29,6 +29,7 @@ from rid_daq.sections import motion_sentence, run_section
 from rid_daq.tracking_section import followed, tracking_section
 
 NEAR: Final = (0.1, -0.1, 0.4)
+BAND_HZ: Final = (0.75, 15.0)
 
 
 @dataclass(frozen=True)
@@ -52,9 +53,6 @@ class Record(Protocol):
     ) -> Recorded:
         """Return what was recorded."""
         ...
-
-
-BAND_HZ = (0.75, 15.0)
 
 
 @dataclass(frozen=True)
