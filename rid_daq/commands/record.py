@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from pydantic import JsonValue
 
 from acquisition.motion_samples import MotionSamples, plan_motion
 from acquisition.rehearsal import SLOWER, rehearsal
@@ -25,10 +26,11 @@ from config.motion import (
 )
 from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
 from rid_daq.accuracy_watch import AccuracyWatch
-from rid_daq.cells import reachable_cell
+from rid_daq.cells import mountable_cell
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
+from rid_daq.flange import note_flange
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
 from rid_daq.recording_job import RecordedRun, record_run
@@ -107,17 +109,21 @@ def record(
     script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
     with (
         live_page(console, live, listen, token, certificate) as page,
-        reachable_cell(
-            loaded, realtime=realtime, seed=seed, payload=payload, faults=script
-        ) as reachable,
+        mountable_cell(loaded, realtime=realtime, seed=seed, payload=payload, faults=script) as (
+            reachable,
+            simulated,
+        ),
     ):
         name = label or as_label(motion.stem)
         if rehearse:
             _rehearse(reachable, loaded, samples, runs, name, console)
         folder = RunFolder.create(runs, name, software=software_versions())
         with unfinished(folder):
+            facts: dict[str, JsonValue] = {"robot": loaded.robot.name}
             for name, content in loaded.files.items():
                 folder.write(name, content)
+            if simulated is not None:
+                facts |= note_flange(folder, loaded, simulated.attached)
             whole = isinstance(asked, JointTableMotion)  # with the rows of the file that it names
             folder.write("motion.yaml", to_yaml(asked).encode() if whole else motion.read_bytes())
             if faults is not None:
@@ -139,7 +145,7 @@ def record(
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report
     report = write_result(folder, run.result)
-    folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
+    folder.finish(run.status, facts | {"rows": run.outcome.rows})
     _tell(console, run, asked, folder, report, accuracy)
     stop = run.outcome.stop
     if stop is not None:
