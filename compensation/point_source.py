@@ -60,12 +60,12 @@ from compensation.path_kernels import (
 from compensation.point_ring import READ, PointRing, PointsFailed
 from config.errors import ConfigError, DriverError
 
-HORIZON_S: Final = 2.0
+BUFFER_S: Final = 1.0
 FEWEST_NODES: Final = 64
 MOST_NODES: Final = 2048
 FADE_S: Final = 0.1
 DOUBT_S: Final = 0.5
-PREFILL_PATIENCE_S: Final = 5.0
+PREFILL_PATIENCE_S: Final = 10.0
 STALL_PATIENCE_S: Final = 2.0
 PAUSE_S: Final = 0.0005
 LONGEST_STREAM_S: Final = 3600.0
@@ -92,6 +92,9 @@ class PointSource:
         `Phase` of each point; `Phase.MAIN` where none is given.
     samples_per_period : int, optional
         Where the points are of a periodic motion.
+    buffer_s : float
+        How much of the path is taken in ahead, at least 64 points; the robot has to come to rest
+        within that when nothing more comes [s].
     prefill_patience_s : float
         How long `prepare` waits for points to begin with [s, wall clock].
     stall_patience_s : float
@@ -106,6 +109,7 @@ class PointSource:
         compensated: bool = True,
         phase: PhaseArray | None = None,
         samples_per_period: int | None = None,
+        buffer_s: float = BUFFER_S,
         prefill_patience_s: float = PREFILL_PATIENCE_S,
         stall_patience_s: float = STALL_PATIENCE_S,
     ) -> None:
@@ -117,6 +121,7 @@ class PointSource:
         self._compensated = compensated
         self._phase = phase
         self._samples_per_period = samples_per_period
+        self._buffer = buffer_points(buffer_s, feedforward.cycle_time_s)
         self._prefill_patience_s = prefill_patience_s
         self._stall_patience_s = stall_patience_s
         self._row = -1
@@ -184,7 +189,7 @@ class PointSource:
         """
         forward, ring = self._feedforward, self._ring
         n, step_s = ring.joints, forward.cycle_time_s
-        nodes = min(max(round(HORIZON_S / step_s), FEWEST_NODES), MOST_NODES) + SPARE
+        nodes = self._buffer + SPARE
         places = forward.delay_cycles + 2
         self._counts = np.zeros(COUNTS, dtype=np.int64)
         self._pace = np.zeros(PACE)
@@ -316,3 +321,19 @@ class PointSource:
             )
         at = "" if counts[RESTED] < 0 else " The robot was brought to rest on its path before it."
         return StopReason(StopCode.POINTS_REFUSED, f"{text}.{at}", **limits)
+
+
+def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
+    """Return how many points are kept ahead for a time [s].
+
+    Raises
+    ------
+    ConfigError
+        They would be more than can be kept.
+    """
+    points = max(round(buffer_s / cycle_time_s), FEWEST_NODES)
+    if points > MOST_NODES:
+        raise ConfigError(
+            f"a buffer of {buffer_s:g} s is {points} points, {MOST_NODES} are the most: give less"
+        )
+    return points

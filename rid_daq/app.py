@@ -41,6 +41,7 @@ COMMANDS: dict[str, str] = {
     "sensitivity": "what wrong knowledge of the robot does to a payload's estimate",
     "loop": "the drives' velocity loops, out of a multisine run",
     "compensate": "the feedforward that makes a motion accurate, from model and loops",
+    "stream": "follow a path more closely, live: from a file or from another program",
     "tracking": "how far the robot was from where it should have been",
     "export": "write a model as URDF, SDF, C, Python, CSV, JSON, or for Pinocchio",
     "report": "write a run's report again from its results",
