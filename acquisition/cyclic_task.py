@@ -37,6 +37,7 @@ RING_LIMIT = 0.8
 STOP_MARGIN_S = 0.5
 REST_VELOCITY = 0.01
 REST_CYCLES = 5
+OBEY_CYCLES = 8
 RECORDER_PATIENCE_S = 30.0
 PAUSE_S = 0.001
 JUDGE_PATIENCE_S = 60.0
@@ -272,7 +273,9 @@ class CyclicTask:
             reason = supervisor.check_set_point(target.position, target.velocity, wanted, periods)
             if reason is None:
                 self._velocity[:] = wanted
-                if axes.command(self._velocity):
+                if not axes.received.any():
+                    command = self._rest  # a bus without drives would keep it for their return
+                elif axes.command(self._velocity):
                     command = wanted
                 else:
                     reason = StopReason(
@@ -327,7 +330,8 @@ class CyclicTask:
         if self._lockstep and self._wait_for_room():
             self._ring.write(row)
             return None
-        return StopReason(StopCode.RECORDER, "the recorder's buffer is full: a row was lost")
+        full = StopReason(StopCode.RECORDER, "the recorder's buffer is full: a row was lost")
+        return self._order_to_stop() or full
 
     def _wait_for_room(self) -> bool:
         """Let simulated time stand still until the recorder has made room."""
@@ -346,7 +350,10 @@ class CyclicTask:
         return failed or control.stop_code == StopCode.RECORDER
 
     def _stop(self) -> None:
-        """Quick stop, by set-point frames alone, and watch until everything rests."""
+        """Quick stop, by set-point frames alone, and watch until everything rests.
+
+        An axis that is told to and does not slow down is not waited for: power off is next.
+        """
         axes = self._axes
         fastest_s = max(joint.limits.velocity for joint in self._robot.joints)
         ramp_s = fastest_s / self._cell.drive_safety.quick_stop_deceleration_rad_s2
@@ -354,10 +361,11 @@ class CyclicTask:
         before = axes.position.tolist()
         target = SetPoint(before, self._rest, self._rest, -1, Phase.HOLD)
         resting = 0
+        first: list[float] = []
         began_s = self._clock.now_s()
         try:
             axes.quick_stop()
-            for _ in range(cycles):
+            for cycle in range(cycles):
                 lateness_s, periods = self._wake()
                 time_s, exchange_s = self._exchange()
                 axes.quick_stop()
@@ -373,10 +381,21 @@ class CyclicTask:
                 rest = all(received) and all(
                     abs(now - then) <= most for now, then in zip(position, before, strict=True)
                 )
+                speed = [
+                    abs(now - then) / (self._period_s * periods)
+                    for now, then in zip(position, before, strict=True)
+                ]
                 before = position
                 resting = resting + 1 if rest else 0
                 if resting >= REST_CYCLES:
                     self._control.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
+                    return
+                first = first or speed
+                if cycle == OBEY_CYCLES and (deaf := self._disobedient(first, speed, received)):
+                    self._control.add_note(
+                        f"the quick stop did not slow down {', '.join(deaf)}: the power was taken"
+                        " away at once"
+                    )
                     return
         except (DriverError, SafetyStop) as error:
             self._control.add_note(f"while stopping: {error}")
@@ -385,6 +404,20 @@ class CyclicTask:
             "standstill could not be seen within the time that the ramp takes; the drives were"
             " disabled all the same"
         )
+
+    def _disobedient(
+        self, first: list[float], speed: list[float], received: list[bool]
+    ) -> list[str]:
+        """Return the axes that have slowed down by less than half of what the quick stop asks."""
+        deceleration = self._cell.drive_safety.quick_stop_deceleration_rad_s2
+        slower = 0.5 * deceleration * (OBEY_CYCLES - 2) * self._period_s
+        return [
+            name
+            for name, then, now, answered in zip(
+                self._axes.joint_names, first, speed, received, strict=True
+            )
+            if answered and now > max(10.0 * REST_VELOCITY, then - slower)
+        ]
 
     def _disable(self) -> None:
         try:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from pydantic import Field, JsonValue, ValidationError
 
-from acquisition.run_id import new_run_id
+from acquisition.run_id import RUN_ID, new_run_id, time_of_run_id
 from config.errors import ConfigError, RecordingError
 from config.model import ConfigModel
 from config.whole_file import write_whole
@@ -25,6 +25,7 @@ from config.whole_file import write_whole
 MANIFEST = "manifest.json"
 RECORDING = "recording.mcap"
 FORMAT = 1
+CLOCK_STEP_NS = 24 * 3600 * 10**9  # a clock set back by more was wrong before
 
 _LABEL = re.compile(r"[\w .-]{1,64}")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
@@ -115,9 +116,9 @@ class RunFolder:
                 f"label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and '-'"
             )
         created_ns = time.time_ns() if now_ns is None else now_ns
-        run_id = new_run_id(created_ns)
         try:
             root.mkdir(parents=True, exist_ok=True)
+            run_id = new_run_id(_after_others(root, created_ns))
             path = root.resolve() / run_id
             path.mkdir()
         except OSError as error:
@@ -334,6 +335,14 @@ def _entry(path: Path) -> FileEntry:
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
     return FileEntry(sha256=digest.hexdigest(), size_bytes=size)
+
+
+def _after_others(root: Path, now_ns: int) -> int:
+    """Return a time for an id that sorts after those under `root`, the clock set back or not."""
+    ids = [name for name in os.listdir(root) if RUN_ID.fullmatch(name)]
+    newest_ns = time_of_run_id(max(ids)) if ids else 0
+    behind_ns = newest_ns - now_ns
+    return newest_ns + 1_000_000 if 0 <= behind_ns + 1_000_000 <= CLOCK_STEP_NS else now_ns
 
 
 def _utc(time_ns: int) -> str:

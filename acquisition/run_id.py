@@ -7,6 +7,7 @@ import secrets
 
 _ALPHABET = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
 _LENGTH = 26
+_RANDOM_BITS = 80
 RUN_ID = re.compile(rf"[0-7][{_ALPHABET}]{{{_LENGTH - 1}}}")
 
 
@@ -18,9 +19,17 @@ def new_run_id(now_ns: int) -> str:
     now_ns : int
         Time since 1970 [ns].
     """
-    number = (now_ns // 1_000_000 % (1 << 48)) << 80 | secrets.randbits(80)
+    number = (now_ns // 1_000_000 % (1 << 48)) << _RANDOM_BITS | secrets.randbits(_RANDOM_BITS)
     digits = []
     for _ in range(_LENGTH):
         number, digit = divmod(number, 32)
         digits.append(_ALPHABET[digit])
     return "".join(reversed(digits))
+
+
+def time_of_run_id(run_id: str) -> int:
+    """Return the time since 1970 that an id was made for [ns]."""
+    number = 0
+    for letter in run_id:
+        number = 32 * number + _ALPHABET.index(letter)
+    return (number >> _RANDOM_BITS) * 1_000_000

@@ -65,6 +65,7 @@ class Supervisor:
         self._high = [each.position_max + rules.following_error_min_rad for each in limits]
         self._velocity_limit = [each.velocity * margin for each in limits]
         self._torque_limit = [each.torque * margin for each in limits]
+        self._stuck_torque = [each.torque * rules.stuck_encoder_torque_fraction for each in limits]
         self._coupling = WristCoupling.of_robot(robot)
         self._partners: list[tuple[int, ...]] = [()] * n  # whose answers a joint needs besides
         if self._coupling is not None:
@@ -87,6 +88,7 @@ class Supervisor:
         self._missed = [0] * n
         self._implausible = [0] * n
         self._stuck = [0] * n
+        self._stuck_from = [0.0] * n  # torques at which they began to stand
         self._velocity = [0.0] * n  # last plausible ones
         self._since = [0] * n  # periods since the last plausible position
         self._command = [0.0] * n
@@ -210,12 +212,16 @@ class Supervisor:
             if not -allowed <= error <= allowed:
                 return self._following_error(i, error, allowed)
             if self._coupling is None and self._stands_still(
-                i, self._command[i], velocity, periods
+                i, self._command[i], velocity, torque_nm[i], periods
             ):
                 return self._stuck_encoder(i)
-        return None if self._coupling is None else self._check_motors(self._coupling, periods)
+        if self._coupling is None:
+            return None
+        return self._check_motors(self._coupling, torque_nm, periods)
 
-    def _check_motors(self, coupling: WristCoupling, periods: int) -> StopReason | None:
+    def _check_motors(
+        self, coupling: WristCoupling, torque_nm: Sequence[float], periods: int
+    ) -> StopReason | None:
         """Check the motors' speeds and that they turn at all, where every joint's is known."""
         if not all(self.valid):
             return None
@@ -226,18 +232,29 @@ class Supervisor:
             if not -limit <= velocity <= limit:
                 what = "motor's velocity, over its gear ratio,"
                 return self._limit(i, StopCode.VELOCITY_LIMIT, what, velocity, limit, "rad/s")
-            if self._stands_still(i, command, velocity, periods):
+            if self._stands_still(i, command, velocity, torque_nm[i], periods):
                 return self._stuck_encoder(i)
         return None
 
-    def _stands_still(self, i: int, command: float, velocity: float, periods: int) -> bool:
-        """Count how long an encoder stands while it is told to move; True where it is too long."""
+    def _stands_still(
+        self, i: int, command: float, velocity: float, torque_nm: float, periods: int
+    ) -> bool:
+        """Count how long an encoder stands while it is told to move; True where it is too long.
+
+        A slow command may leave a joint in stiction. What tells a stuck encoder from it is the
+        torque: the velocity loop goes on raising it.
+        """
         rules = self._rules
         command = abs(command)
-        moves = command <= rules.stuck_encoder_velocity_rad_s or not (
-            abs(velocity) < STUCK_FRACTION * command
-        )
-        self._stuck[i] = 0 if moves else self._stuck[i] + periods
+        if command == 0.0 or abs(velocity) >= STUCK_FRACTION * command:
+            self._stuck[i] = 0
+            self._stuck_from[i] = torque_nm
+            return False
+        strains = abs(torque_nm - self._stuck_from[i]) > self._stuck_torque[i]
+        if command <= rules.stuck_encoder_velocity_rad_s and not strains:
+            self._stuck[i] = 0
+            return False
+        self._stuck[i] += periods
         return self._stuck[i] >= rules.stuck_encoder_cycles
 
     def check_set_point(
@@ -356,7 +373,8 @@ class Supervisor:
         return StopReason(
             StopCode.STUCK_ENCODER,
             f"joint {self._names[i]}: its position stands still for {self._stuck[i]} cycles while"
-            f" {abs(command[i]):.4g} rad/s are commanded. Check encoder, coupling and brake",
+            f" {abs(command[i]):.4g} rad/s are commanded or its torque rises. Check encoder,"
+            " coupling and brake",
             joint=self._names[i],
             value=float(self._stuck[i]),
             limit=float(self._rules.stuck_encoder_cycles),

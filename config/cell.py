@@ -74,6 +74,10 @@ class Supervision(ConfigModel):
     `missed_frames_limit` and `late_cycles_limit` count in a row; `late_answers_limit` counts the
     cycles, of the last 100, whose drives' answers came after their cycle.
 
+    A stuck encoder stands still for `stuck_encoder_cycles` while more than
+    `stuck_encoder_velocity_rad_s` is commanded; or while less is, and the torque has changed by
+    `stuck_encoder_torque_fraction` of the joint's limit since it stands: stiction gives way before.
+
     Following error: `following_error_min_rad` at standstill, growing with the commanded speed by
     `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR).
     """
@@ -86,6 +90,7 @@ class Supervision(ConfigModel):
     following_error_per_velocity_s: NonNegative = 0.1
     stuck_encoder_cycles: Annotated[int, Field(ge=2)] = 5
     stuck_encoder_velocity_rad_s: Positive = 0.05
+    stuck_encoder_torque_fraction: Annotated[float, Field(gt=0.0, le=2.0)] = 0.35
     limit_margin_fraction: Annotated[float, Field(ge=0.0, le=0.5)] = 0.1
 
 

@@ -17,6 +17,7 @@ from config.amplifier_profile import AmplifierProfile, require_line
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.errors import ConfigError
+from config.faults import FaultScript
 from config.import_map import ImportMap
 from config.joint_table import with_table
 from config.motion import AnyMotion, Motion
@@ -134,6 +135,30 @@ def load_motion(path: str | Path) -> AnyMotion:
     tree = parse_yaml(text, name)
     motion = validate(tree, _MOTION)
     return with_table(motion, folder) if isinstance(motion, JointTableMotion) else motion
+
+
+def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
+    """Load a fault script for a simulated cell.
+
+    Raises
+    ------
+    ConfigError
+        The file is missing, says something that cannot be meant, or names a joint that the cell
+        does not have.
+    """
+    text, name, _ = _read(str(path), "faults", None)
+    tree = parse_yaml(text, name)
+    script = validate(tree, FaultScript)
+    joints = [axis.joint for axis in cell.axes]
+    for part, faults in (("bus", script.bus), ("drives", script.drives)):
+        for number, fault in enumerate(faults):
+            joint = getattr(fault, "joint", None)
+            if joint is not None and joint not in joints:
+                raise ConfigError(
+                    f"{tree.where((part, number, 'joint'))}: cell {cell.name} has no joint"
+                    f" {joint!r}; it has {', '.join(joints)}"
+                )
+    return script
 
 
 def load_bundled_or_path(reference: str, kind: str, model: type[T]) -> T:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from pathlib import Path
 
@@ -12,12 +13,13 @@ from config.errors import RecordingError
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file so that a reader, even after a power cut, finds all of it or what was before.
 
-    The bytes go into `<name>.tmp` beside it, reach the disk, and take the file's place.
+    The bytes go into `<name>.tmp` beside it, reach the disk, are read back and compared, and take
+    the file's place.
 
     Raises
     ------
     RecordingError
-        The file cannot be written; what was there before is untouched.
+        The file cannot be written, or reads back otherwise; what was there before is untouched.
     """
     temporary = path.with_name(f"{path.name}.tmp")
     try:
@@ -28,6 +30,8 @@ def write_whole(path: Path, data: bytes) -> None:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
+            if temporary.read_bytes() != data:
+                raise OSError(errno.EIO, "what was written reads back otherwise; check the disk")
             temporary.replace(path)
         except OSError:
             with contextlib.suppress(OSError):

@@ -26,15 +26,10 @@ class Row(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """A test that passed, by its pytest name, and the figure that it told."""
+    """A test function that passed, and the figures that it told with all its parameters."""
 
-    test: str
+    function: str
     figure: str
-
-    @property
-    def function(self) -> str:
-        """The test without its parameters."""
-        return self.test.split("[", 1)[0]
 
 
 ROWS: dict[int, Row] = {
@@ -122,7 +117,7 @@ def render(entries: Mapping[int, list[Entry]]) -> str:
     lines = []
     for number, row in ROWS.items():
         told = sorted(set(entries.get(number, [])))
-        cell = "<br>".join(f"{entry.figure} (`{entry.test}`)" for entry in told) or _NOTHING
+        cell = "<br>".join(f"{entry.figure} (`{entry.function}`)" for entry in told) or _NOTHING
         lines.append(f"| {number} | {row.fault} | {row.reaction} | {row.bar} | {cell} |")
     return _HEAD + "\n".join(lines) + "\n"
 
@@ -138,7 +133,11 @@ def updated(
         number: [e for e in told if e.function in there.get(number, set()) - functions]
         for number, told in read(text).items()
     }
-    return render({n: [*kept.get(n, []), *ran.get(n, [])] for n in ROWS})
+    for number, told in ran.items():
+        for function in dict.fromkeys(entry.function for entry in told):
+            figures = dict.fromkeys(e.figure for e in told if e.function == function)
+            kept.setdefault(number, []).append(Entry(function, "; ".join(figures)))
+    return render(kept)
 
 
 def as_figure(words: str) -> str:

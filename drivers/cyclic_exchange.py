@@ -23,6 +23,7 @@ _COMMAND = struct.Struct("<Hih")
 _ANSWER = struct.Struct("<Hih")
 
 MOST_FRAMES = 1024
+LATE_CYCLES = 4
 
 
 class CyclicExchange:
@@ -50,7 +51,8 @@ class CyclicExchange:
     position_counts, torque_raw, statusword : ndarray of int32, int16, uint16, shape (n,)
         6064h, 6077h and 6041h as they came.
     late_frames, duplicate_frames
-        How many TPDOs came after their cycle, or twice in one; they are not used.
+        How many TPDOs came after their cycle, or twice; they are not used. An answer too many is a
+        late one where its drive did not answer in one of the `LATE_CYCLES` cycles before.
     left_enabled
         Whether an answer has shown another state than Operation Enabled; set here, cleared by the
         owner.
@@ -80,6 +82,8 @@ class CyclicExchange:
         self.duplicate_frames = 0
         self.left_enabled = False
         self.sync_time_s = -math.inf
+        self._cycle = 0
+        self._missed_in = [-LATE_CYCLES - 1] * count  # the last cycle without an answer
         self._slots = {tpdo_cob_id(node): axis for axis, node in enumerate(node_ids)}
         self._zero_counts = [0] * count
         self._counts_per_rad = [1.0] * count
@@ -105,8 +109,12 @@ class CyclicExchange:
         What still waits from the cycle before is read first, so that it is not taken for an answer
         to this SYNC; in simulated time the frames' own stamps tell.
         """
+        for axis, received in enumerate(self.received.tolist()):
+            if not received:
+                self._missed_in[axis] = self._cycle
         if not self._link.simulated:
             self._read_waiting()
+        self._cycle += 1
         self.sync_time_s = self._link.clock.now_s()
         self._link.send_frames((SYNC,))
         return self.sync_time_s
@@ -117,10 +125,19 @@ class CyclicExchange:
             frame = receive(-math.inf)
             if frame is None:
                 return
-            if frame.cob_id in self._slots:
-                self.late_frames += 1
+            axis = self._slots.get(frame.cob_id)
+            if axis is not None:
+                self._count_surplus(axis)
             else:
                 self._watch.handle(frame, self._link.last_time_s)
+
+    def _count_surplus(self, axis: int) -> None:
+        """Count an answer too many: that of an earlier cycle that lacks one, or a copy."""
+        if self._cycle - self._missed_in[axis] <= LATE_CYCLES:
+            self._missed_in[axis] = -LATE_CYCLES - 1
+            self.late_frames += 1
+        else:
+            self.duplicate_frames += 1
 
     def collect(self, deadline_s: float) -> None:
         """Wait for every axis's answer, at most until `deadline_s` [s]; fill the arrays.
@@ -144,10 +161,8 @@ class CyclicExchange:
                 continue
             if len(data) != 8:
                 self._watch.wrong_length(axis, len(data), link.last_time_s)
-            elif link.last_time_s < self.sync_time_s:
-                self.late_frames += 1
-            elif received[axis]:
-                self.duplicate_frames += 1
+            elif received[axis] or link.last_time_s < self.sync_time_s:
+                self._count_surplus(axis)
             else:
                 status, counts, torque = _ANSWER.unpack(data)
                 received[axis] = True

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from config.errors import ProtocolError
-from mock_hw.can_wire import FOREVER_NS, CanWire, Delivery
+from mock_hw.bus_faults import BusFaults
+from mock_hw.can_wire import FOREVER_NS, CanWire, Delivery, WireFrame
 from mock_hw.hub_protocol import (
     FRAME,
     FRAMES_PER_PACKET,
@@ -23,7 +24,7 @@ from mock_hw.hub_protocol import (
     unpack_header,
     unpack_identifiers,
 )
-from mock_hw.wire_time import EXTENDED_FLAG, EXTENDED_MASK, REMOTE_FLAG
+from mock_hw.wire_time import ERROR_FLAG, EXTENDED_FLAG, EXTENDED_MASK, REMOTE_FLAG
 
 AFTER_RUN_NS = 2_000_000_000
 """How long lock-step time runs on, at the wall clock's pace, after the last master has left."""
@@ -32,6 +33,7 @@ _LONGEST_BURST_NS = 1_000_000
 _LONGEST_SELECT_S = 3600.0
 _INBOX_FRAMES = 4096
 _BUFFER_BYTES = 1 << 20
+_BUS_OFF = ERROR_FLAG | 0x40
 
 
 class _Client:
@@ -71,6 +73,8 @@ class CanHub:
         The bus's name in the log.
     log
         Where to write every frame, in candump's format; seconds since 1970 in real time.
+    faults
+        What goes wrong; None for nothing.
     """
 
     def __init__(
@@ -81,7 +85,9 @@ class CanHub:
         realtime: bool,
         channel: str = "rid_sim",
         log: TextIO | None = None,
+        faults: BusFaults | None = None,
     ) -> None:
+        self._faults = faults
         self._listener = listener
         self._wire = CanWire(bitrate)
         self._realtime = realtime
@@ -195,8 +201,11 @@ class CanHub:
     def _deliver(self, delivery: Delivery) -> None:
         (key, _), frame = delivery
         record = FRAME.pack(*frame)
+        deaf = self._faults is not None and frame.time_ns < self._faults.deaf_until_ns
         for client in self._clients.values():
             if client.key != key and client.role is not None:
+                if deaf and client.role == Role.MASTER:
+                    continue
                 client.inbox.append(record)
                 if frame.can_id in client.urgent:
                     client.due_ns = frame.time_ns
@@ -287,8 +296,10 @@ class CanHub:
         elif kind in (PacketKind.SEND, PacketKind.IDLE) and client.role is not None:
             now_ns = time.monotonic_ns() if self._realtime else self._now_ns
             for frame in unpack_frames(packet):
-                self._wire.queue((client.key, frame.port), frame, now_ns)
+                self._queue(client, frame, now_ns)
             if kind == PacketKind.IDLE and client in self._timed:
+                if self._faults is not None and client.role == Role.MASTER and not flag:
+                    time_ns += self._faults.hold_up_ns()
                 client.number = number
                 client.on_frames = bool(flag)
                 client.due_ns = now_ns if client.inbox and flag else time_ns
@@ -298,7 +309,36 @@ class CanHub:
         else:
             raise ProtocolError(f"CAN hub: a packet of kind {kind} was not expected")
 
+    def _queue(self, client: _Client, frame: WireFrame, now_ns: int) -> None:
+        source, faults = (client.key, frame.port), self._faults
+        if faults is None:
+            self._wire.queue(source, frame, now_ns)
+            return
+        from_master = client.role == Role.MASTER
+        for each, spoiled in faults.take(source, frame, now_ns, from_master=from_master):
+            self._wire.queue(each, spoiled, now_ns)
+        if faults.bus_off:
+            faults.bus_off = False
+            self._tell_masters(WireFrame(now_ns, _BUS_OFF, 8, 0, bytes(8)))
+        if faults.unplugged:
+            faults.unplugged = False
+            for each_client in [*self._clients.values()]:
+                if each_client.role == Role.MASTER:
+                    self._drop(each_client)
+
+    def _tell_masters(self, frame: WireFrame) -> None:
+        """Give every master a frame of its own adapter, at once."""
+        for client in self._clients.values():
+            if client.role == Role.MASTER:
+                client.inbox.append(FRAME.pack(*frame))
+                if client.on_frames:
+                    client.due_ns = min(client.due_ns, frame.time_ns)
+
     def _join(self, client: _Client, role: Role, packet: bytes) -> None:
+        now_ns = time.monotonic_ns() if self._realtime else self._now_ns
+        if role == Role.MASTER and self._faults and now_ns < self._faults.unplugged_until_ns:
+            self._drop(client)
+            return
         client.urgent = unpack_identifiers(packet[HEADER.size :])
         client.role = role
         if role == Role.MASTER and not self._realtime and not self._masters:
@@ -330,5 +370,6 @@ class CanHub:
             if client.role == Role.MASTER:
                 self._masters -= 1
                 if not self._masters:
-                    self._horizon_ns = self._now_ns + AFTER_RUN_NS
+                    back_ns = 0 if self._faults is None else self._faults.unplugged_until_ns
+                    self._horizon_ns = max(self._now_ns + AFTER_RUN_NS, back_ns)
                     self._pace_from = (time.monotonic_ns(), self._now_ns)

@@ -16,7 +16,13 @@ from mock_hw.can_wire import FOREVER_NS, WireFrame
 from mock_hw.hub_client import HubClient
 from mock_hw.hub_protocol import Role
 from mock_hw.runtime_directory import socket_path
-from mock_hw.wire_time import EXTENDED_FLAG, EXTENDED_MASK, REMOTE_FLAG, STANDARD_MASK
+from mock_hw.wire_time import (
+    ERROR_FLAG,
+    EXTENDED_FLAG,
+    EXTENDED_MASK,
+    REMOTE_FLAG,
+    STANDARD_MASK,
+)
 
 _POLLS_WITHOUT_TIME = 100
 _POLL_NS = 1000
@@ -187,7 +193,10 @@ class RidSimBus(can.BusABC):
             for frame in self._inbox
             if frame.can_id <= STANDARD_MASK
         ]
+        errors = [frame for frame in self._inbox if frame.can_id & ERROR_FLAG]
         self._inbox.clear()
+        if errors:
+            raise can.CanOperationError("the adapter is bus-off")
         return arrivals
 
     def sleep_until_ns(self, until_ns: int) -> None:
@@ -231,11 +240,13 @@ class RidSimBus(can.BusABC):
 
     def _message(self, frame: WireFrame) -> can.Message:
         remote = bool(frame.can_id & REMOTE_FLAG)
+        error = bool(frame.can_id & ERROR_FLAG)
         return can.Message(
             timestamp=frame.time_ns * 1e-9 + self._epoch_s,
             arbitration_id=frame.can_id & EXTENDED_MASK,
             is_extended_id=bool(frame.can_id & EXTENDED_FLAG),
             is_remote_frame=remote,
+            is_error_frame=error,
             dlc=frame.length,
             data=None if remote else frame.data[: frame.length],
             is_rx=True,

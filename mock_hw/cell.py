@@ -18,6 +18,7 @@ from config.amplifier_profile import AmplifierProfile
 from config.cell import CanBusConfig, CellConfig
 from config.drive_profile import DriveProfile
 from config.errors import ConfigError, TransportError
+from config.faults import NO_SCRIPT, FaultScript
 from config.load import load_bundled_or_path
 from config.monitor import ModbusRtu, ModbusTcp, MonitorConfig
 from config.plant import PlantConfig, SimulatedPlate
@@ -26,12 +27,17 @@ from config.robot import RobotDescription
 from mock_hw.amplifier_port import PlateSettings
 from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
 from mock_hw.drives_process import DrivesSettings, serve_drives, serve_until
+from mock_hw.fault_clock import refuse_unknown_joints
 from mock_hw.hub_process import HubSettings, serve_hub
-from mock_hw.line_faults import NO_FAULTS, LineFaults
+from mock_hw.line_faults import NO_FAULTS, LineFaults, line_faults
 from mock_hw.register_service import RegisterSettings, ServerCertificates
 from mock_hw.runtime_directory import plate_path, runtime_directory, socket_path
 from mock_hw.served_bus import ONE_PROCESS, SIMULATED, as_served, served_name
-from mock_hw.simulated_registers import NO_REGISTER_FAULTS, RegisterFaults
+from mock_hw.simulated_registers import (
+    NO_REGISTER_FAULTS,
+    RegisterFaults,
+    script_register_faults,
+)
 
 _START_TIMEOUT_S = 120.0  # the plant's kernels may have to be compiled
 _END_TIMEOUT_S = 5.0
@@ -76,9 +82,14 @@ class SimulatedCell:
         What goes wrong when registers are read.
     certificates
         What the drives show and want to see, where the cell's monitor uses TLS.
+    faults
+        What goes wrong, on every line of the cell; its `amplifier` and `registers` parts stand for
+        `plate_faults` and `register_faults`, where those are left out.
 
     Raises
     ------
+    ValueError
+        The faults are of joints that the robot does not have.
     TransportError
         The bus or the drives cannot be served.
     """
@@ -100,7 +111,10 @@ class SimulatedCell:
         drive_profile: DriveProfile | None = None,
         register_faults: RegisterFaults = NO_REGISTER_FAULTS,
         certificates: ServerCertificates | None = None,
+        faults: FaultScript = NO_SCRIPT,
     ) -> None:
+        refuse_unknown_joints(faults, robot.joint_names)
+        self._faults = faults
         self._cell = cell
         self._robot = robot
         self._plant = plant if unmodelled else plant.without_unmodelled()
@@ -110,9 +124,13 @@ class SimulatedCell:
         self._log = log
         self._profile = profile
         self._plate_faults = plate_faults
+        if faults.amplifier and plate_faults is NO_FAULTS:
+            self._plate_faults = line_faults(faults)
         self._amplifier_baud_rate = amplifier_baud_rate
         self._drive_profile = drive_profile
         self._register_faults = register_faults
+        if faults.registers and register_faults is NO_REGISTER_FAULTS:
+            self._register_faults = script_register_faults(faults)
         self._certificates = certificates
         self._address = ""
         self._monitor: MonitorConfig | None = None
@@ -209,6 +227,7 @@ class SimulatedCell:
             snapshot,
             self._plate_settings(plate_path(str(socket))),
             self._register_settings(socket.with_suffix(".drives")),
+            self._faults,
             bus,
             private_folder=bus is not None and self._directory is None,
         )
@@ -234,6 +253,9 @@ class SimulatedCell:
             self._cell.can.channel.rsplit("/", 1)[-1],
             self._log,
             private_folder=self._directory is None,
+            faults=self._faults,
+            nodes={axis.joint: axis.node_id for axis in self._cell.axes},
+            master=self._cell.drive_safety.master_node_id,
         )
 
     def _other_bus(self, folder: Path, name: str) -> CanBusConfig | None:
@@ -250,6 +272,11 @@ class SimulatedCell:
             raise ConfigError(
                 f"cell {self._cell.name}: frames are logged on {SIMULATED} only; on"
                 f" {can.interface} use candump or can_logger"
+            )
+        if self._faults.bus:
+            raise ConfigError(
+                f"cell {self._cell.name}: a fault script's bus part is for {SIMULATED} only, this"
+                f" is {can.interface}; leave it out"
             )
         if can.interface == ONE_PROCESS and (self._cell.plate or self._cell.monitor):
             raise ConfigError(

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from config.cell import CellConfig, DriveAxis
 from config.errors import ConfigError
+from config.faults import NO_SCRIPT, FaultScript
 from config.plant import PlantConfig
 from config.robot import RobotDescription
 from drivers.canopen.frames import Frame
 from drivers.cia402 import AxisUnits
 from mock_hw.axis_port import AxisPort
 from mock_hw.axis_snapshot import SnapshotWriter
+from mock_hw.drive_faults import DriveFaults
 from mock_hw.drive_objects import DriveIdentity
 from mock_hw.plant import Plant
 from mock_hw.simulated_drive import SimulatedDrive
@@ -78,6 +80,8 @@ class DriveRack:
         Where the axes' true state goes after every step; None for nowhere.
     now_s
         When everything is switched on [s].
+    faults
+        What goes wrong in drives.
 
     Attributes
     ----------
@@ -100,6 +104,7 @@ class DriveRack:
         seed: int,
         snapshots: SnapshotWriter | None = None,
         now_s: float = 0.0,
+        faults: FaultScript = NO_SCRIPT,
     ) -> None:
         axes = {axis.joint: axis for axis in cell.axes}
         if set(axes) != set(robot.joint_names):
@@ -137,6 +142,9 @@ class DriveRack:
             port = PlantAxis(self._measured, number, axis)
             identity = DriveIdentity.of_axis(axis, joint, simulated)
             self.drives.append(SimulatedDrive(identity, port, now_s))
+        self._faults = None
+        if faults.drives:
+            self._faults = DriveFaults(faults, robot.joint_names, self.drives, now_s)
         self._start: NDArray[np.float64] = np.zeros(count)
         self._end: NDArray[np.float64] = np.zeros(count)
         self._powered: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
@@ -147,7 +155,8 @@ class DriveRack:
     @property
     def next_s(self) -> float:
         """When one of the drives does something by itself [s]."""
-        return min(drive.next_s for drive in self.drives)
+        due_s = min(drive.next_s for drive in self.drives)
+        return due_s if self._faults is None else min(due_s, self._faults.next_s)
 
     @property
     def acts_on_arrival(self) -> bool:
@@ -172,6 +181,8 @@ class DriveRack:
         """Give every drive a frame that was on the bus at `now_s` [s]."""
         if not all(drive.only_keeps(frame.cob_id) for drive in self.drives):
             self.advance_to(now_s)
+        if self._faults is not None:
+            self._faults.see(frame, now_s)
         for drive in self.drives:
             drive.receive(frame, now_s)
 
@@ -182,6 +193,8 @@ class DriveRack:
             if due_s > now_s:
                 break
             self._move_to(due_s)
+            if self._faults is not None:
+                self._faults.tick(due_s)
             for drive in self.drives:
                 drive.tick(due_s)
         self._move_to(now_s)
@@ -214,12 +227,16 @@ class DriveRack:
             motion = drive.motion(self.time_s, end_s)
             self._start[number], self._end[number], self._powered[number], limit = motion
             self._limit[number] = limit
+        factors, braked = self._command_factors, ~self._powered
+        if self._faults is not None:
+            factors = np.where(self._faults.reversed, -factors, factors)
+            braked |= np.array(self._faults.blocked)
         self._plant.advance(
             end_s - self.time_s,
-            self._start * self._command_factors,
-            self._end * self._command_factors,
+            self._start * factors,
+            self._end * factors,
             self._powered,
-            ~self._powered,
+            braked,
             self._limit * self._torque_limit_nm,
         )
         self.time_s = end_s
@@ -229,7 +246,11 @@ class DriveRack:
 
     def _measure(self) -> None:
         plant, measured = self._plant, self._measured
-        measured.counts = plant.position_counts().tolist()
+        counts = plant.position_counts().tolist()
+        if self._faults is not None:
+            pairs = zip(counts, measured.counts, self._faults.stuck, strict=True)
+            counts = [old if stuck else new for new, old, stuck in pairs]
+        measured.counts = counts
         measured.counts_s = (plant.actuator_velocity * self._counts_per_position).tolist()
         measured.permille = plant.torque_permille().tolist()
 

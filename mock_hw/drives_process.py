@@ -15,6 +15,7 @@ from pathlib import Path
 
 from config.cell import CanBusConfig, CellConfig
 from config.errors import RidDaqError, TransportError
+from config.faults import NO_SCRIPT, FaultScript
 from config.plant import PlantConfig
 from config.robot import RobotDescription
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
@@ -54,6 +55,7 @@ class DrivesSettings:
     snapshot: Path
     plate: PlateSettings | None = None
     registers: RegisterSettings | None = None
+    faults: FaultScript = NO_SCRIPT
     bus: CanBusConfig | None = None
     """The bus that the drives are on; None for the hub at `socket`."""
     private_folder: bool = False
@@ -114,7 +116,8 @@ def _rack_on_bus(
     try:
         client = _client(settings, ended)
         try:
-            yield DriveRack(cell, robot, plant, seed, snapshots, client.now_ns * 1e-9), client
+            now_s = client.now_ns * 1e-9
+            yield DriveRack(cell, robot, plant, seed, snapshots, now_s, settings.faults), client
         finally:
             client.close()
     finally:

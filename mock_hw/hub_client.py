@@ -152,7 +152,7 @@ class HubClient:
         while True:
             packet = self._receive()
             kind, _, number, time_ns = unpack_header(packet)
-            frames += unpack_frames(packet)
+            frames += unpack_frames(packet, errors=True)
             if kind == PacketKind.WAKE and number == self._number:
                 self.now_ns = time_ns
                 return frames
@@ -171,7 +171,7 @@ class HubClient:
         frames: list[WireFrame] = []
         try:
             while select.select([self._socket], [], [], timeout_s)[0]:
-                frames += unpack_frames(self._receive())
+                frames += unpack_frames(self._receive(), errors=True)
                 timeout_s = 0.0
         except ValueError as error:
             raise self._lost("this connection is closed") from error

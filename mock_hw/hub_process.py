@@ -11,12 +11,14 @@ import shutil
 import signal
 import socket
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 from config.errors import RidDaqError, TransportError
+from config.faults import NO_SCRIPT, FaultScript
+from mock_hw.bus_faults import BusFaults
 from mock_hw.can_hub import CanHub
 
 LINGER_NS = 3_000_000_000
@@ -46,6 +48,12 @@ class HubSettings:
         Where to write all frames; None for nowhere.
     private_folder
         Whether the socket's folder is this bus's own, to be removed at the end.
+    faults
+        What goes wrong on the bus.
+    nodes
+        The drives' node ids by joint.
+    master
+        The computer's node id.
     """
 
     path: Path
@@ -54,6 +62,9 @@ class HubSettings:
     channel: str
     log: Path | None = None
     private_folder: bool = False
+    faults: FaultScript = NO_SCRIPT
+    nodes: Mapping[str, int] = field(default_factory=dict)
+    master: int = 127
 
 
 def serve_hub(settings: HubSettings, ready: Connection) -> None:
@@ -78,6 +89,7 @@ def serve_hub(settings: HubSettings, ready: Connection) -> None:
                 realtime=settings.realtime,
                 channel=settings.channel,
                 log=log,
+                faults=_faults(settings),
             )
             stack.callback(hub.close)
             ready.send(None)
@@ -86,6 +98,13 @@ def serve_hub(settings: HubSettings, ready: Connection) -> None:
     except (OSError, RidDaqError) as error:
         with contextlib.suppress(OSError):
             ready.send(str(error))
+
+
+def _faults(settings: HubSettings) -> BusFaults | None:
+    if not settings.faults.bus:
+        return None
+    start_ns = time.monotonic_ns() if settings.realtime else 0
+    return BusFaults(settings.faults, settings.nodes, settings.master, start_ns)
 
 
 def _run(hub: CanHub, stop_fd: int) -> None:

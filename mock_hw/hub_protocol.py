@@ -22,7 +22,13 @@ from enum import IntEnum
 
 from config.errors import ProtocolError
 from mock_hw.can_wire import WireFrame
-from mock_hw.wire_time import EXTENDED_FLAG, EXTENDED_MASK, REMOTE_FLAG, STANDARD_MASK
+from mock_hw.wire_time import (
+    ERROR_FLAG,
+    EXTENDED_FLAG,
+    EXTENDED_MASK,
+    REMOTE_FLAG,
+    STANDARD_MASK,
+)
 
 HEADER = struct.Struct("<BBxxIq")
 FRAME = struct.Struct("<qIBB2x8s")
@@ -93,8 +99,10 @@ def unpack_header(packet: bytes | memoryview) -> tuple[int, int, int, int]:
     return kind, flag, number, time_ns
 
 
-def unpack_frames(packet: bytes | memoryview) -> list[WireFrame]:
+def unpack_frames(packet: bytes | memoryview, *, errors: bool = False) -> list[WireFrame]:
     """Return the frames of a packet; their data are padded to 8 bytes.
+
+    With `errors` a client takes what its adapter reports, as error frames; nobody sends those.
 
     Raises
     ------
@@ -105,9 +113,10 @@ def unpack_frames(packet: bytes | memoryview) -> list[WireFrame]:
     if len(body) % FRAME.size:
         raise ProtocolError(f"CAN hub: a packet of {len(packet)} bytes ends within a frame")
     frames = [WireFrame._make(fields) for fields in FRAME.iter_unpack(body)]
+    flags = EXTENDED_FLAG | REMOTE_FLAG | (ERROR_FLAG if errors else 0)
     for frame in frames:
         highest = EXTENDED_MASK if frame.can_id & EXTENDED_FLAG else STANDARD_MASK
-        if frame.length > 8 or frame.can_id & ~(EXTENDED_FLAG | REMOTE_FLAG) > highest:
+        if frame.length > 8 or frame.can_id & ~flags > highest:
             raise ProtocolError(
                 f"CAN hub: {frame.can_id:08X}h with {frame.length} bytes is no classic CAN frame"
             )

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from config.faults import FaultScript
+
 
 class FaultKind(Enum):
     """What can go wrong, and what `LineFault.count` means there."""
@@ -74,6 +76,21 @@ class LineFaults:
 
 
 NO_FAULTS = LineFaults()
+
+
+def line_faults(script: FaultScript) -> LineFaults:
+    """Return what a fault script says of the amplifier and its line."""
+    faults = tuple(
+        LineFault(
+            FaultKind(fault.kind.replace("_", " ")),
+            fault.row,
+            fault.count,
+            fault.duration_s,
+            fault.channel,
+        )
+        for fault in script.amplifier
+    )
+    return LineFaults(faults, script.seed)
 
 
 class Unit(NamedTuple):

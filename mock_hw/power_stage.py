@@ -19,6 +19,7 @@ from mock_hw.object_dictionary import Key, ObjectDictionary
 
 _REMOTE = 0x0200
 _STAY_IN_QUICK_STOP = (5, 6)
+_WITHOUT_MOTOR_POWER = (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,8 @@ class PowerStage:
     ----------
     state
         The CiA 402 state.
+    supplied
+        Whether there is motor power; without it no command enables the drive.
     next_s
         When `tick` is due: the end of a stopping ramp [s]; infinity when none runs.
     """
@@ -61,6 +64,7 @@ class PowerStage:
     def __init__(self, objects: ObjectDictionary) -> None:
         self._objects = objects
         self.state = PowerState.NOT_READY_TO_SWITCH_ON
+        self.supplied = True
         self.next_s = math.inf
         self._after_ramp: PowerState | None = None
         self._ramp = Ramp(0.0, 0.0, 0.0, 0.0)
@@ -79,7 +83,8 @@ class PowerStage:
     def statusword(self) -> int:
         """Return 6041h without its mode-specific warnings."""
         follows = FOLLOWS_COMMAND if self.following else 0
-        return self.state | VOLTAGE_ENABLED | _REMOTE | follows
+        voltage = VOLTAGE_ENABLED if self.supplied else 0
+        return self.state | voltage | _REMOTE | follows
 
     def velocity_at(self, time_s: float) -> float:
         """Return the velocity that the loop is told at a time [s]."""
@@ -102,10 +107,18 @@ class PowerStage:
         self.next_s = math.inf
         self._ramp = Ramp(0.0, 0.0, 0.0, 0.0)
 
+    def supply(self, supplied: bool) -> None:
+        """Take the motor power away, as an emergency stop does, or give it back."""
+        if not supplied and self.state not in _WITHOUT_MOTOR_POWER:
+            self.switch_off()
+        self.supplied = supplied
+
     def command(self, controlword: int, now_s: float) -> None:
         """Take a controlword (6040h)."""
         state, previous = self.state, self._controlword
         self._controlword = controlword
+        if not self.supplied and state is PowerState.SWITCH_ON_DISABLED:
+            return
         wanted = after_controlword(state, controlword, previous)
         if state is PowerState.OPERATION_ENABLED:
             self._leave_operation(wanted, now_s)

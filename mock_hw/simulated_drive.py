@@ -20,7 +20,7 @@ from drivers.canopen.frames import (
 from drivers.canopen.heartbeat import heartbeat_frame, parse_consumer_entry
 from drivers.canopen.nmt import NmtCommand, NmtState, next_nmt_state, parse_nmt
 from drivers.canopen.sdo_server import SdoServer
-from drivers.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, PowerState
+from drivers.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, ControlWord, PowerState
 from mock_hw import drive_objects as od
 from mock_hw.axis_port import AxisPort, Motion
 from mock_hw.drive_errors import (
@@ -71,6 +71,10 @@ class SimulatedDrive:
         Its CiA 402 half.
     nmt
         Its NMT state.
+    beats
+        Whether it sends its heartbeat; a fault may stop it.
+    ignores_quick_stop
+        Whether it does not take RPDOs that command a quick stop: a fault.
     """
 
     def __init__(self, identity: od.DriveIdentity, port: AxisPort, now_s: float = 0.0) -> None:
@@ -93,6 +97,8 @@ class SimulatedDrive:
         self._sync_deadline_s = math.inf
         self._watched: dict[int, float] = {}
         self._silent_s: dict[int, float] = {}
+        self.beats = True
+        self.ignores_quick_stop = False
 
     # ---- time -----------------------------------------------------------------------------
 
@@ -118,7 +124,8 @@ class SimulatedDrive:
             self._finish_boot()
         if now_s >= self._beat_s:
             self._beat_s += self.objects[od.HEARTBEAT_PRODUCER] * 1e-3
-            self._send(heartbeat_frame(self.node_id, self.nmt))
+            if self.beats:
+                self._send(heartbeat_frame(self.node_id, self.nmt))
         self.power.tick(now_s)
         for node_id in [node for node, due_s in self._silent_s.items() if now_s >= due_s]:
             del self._silent_s[node_id]
@@ -243,6 +250,31 @@ class SimulatedDrive:
             self._silent_s[node_id] = self._now_s + timeout_s
             self._tell(self._errors.leave(HEARTBEAT_LOST))
 
+    # ---- what a fault does to it ------------------------------------------------------------
+
+    def lose_supply(self, now_s: float) -> None:
+        """Be off the bus and without power until `restore_supply`."""
+        self._now_s = now_s
+        self.nmt = NmtState.INITIALISING
+        self._reset(communication_only=False)
+        self._boot_s = math.inf
+
+    def restore_supply(self, now_s: float) -> None:
+        """Boot."""
+        self._now_s = now_s
+        self._boot_s = now_s + BOOT_S
+
+    def fail(self, code: int, now_s: float) -> None:
+        """Find a fault in itself, and react as 605Eh says."""
+        self._now_s = now_s
+        self._fault(code)
+
+    def report(self, code: int, now_s: float) -> None:
+        """Send an emergency message, and nothing else."""
+        if self.nmt in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
+            self._now_s = now_s
+            self._send(emcy_frame(self.node_id, Emergency(code, self.objects[od.ERROR_REGISTER])))
+
     # ---- errors ---------------------------------------------------------------------------
 
     def _tell(self, emergency: Emergency | None) -> None:
@@ -294,6 +326,8 @@ class SimulatedDrive:
         self._tell(self._errors.leave(PDO_LENGTH))
         self._tell(self._errors.leave(RPDO_TIMEOUT))
         values = pdo.layout.unpack_from(data)
+        if self.ignores_quick_stop and _is_quick_stop(pdo.keys, values):
+            return
         if pdo.synchronous:
             pdo.kept = values
         else:
@@ -367,6 +401,11 @@ class SimulatedDrive:
         entries = [self.objects[od.HEARTBEAT_CONSUMER, n] for n in range(1, od.CONSUMERS + 1)]
         self._watched = dict(filter(None, map(parse_consumer_entry, entries)))
         self._silent_s.clear()
+
+
+def _is_quick_stop(keys: tuple[Key, ...], values: tuple[int, ...]) -> bool:
+    words = [value for key, value in zip(keys, values, strict=True) if key == od.CONTROLWORD]
+    return any(word & 0x06 == ControlWord.QUICK_STOP for word in words)
 
 
 def _wrap(counts: int) -> int:

@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from config.faults import FaultScript
+
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 NO_FUNCTION, NO_REGISTER, BAD_COUNT = 1, 2, 3
 GATEWAY_NO_ANSWER = 11
@@ -23,11 +25,15 @@ Registers = Callable[[int], Mapping[int, int] | None]
 
 @dataclass(frozen=True)
 class RegisterFaults:
-    """What goes wrong: for each request, counted from 0 over all drives, or for all (`always`)."""
+    """What goes wrong: for each request, counted from 0 over all drives, or for all (`always`).
+
+    What is late comes with the answer to the next request where `late_with_next` says so.
+    """
 
     at: Mapping[int, Fault] | None = None
     always: Fault | None = None
     exception: int = 4
+    late_with_next: bool = False
 
     def of(self, number: int) -> Fault | None:
         """Return what goes wrong with a request."""
@@ -37,6 +43,18 @@ class RegisterFaults:
 
 
 NO_REGISTER_FAULTS: Final = RegisterFaults()
+
+
+def script_register_faults(script: FaultScript) -> RegisterFaults:
+    """Return what a fault script says of the registers."""
+    at: dict[int, Fault] = {
+        fault.at_request: fault.kind for fault in script.registers if fault.at_request is not None
+    }
+    always = [fault.kind for fault in script.registers if fault.at_request is None]
+    codes = [fault.code for fault in script.registers if fault.kind == "exception"]
+    return RegisterFaults(
+        at, always[0] if always else None, codes[0] if codes else 4, late_with_next=True
+    )
 
 
 class SimulatedRegisters:
@@ -132,9 +150,12 @@ class SimulatedRegisters:
         if fault == "late":
             self.held.append(whole)
             return []
+        late: list[bytes] = []
+        if self._faults.late_with_next:
+            late, self.held = self.held, []
         if fault == "garbage":
-            return [bytes(byte ^ 0x5A for byte in whole)]
-        return [whole]
+            return [*late, bytes(byte ^ 0x5A for byte in whole)]
+        return [*late, whole]
 
 
 def answer(request: bytes, registers: Mapping[int, int]) -> bytes:

@@ -43,7 +43,7 @@ COMMANDS: dict[str, str] = {
     "compensate": "the feedforward that makes a motion accurate, from model and loops",
     "stream": "follow a path more closely, live: from a file or from another program",
     "tracking": "how far the robot was from where it should have been",
-    "export": "write a model as URDF, SDF, C, Python, CSV, JSON, or for Pinocchio",
+    "export": "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV, Parquet, MAT, MDF4",
     "report": "write a run's report again from its results",
     "recover": "what is readable of an unfinished, torn or damaged recording",
     "stop": "quick stop of whatever session is running on this machine",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from config.cell import CellConfig
 from config.errors import ConfigError, TransportError
+from config.faults import NO_SCRIPT, FaultScript
 from config.load import LoadedCell
 from rid_daq.session import hold_cell
 
@@ -23,6 +24,7 @@ def reachable_cell(
     seed: int = 0,
     unmodelled: bool = True,
     payload: str | None = None,
+    faults: FaultScript = NO_SCRIPT,
 ) -> Iterator[CellConfig]:
     """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
 
@@ -41,18 +43,26 @@ def reachable_cell(
         Whether the plant has the effects that no model has.
     payload
         What hangs at a simulated robot's flange, by its name in the plant file.
+    faults
+        What goes wrong in mock hardware.
 
     Raises
     ------
     ConfigError
-        There is no such payload, or no mock hardware started here that it could be mounted on.
+        There is no such payload, or no mock hardware started here that it could be mounted on, or
+        that could have faults.
     LockedError
         Another session holds the cell.
     TransportError
         The mock hardware does not start.
     """
     with mountable_cell(
-        loaded, realtime=realtime, seed=seed, unmodelled=unmodelled, payload=payload
+        loaded,
+        realtime=realtime,
+        seed=seed,
+        unmodelled=unmodelled,
+        payload=payload,
+        faults=faults,
     ) as (cell, _):
         yield cell
 
@@ -65,6 +75,7 @@ def mountable_cell(
     seed: int = 0,
     unmodelled: bool = True,
     payload: str | None = None,
+    faults: FaultScript = NO_SCRIPT,
 ) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
     """Yield the cell as `reachable_cell` does, and its mock hardware where that was started here.
 
@@ -77,6 +88,11 @@ def mountable_cell(
             raise ConfigError(
                 f"cell {cell.name}: its robot is not started here, so nothing can be mounted on its"
                 " flange: leave --payload out, or give it to `rid-daq mock`"
+            )
+        if faults is not NO_SCRIPT:
+            raise ConfigError(
+                f"cell {cell.name}: its devices are not started here, so nothing can be made to go"
+                " wrong in them: leave --faults out, or give it to `rid-daq mock`"
             )
         with hold_cell(cell):
             yield _as_served(cell), None
@@ -96,6 +112,7 @@ def mountable_cell(
             unmodelled=unmodelled,
             profile=loaded.amplifier_profile,
             drive_profile=loaded.drive_profile,
+            faults=faults,
         ) as simulated,
         hold_cell(simulated.cell),
     ):

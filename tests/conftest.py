@@ -68,8 +68,9 @@ class FaultPage:
         if report.when != "call" or not rows:
             return
         figures = [str(value) for name, value in report.user_properties if name == "measured"]
-        entry = self._page.Entry(report.nodeid, self._page.as_figure("; ".join(figures)))
-        self._functions.add(entry.function)
+        function = report.nodeid.split("[", 1)[0]
+        entry = self._page.Entry(function, self._page.as_figure("; ".join(figures)))
+        self._functions.add(function)
         for row in rows if report.passed else []:
             self._ran.setdefault(row, []).append(entry)
 

@@ -44,12 +44,12 @@ def test_the_page_tells_of_tests_that_exist(page: Any) -> None:
 
 def test_a_page_keeps_what_did_not_run_and_replaces_what_did(page: Any) -> None:
     name, gone = "tests/somewhere.py::test_it", "tests/somewhere.py::test_gone"
-    old, new = page.Entry(f"{name}[a]", "old"), page.Entry(f"{name}[b]", "new")
+    old, new = page.Entry(name, "old"), [page.Entry(name, "new 1"), page.Entry(name, "new 2")]
     before = page.render({2: [old, page.Entry(gone, "of a test that is gone")]})
     kept = page.read(page.updated(before, {}, set(), {2: {name}}))
     assert kept[2] == [old]
-    after = page.read(page.updated(before, {2: [new]}, {name}, {2: {name}}))
-    assert after[2] == [new]
+    after = page.read(page.updated(before, {2: new}, {name}, {2: {name}}))
+    assert after[2] == [page.Entry(name, "new 1; new 2")]
     assert all(after[number] == [] for number in page.ROWS if number != 2)
     assert page.as_figure("a | b\n < c `d`") == "a / b ‹ c 'd'"
 

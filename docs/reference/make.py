@@ -20,6 +20,7 @@ from pydantic.fields import FieldInfo
 from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
+from config.faults import FaultScript
 from config.import_map import ImportMap
 from config.motion import CircleMotion, FourierMotion, MultipointMotion
 from config.path_motion import (
@@ -53,6 +54,7 @@ PAGES = {
     "drive profiles (Modbus registers)": DriveProfile,
     "amplifier profiles (strings and rows)": AmplifierProfile,
     "plant files (simulation only)": PlantConfig,
+    "fault scripts (simulation only)": FaultScript,
 }
 
 

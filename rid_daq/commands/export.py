@@ -1,4 +1,4 @@
-"""`rid-daq export`: an identified model for other programs."""
+"""`rid-daq export`: an identified model, or a run's recording, for other programs."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from typing import Annotated, Final
 import numpy as np
 import typer
 
+from acquisition.recording_file import RecordingFormat, recording_bytes
+from acquisition.recording_table import recording_table
+from acquisition.run_folder import RunFolder
+from acquisition.run_list import find_run
 from config.errors import ConfigError, EstimationError
 from config.whole_file import write_whole
 from identification.consistency import ConsistentEstimate, consistent
@@ -19,6 +23,8 @@ from identification.export_function import c_function, python_function
 from identification.export_model import ExportModel
 from identification.export_table import csv_table, json_table
 from rid_daq.console import AsJson, Console
+from rid_daq.run_data import read_run
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 
 class Format(StrEnum):
@@ -31,19 +37,30 @@ class Format(StrEnum):
     PYTHON = "python"
     CSV = "csv"
     JSON = "json"
+    PARQUET = "parquet"
+    MAT = "mat"
+    MDF4 = "mdf4"
 
 
+_RECORDINGS: Final = tuple(Format(form.value) for form in RecordingFormat)
+_RECORDINGS_ONLY: Final = (Format.PARQUET, Format.MAT, Format.MDF4)
 _NEED_NO_LINKS: Final = (Format.C, Format.PYTHON, Format.CSV, Format.JSON)
 
 
 def export(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model file of identify.")],
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL|RUN", help="A model file of identify; or a run folder, its id or label."
+        ),
+    ],
     to: Annotated[
         Format,
         typer.Option(
             "--to",
-            help="urdf, sdf, pinocchio: a robot description with inertias; c, python: a function"
-            " for inverse dynamics; csv, json: a table of the parameters.",
+            help="Of a model: urdf, sdf, pinocchio: a robot description with inertias; c, python: a"
+            " function for inverse dynamics; csv, json: a table of the parameters. Of a run: csv,"
+            " parquet, mat, mdf4: everything recorded, a column a quantity and joint.",
         ),
     ],
     output: Annotated[
@@ -67,23 +84,30 @@ def export(
         ),
     ] = False,
     overwrite: Annotated[bool, typer.Option(help="Replace FILE if it is there.")] = False,
+    runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
-    """Write an identified model for simulators, controllers and tables.
+    """Write an identified model, or a run's recording, for other programs.
 
-    The parameters are those that real bodies can have and that are closest to the identified ones;
-    where no such robot explains the data, nothing is written. What a format cannot say stands at
-    its top. Tables hold both, with the identified parameters' intervals.
+    Of a model the parameters are those that real bodies can have and that are closest to the
+    identified ones; where no such robot explains the data, nothing is written. What a format cannot
+    say stands at its top. Tables hold both, with the identified parameters' intervals. Of a run
+    every row is written as it was recorded.
     """
     console = Console(as_json)
     if output.exists() and not overwrite:
         raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
+    if not _is_model(what):
+        _export_recording(console, find_run(runs, what), to, output)
+        return
+    if to in _RECORDINGS_ONLY:
+        raise ConfigError(f"--to {to.value} is for recordings, and {what} is a model file")
     if as_identified and to not in _NEED_NO_LINKS:
         raise ConfigError(
             f"--as-identified is for {', '.join(_NEED_NO_LINKS)}: {to.value} describes links, and"
             " the identified parameters are sums over several"
         )
-    estimate = read_estimate(model)
+    estimate = read_estimate(Path(what))
     if as_identified:
         chosen, sentence = _identified(estimate), "Parameters as identified."
     else:
@@ -105,9 +129,44 @@ def export(
     console.verdict(True, f"Wrote {output}")
 
 
+def _is_model(what: str) -> bool:
+    """Return whether a model file is meant: anything but a folder, or a name that is no path."""
+    path = Path(what)
+    return path.is_file() or (bool(path.suffix) and not path.is_dir())
+
+
+def _export_recording(console: Console, folder: RunFolder, to: Format, output: Path) -> None:
+    if to not in _RECORDINGS:
+        model = folder.path / "model.json"
+        raise ConfigError(
+            f"--to {to.value} is for models: give a model file"
+            + (f", as {model}" if model.exists() else " of `rid-daq identify`")
+        )
+    data = read_run(folder)
+    table = recording_table(data.recording, data.robot)
+    write_whole(output, recording_bytes(table, RecordingFormat(to.value)))
+    console.document(
+        {
+            "file": str(output),
+            "format": to.value,
+            "run": folder.run_id,
+            "rows": len(data.recording),
+            "columns": [{"name": each.name, "unit": each.unit} for each in table.columns],
+            "damage": list(data.damage),
+        }
+    )
+    for note in data.damage:
+        console.say(f"note: {note}")
+    console.verdict(
+        True, f"Wrote {output}: {len(data.recording)} rows, {len(table.columns)} columns"
+    )
+
+
 def _text(estimate: Estimate, chosen: ExportModel, to: Format, as_identified: bool) -> str:
     links = None if as_identified else chosen
     match to:
+        case Format.PARQUET | Format.MAT | Format.MDF4:
+            raise AssertionError(to)
         case Format.C:
             return c_function(chosen)
         case Format.PYTHON:

@@ -12,7 +12,8 @@ import typer
 from acquisition.termination import TERMINATION, ignore_termination
 from config.cell import CellConfig
 from config.errors import ConfigError, LockedError, TransportError
-from config.load import load_cell
+from config.faults import NO_SCRIPT
+from config.load import load_cell, load_faults
 from mock_hw.cell import SimulatedCell
 from mock_hw.runtime_directory import runtime_directory
 from mock_hw.served_bus import SIMULATED
@@ -40,6 +41,9 @@ def mock(
     log: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write all frames there (candump format).")
     ] = None,
+    faults: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A fault script: what is to go wrong.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Serve a cell's simulated drives and force plate until Ctrl-C.
@@ -53,6 +57,7 @@ def mock(
         raise ConfigError(
             f"cell {loaded.config.name}: is not simulated; say simulated: true and name a plant"
         )
+    script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
     _check_channel(loaded.config)
     with SimulatedCell(
         loaded.config,
@@ -64,6 +69,7 @@ def mock(
         log=log,
         profile=loaded.amplifier_profile,
         drive_profile=loaded.drive_profile,
+        faults=script,
     ) as simulated:
         listen = _listen(simulated.cell, loaded.config.can.channel)
         registers = _registers(simulated.cell)
@@ -81,6 +87,8 @@ def mock(
             f"Cell {loaded.config.name} is served: {nodes};"
             f" {'lock-step' if lockstep else 'real'} time. Ctrl-C ends it."
         )
+        if faults is not None:
+            console.say(f"Faults:     as {faults} says")
         if listen:
             console.say(f"Listen in:  {listen}")
         else:

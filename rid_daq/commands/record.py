@@ -12,7 +12,8 @@ from acquisition.run_folder import RunFolder
 from acquisition.termination import ignore_termination
 from compensation.feedforward_file import read_feedforward
 from config.errors import ConfigError
-from config.load import LoadedCell, load_cell, load_motion, to_yaml
+from config.faults import NO_SCRIPT
+from config.load import LoadedCell, load_cell, load_faults, load_motion, to_yaml
 from config.motion import (
     AnyMotion,
     CircleMotion,
@@ -63,6 +64,10 @@ def record(
         str | None,
         typer.Option(help="What a simulated robot carries, by its name in the plant file."),
     ] = None,
+    faults: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A fault script: what goes wrong in a simulated cell."),
+    ] = None,
     cleared: Cleared = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
@@ -84,7 +89,10 @@ def record(
     if until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(until or (), loaded.robot, samples)
     require_cleared(loaded.config, cleared)
-    with reachable_cell(loaded, realtime=realtime, seed=seed, payload=payload) as reachable:
+    script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
+    with reachable_cell(
+        loaded, realtime=realtime, seed=seed, payload=payload, faults=script
+    ) as reachable:
         folder = RunFolder.create(
             runs, label or as_label(motion.stem), software=software_versions()
         )
@@ -93,6 +101,8 @@ def record(
                 folder.write(name, content)
             whole = isinstance(asked, JointTableMotion)  # with the rows of the file that it names
             folder.write("motion.yaml", to_yaml(asked).encode() if whole else motion.read_bytes())
+            if faults is not None:
+                folder.write("faults.yaml", faults.read_bytes())
             if feedforward is not None:
                 folder.write("feedforward.json", feedforward.read_bytes())
             run = record_run(

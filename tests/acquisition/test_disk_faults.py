@@ -31,6 +31,7 @@ from acquisition.journal_header import JournalHeader
 from acquisition.motion_samples import MotionSamples
 from acquisition.recorder import run_recorder
 from acquisition.ring import Ring
+from acquisition.set_points import PlannedMotion
 from acquisition.stop_reason import StopCode, StopReason
 from acquisition.termination import TERMINATION
 from config.cell import CellConfig
@@ -107,8 +108,10 @@ class Bench:
         def move() -> None:
             while self.control.recorder_state is RecorderState.STARTING:
                 os.sched_yield()
-            reasons.append(self._task.run(motion))
-            self.control.task_state = TaskState.FINISHED
+            try:
+                reasons.append(self._task.run(PlannedMotion(motion)))
+            finally:
+                self.control.task_state = TaskState.FINISHED
 
         task = threading.Thread(target=move, daemon=True)
         task.start()

@@ -5,6 +5,7 @@ What counts at the end of every test is what the simulated axes do, not what was
 
 from __future__ import annotations
 
+import contextlib
 import json
 import multiprocessing
 import os
@@ -15,6 +16,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
@@ -23,6 +25,8 @@ from acquisition.control_block import Progress, TaskState
 from acquisition.cycle_row import row_struct
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import Journal, read_journal
+from acquisition.journal_file import being_written
+from acquisition.journal_repair import repair_journal
 from acquisition.motion_samples import MotionSamples, Phase, plan_motion
 from acquisition.run_folder import RunFolder
 from acquisition.stop_reason import StopCode
@@ -219,14 +223,16 @@ def test_a_disk_that_takes_no_more_stops_the_motion_and_what_was_written_stays_r
     measured(f"quick stop, axes at rest, {outcome.rows} rows readable")
 
 
+@pytest.mark.fault(18)
 def test_a_killed_task_is_reported_and_the_drives_stop_by_themselves(
-    record: Record, long: MotionSamples, simulated: SimulatedCell
+    record: Record, long: MotionSamples, simulated: SimulatedCell, measured: Callable[[str], None]
 ) -> None:
     outcome = record(long, in_mid_motion(lambda: kill("cyclic task")))
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.TASK_DIED
     assert read_journal(outcome.path).damage.finished
     wait_for(lambda: at_rest(simulated))
+    measured("the drives stop by themselves, file closed")
 
 
 def test_an_error_in_the_program_itself_stops_the_motion_before_it_travels_on(
@@ -242,20 +248,42 @@ def test_an_error_in_the_program_itself_stops_the_motion_before_it_travels_on(
     assert read_journal(folder.file("recording.mcap")).damage.finished
 
 
+class Start(Protocol):
+    """Starts a program of its own; it moves when the `with` begins."""
+
+    def __call__(
+        self, *, alone: bool = False
+    ) -> contextlib.AbstractContextManager[subprocess.Popen[str]]: ...
+
+
 @pytest.fixture
-def killed(simulated: SimulatedCell, loaded: LoadedCell, folder: RunFolder) -> Iterator[int]:
-    """The pid of a program that was killed with SIGKILL in mid-motion."""
+def start(simulated: SimulatedCell, loaded: LoadedCell, folder: RunFolder) -> Start:
     texts = (
         simulated.cell.model_dump_json(),
         loaded.robot.model_dump_json(),
         fourier(loaded, 500).model_dump_json(),
         str(folder.path),
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", CHILD, json.dumps(texts)], stdout=subprocess.PIPE, text=True
-    ) as program:
-        assert program.stdout is not None
-        assert program.stdout.readline() == "moving\n"
+
+    @contextlib.contextmanager
+    def begin(*, alone: bool = False) -> Iterator[subprocess.Popen[str]]:
+        with subprocess.Popen(
+            [sys.executable, "-c", CHILD, json.dumps(texts)],
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=alone,
+        ) as program:
+            assert program.stdout is not None
+            assert program.stdout.readline() == "moving\n"
+            yield program
+
+    return begin
+
+
+@pytest.fixture
+def killed(start: Start) -> Iterator[int]:
+    """The pid of a program that was killed with SIGKILL in mid-motion."""
+    with start() as program:
         program.kill()
         yield program.pid
 
@@ -276,6 +304,27 @@ def test_a_killed_program_leaves_the_axes_at_rest_and_the_recording_whole(
     stop = journal.rows[last_command + 1 :]
     assert stop["time_s"][-1] - stop["time_s"][0] < RAMP_S + 0.1
     assert not list(Path("/dev/shm").glob(f"pym-{killed}-*"))
+
+
+@pytest.mark.fault(18)
+def test_a_computer_that_dies_leaves_the_axes_at_rest_and_the_recording_recoverable(
+    start: Start,
+    simulated: SimulatedCell,
+    folder: RunFolder,
+    tmp_path: Path,
+    measured: Callable[[str], None],
+) -> None:
+    with start(alone=True) as program:
+        os.killpg(program.pid, signal.SIGKILL)  # program, task and recorder, in one moment
+        program.wait()
+        wait_for(lambda: at_rest(simulated))
+        wait_for(lambda: not being_written(folder.file("recording.mcap")))
+    timeout_ms = simulated.cell.drive_safety.master_heartbeat_timeout_ms
+    assert timeout_ms <= 100
+    repair = repair_journal(folder.file("recording.mcap"), tmp_path / "new.mcap")
+    assert repair.kept_rows > 100
+    assert repair.lost_rows == 0
+    measured(f"axes at rest by their heartbeat consumer ({timeout_ms} ms) and ramp")
 
 
 def test_nothing_moves_for_a_motion_of_another_cycle_time_or_beyond_the_limits(

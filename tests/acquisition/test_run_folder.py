@@ -187,7 +187,7 @@ def test_what_is_no_run_folder_is_refused(tmp_path: Path) -> None:
 
 
 def test_runs_are_listed_by_time_and_strangers_left_out(root: Path, tmp_path: Path) -> None:
-    runs = [RunFolder.create(root, f"run {i}", now_ns=NOW_NS + i * 10**9) for i in (2, 0, 1)]
+    runs = [RunFolder.create(root, f"run {i}", now_ns=NOW_NS + i * 10**9) for i in (0, 1, 2)]
     (root / "notes").mkdir()
     (root / new_run_id(NOW_NS)).mkdir()
     (root / new_run_id(NOW_NS)).symlink_to(runs[0].path)

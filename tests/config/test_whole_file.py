@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import random
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -40,3 +43,29 @@ def test_what_was_there_stays_where_the_new_cannot_be_put(tmp_path: Path) -> Non
         write_whole(folder, b"new")
     assert (folder / "inside").read_bytes() == b"kept"
     assert [item.name for item in tmp_path.iterdir()] == ["model.json"]
+
+
+@pytest.mark.fault(34)
+def test_what_reads_back_otherwise_is_refused_and_rolled_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: Callable[[str], None]
+) -> None:
+    path = tmp_path / "load.src"
+    write_whole(path, b"what was there")
+    data = b"LOAD_DATA[1]={M 4.2,CM {X 1.0,Y 2.0,Z 30.0}}"
+    bits = random.Random(5).sample(range(8 * len(data)), 200)
+    waiting, sync = iter(bits), os.fsync
+
+    def sync_badly(descriptor: int) -> None:
+        bit = next(waiting)
+        with open(f"/proc/self/fd/{descriptor}", "r+b") as file:
+            file.seek(bit // 8)
+            file.write(bytes([data[bit // 8] ^ 1 << bit % 8]))
+        sync(descriptor)
+
+    monkeypatch.setattr("config.whole_file.os.fsync", sync_badly)
+    for _ in bits:
+        with pytest.raises(RecordingError, match="reads back otherwise"):
+            write_whole(path, data)
+        assert path.read_bytes() == b"what was there"
+    assert [item.name for item in tmp_path.iterdir()] == ["load.src"]
+    measured(f"{len(bits)} of {len(bits)} changed bits detected, the old file kept")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -296,6 +297,7 @@ def test_a_coupled_actuators_friction_is_left_out_and_said() -> None:
     assert "friction and rotor of j3" in urdf(model)
 
 
+@pytest.mark.fault(33)
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -305,12 +307,15 @@ def test_a_coupled_actuators_friction_is_left_out_and_said() -> None:
     ],
 )
 @pytest.mark.parametrize("form", [urdf, sdf, pinocchio_model])
-def test_links_that_cannot_exist_are_refused(form, change, message) -> None:
+def test_links_that_cannot_exist_are_refused(
+    form, change, message, measured: Callable[[str], None]
+) -> None:
     model = with_bodies(random_robot(1, "RR"))
     values = np.array(model.parameters)
     values[change[0]] = change[1]
     with pytest.raises(EstimationError, match=message):
         form(replace(model, parameters=values))
+    measured("refused: negative mass, inertia that no body has")
 
 
 def test_a_spring_without_known_distances_is_listed() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -49,7 +50,8 @@ def assert_quick_stop_then_off(bench: Bench, since_s: float) -> None:
     assert bench.axis.rate == 0.0
 
 
-def test_the_masters_silence_is_a_quick_stop(bench: Bench) -> None:
+@pytest.mark.fault(18)
+def test_the_masters_silence_is_a_quick_stop(bench: Bench, measured: Callable[[str], None]) -> None:
     moving(bench, heartbeat_ms=80)
     last_beat_s = bench.now_s - 0.008
     bench.run_to(last_beat_s + 0.0799)
@@ -62,6 +64,7 @@ def test_the_masters_silence_is_a_quick_stop(bench: Bench) -> None:
     assert bench.read(0x1001) == 0x11
     assert bench.read(0x603F) == 0x8130
     assert bench.read(0x1003, 1) == 0x8130
+    measured("quick stop 80 ms after the last heartbeat, at rest one ramp later")
 
 
 def test_the_masters_return_clears_the_error_but_enables_nothing(bench: Bench) -> None:

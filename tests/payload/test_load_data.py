@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -177,13 +178,17 @@ def random_body(seed: int) -> PayloadBody:
     )
 
 
+@pytest.mark.fault(34)
 @pytest.mark.parametrize("form", LoadFormat)
-def test_a_thousand_bodies_read_back_as_they_were_written(form: LoadFormat) -> None:
+def test_a_thousand_bodies_read_back_as_they_were_written(
+    form: LoadFormat, measured: Callable[[str], None]
+) -> None:
     worst = 0.0
     for seed in range(1000):
         body = random_body(seed)
         worst = max(worst, deviation(body, read_load_data(load_data(body, form), form), form))
     assert worst < 2e-9
+    measured("1000 bodies read back the same")
 
 
 @pytest.mark.parametrize("form", LoadFormat)
@@ -201,13 +206,17 @@ def test_another_text_is_no_load_data(form: LoadFormat) -> None:
             read_load_data(text, form)
 
 
+@pytest.mark.fault(33)
 @pytest.mark.parametrize("form", LoadFormat)
-def test_what_cannot_exist_is_not_written(form: LoadFormat) -> None:
+def test_what_cannot_exist_is_not_written(
+    form: LoadFormat, measured: Callable[[str], None]
+) -> None:
     # One moment larger than the other two together.
     with pytest.raises(EstimationError, match="no body can have"):
         load_data(PayloadBody(1.0, np.zeros(3), np.diag([0.1, 0.1, 0.3])), form)
     with pytest.raises(EstimationError, match="no body can have"):
         load_data(PayloadBody(-1.0, np.zeros(3), np.diag([0.1, 0.1, 0.1])), form)
+    measured("refused: negative mass, triangle of inertias")
 
 
 def test_more_inertia_than_the_controller_takes_is_refused() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -97,9 +98,13 @@ def test_a_weighed_mass_is_held(workshop: Path, capsys: pytest.CaptureFixture[st
     assert mass["std"] <= 0.002
 
 
+@pytest.mark.fault(34)
 @pytest.mark.parametrize("form", LoadFormat)
 def test_every_export_is_read_back_and_a_changed_one_is_caught(
-    workshop: Path, form: LoadFormat, capsys: pytest.CaptureFixture[str]
+    workshop: Path,
+    form: LoadFormat,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
 ) -> None:
     payload, file = str(workshop / "payload.json"), workshop / f"load.{form.value}"
     assert run(["payload", "export", payload, "--to", form.value, "-o", str(file)]) == 0
@@ -113,10 +118,12 @@ def test_every_export_is_read_back_and_a_changed_one_is_caught(
     capsys.readouterr()
     assert run(["payload", "read-back", payload, str(file), "--from", form.value]) == 1
     assert "differs from the payload by 1 %" in capsys.readouterr().out
+    measured("a mass changed by 1 % is red in every format")
 
 
+@pytest.mark.fault(33)
 def test_what_did_not_pass_reaches_no_controller(
-    workshop: Path, capsys: pytest.CaptureFixture[str]
+    workshop: Path, capsys: pytest.CaptureFixture[str], measured: Callable[[str], None]
 ) -> None:
     payload = workshop / "unsure.json"
     words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded")
@@ -131,6 +138,7 @@ def test_what_did_not_pass_reaches_no_controller(
     payload.write_text(edited, encoding="utf-8")
     assert run(["payload", "export", str(payload), "--to", "ur", "-o", str(out)]) == 2
     assert "was the file edited?" in capsys.readouterr().err
+    measured("exit 6, no file")
 
 
 def test_a_payload_whose_mass_was_edited_is_refused(workshop: Path) -> None:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ import pytest
 from acquisition.journal import read_journal
 from acquisition.motion_samples import Phase
 from acquisition.run_folder import RunFolder
+from acquisition.run_list import find_run
 from rid_daq.app import run
 
 
@@ -85,6 +89,25 @@ def test_identify_writes_a_model_with_intervals(
     assert parameters["fv_axis1"]["value"] == pytest.approx(25.0, rel=0.1)
     assert all(entry["std"] > 0.0 for entry in parameters.values())
     assert Path(document["report"]).read_text().count("<svg") >= 4
+
+
+@pytest.mark.fault(35)
+def test_a_copied_run_gives_the_same_parameters_bit_by_bit_in_another_process(
+    workshop: Path, tmp_path: Path, measured: Callable[[str], None]
+) -> None:
+    folder = find_run(workshop / "runs", "excitation")
+    shutil.copytree(folder.path, tmp_path / "elsewhere")
+    (tmp_path / "elsewhere" / "model.json").unlink(missing_ok=True)
+    words = ["identify", str(tmp_path / "elsewhere"), "-o", str(tmp_path / "again.json")]
+    environment = {**os.environ, "TZ": "Pacific/Auckland", "PYTHONHASHSEED": "7"}
+    subprocess.run(
+        [sys.executable, "-m", "rid_daq", *words], check=True, capture_output=True, env=environment
+    )
+    first = json.loads((workshop / "model.json").read_text())
+    again = json.loads((tmp_path / "again.json").read_text())
+    assert len(first["parameters"]) > 10
+    assert again == first
+    measured("every number of the model file equal, 0 ULP")
 
 
 def test_validate_passes_and_fails_by_its_limits(

@@ -8,6 +8,7 @@ import importlib.util
 import json
 import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -143,8 +144,12 @@ def test_pinocchio_reads_the_links_of_the_robot_that_can_exist(
     np.testing.assert_allclose(tau, torque(links, *motion, values), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.fault(33)
 def test_a_robot_that_the_data_speak_against_is_written_on_demand_only(
-    estimate: Estimate, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    estimate: Estimate,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
 ) -> None:
     # Much less inertia about axis 1 than the same links have about axis 2.
     values = np.array(estimate.values)
@@ -157,6 +162,7 @@ def test_a_robot_that_the_data_speak_against_is_written_on_demand_only(
     assert not out.exists()
     assert run([*words, "--despite-misfit"]) == 0
     assert "DOES NOT explain the data" in out.read_text().partition("<robot")[0]
+    measured("exit 6, no file")
 
 
 def test_sums_over_links_are_no_description(

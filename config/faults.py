@@ -1,0 +1,236 @@
+"""`FaultScript`: what is to go wrong in simulated hardware, when, and how often.
+
+A fault begins at a time (`at_s`, since the cell was served), at a cycle (`at_cycle`: SYNCs since
+the drives were last commanded to be enabled) or, on the bus, at a frame (`at_frame`: of those that
+it concerns, from 1); without any of these, at once. Everything random comes from `seed`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from config.model import ConfigModel
+from config.robot import Positive
+
+Probability = Annotated[float, Field(gt=0.0, le=1.0)]
+Count = Annotated[int, Field(ge=1, le=10_000_000)]
+Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
+FrameKind = Literal[
+    "answer",
+    "command",
+    "sync",
+    "heartbeat",
+    "emergency",
+    "sdo_request",
+    "sdo_answer",
+    "master_heartbeat",
+    "any",
+]
+
+
+class TimedFault(ConfigModel):
+    """When a fault begins."""
+
+    at_s: Annotated[float, Field(ge=0.0)] | None = None
+    at_cycle: Annotated[int, Field(ge=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one_beginning(self) -> TimedFault:
+        if self.at_s is not None and self.at_cycle is not None:
+            raise ValueError("give at_s or at_cycle, not both")
+        return self
+
+
+class FrameFault(TimedFault):
+    """What happens to frames on the CAN bus.
+
+    From its beginning on, each frame of this kind (`frames`; those of one drive where `joint` names
+    it) is hit with `probability`, until `count` were hit; without `count` one frame is, or, where a
+    probability or `lasting` is given, as many as come.
+
+    `drop`: it never arrives. `duplicate`: it comes twice. `delay`: it comes `delay_s` later, and
+    holds nothing else up. `reorder`: it comes after the next frame of the same identifier.
+    `corrupt`: one bit is flipped (`bit`, or a random one). `wrong_length`: it has `length` bytes.
+    """
+
+    kind: Literal["drop", "duplicate", "delay", "reorder", "corrupt", "wrong_length"]
+    frames: FrameKind = "answer"
+    joint: str | None = None
+    at_frame: Annotated[int, Field(ge=1)] | None = None
+    probability: Probability = 1.0
+    count: Count | None = None
+    lasting: bool = False
+    delay_s: Positive | None = None
+    bit: Annotated[int, Field(ge=0, le=63)] | None = None
+    length: Annotated[int, Field(ge=0, le=8)] | None = None
+
+    @model_validator(mode="after")
+    def _has_what_it_needs(self) -> FrameFault:
+        if self.at_frame is not None and (self.at_s, self.at_cycle) != (None, None):
+            raise ValueError("give at_frame, at_cycle or at_s, one of them")
+        needed = {"delay": ("delay_s", self.delay_s), "wrong_length": ("length", self.length)}
+        for kind, (name, value) in needed.items():
+            if self.kind == kind and value is None:
+                raise ValueError(f"{kind} needs {name}")
+            if self.kind != kind and value is not None:
+                raise ValueError(f"{name} belongs to {kind}, this is {self.kind}")
+        if self.bit is not None and self.kind != "corrupt":
+            raise ValueError(f"bit belongs to corrupt, this is {self.kind}")
+        if self.lasting and self.count is not None:
+            raise ValueError("give count or lasting, not both")
+        return self
+
+    @property
+    def most(self) -> int | None:
+        """How many frames are hit; None for as many as come."""
+        if self.count is not None:
+            return self.count
+        return None if self.lasting or self.probability < 1.0 else 1
+
+
+class StrangeFrames(TimedFault):
+    """Frames that nobody in the cell sends: `count` of them, every `period_s`.
+
+    With an identifier below 80h and a period shorter than a frame takes, this is a babbling node
+    that keeps everybody else off the bus.
+    """
+
+    kind: Literal["strange"]
+    identifier: Identifier
+    length: Annotated[int, Field(ge=0, le=8)] = 8
+    count: Annotated[int, Field(ge=1, le=100_000)] = 1
+    period_s: Positive = 0.001
+
+
+class AdapterFault(TimedFault):
+    """What happens to the computer's CAN adapter, for `duration_s`.
+
+    `bus_off`: it reports bus-off once and is deaf and mute. `unplugged`: it is gone; whoever opens
+    it meanwhile is refused. `no_acknowledge`: nobody acknowledges what it sends, so that its queue
+    (`queue` frames; the rest is lost) waits and goes out when the time is over.
+    """
+
+    kind: Literal["bus_off", "unplugged", "no_acknowledge"]
+    duration_s: Positive
+    queue: Annotated[int, Field(ge=0, le=1000)] = 10
+
+
+class HeldUp(TimedFault):
+    """The computer is held up: what should go on at a time goes on `duration_s` later.
+
+    `count` wake-ups of the cyclic task in a row are late. In lock-step alone: in real time the
+    computer's own clock says when the task wakes.
+    """
+
+    kind: Literal["held_up"]
+    duration_s: Positive
+    count: Count = 1
+
+
+class DriveFault(TimedFault):
+    """What goes wrong in one drive, or (without `joint`) in all.
+
+    For `duration_s`, or for ever: `stuck_encoder` (6064h and the drive's own watch on it stand
+    still, the axis goes on), `blocked` (its brake stays closed while it is powered), `reversed` (it
+    turns the other way), `ignores_quick_stop` (RPDOs with a quick stop are not taken),
+    `heartbeat_stops`, `motor_power_lost` (as by an emergency stop: the drive lives, without power),
+    `supply_lost` (it is off the bus and boots when the time is over).
+    At once: `reset` (it boots), `fault` and `emergency` with `code`; the latter sends `count`
+    messages every `period_s` and changes nothing else.
+    """
+
+    kind: Literal[
+        "reset",
+        "fault",
+        "emergency",
+        "stuck_encoder",
+        "blocked",
+        "reversed",
+        "ignores_quick_stop",
+        "heartbeat_stops",
+        "motor_power_lost",
+        "supply_lost",
+    ]
+    joint: str | None = None
+    duration_s: Positive | None = None
+    code: Annotated[int, Field(ge=1, le=0xFFFF)] = 0x7305
+    count: Annotated[int, Field(ge=1, le=100_000)] = 1
+    period_s: Positive = 0.001
+
+    @model_validator(mode="after")
+    def _has_what_it_needs(self) -> DriveFault:
+        if self.kind in ("reset", "fault", "emergency") and self.duration_s is not None:
+            raise ValueError(f"{self.kind} has no duration_s: it happens at once")
+        return self
+
+
+class RegisterFault(ConfigModel):
+    """What goes wrong with a Modbus request, counted from 0 (`at_request`), or with all (left out).
+
+    `exception` answers with `code`; `late` with the answer to the request before.
+    """
+
+    kind: Literal["silent", "late", "short", "wrong_unit", "garbage", "exception"]
+    at_request: Annotated[int, Field(ge=0)] | None = None
+    code: Annotated[int, Field(ge=1, le=255)] = 4
+
+
+class AmplifierFault(ConfigModel):
+    """What goes wrong on the amplifier's line, or in it, at a row counted from 0.
+
+    `count` is of bytes, rows or N/s and `duration_s` of what lasts; `channel` 0 to 7.
+    """
+
+    kind: Literal[
+        "garbage",
+        "nuls",
+        "lost_bytes",
+        "torn_row",
+        "gap",
+        "bad_checksum",
+        "stall",
+        "unplug",
+        "overload",
+        "drift",
+    ]
+    row: Annotated[int, Field(ge=0)]
+    count: Count = 1
+    duration_s: Annotated[float, Field(ge=0.0)] = 0.0
+    channel: Annotated[int, Field(ge=0, le=7)] = 0
+
+
+BusFault = Annotated[
+    FrameFault | StrangeFrames | AdapterFault | HeldUp,
+    Field(discriminator="kind"),
+]
+
+
+class FaultScript(ConfigModel):
+    """What goes wrong in a simulated cell: on its bus, in its drives, on its other lines."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    bus: tuple[BusFault, ...] = ()
+    drives: tuple[DriveFault, ...] = ()
+    registers: tuple[RegisterFault, ...] = ()
+    amplifier: tuple[AmplifierFault, ...] = ()
+
+    @model_validator(mode="after")
+    def _requests_differ(self) -> FaultScript:
+        requests = [fault.at_request for fault in self.registers]
+        if len(set(requests)) != len(requests):
+            raise ValueError("registers: two faults at the same request, or two for all requests")
+        codes = {fault.code for fault in self.registers if fault.kind == "exception"}
+        if len(codes) > 1:
+            raise ValueError("registers: all exceptions of one script have the same code")
+        return self
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """The joints that are named."""
+        faults = (*self.bus, *self.drives)
+        return frozenset(filter(None, (getattr(fault, "joint", None) for fault in faults)))
+
+
+NO_SCRIPT = FaultScript()

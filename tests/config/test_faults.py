@@ -1,0 +1,56 @@
+"""Fault scripts: what can be said, and where the error is when it cannot be meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from config.errors import ConfigError
+from config.faults import FaultScript
+from config.load import load_cell, load_faults
+
+GUIDE = Path(__file__).resolve().parents[2] / "docs" / "guide" / "simulated-cell.md"
+
+
+def load(tmp_path: Path, text: str) -> FaultScript:
+    path = tmp_path / "faults.yaml"
+    path.write_text(text)
+    return load_faults(path, load_cell("ir361").config)
+
+
+def test_the_script_of_the_guide_loads(tmp_path: Path) -> None:
+    lines = GUIDE.read_text(encoding="utf-8").splitlines()
+    first = lines.index("    # faults.yaml")
+    last = lines.index("", first)
+    script = load(tmp_path, "\n".join(line[4:] for line in lines[first:last]))
+    assert len(script.bus) == 3
+    assert script.drives[0].code == 0x4310, "decimal: YAML here has no other numbers"
+    assert script.registers[0].kind == "late"
+    assert script.amplifier[0].count == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "message"),
+    [
+        ("bus: [{kind: lose}]", "1:7", "'drop', 'duplicate'"),
+        ("bus:\n  - {kind: drop, joint: axis9}", "2:18", "no joint 'axis9'; it has axis1"),
+        ("drives:\n  - {kind: reset, joint: arm}", "2:19", "no joint 'arm'"),
+        ("bus: [{kind: delay}]", "1:7", "delay needs delay_s"),
+        ("bus: [{kind: drop, length: 3}]", "1:7", "length belongs to wrong_length"),
+        ("bus: [{kind: drop, bit: 3}]", "1:7", "bit belongs to corrupt"),
+        ("bus: [{kind: drop, at_s: 1.0, at_cycle: 3}]", "1:7", "at_s or at_cycle, not both"),
+        ("bus: [{kind: drop, at_frame: 1, at_cycle: 3}]", "1:7", "one of them"),
+        ("bus: [{kind: drop, count: 1, lasting: true}]", "1:7", "count or lasting"),
+        ("drives: [{kind: reset, duration_s: 1.0}]", "1:10", "it happens at once"),
+        ("drives: [{kind: blocked, probability: 1.0}]", "1:26", "unknown key"),
+        ("bus: [{kind: drop, probability: 1.5}]", "1:20", "less than or equal to 1"),
+        ("registers: [{kind: late}, {kind: short}]", "1:1", "two faults at the same request"),
+        ("seed: -1", "1:1", "greater than or equal to 0"),
+    ],
+)
+def test_an_error_has_its_place(tmp_path: Path, text: str, where: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, text)
+    assert f"faults.yaml:{where}: " in str(caught.value)
+    assert message in str(caught.value)

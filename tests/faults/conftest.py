@@ -1,0 +1,301 @@
+"""A whole cell in lock-step within the test's process: hub, drives with their plant, cyclic task.
+
+Frames go through the hub's sockets and wire as between processes. What counts is what was on the
+wire and what the simulated axes did, never what was called.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from io import StringIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from acquisition.control_block import ControlBlock
+from acquisition.cycle_row import row_dtype
+from acquisition.cyclic_task import CyclicTask
+from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.ring import Ring
+from acquisition.set_points import PlannedMotion
+from acquisition.stop_reason import StopReason
+from config.cell import CellConfig
+from config.errors import RidDaqError, TransportError
+from config.faults import NO_SCRIPT, FaultScript
+from config.load import LoadedCell, load_cell
+from config.motion import FourierJoint, FourierMotion
+from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, sdo_request_cob_id
+from drivers.cell import Cell, open_cell
+from mock_hw.bus_faults import BusFaults
+from mock_hw.can_hub import CanHub
+from mock_hw.drive_rack import DriveRack
+from mock_hw.drives_process import run_rack
+from mock_hw.hub_client import HubClient
+from mock_hw.hub_process import listening_socket
+from mock_hw.hub_protocol import Role
+
+T = 0.008
+QUICK_STOP, ENABLE, DISABLE = 0x0002, 0x000F, 0x0000
+RPDO, TPDO = 0x200, 0x180
+NODES = (1, 2, 3)
+
+
+class Logged(NamedTuple):
+    """A frame that was on the wire, and when it was over [s]."""
+
+    time_s: float
+    can_id: int
+    data: bytes
+
+    @property
+    def word(self) -> int:
+        """The controlword of a command."""
+        return int.from_bytes(self.data[:2], "little")
+
+    @property
+    def velocity(self) -> int:
+        """The velocity of a command, 60FFh."""
+        return int.from_bytes(self.data[2:6], "little", signed=True)
+
+
+def parse_log(text: str) -> list[Logged]:
+    """Read candump's format."""
+    frames = []
+    for line in text.splitlines():
+        time_text, _, frame = line.split(" ")
+        identifier, data = frame.split("#")
+        if not data.startswith("R"):
+            frames.append(Logged(float(time_text[1:-1]), int(identifier, 16), bytes.fromhex(data)))
+    return frames
+
+
+class Truth:
+    """What the simulated axes did, by time; the rack takes it for its snapshot."""
+
+    def __init__(self) -> None:
+        self.payload = 0
+        self.time_s: list[float] = []
+        self.position: list[NDArray[np.float64]] = []
+        self.velocity: list[NDArray[np.float64]] = []
+        self.powered: list[list[bool]] = []
+
+    def write(
+        self,
+        time_s: float,
+        position: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        _torque: object,
+        powered: list[bool],
+        _temperature: object,
+    ) -> None:
+        self.time_s.append(time_s)
+        self.position.append(np.array(position))
+        self.velocity.append(np.array(velocity))
+        self.powered.append(list(powered))
+
+    def speed_after(self, time_s: float) -> float:
+        """Return the largest speed of any axis after a time [rad/s]."""
+        after = [v for t, v in zip(self.time_s, self.velocity, strict=True) if t >= time_s]
+        return float(np.abs(after).max())
+
+    def rest_s(self, slow: float = 1e-3) -> float:
+        """Return when the last axis has come to rest for good [s]."""
+        fast = [i for i, v in enumerate(self.velocity) if np.abs(v).max() > slow]
+        return self.time_s[fast[-1] + 1] if fast[-1] + 1 < len(self.time_s) else float("inf")
+
+    def at(self, time_s: float) -> int:
+        """Return the number of the first state at or after a time [s]."""
+        return int(np.searchsorted(self.time_s, time_s))
+
+
+@dataclass
+class Run:
+    """What became of one motion."""
+
+    reason: StopReason | None
+    rows: NDArray[Any]
+    notes: tuple[str, ...]
+    frames: list[Logged]
+    truth: Truth
+    error: RidDaqError | None = None
+    syncs_s: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        enabled = next((f.time_s for f in self.frames if _is(f, ENABLE)), float("inf"))
+        self.syncs_s = [f.time_s for f in self.frames if f.can_id == 0x80 and f.time_s > enabled]
+
+    def cycle(self, time_s: float) -> int:
+        """Return the cycle that a time is in, as fault scripts count."""
+        return int(np.searchsorted(self.syncs_s, time_s, side="right"))
+
+    def quick_stops(self) -> dict[int, float]:
+        """Return when each node's first quick stop was on the wire [s]."""
+        first: dict[int, float] = {}
+        for frame in self.frames:
+            if _is(frame, QUICK_STOP):
+                first.setdefault(frame.can_id - RPDO, frame.time_s)
+        return first
+
+    def quick_stop_cycle(self) -> int:
+        """Return the cycle in which every node got its quick stop; they must be the same."""
+        stops = self.quick_stops()
+        assert set(stops) == set(NODES), "not every axis got a quick stop"
+        (cycle,) = {self.cycle(time_s) for time_s in stops.values()}
+        return cycle
+
+    def motion_frames_after(self, time_s: float) -> list[Logged]:
+        """Return what could move an axis after a time [s]."""
+        return [f for f in self.frames if f.time_s > time_s and _is(f, ENABLE)]
+
+
+def _is(frame: Logged, word: int) -> bool:
+    return RPDO < frame.can_id < RPDO + 0x80 and len(frame.data) == 8 and frame.word == word
+
+
+class Rig:
+    """Hub, drives and their robot, served in threads; sessions and motions run in the test's own.
+
+    Attributes
+    ----------
+    config
+        The cell with the bus's address.
+    truth
+        What the axes did since the beginning.
+    """
+
+    def __init__(self, loaded: LoadedCell, folder: Path, script: FaultScript) -> None:
+        assert loaded.plant is not None
+        self._loaded = loaded
+        self._stop, self._stopper = os.pipe()
+        self._log = StringIO()
+        self.truth = Truth()
+        self.path = folder / "hub.sock"
+        ready, served = threading.Event(), threading.Event()
+        cell, robot, plant = loaded.config, loaded.robot, loaded.plant.without_unmodelled()
+        nodes = {axis.joint: axis.node_id for axis in cell.axes}
+        faults = BusFaults(script, nodes, cell.drive_safety.master_node_id)
+
+        def serve_hub() -> None:
+            with listening_socket(self.path) as listener:
+                hub = CanHub(
+                    listener, cell.can.bitrate, realtime=False, channel="test", log=self._log,
+                    faults=faults,
+                )  # fmt: skip
+                ready.set()
+                hub.run([self._stop])
+                hub.close()
+
+        def serve_drives() -> None:
+            urgent = [NMT_COB_ID, SYNC_COB_ID, *map(sdo_request_cob_id, nodes.values())]
+            client = HubClient(self.path, Role.DEVICE, urgent)
+            self.rack = DriveRack(cell, robot, plant, 1, self.truth, 0.0, script)  # type: ignore[arg-type]
+            served.set()
+            with contextlib.suppress(TransportError):
+                run_rack(self.rack, client)
+            client.close()
+
+        self._threads = [threading.Thread(target=serve_hub), threading.Thread(target=serve_drives)]
+        self._threads[0].start()
+        assert ready.wait(20.0)
+        self._threads[1].start()
+        assert served.wait(60.0)
+        channel = cell.can.model_copy(update={"channel": str(self.path)})
+        self.config = cell.model_copy(update={"can": channel})
+
+    def frames(self) -> list[Logged]:
+        """Return all that was on the wire."""
+        return parse_log(self._log.getvalue())
+
+    def close(self) -> None:
+        os.write(self._stopper, b"x")
+        for thread in self._threads:
+            thread.join(20.0)
+            assert not thread.is_alive()
+        os.close(self._stop)
+        os.close(self._stopper)
+
+    @contextlib.contextmanager
+    def session(self) -> Iterator[Cell]:
+        """Open the cell."""
+        with open_cell(self.config, self._loaded.robot) as cell:
+            yield cell
+
+    def move(
+        self,
+        samples: MotionSamples,
+        hook: Callable[[Cell, ControlBlock], None] | None = None,
+        config: CellConfig | None = None,
+    ) -> Run:
+        """Bring up, start, move and leave, as the cyclic task's process does."""
+        control, ring = ControlBlock.create(), Ring.create(3, 8192)
+        reason, error = None, None
+        try:
+            with open_cell(config or self.config, self._loaded.robot) as cell:
+                cell.axes.bring_up()
+                cell.axes.start()
+                if hook is not None:
+                    hook(cell, control)
+                reason = CyclicTask(
+                    cell.axes, cell.clock, cell.config, self._loaded.robot, ring, control,
+                    lockstep=True, orphaned=lambda: False,
+                ).run(PlannedMotion(samples))  # fmt: skip
+        except RidDaqError as problem:
+            error = problem
+        with contextlib.suppress(TransportError), self.session() as cell:
+            cell.clock.sleep_until(cell.clock.now_s() + 0.4)  # to see what the axes do afterwards
+        rows = np.frombuffer(ring.read(8192), dtype=row_dtype(3))
+        return Run(reason, rows, control.notes, self.frames(), self.truth, error)
+
+
+Serve = Callable[..., Rig]
+
+
+@pytest.fixture(scope="session")
+def loaded() -> LoadedCell:
+    return load_cell("ir361")
+
+
+@pytest.fixture(scope="session")
+def motion(loaded: LoadedCell) -> MotionSamples:
+    """A second and a half, in which every axis goes to and fro from where it stands."""
+    return fourier(loaded, periods=1)
+
+
+def fourier(loaded: LoadedCell, periods: int) -> MotionSamples:
+    sizes = ((0.2, 0.0), (0.0, 0.2), (0.15, 0.15))  # never do all of them stand
+    joints = tuple(
+        FourierJoint(joint=name, offset=0.0, sine=(sine,), cosine=(cosine,))
+        for name, (sine, cosine) in zip(loaded.robot.joint_names, sizes, strict=True)
+    )
+    plan = FourierMotion(
+        kind="fourier", robot=loaded.robot.name, period_s=1.6, periods=periods,
+        transient_periods=0, ramp_s=0.8, joints=joints,
+    )  # fmt: skip
+    return plan_motion(plan, loaded.robot, loaded.config.cycle_time_s)
+
+
+@pytest.fixture
+def serve(loaded: LoadedCell, tmp_path: Path) -> Iterator[Serve]:
+    """Serve a cell with faults: ``serve(bus=[{...}], drives=[{...}])``."""
+    rigs: list[Rig] = []
+
+    def start(**script: object) -> Rig:
+        folder = tmp_path / f"rig{len(rigs)}"
+        folder.mkdir()
+        faults = NO_SCRIPT
+        if script:
+            values = {k: tuple(v) if isinstance(v, list) else v for k, v in script.items()}
+            faults = FaultScript.model_validate(values)
+        rigs.append(Rig(loaded, folder, faults))
+        return rigs[-1]
+
+    yield start
+    for rig in rigs:
+        rig.close()

@@ -1,0 +1,247 @@
+"""Drives that reset, fail, fall silent, lose power or do not do as they are told: rows 8 to 15."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion_samples import MotionSamples
+from acquisition.stop_reason import StopCode
+from config.load import LoadedCell
+
+T = 0.008
+AT = 230
+Measured = Callable[[str], None]
+
+
+def assert_at_rest(run: Any, within_s: float = 0.3) -> float:
+    """The axes moved, and do not any more; return how long after the quick stop [s]."""
+    stop_s = min(run.quick_stops().values())
+    moving = run.truth.velocity[run.truth.at(stop_s - 5 * T)]
+    assert np.abs(moving).max() > 0.05, "nothing moved before the fault"
+    rest_s = float(run.truth.rest_s())
+    assert rest_s < stop_s + within_s
+    assert not any(run.truth.powered[-1])
+    assert run.motion_frames_after(stop_s) == []
+    return rest_s - stop_s
+
+
+def ramp_s(loaded: LoadedCell, speed: float) -> float:
+    return speed / loaded.config.drive_safety.quick_stop_deceleration_rad_s2
+
+
+@pytest.mark.fault(8)
+def test_a_drive_that_resets_stops_the_others_and_stays_disabled(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    rig = serve(drives=[{"kind": "reset", "joint": "axis2", "at_cycle": AT}])
+    run = rig.move(motion)
+    assert run.reason.code in (StopCode.DRIVE_RESTARTED, StopCode.MISSED_FRAMES)
+    boot_s = max(f.time_s for f in run.frames if f.can_id == 0x702 and f.data == b"\x00")
+    stop_s = max(run.quick_stops().values())
+    assert stop_s <= boot_s + 2 * T
+    cycles = run.quick_stop_cycle() - AT + 1
+    assert cycles <= 4
+    assert_at_rest(run)
+    when = "before" if stop_s < boot_s else "after"
+    measured(f"{cycles} T after the reset, {abs(stop_s - boot_s) / T:.1f} T {when} its boot-up")
+
+
+@pytest.mark.fault(9)
+@pytest.mark.parametrize("phase", [0.1, 0.4, 0.7, 0.95])
+def test_an_emergency_message_stops_all_axes_and_is_told_in_words(
+    serve: Any, motion: MotionSamples, phase: float, measured: Measured
+) -> None:
+    quiet = serve().move(motion)
+    at_s = quiet.syncs_s[AT - 1] + phase * T
+    run = serve(drives=[{"kind": "emergency", "joint": "axis3", "at_s": at_s, "code": 0x4310}])
+    run = run.move(motion)
+    assert (run.reason.code, run.reason.joint) == (StopCode.EMERGENCY, "axis3")
+    assert "4310h" in run.reason.text
+    assert "temperature" in run.reason.text
+    (told_s,) = [f.time_s for f in run.frames if f.can_id == 0x083 and f.data[:2] == b"\x10\x43"]
+    late = (max(run.quick_stops().values()) - told_s) / T
+    assert late <= 2.0
+    assert_at_rest(run)
+    measured(f"{late:.2f} T after the message")
+
+
+@pytest.mark.fault(9)
+def test_a_fault_of_a_drive_stops_the_others(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    run = serve(drives=[{"kind": "fault", "joint": "axis1", "at_cycle": AT, "code": 0x2310}])
+    run = run.move(motion)
+    assert run.reason.code is StopCode.EMERGENCY
+    cycles = run.quick_stop_cycle() - AT + 1
+    assert cycles <= 2
+    assert_at_rest(run)
+    measured(f"a drive in fault: {cycles} T")
+
+
+@pytest.mark.fault(10)
+def test_a_flood_of_emergencies_is_one_stop_and_costs_no_cycle(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    flood = {"kind": "emergency", "joint": "axis2", "at_cycle": AT, "count": 500}
+    run = serve(drives=[flood]).move(motion)
+    assert run.reason.code is StopCode.EMERGENCY
+    assert run.quick_stop_cycle() == AT
+    assert_at_rest(run)
+    came = sum(f.can_id == 0x082 for f in run.frames)
+    assert came > 100
+    assert len(run.notes) <= 3
+    assert np.unique(np.diff(run.rows["cycle"].astype(int))).tolist() == [1]
+    assert run.rows["lateness_s"].max() < 1e-6
+    measured(f"{came} messages: 1 stop in 1 T, {len(run.notes)} notes, 0 cycles late")
+
+
+@pytest.mark.fault(11)
+def test_a_heartbeat_that_ends_stops_all_axes(
+    serve: Any, motion: MotionSamples, loaded: LoadedCell, measured: Measured
+) -> None:
+    rig = serve(drives=[{"kind": "heartbeat_stops", "joint": "axis1", "at_cycle": AT}])
+    run = rig.move(motion)
+    assert (run.reason.code, run.reason.joint) == (StopCode.HEARTBEAT_LOST, "axis1")
+    stop_s = max(run.quick_stops().values())
+    last_s = max(f.time_s for f in run.frames if f.can_id == 0x701 and f.time_s < stop_s)
+    allowed_s = loaded.config.drive_safety.drive_heartbeat_timeout_ms / 1000.0 + T
+    assert stop_s - last_s <= allowed_s
+    assert_at_rest(run)
+    measured(f"{1e3 * (stop_s - last_s):.1f} ms after the last one, {1e3 * allowed_s:.0f} allowed")
+
+
+@pytest.mark.fault(13)
+def test_nothing_moves_when_power_returns_after_an_emergency_stop(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    rig = serve(drives=[{"kind": "motor_power_lost", "at_cycle": AT, "duration_s": 0.05}])
+    run = rig.move(motion)
+    assert run.reason.code is StopCode.NOT_ENABLED
+    assert run.quick_stop_cycle() == AT
+    lost_s = run.syncs_s[AT - 1]
+    assert run.motion_frames_after(lost_s + 1e-3) == []
+    assert run.truth.speed_after(lost_s + 0.3) < 1e-3
+    assert not any(map(any, run.truth.powered[run.truth.at(lost_s + 0.001) :]))
+    cycles = run.quick_stop_cycle() - AT + 1
+    again = rig.move(motion)
+    assert again.reason is None
+    assert again.error is None
+    far = first_set_point_counts(again)
+    assert far <= 1.0
+    assert np.abs(again.rows["velocity_command"][0]).max() < 0.02
+    measured(f"0 motion frames, quick stop in {cycles} T; new first set-point {far:.2f} counts off")
+
+
+def first_set_point_counts(run: Any) -> float:
+    """Return how far the first set-point is from where the axes last were, in counts at most."""
+    rows = run.rows
+    far = []
+    for axis in range(3):
+        counts, position = rows["position_counts"][:, axis], rows["position"][:, axis]
+        per_rad = (counts[300] - float(counts[0])) / (position[300] - position[0])
+        wanted = counts[0] + per_rad * (rows["target_position"][0, axis] - position[0])
+        last = [
+            f
+            for f in run.frames
+            if f.can_id == 0x181 + axis and f.time_s < rows["time_s"][0] and len(f.data) == 8
+        ][-1]
+        far.append(abs(wanted - int.from_bytes(last.data[2:6], "little", signed=True)))
+    return max(far)
+
+
+@pytest.mark.fault(13)
+def test_set_points_of_a_lost_supply_do_not_wait_for_its_return(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    """All drives off, nobody acknowledges: what the adapter keeps goes out when power returns."""
+    away = {"at_cycle": AT, "duration_s": 1.5}
+    rig = serve(
+        drives=[{"kind": "supply_lost", **away}],
+        bus=[{"kind": "no_acknowledge", "queue": 10, **away}],
+    )
+    run = rig.move(motion)
+    assert run.reason.code is StopCode.MISSED_FRAMES
+    off_s = run.syncs_s[AT - 2] + T
+    with rig.session() as cell:
+        cell.clock.sleep_until(cell.clock.now_s() + 2.0)
+    frames = rig.frames()
+    back_s = min(f.time_s for f in frames if f.can_id == 0x701 and f.time_s > off_s + 1.0)
+    released = [f for f in frames if 0x201 <= f.can_id <= 0x203 and f.time_s > off_s + 1e-3]
+    assert released, "the adapter kept nothing: the test shows nothing"
+    moving = [f for f in released if f.word == 0x000F]
+    assert moving == []
+    assert rig.truth.speed_after(back_s) < 1e-6
+    assert not any(rig.truth.powered[-1])
+    measured(f"{len(released)} kept commands came out with the power, 0 of them motion")
+
+
+@pytest.mark.fault(14)
+def test_an_encoder_that_stands_still_stops_the_motion(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    run = serve(drives=[{"kind": "stuck_encoder", "joint": "axis1", "at_cycle": AT}]).move(motion)
+    assert (run.reason.code, run.reason.joint) == (StopCode.STUCK_ENCODER, "axis1")
+    cycles = run.quick_stop_cycle() - AT + 1
+    assert cycles <= 8
+    assert_at_rest(run)
+    measured(f"{cycles} T")
+
+
+@pytest.mark.fault(14)
+def test_a_blocked_axis_is_found_while_its_torque_rises(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    run = serve(drives=[{"kind": "blocked", "joint": "axis3", "at_cycle": AT}]).move(motion)
+    assert run.reason.joint == "axis3"
+    assert run.reason.code in (StopCode.STUCK_ENCODER, StopCode.FOLLOWING_ERROR)
+    cycles = run.quick_stop_cycle() - AT + 1
+    assert cycles <= 8
+    measured(f"blocked: {run.reason.code.name.lower()} after {cycles} T")
+
+
+@pytest.mark.fault(15)
+def test_an_axis_that_runs_the_wrong_way_does_not_get_far(
+    serve: Any, motion: MotionSamples, loaded: LoadedCell, measured: Measured
+) -> None:
+    run = serve(drives=[{"kind": "reversed", "joint": "axis1", "at_cycle": AT}]).move(motion)
+    assert (run.reason.code, run.reason.joint) == (StopCode.FOLLOWING_ERROR, "axis1")
+    rows, rules = run.rows, loaded.config.supervision
+    error = np.abs(rows["target_position"] - rows["position"])[:, 0]
+    line = rules.following_error_min_rad + rules.following_error_per_velocity_s * np.abs(
+        rows["target_velocity"][:, 0]
+    )
+    beyond = np.flatnonzero(error > line)
+    stop = int(np.flatnonzero(~rows["velocity_command"].any(axis=1) & (error > line))[0])
+    cycles = stop - int(beyond[0]) + 1
+    assert cycles <= 3
+    stop_s = min(run.quick_stops().values())
+    at, end = run.truth.at(stop_s - T), len(run.truth.time_s) - 1
+    speed = float(np.abs([v[0] for v in run.truth.velocity[at:]]).max())
+    travel = abs(run.truth.position[end][0] - run.truth.position[at][0])
+    allowed = speed * 4 * T + 0.5 * speed * ramp_s(loaded, speed)
+    assert travel <= allowed
+    assert_at_rest(run)
+    measured(f"{cycles} T beyond the line; travel {travel:.4f} rad, {allowed:.4f} allowed")
+
+
+@pytest.mark.fault(15)
+def test_an_axis_that_ignores_the_quick_stop_loses_its_power(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    """One stop path: quick stop, then power off, then NMT; each where the one before fails."""
+    deaf = {"kind": "ignores_quick_stop", "joint": "axis1", "at_cycle": AT}
+    fault = {"kind": "emergency", "joint": "axis2", "at_cycle": AT}
+    run = serve(drives=[deaf, fault]).move(motion)
+    assert run.reason.code is StopCode.EMERGENCY
+    assert any("did not slow down axis1" in note for note in run.notes)
+    rest_s = assert_at_rest(run)
+    assert rest_s < 0.2
+    off = next(f for f in run.frames if f.can_id == 0x201 and f.word == 0 and f.time_s > 1.0)
+    cycles = run.cycle(off.time_s) - AT
+    assert math.isclose(cycles, 10, abs_tol=2)
+    measured(f"power off {cycles} T after the quick stop that it ignored")

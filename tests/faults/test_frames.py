@@ -1,0 +1,222 @@
+"""Frames that are lost, late, doubled, damaged or nobody's: rows 1 to 7."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion_samples import MotionSamples
+from acquisition.stop_reason import StopCode
+from config.errors import ProtocolError
+from drivers.servo_can import CanServoAxes
+
+T = 0.008
+AT = 230
+"""A cycle in which every axis moves."""
+Measured = Callable[[str], None]
+
+
+class Keep:
+    """Keeps the axes of a session, to ask them for their counts afterwards."""
+
+    axes: CanServoAxes
+
+    def __call__(self, cell: Any, _control: object) -> None:
+        self.axes = cell.axes
+
+
+def assert_at_rest(run: Any) -> float:
+    """The axes moved, and do not any more; return how long after the quick stop [s]."""
+    stop_s = min(run.quick_stops().values())
+    moving = run.truth.velocity[run.truth.at(stop_s - 0.002)]
+    assert np.abs(moving).max() > 0.05, "nothing moved before the fault"
+    rest_s = float(run.truth.rest_s())
+    assert rest_s < stop_s + 0.3
+    assert not any(run.truth.powered[-1])
+    assert run.motion_frames_after(stop_s) == []
+    return rest_s - stop_s
+
+
+@pytest.mark.fault(1)
+def test_one_lost_answer_is_one_marked_row_and_the_motion_goes_on(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    rig = serve(bus=[{"kind": "drop", "joint": "axis2", "at_cycle": AT}])
+    run = rig.move(motion)
+    assert run.error is None
+    assert run.reason is None
+    ((row, axis),) = np.argwhere(run.rows["valid"] == 0).tolist()
+    assert axis == 1
+    before, held = run.rows["position"][row - 1 : row + 1, 1]
+    assert held == before
+    streamed = run.rows["sample_index"][run.rows["sample_index"] >= 0]
+    assert streamed.tolist() == list(range(len(motion)))
+    measured(f"1 of {3 * len(run.rows)} values marked, 0 rows lost")
+
+
+@pytest.mark.fault(2)
+@pytest.mark.parametrize("joint", ["axis1", "axis3"])
+def test_three_lost_answers_in_a_row_stop_all_axes(
+    serve: Any, motion: MotionSamples, joint: str, measured: Measured
+) -> None:
+    rig = serve(bus=[{"kind": "drop", "joint": joint, "at_cycle": AT, "count": 3}])
+    run = rig.move(motion)
+    assert (run.reason.code, run.reason.joint) == (StopCode.MISSED_FRAMES, joint)
+    cycles = run.quick_stop_cycle() - AT + 1
+    assert cycles == 3
+    rest_s = assert_at_rest(run)
+    measured(f"{cycles} T; at rest {1e3 * rest_s:.0f} ms later")
+
+
+@pytest.mark.fault(3)
+def test_random_loss_is_counted_exactly_and_the_motion_goes_on(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    rig = serve(bus=[{"kind": "drop", "probability": 0.01}], seed=4)
+    run = rig.move(motion)
+    assert run.reason is None
+    assert run.error is None
+    rows = run.rows
+    answered = {f.can_id: [] for f in run.frames if 0x181 <= f.can_id <= 0x183}
+    for frame in run.frames:
+        if frame.can_id in answered:
+            answered[frame.can_id].append(frame.time_s)
+    for axis in range(3):
+        times_s = np.array(answered[0x181 + axis])
+        first = np.searchsorted(times_s, rows["time_s"])
+        came = np.array(
+            [
+                i < len(times_s) and times_s[i] < t + T
+                for i, t in zip(first, rows["time_s"], strict=True)
+            ]
+        )
+        np.testing.assert_array_equal(rows["valid"][:, axis] == 1, came)
+    lost = int((rows["valid"] == 0).sum())
+    assert lost > 5
+    measured(f"{lost} of {rows['valid'].size} answers lost, {lost} marked")
+
+
+@pytest.mark.fault(4)
+def test_answers_that_come_twice_count_once(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    keep = Keep()
+    rig = serve(bus=[{"kind": "duplicate", "at_cycle": AT, "count": 30}])
+    run = rig.move(motion, keep)
+    assert run.reason is None
+    assert run.rows["valid"].all()
+    assert np.unique(np.diff(run.rows["cycle"].astype(int))).tolist() == [1]
+    found = keep.axes.duplicate_frames + keep.axes.late_frames
+    assert found == 30
+    measured(f"{found} copies of 30 noticed, 0 rows more")
+
+
+@pytest.mark.fault(5)
+@pytest.mark.parametrize(("delay", "after"), [(0.8, 1), (1.2, 2)])
+def test_the_third_cycle_with_late_answers_stops_the_motion(
+    serve: Any, motion: MotionSamples, delay: float, after: int, measured: Measured
+) -> None:
+    late = [
+        {"kind": "delay", "joint": "axis2", "at_cycle": AT + wait, "delay_s": delay * T}
+        for wait in (0, 10, 20)
+    ]
+    run = serve(bus=late).move(motion)
+    assert run.reason.code is StopCode.LATE_FRAMES
+    cycles = run.quick_stop_cycle() - (AT + 20)
+    assert cycles == after
+    assert_at_rest(run)
+    measured(f"third answer late by {delay:g} T: quick stop {cycles} T after its SYNC")
+
+
+@pytest.mark.fault(5)
+def test_two_late_answers_are_two_marked_values(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    late = [
+        {"kind": kind, "joint": "axis2", "at_cycle": AT + wait, **more}
+        for kind, wait, more in (("delay", 0, {"delay_s": 1.5 * T}), ("reorder", 10, {}))
+    ]
+    keep = Keep()
+    run = serve(bus=late).move(motion, keep)
+    assert run.reason is None
+    assert int((run.rows["valid"] == 0).sum()) == 2
+    measured("2 late or reordered answers: 2 marked values, motion goes on")
+
+
+@pytest.mark.fault(6)
+@pytest.mark.parametrize(("count", "stops"), [(1, False), (2, True)])
+def test_a_flipped_bit_is_held_and_a_second_one_stops(
+    serve: Any, motion: MotionSamples, count: int, stops: bool, measured: Measured
+) -> None:
+    script = {"kind": "corrupt", "joint": "axis1", "at_cycle": AT, "count": count, "bit": 36}
+    run = serve(bus=[script]).move(motion)
+    if not stops:
+        assert run.reason is None
+        assert np.argwhere(run.rows["valid"] == 0)[:, 1].tolist() == [0]
+        measured("1 flipped bit: 1 marked value")
+        return
+    assert (run.reason.code, run.reason.joint) == (StopCode.IMPLAUSIBLE_POSITION, "axis1")
+    cycles = run.quick_stop_cycle() - AT + 1
+    assert cycles == 2
+    assert_at_rest(run)
+    measured(f"2 in a row: {cycles} T")
+
+
+@pytest.mark.fault(7)
+def test_an_answer_of_the_wrong_length_stops_the_motion(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    script = {"kind": "wrong_length", "joint": "axis2", "at_cycle": AT, "length": 5}
+    run = serve(bus=[script]).move(motion)
+    assert "5 bytes where 8 are mapped" in run.reason.text
+    assert run.quick_stop_cycle() == AT
+    assert_at_rest(run)
+    measured("a short answer: quick stop in its cycle")
+
+
+@pytest.mark.fault(7)
+def test_frames_of_nobody_are_counted_and_change_nothing(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    keep = Keep()
+    strange = {"kind": "strange", "identifier": 0x3F1, "at_cycle": AT, "count": 40}
+    run = serve(bus=[strange]).move(motion, keep)
+    assert run.reason is None
+    assert run.rows["valid"].all()
+    assert keep.axes.unexpected_frames == 40
+    measured("40 foreign frames of 40 counted, motion goes on")
+
+
+@pytest.mark.fault(7)
+def test_a_node_id_that_two_devices_have_is_refused_before_motion(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    twin = {"kind": "duplicate", "frames": "heartbeat", "joint": "axis3"}
+    run = serve(bus=[{**twin, "at_frame": 2}]).move(motion)
+    assert isinstance(run.error, ProtocolError)
+    assert "axis3 (node 3)" in str(run.error)
+    assert "share the node id" in str(run.error)
+    assert not any(map(any, run.truth.powered))
+    measured("a node id twice: refused before power")
+
+
+@pytest.mark.fault(7)
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("when", [{}, {"at_cycle": AT}], ids=["bring-up", "motion"])
+def test_damaged_frames_of_any_kind_end_in_an_error_that_has_a_name(
+    serve: Any, motion: MotionSamples, seed: int, when: dict[str, int], measured: Measured
+) -> None:
+    """Bits and lengths of everything: anything but a typed error would end this test."""
+    damage = [
+        {"kind": "corrupt", "frames": "any", "probability": 0.02, **when},
+        {"kind": "wrong_length", "frames": "any", "probability": 0.01, "length": seed, **when},
+    ]
+    run = serve(bus=damage, seed=seed).move(motion)
+    assert run.reason is not None or run.error is not None
+    assert not any(run.truth.powered[-1])
+    assert np.abs(run.truth.velocity[-1]).max() < 1e-3
+    how = run.error if run.reason is None else run.reason.code
+    measured(f"{'in motion' if when else 'at bring-up'}: {type(how).__name__}")
