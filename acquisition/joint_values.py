@@ -12,7 +12,7 @@ from acquisition.ring import Ring
 from config.cell import CellConfig
 from config.robot import RobotDescription
 
-VELOCITY_S = 0.05
+WINDOW_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -24,15 +24,16 @@ class JointValues:
     time_s : float
         SYNC of the cycle, on the cyclic task's clock [s].
     position, velocity : ndarray
-        Measured [rad or m, and per second]; velocity over the last `VELOCITY_S`.
+        Measured [rad or m, and per second]; velocity over the last `WINDOW_S`.
     torque : ndarray
         Measured [N m or N].
     torque_share : ndarray
-        Its size over the joint's limit, 1 at the limit.
+        Its greatest size over the joint's limit, 1 at the limit, within `WINDOW_S`.
     following_error : ndarray
         Set-point less position [rad or m].
     following_error_share : ndarray
-        Its size over what the supervisor allows at the set-point's speed, 1 at the limit.
+        Its greatest size over what the supervisor allows at the set-point's speed, 1 at the limit,
+        within `WINDOW_S`.
     valid : ndarray of bool
         Whose drive answered plausibly; else its old values are shown.
     """
@@ -61,7 +62,7 @@ class JointWatch:
     def __init__(self, ring: Ring, cell: CellConfig, robot: RobotDescription) -> None:
         self._ring = ring
         self._dtype = row_dtype(ring.joints)
-        self._rows = 1 + max(1, round(VELOCITY_S / cell.cycle_time_s))
+        self._rows = 1 + max(1, round(WINDOW_S / cell.cycle_time_s))
         self._torque_limit = np.array([joint.limits.torque for joint in robot.joints])
         self._rules = cell.supervision
 
@@ -73,18 +74,18 @@ class JointWatch:
         last = rows[-1]
         elapsed_s = float(last["time_s"] - rows[0]["time_s"])
         moved = last["position"] - rows[0]["position"]
-        error = last["target_position"] - last["position"]
+        errors = rows["target_position"] - rows["position"]
         rules = self._rules
         allowed = rules.following_error_min_rad + rules.following_error_per_velocity_s * np.abs(
-            last["target_velocity"]
+            rows["target_velocity"]
         )
         return JointValues(
             time_s=float(last["time_s"]),
             position=last["position"].copy(),
             velocity=moved / elapsed_s if elapsed_s > 0.0 else np.zeros_like(moved),
             torque=last["torque_nm"].copy(),
-            torque_share=np.abs(last["torque_nm"]) / self._torque_limit,
-            following_error=error,
-            following_error_share=np.abs(error) / allowed,
+            torque_share=(np.abs(rows["torque_nm"]) / self._torque_limit).max(axis=0),
+            following_error=errors[-1],
+            following_error_share=(np.abs(errors) / allowed).max(axis=0),
             valid=last["valid"].astype(np.bool_),
         )

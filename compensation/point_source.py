@@ -42,6 +42,7 @@ from compensation.path_kernels import (
     JERKED,
     KNOWN,
     NODE,
+    NODE_ROWS,
     NOT_FINITE,
     OPEN,
     POSITION,
@@ -193,7 +194,7 @@ class PointSource:
         places = forward.delay_cycles + 2
         self._counts = np.zeros(COUNTS, dtype=np.int64)
         self._pace = np.zeros(PACE)
-        self._nodes = np.zeros((nodes, 4, n))
+        self._nodes = np.zeros((nodes, NODE_ROWS, n))
         self._profiles = np.zeros((2, nodes))
         self._line = np.zeros((places, 4, n))
         self._state = np.zeros((3, n))

@@ -45,6 +45,7 @@ COMMANDS: dict[str, str] = {
     "tracking": "how far the robot was from where it should have been",
     "export": "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV, Parquet, MAT, MDF4",
     "report": "write a run's report again from its results",
+    "compare": "two estimates, or the runs behind them, side by side",
     "recover": "what is readable of an unfinished, torn or damaged recording",
     "stop": "quick stop of whatever session is running on this machine",
     "runs": "list the runs, and check that their files are unchanged",

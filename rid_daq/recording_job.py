@@ -24,24 +24,11 @@ from config.motion import AnyMotion
 from config.robot import RobotDescription
 from rid_daq.accuracy_watch import AccuracyWatch
 from rid_daq.console import Console
+from rid_daq.live.live_page import LivePage
+from rid_daq.motion_words import PHASES, motion_words
 from rid_daq.result import new_result, verdict
 from rid_daq.sections import cell_section, loop_section, loop_sentence, motion_sentence, run_section
 
-_STATES = {
-    TaskState.STARTING: "starting",
-    TaskState.BRING_UP: "configuring the drives",
-    TaskState.ENABLING: "switching the drives on",
-    TaskState.STOPPING: "stopping",
-    TaskState.FINISHED: "power off",
-}
-_PHASES = {
-    Phase.APPROACH: "approach",
-    Phase.RUN_IN: "run-in",
-    Phase.TRANSIENT: "transient period",
-    Phase.MAIN: "measuring",
-    Phase.RUN_OUT: "run-out",
-    Phase.HOLD: "hold",
-}
 _AGAIN = "Start again when you are ready; the robot goes to the start by itself."
 _WHAT_TO_DO = {
     StopCode.INTERRUPTED: _AGAIN,
@@ -117,6 +104,7 @@ def record_run(
     accuracy: AccuracyWatch | None = None,
     profile: AmplifierProfile | None = None,
     drive_profile: DriveProfile | None = None,
+    page: LivePage | None = None,
 ) -> RecordedRun:
     """Record a motion into a run folder, showing how far it is.
 
@@ -124,7 +112,8 @@ def record_run(
     where they are not the planned rows alone, and then nothing needs to be planned.
     With `accuracy` the progress tells the running estimate, and the motion ends after the period in
     which its goals, if it has any, are reached; with
-    `profile`, what its amplifier speaks, the cell's force plate is recorded too.
+    `profile`, what its amplifier speaks, the cell's force plate is recorded too. A live `page`
+    shows it.
 
     Raises
     ------
@@ -135,6 +124,10 @@ def record_run(
     if driven is None:
         raise ConfigError("there is nothing to drive: give a motion or a source of set-points")
     total, unit = (None, "points") if samples is None else _total(samples)
+    sentence = motion if isinstance(motion, str) else motion_sentence(motion)
+    onlooker = None
+    if page is not None and samples is not None:
+        onlooker = page.onlooker(sentence, samples, cell, robot)
     started_s = time.monotonic()
     with console.progress(role, total, unit) as display:
         outcome = record_motion(
@@ -146,6 +139,7 @@ def record_run(
             enough=None if accuracy is None else accuracy.enough,
             profile=profile,
             drive_profile=drive_profile,
+            onlooker=onlooker,
         )
     elapsed_s = time.monotonic() - started_s
     recording = read_journal(outcome.path).recording() if outcome.rows else None
@@ -153,7 +147,6 @@ def record_run(
     result["cell"] = cell_section(cell)
     stop = None if outcome.stop is None else outcome.stop.text
     if recording is not None:
-        sentence = motion if isinstance(motion, str) else motion_sentence(motion)
         result["runs"] = [run_section(role, sentence, recording, robot, stop)]
     result["timing"] = {
         "elapsed_s": elapsed_s,
@@ -190,7 +183,7 @@ def progress_shown(
             row = progress.sample_index
             done = float(row) if samples is None else _done(samples, row)
         moving = progress.state is TaskState.MOVING
-        line = _PHASES[progress.phase] if moving else _STATES[progress.state]
+        line = motion_words(progress)
         if moving and progress.joints is not None:
             line += f"; {load_words(progress.joints, names)}"
         if moving and accuracy is not None and accuracy.line():
@@ -220,7 +213,7 @@ def _where(recording: Recording) -> str:
     if recording.samples_per_period is not None and phase is Phase.MAIN:
         first = moved[recording.phase[recording.sample_index >= 0] == Phase.MAIN][0]
         period = f", period {int(moved[-1] - first) // recording.samples_per_period + 1}"
-    return f"That was {into_s:.2f} s into the motion ({_PHASES[phase]}{period})."
+    return f"That was {into_s:.2f} s into the motion ({PHASES[phase]}{period})."
 
 
 def _total(samples: MotionSamples) -> tuple[float, str]:

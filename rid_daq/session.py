@@ -114,6 +114,6 @@ def _open_lock(path: Path) -> int:
 def _sign(descriptor: int, cell: CellConfig) -> None:
     with contextlib.suppress(OSError):
         os.ftruncate(descriptor, 0)
-        command = " ".join(Path(word).name for word in sys.argv[:3])
+        command = " ".join(("rid-daq", *(Path(word).name for word in sys.argv[1:3])))
         text = f"process {os.getpid()}: {command}\ncell {cell.name}\n"
         os.pwrite(descriptor, text.encode(), 0)

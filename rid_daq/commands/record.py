@@ -27,6 +27,8 @@ from rid_daq.cells import reachable_cell
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
+from rid_daq.live.access import DEFAULT_LISTEN
+from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
 from rid_daq.recording_job import RecordedRun, record_run
 from rid_daq.result import write_result
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
@@ -69,6 +71,10 @@ def record(
         typer.Option(metavar="FILE", help="A fault script: what goes wrong in a simulated cell."),
     ] = None,
     cleared: Cleared = False,
+    live: Live = False,
+    listen: Listen = DEFAULT_LISTEN,
+    token: Token = None,
+    certificate: Certificate = None,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -90,9 +96,12 @@ def record(
         accuracy = AccuracyWatch(until or (), loaded.robot, samples)
     require_cleared(loaded.config, cleared)
     script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
-    with reachable_cell(
-        loaded, realtime=realtime, seed=seed, payload=payload, faults=script
-    ) as reachable:
+    with (
+        live_page(console, live, listen, token, certificate) as page,
+        reachable_cell(
+            loaded, realtime=realtime, seed=seed, payload=payload, faults=script
+        ) as reachable,
+    ):
         folder = RunFolder.create(
             runs, label or as_label(motion.stem), software=software_versions()
         )
@@ -115,6 +124,7 @@ def record(
                 accuracy=accuracy,
                 profile=loaded.amplifier_profile,
                 drive_profile=loaded.drive_profile,
+                page=page,
             )
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report

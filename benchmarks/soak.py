@@ -1,0 +1,409 @@
+"""Hours of simulated motion in lock-step with a fault every minute: `python -m benchmarks.soak`.
+
+One simulated cell and one program live through all of it. Every minute of simulated time something
+goes wrong: on the bus, in a drive, in a process of the program, by the operator. The reaction must
+be the right one, the axes must be at rest after it, the recording must be readable, and the next
+motion must go as if nothing had been. Memory and descriptors of program, hub and drives must not
+grow. `--hours H` sets the simulated time (8), `--every S` the time between faults (60).
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import gc
+import json
+import math
+import multiprocessing
+import os
+import random
+import shutil
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+
+from acquisition.control_block import Progress
+from acquisition.experiment import RecordOutcome, record_motion
+from acquisition.journal import read_journal
+from acquisition.motion_samples import plan_motion
+from acquisition.run_folder import RunFolder
+from acquisition.stop_reason import StopCode
+from config.errors import RidDaqError
+from config.faults import FaultScript
+from config.load import LoadedCell, load_cell
+from config.motion import FourierJoint, FourierMotion
+from mock_hw.cell import SimulatedCell
+
+GROWTH_BAR_PERCENT_PER_H: Final = 1.0
+GROWTH_BAR_QUICK_PERCENT: Final = 5.0
+WARM_UP: Final = 3
+PERIOD_S: Final = 2.0
+RAMP_S: Final = 1.0
+AFTER_S: Final = 3.0  # of motion after the fault
+LEAST_S: Final = 6.0  # from a motion's beginning to its fault
+REST_PATIENCE_S: Final = 60.0
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that goes wrong, and the reactions that are right.
+
+    Attributes
+    ----------
+    name : str
+        What goes wrong.
+    part : "bus", "drives" or "program"
+        Where.
+    keys : dict
+        As in a fault script; for "program", `kill` or `signal`.
+    stops : tuple of StopCode
+        Any of these; empty where the motion goes on.
+    """
+
+    name: str
+    part: str
+    keys: dict[str, Any]
+    stops: tuple[StopCode, ...] = ()
+
+
+_BLOCKED = (StopCode.FOLLOWING_ERROR, StopCode.STUCK_ENCODER, StopCode.EMERGENCY)
+_POWERLESS = (StopCode.NOT_ENABLED, StopCode.EMERGENCY, StopCode.DRIVE_FAULT)
+_FAULT = (StopCode.EMERGENCY, StopCode.DRIVE_FAULT)
+_SILENT = {"kind": "heartbeat_stops", "joint": "axis1", "duration_s": 2.0}
+
+QUICK: Final = (
+    Fault("a strange frame", "bus", {"kind": "strange", "identifier": 0x555}),
+    Fault(
+        "three answers are lost",
+        "bus",
+        {"kind": "drop", "joint": "axis1", "count": 3},
+        (StopCode.MISSED_FRAMES,),
+    ),
+    Fault("the recorder is killed", "program", {"kill": "recorder"}, (StopCode.RECORDER,)),
+    Fault(
+        "a drive boots",
+        "drives",
+        {"kind": "reset", "joint": "axis3"},
+        (StopCode.DRIVE_RESTARTED,),
+    ),
+)
+FAULTS: Final = (
+    *QUICK,
+    Fault("one answer is lost", "bus", {"kind": "drop", "joint": "axis2"}),
+    Fault("an answer comes twice", "bus", {"kind": "duplicate"}),
+    Fault("the operator stops", "program", {"signal": signal.SIGINT}, (StopCode.INTERRUPTED,)),
+    Fault(
+        "an emergency message",
+        "drives",
+        {"kind": "emergency", "joint": "axis1"},
+        (StopCode.EMERGENCY,),
+    ),
+    Fault("a drive's fault", "drives", {"kind": "fault", "joint": "axis2"}, _FAULT),
+    Fault("the task is killed", "program", {"kill": "cyclic task"}, (StopCode.TASK_DIED,)),
+    Fault(
+        "an axis is blocked",
+        "drives",
+        {"kind": "blocked", "joint": "axis2", "duration_s": 2.0},
+        _BLOCKED,
+    ),
+    Fault(
+        "the computer is held up",
+        "bus",
+        {"kind": "held_up", "duration_s": 0.05},
+        (StopCode.LATE_CYCLE,),
+    ),
+    Fault(
+        "an emergency stop",
+        "drives",
+        {"kind": "motor_power_lost", "duration_s": 2.0},
+        _POWERLESS,
+    ),
+    Fault("a drive falls silent", "drives", _SILENT, (StopCode.HEARTBEAT_LOST,)),
+)
+
+
+@dataclass
+class Soak:
+    """What was seen.
+
+    Attributes
+    ----------
+    wrong : list of str
+        Reactions that were not right.
+    faults, rows : int
+        Faults so far, rows recorded.
+    hours : list of float
+        Simulated time after each fault.
+    memory_b, descriptors : list of dict
+        What each process held then, by its name.
+    """
+
+    wrong: list[str] = field(default_factory=list)
+    faults: int = 0
+    rows: int = 0
+    hours: list[float] = field(default_factory=list)
+    memory_b: list[dict[str, int]] = field(default_factory=list)
+    descriptors: list[dict[str, int]] = field(default_factory=list)
+
+    def measure(self, time_s: float) -> None:
+        """Note what the processes hold."""
+        gc.collect()
+        processes = {"program": os.getpid()}
+        for process in multiprocessing.active_children():
+            if process.pid is not None:
+                processes[process.name] = process.pid
+        self.hours.append(time_s / 3600.0)
+        self.memory_b.append({name: _memory_b(pid) for name, pid in processes.items()})
+        self.descriptors.append({name: _descriptors(pid) for name, pid in processes.items()})
+
+    @property
+    def _settled(self) -> int:
+        return min(WARM_UP, len(self.hours) // 2)
+
+    def growth(self) -> dict[str, tuple[float, float]]:
+        """Return each process's growth after the warm-up: percent an hour, percent in all."""
+        found = {}
+        hours = np.array(self.hours[self._settled :])
+        for name in self.memory_b[-1]:
+            held = np.array([each[name] for each in self.memory_b[self._settled :]], dtype=float)
+            slope = float(np.polyfit(hours, held, 1)[0]) if len(hours) > 2 else 0.0
+            whole = 100.0 * (float(held[-1]) - float(held[0])) / float(held[0])
+            found[name] = (100.0 * slope / float(held[0]), whole)
+        return found
+
+    def leaks(self) -> dict[str, int]:
+        """Return each process's descriptors at the end, less those after the warm-up."""
+        first, last = self.descriptors[self._settled], self.descriptors[-1]
+        return {name: last[name] - first.get(name, 0) for name in last}
+
+
+def soak(
+    hours: float,
+    every_s: float,
+    seed: int,
+    folder: Path,
+    say: Callable[[str], None] = lambda _text: None,
+    faults: tuple[Fault, ...] = FAULTS,
+) -> Soak:
+    """Run for so many simulated hours with a fault every so many seconds.
+
+    Parameters
+    ----------
+    hours, every_s : float
+        Simulated time, and between two faults [h, s].
+    seed : int
+        Of the noise and the order of the faults.
+    folder : Path
+        For run folders; each is removed once it was looked at.
+    say : callable
+        Told of every fault.
+    faults : tuple of Fault
+        What goes wrong, each about as often.
+    """
+    loaded = load_cell("ir361")
+    plan = _plan(faults, round(hours * 3600.0 / every_s), seed)
+    times_s = [every_s * (number + 1) for number in range(len(plan))]
+    found = Soak()
+    if loaded.plant is None:
+        raise RuntimeError("the bundled cell has a plant")
+    with SimulatedCell(
+        loaded.config,
+        loaded.robot,
+        loaded.plant,
+        realtime=False,
+        seed=seed,
+        faults=_script(plan, times_s, seed),
+    ) as cell:
+        for fault, at_s in zip(plan, times_s, strict=True):
+            begun_s = time.monotonic()
+            problem, rows = _live_through(cell, loaded, fault, at_s, folder)
+            found.faults += 1
+            found.rows += rows
+            if problem:
+                found.wrong.append(f"{at_s:.0f} s: {fault.name}: {problem}")
+            found.measure(cell.axes().time_s)
+            took_s = time.monotonic() - begun_s
+            say(f"{at_s:7.0f} s  {fault.name}: {problem or 'right'}  ({rows} rows, {took_s:.1f} s)")
+    return found
+
+
+def _plan(faults: tuple[Fault, ...], count: int, seed: int) -> list[Fault]:
+    """Return faults in an order of their own, all of them before any comes again."""
+    shuffled = random.Random(seed)
+    order: list[Fault] = []
+    while len(order) < count:
+        order += shuffled.sample(faults, len(faults))
+    return order[:count]
+
+
+def _script(plan: list[Fault], times_s: list[float], seed: int) -> FaultScript:
+    parts: dict[str, list[dict[str, Any]]] = {"bus": [], "drives": [], "program": []}
+    for fault, at_s in zip(plan, times_s, strict=True):
+        parts[fault.part].append({**fault.keys, "at_s": at_s})
+    return FaultScript.model_validate(
+        {"seed": seed, "bus": tuple(parts["bus"]), "drives": tuple(parts["drives"])}
+    )
+
+
+def _live_through(
+    cell: SimulatedCell, loaded: LoadedCell, fault: Fault, at_s: float, folder: Path
+) -> tuple[str, int]:
+    """Move until a fault has come and gone; return what was wrong, and the rows recorded."""
+    left_s = at_s - cell.axes().time_s
+    if left_s < LEAST_S:
+        return f"only {left_s:.1f} s are left to move before it: the faults are too close", 0
+    motion = _motion(loaded, left_s + AFTER_S)
+    samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    run = RunFolder.create(folder, "soak")
+    try:
+        act = _by_the_program(fault, cell, at_s)
+        outcome = record_motion(cell.cell, loaded.robot, samples, run, on_progress=act)
+        return _judge(fault, outcome, cell), outcome.rows
+    except RidDaqError as error:
+        return f"{type(error).__name__}: {error}", 0
+    finally:
+        shutil.rmtree(run.path)
+
+
+def _motion(loaded: LoadedCell, duration_s: float) -> FourierMotion:
+    joints = tuple(
+        FourierJoint(joint=name, offset=offset, sine=(0.2,), cosine=(0.1,))
+        for name, offset in zip(loaded.robot.joint_names, (0.1, -0.15, 0.2), strict=True)
+    )
+    return FourierMotion(
+        kind="fourier",
+        robot=loaded.robot.name,
+        period_s=PERIOD_S,
+        periods=math.ceil((duration_s - PERIOD_S - 2.0 * RAMP_S) / PERIOD_S),
+        ramp_s=RAMP_S,
+        joints=joints,
+    )
+
+
+def _by_the_program(
+    fault: Fault, cell: SimulatedCell, at_s: float
+) -> Callable[[Progress], None] | None:
+    if fault.part != "program":
+        return None
+    done: list[bool] = []
+
+    def act(_progress: Progress) -> None:
+        if done or cell.axes().time_s < at_s:
+            return
+        done.append(True)
+        if "signal" in fault.keys:
+            os.kill(os.getpid(), fault.keys["signal"])
+            return
+        for process in multiprocessing.active_children():
+            if fault.keys["kill"] in process.name and process.pid is not None:
+                os.kill(process.pid, signal.SIGKILL)
+
+    return act
+
+
+def _judge(fault: Fault, outcome: RecordOutcome, cell: SimulatedCell) -> str:
+    """Return what is wrong with a reaction; empty where it is right."""
+    stop = None if outcome.stop is None else outcome.stop.code
+    if stop is None and fault.stops:
+        return "the motion went on"
+    if stop is not None and stop not in fault.stops:
+        return f"stopped by {stop.name}: {outcome.stop.text if outcome.stop else ''}"
+    if not _comes_to_rest(cell):
+        return "the axes are not at rest"
+    journal = read_journal(outcome.path)
+    if fault.keys.get("kill") != "recorder" and journal.damage.notes:
+        return "; ".join(journal.damage.notes)
+    held_up = fault.keys.get("kind") == "held_up"
+    if not held_up and (np.diff(journal.rows["cycle"].astype(np.int64)) != 1).any():
+        return "rows are missing in the recording"
+    return ""
+
+
+def _comes_to_rest(cell: SimulatedCell) -> bool:
+    """Wait, for as long as a computer may need for it, until no axis moves or has power."""
+    until_s = time.monotonic() + REST_PATIENCE_S
+    while time.monotonic() < until_s:
+        axes = cell.axes()
+        if not axes.enabled.any() and float(np.abs(axes.velocity).max()) < 1e-6:
+            return True
+        os.sched_yield()
+    return False
+
+
+def _memory_b(pid: int) -> int:
+    """Return a process's resident memory [bytes]."""
+    with contextlib.suppress(OSError):
+        for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
+            if line.startswith("Rss:"):
+                return 1024 * int(line.split()[1])
+    return 0
+
+
+def _descriptors(pid: int) -> int:
+    with contextlib.suppress(OSError):
+        return len(os.listdir(f"/proc/{pid}/fd"))
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--hours", type=float, default=8.0)
+    parser.add_argument("--every", type=float, default=60.0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--quick", action="store_true")
+    return parser.parse_args()
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)
+
+
+def _memory_names(growth: dict[str, tuple[float, float]]) -> Iterator[str]:
+    for name, (per_hour, whole) in growth.items():
+        yield f"{name}: memory {whole:+.2f} % in all, {per_hour:+.2f} % an hour"
+
+
+def main() -> int:
+    """Measure and print; the last line is one JSON object."""
+    given = _arguments()
+    hours, every_s = given.hours, given.every
+    faults: tuple[Fault, ...] = FAULTS
+    if given.quick:
+        every_s, faults = 20.0, QUICK
+        hours = len(QUICK) * every_s / 3600.0
+    with TemporaryDirectory(prefix="rid-soak-") as folder:
+        found = soak(hours, every_s, given.seed, Path(folder), _say, faults)
+    growth, leaks = found.growth(), found.leaks()
+    for line in (*found.wrong, *_memory_names(growth)):
+        print(line)
+    long_enough = hours >= 0.5
+    worst = max(each[0] if long_enough else each[1] for each in growth.values())
+    bar = GROWTH_BAR_PERCENT_PER_H if long_enough else GROWTH_BAR_QUICK_PERCENT
+    holds = not found.wrong and worst <= bar and not any(count > 0 for count in leaks.values())
+    result = {
+        "name": "soak",
+        "value": round(worst, 3),
+        "unit": "% memory growth per simulated hour" if long_enough else "% memory growth in all",
+        "ratios": {},
+        "simulated_h": round(found.hours[-1], 3),
+        "faults": found.faults,
+        "wrong_reactions": len(found.wrong),
+        "rows": found.rows,
+        "descriptors_leaked": leaks,
+        "bar": f"every reaction right, memory growth at most {bar:g} %"
+        f"{' an hour' if long_enough else ' in all'}, no descriptor more than after the warm-up",
+        "holds": holds,
+    }
+    print(json.dumps(result))
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

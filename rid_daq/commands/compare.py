@@ -1,0 +1,214 @@
+"""`rid-daq compare`: two estimates, or the runs behind them, side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from acquisition.run_list import find_run
+from config.errors import ConfigError
+from identification.estimate import Estimate
+from identification.estimate_difference import EstimateDifference, compare_estimates
+from identification.estimate_file import read_estimate
+from identification.validation import validate
+from rid_daq.console import AsJson, Console
+from rid_daq.exit_codes import ExitCode
+from rid_daq.report.render import number
+from rid_daq.result import check, verdict
+from rid_daq.run_data import RunData, read_run
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
+
+MODEL = "model.json"
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One of the two: its name, its estimate, and its recording where a run was named."""
+
+    name: str
+    estimate: Estimate
+    data: RunData | None
+
+
+def compare(
+    first: Annotated[
+        str, typer.Argument(metavar="RUN|MODEL", help="A run that was identified, or a model file.")
+    ],
+    second: Annotated[str, typer.Argument(metavar="RUN|MODEL", help="The other one.")],
+    on: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RUN",
+            help="Predict this run's torques with both; if not given, the runs named.",
+        ),
+    ] = None,
+    runs: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """Compare two estimates of one robot: parameters with intervals, and predicted torques.
+
+    Differences are told in standard deviations. Exit code 1 where one is larger than noise
+    explains: the robot, its load or its surroundings have changed, or a model lacks something.
+    """
+    console = Console(as_json)
+    sides = [_side(first, runs), _side(second, runs)]
+    difference = compare_estimates(sides[0].estimate, sides[1].estimate)
+    judged = [each.data for each in sides if each.data is not None]
+    if on is not None:
+        judged = [read_run(find_run(runs, on))]
+    predictions = [_prediction(sides, data) for data in judged]
+    worst = difference.worst
+    line = check(
+        f"largest difference ({difference.names[worst]})",
+        float(abs(difference.sigmas[worst])),
+        "≤",
+        difference.limit_sigmas,
+        "sigmas",
+    )
+    headline = (
+        "The two agree: noise explains every difference"
+        if difference.agree
+        else f"They differ: {difference.names[worst]} by {number(line['value'], 3)} sigmas, noise"
+        f" explains {number(difference.limit_sigmas, 3)}"
+    )
+    console.document(
+        {
+            "first": sides[0].name,
+            "second": sides[1].name,
+            "verdict": verdict([line], headline, _sentence(difference)),
+            "parameters": _parameters(difference),
+            "only_first": list(difference.only_first),
+            "only_second": list(difference.only_second),
+            "shared_runs": list(difference.shared_runs),
+            "predictions": predictions,
+        }
+    )
+    _tell(console, sides, difference, predictions)
+    console.verdict(difference.agree, headline)
+    if not difference.agree:
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _side(what: str, runs: Path) -> _Side:
+    """Return what is meant: a model file, or a run with the model identified from it."""
+    path = Path(what)
+    if path.is_file() or (path.suffix == ".json" and not path.is_dir()):
+        return _Side(path.name, read_estimate(path), None)
+    folder = find_run(runs, what)
+    if not folder.file(MODEL).exists():
+        raise ConfigError(
+            f"run {what!r} has no {MODEL}: identify it first: rid-daq identify {folder.path}"
+        )
+    label = folder.manifest().label
+    return _Side(label, read_estimate(folder.file(MODEL)), read_run(folder))
+
+
+def _prediction(sides: list[_Side], data: RunData) -> dict[str, Any]:
+    """Return both models' torque errors on one run."""
+    found = [
+        validate(side.estimate, data.recording, cutoff_hz=side.estimate.band_hz) for side in sides
+    ]
+    axes = [
+        {
+            "joint": name,
+            "first_percent": _plain(found[0].relative_percent[joint]),
+            "second_percent": _plain(found[1].relative_percent[joint]),
+        }
+        for joint, name in enumerate(data.recording.joint_names)
+    ]
+    folder = data.folder
+    seen = [folder.run_id in side.estimate.run_ids for side in sides]
+    return {
+        "run": folder.run_id,
+        "label": folder.manifest().label,
+        "first_has_seen_it": seen[0],
+        "second_has_seen_it": seen[1],
+        "axes": axes,
+    }
+
+
+def _plain(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)
+
+
+def _sentence(difference: EstimateDifference) -> str:
+    said = (
+        f"{len(difference.names)} parameters compared; among so many, noise alone exceeds"
+        f" {number(difference.limit_sigmas, 3)} sigmas once in a hundred comparisons."
+    )
+    if difference.shared_runs:
+        said += (
+            " Both were identified from some of the same runs: they err alike, so that equal"
+            " parameters prove nothing."
+        )
+    return said
+
+
+def _parameters(difference: EstimateDifference) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "unit": difference.units[i],
+            "first": float(difference.first[i]),
+            "first_std": float(difference.first_sigma[i]),
+            "second": float(difference.second[i]),
+            "second_std": float(difference.second_sigma[i]),
+            "sigmas": float(difference.sigmas[i]),
+        }
+        for i, name in enumerate(difference.names)
+    ]
+
+
+def _tell(
+    console: Console,
+    sides: list[_Side],
+    difference: EstimateDifference,
+    predictions: list[dict[str, Any]],
+) -> None:
+    console.table(
+        ("parameter", sides[0].name, "±2σ", sides[1].name, "±2σ", "unit", "difference [σ]"),
+        [
+            (
+                name,
+                number(float(difference.first[i]), 4),
+                number(2.0 * float(difference.first_sigma[i]), 2),
+                number(float(difference.second[i]), 4),
+                number(2.0 * float(difference.second_sigma[i]), 2),
+                difference.units[i],
+                f"{difference.sigmas[i]:+.1f}",
+            )
+            for i, name in enumerate(difference.names)
+        ],
+        red=(np.abs(difference.sigmas) > difference.limit_sigmas).tolist(),
+    )
+    for names, side in ((difference.only_first, 0), (difference.only_second, 1)):
+        if names:
+            console.say(f"Only in {sides[side].name}: {', '.join(names)}")
+    for prediction in predictions:
+        console.say()
+        console.say(f"Torque errors on run {prediction['label']!r}:")
+        console.table(
+            ("axis", *(_head(sides, prediction, side) for side in (0, 1))),
+            [
+                (
+                    axis["joint"],
+                    *(_percent(axis[f"{side}_percent"]) for side in ("first", "second")),
+                )
+                for axis in prediction["axes"]
+            ],
+        )
+    console.say()
+    console.say(_sentence(difference))
+
+
+def _head(sides: list[_Side], prediction: dict[str, Any], side: int) -> str:
+    seen = prediction["second_has_seen_it" if side else "first_has_seen_it"]
+    return f"by {sides[side].name} [%]" + (" (identified from it)" if seen else "")
+
+
+def _percent(value: float | None) -> str:
+    return "did not move" if value is None else number(value, 3)

@@ -1,0 +1,210 @@
+"""`Access`: from where, under which name and with which secret the live page may be asked.
+
+A browser on this machine also runs pages of strangers. They can send requests to 127.0.0.1, but not
+choose their Host, Origin and Sec-Fetch-Site headers, nor send a header of their own without asking
+first; so those are what is checked (DNS rebinding, cross-site requests).
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import secrets
+import socket
+import ssl
+from collections.abc import Mapping
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from config.errors import ConfigError
+
+DEFAULT_LISTEN = "127.0.0.1:8642"
+LEAST_TOKEN_CHARACTERS = 32
+STOP_HEADER = "x-rid-daq"
+_FETCH_SITES = ("same-origin", "none")
+
+
+@dataclass(frozen=True)
+class Access:
+    """Who may ask for what.
+
+    Attributes
+    ----------
+    address : str
+        The literal address that is listened on.
+    port : int
+        Its port, once it is known.
+    token : str
+        What a viewer must show; new at every start unless the user has given one.
+    certificate : Path or None
+        PEM file with certificate and key, for TLS.
+    """
+
+    address: str
+    port: int
+    token: str
+    certificate: Path | None = None
+
+    @classmethod
+    def of_options(
+        cls,
+        listen: str = DEFAULT_LISTEN,
+        token: Path | None = None,
+        certificate: Path | None = None,
+    ) -> Access:
+        """Return what the user's options say; a loopback address is all that goes without more.
+
+        Raises
+        ------
+        ConfigError
+            The address is none, or can be reached from other machines and has no token or no TLS;
+            a file is missing or too short.
+        """
+        address, port = _parse_listen(listen)
+        if not ipaddress.ip_address(address).is_loopback and (token is None or certificate is None):
+            missing = [
+                option
+                for option, given in (("--token FILE", token), ("--certificate FILE", certificate))
+                if given is None
+            ]
+            raise ConfigError(
+                f"--listen {listen}: other machines can reach this address, so the live page needs"
+                f" {' and '.join(missing)} too (a secret, and TLS); without them it is served on"
+                " 127.0.0.1 only"
+            )
+        secret = secrets.token_urlsafe(32) if token is None else _read_token(token)
+        if certificate is not None and not certificate.is_file():
+            raise ConfigError(f"--certificate {certificate}: there is no such file")
+        return cls(address, port, secret, certificate)
+
+    @property
+    def scheme(self) -> str:
+        """`https` with a certificate, else `http`."""
+        return "http" if self.certificate is None else "https"
+
+    @property
+    def url(self) -> str:
+        """What to open in a browser."""
+        host = self.address
+        if ipaddress.ip_address(host).is_unspecified:
+            host = socket.gethostname()
+        elif ":" in host:
+            host = f"[{host}]"
+        return f"{self.scheme}://{host}:{self.port}/?t={self.token}"
+
+    @property
+    def cookie_name(self) -> str:
+        """The cookie that holds the token; cookies do not know ports, so the name does."""
+        return f"rid_daq_{self.port}"
+
+    def tls(self) -> ssl.SSLContext | None:
+        """Return how connections are encrypted, None where they are not.
+
+        Raises
+        ------
+        ConfigError
+            The file does not hold a certificate and its key.
+        """
+        if self.certificate is None:
+            return None
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        try:
+            context.load_cert_chain(self.certificate, password="")  # a locked key must not ask
+        except OSError as error:  # ssl.SSLError is one
+            raise ConfigError(
+                f"--certificate {self.certificate}: does not hold a certificate and its key (PEM,"
+                f" without a passphrase): {error.strerror or error}"
+            ) from None
+        return context
+
+    def is_own_name(self, host: str) -> bool:
+        """Return whether a Host header names this server by an address that cannot be rebound."""
+        try:
+            parts = urlsplit(f"//{host}")
+            name, port = parts.hostname, parts.port
+        except ValueError:
+            return False
+        if name is None or parts.username is not None or parts.path or parts.query:
+            return False
+        if (port or (80 if self.certificate is None else 443)) != self.port:
+            return False
+        if name == "localhost":
+            return True
+        try:
+            asked = ipaddress.ip_address(name)
+        except ValueError:
+            served = not ipaddress.ip_address(self.address).is_loopback
+            return served and name == socket.gethostname().lower()
+        if asked.is_loopback:
+            return True
+        own = ipaddress.ip_address(self.address)
+        return own.is_unspecified or asked == own
+
+    def is_own_page(self, headers: Mapping[str, str]) -> bool:
+        """Return whether a request comes from our page, from the address bar, or from no browser.
+
+        Parameters
+        ----------
+        headers
+            By lower-case name; `host` has been found to be our own name.
+        """
+        origin = headers.get("origin")
+        if origin is not None and origin != f"{self.scheme}://{headers.get('host', '')}":
+            return False
+        return headers.get("sec-fetch-site", "none") in _FETCH_SITES
+
+    def knows(self, token: str) -> bool:
+        """Return whether this is the token, in a time that does not tell how much of it is."""
+        return hmac.compare_digest(token.encode(), self.token.encode())
+
+    def has_token(self, headers: Mapping[str, str]) -> bool:
+        """Return whether a request shows the token, as cookie or as bearer."""
+        kind, _, bearer = headers.get("authorization", "").partition(" ")
+        if kind.lower() == "bearer" and self.knows(bearer.strip()):
+            return True
+        try:
+            cookie = SimpleCookie(headers.get("cookie", "")).get(self.cookie_name)
+        except CookieError:
+            return False
+        return cookie is not None and self.knows(cookie.value)
+
+    def cookie(self) -> str:
+        """Return the Set-Cookie header that a viewer gets for the token."""
+        secure = "; Secure" if self.certificate is not None else ""
+        return f"{self.cookie_name}={self.token}; HttpOnly; SameSite=Strict; Path=/{secure}"
+
+
+def _parse_listen(listen: str) -> tuple[str, int]:
+    try:
+        parts = urlsplit(f"//{listen}")
+        name, port = parts.hostname, parts.port
+    except ValueError:
+        name, port = None, None
+    if name == "localhost":
+        name = "127.0.0.1"
+    try:
+        if name is None or port is None:
+            raise ValueError
+        return str(ipaddress.ip_address(name)), port
+    except ValueError:
+        raise ConfigError(
+            f"--listen {listen}: give a literal address and a port, as {DEFAULT_LISTEN} or"
+            " [::1]:8642; port 0 takes any that is free"
+        ) from None
+
+
+def _read_token(path: Path) -> str:
+    try:
+        with path.open(encoding="ascii") as file:
+            token = file.read(1000).strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"--token {path}: cannot be read: {error}") from None
+    if len(token) < LEAST_TOKEN_CHARACTERS or not all(c.isalnum() or c in "-_" for c in token):
+        raise ConfigError(
+            f"--token {path}: must hold {LEAST_TOKEN_CHARACTERS} or more letters, digits, - or _;"
+            " `openssl rand -hex 32` makes one"
+        )
+    return token

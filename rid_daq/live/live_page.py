@@ -1,0 +1,119 @@
+"""`LivePage`: the live page as a command of the program has it, over all motions of a session."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquisition.companions import Onlooker
+from acquisition.control_block import ControlBlock
+from acquisition.motion_samples import MotionSamples
+from acquisition.ring import Ring
+from config.cell import CellConfig
+from config.errors import ConfigError
+from config.robot import RobotDescription
+from rid_daq.console import Console
+from rid_daq.live.access import DEFAULT_LISTEN, Access
+from rid_daq.live.live_process import BACKLOG, run_live_page
+from rid_daq.live.picture import ShownMotion
+
+Live = Annotated[
+    bool, typer.Option("--live", help="Show the motion in a browser, with a stop button.")
+]
+Listen = Annotated[
+    str,
+    typer.Option(
+        metavar="ADDRESS:PORT",
+        help="Where the live page is served; an address that other machines can reach needs --token"
+        " and --certificate.",
+    ),
+]
+Token = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="The live page's secret, instead of a new one each time."),
+]
+Certificate = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Certificate and key (PEM): the live page by TLS."),
+]
+
+
+@dataclass(frozen=True)
+class LivePage:
+    """A page that listens already, and shows the motions that it is made an onlooker of."""
+
+    access: Access
+    listener: socket.socket
+
+    def onlooker(
+        self, title: str, samples: MotionSamples, cell: CellConfig, robot: RobotDescription
+    ) -> Onlooker:
+        """Return what makes the process that shows a motion (`record_motion`)."""
+        motion = ShownMotion(title, len(samples), samples.samples_per_period, cell, robot)
+
+        def make(ring: Ring, control: ControlBlock) -> SpawnProcess:
+            return get_context("spawn").Process(
+                target=run_live_page,
+                args=(self.access, self.listener, motion, ring, control, os.getpid()),
+                name="rid-daq live page",
+            )
+
+        return make
+
+
+@contextlib.contextmanager
+def live_page(
+    console: Console,
+    live: bool,
+    listen: str = DEFAULT_LISTEN,
+    token: Path | None = None,
+    certificate: Path | None = None,
+) -> Iterator[LivePage | None]:
+    """Yield a page whose address has been told, where one is wanted.
+
+    Raises
+    ------
+    ConfigError
+        It must not be served there, or cannot.
+    """
+    if not live:
+        if (listen, token, certificate) != (DEFAULT_LISTEN, None, None):
+            raise ConfigError(
+                "--listen, --token and --certificate are of the live page: add --live"
+            )
+        yield None
+        return
+    access = Access.of_options(listen, token, certificate)
+    access.tls()
+    with _listen(access) as listener:
+        access = replace(access, port=listener.getsockname()[1])
+        typer.echo(
+            f"Live page: {access.url}\nIts stop button is software, not an emergency stop.",
+            err=console.as_json,
+        )
+        yield LivePage(access, listener)
+
+
+def _listen(access: Access) -> socket.socket:
+    family = socket.AF_INET6 if ":" in access.address else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((access.address, access.port))
+        listener.listen(BACKLOG)
+    except OSError as error:
+        listener.close()
+        raise ConfigError(
+            f"--listen {access.address}:{access.port}: {error.strerror}; choose another port, or 0"
+            " for any that is free"
+        ) from None
+    return listener

@@ -1,0 +1,180 @@
+// What the server sends is shown as text only; nothing it sends is ever taken as markup.
+"use strict";
+const OLD_MS = 500, HISTORY_MS = 60000;
+const byId = (id) => document.getElementById(id);
+const cards = [];
+let shown = null, heardAt = 0, askedToStop = false, stopFailed = false, unknown = false;
+
+function setText(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+function number(value, digits) {
+  return value === null ? "–" : value.toFixed(digits).replace("-", "\u2212");
+}
+function percent(share) {
+  return share === null ? "–" : `${Math.round(100 * share)} %`;
+}
+function duration(seconds) {
+  const whole = Math.max(0, Math.ceil(seconds)), rest = whole % 60;
+  if (whole < 60) return `${whole} s`;
+  if (whole < 3600) return `${Math.floor(whole / 60)} min ${String(rest).padStart(2, "0")} s`;
+  return `${Math.floor(whole / 3600)} h ${String(Math.floor(whole / 60) % 60).padStart(2, "0")} min`;
+}
+function heat(element, share) {
+  element.classList.toggle("warm", share !== null && share >= 0.7 && share < 0.9);
+  element.classList.toggle("hot", share !== null && share >= 0.9);
+}
+
+function makeCards(joints) {
+  byId("joints").replaceChildren();
+  cards.length = 0;
+  for (const joint of joints) {
+    const article = byId("joint").content.cloneNode(true).firstElementChild;
+    const part = (name) => article.querySelector(`[data-${name}]`);
+    const card = { article, points: [] };
+    for (const name of ["name", "temperature", "torque", "torque-bar", "torque-soft", "error", "error-bar",
+      "error-soft", "position", "position-mark", "low", "high", "velocity", "velocity-mark", "slow", "fast",
+      "canvas"]) card[name] = part(name);
+    setText(card.name, joint.name);
+    setText(card.low, number(joint.position_min, 2));
+    setText(card.high, number(joint.position_max, 2));
+    setText(card.slow, number(-joint.velocity_limit, 2));
+    setText(card.fast, number(joint.velocity_limit, 2));
+    byId("joints").append(article);
+    cards.push(card);
+  }
+}
+
+function bar(element, share) {
+  element.style.width = `${100 * Math.min(1, share || 0)}%`;
+  heat(element, share);
+}
+function mark(element, share) {
+  element.hidden = share === null;
+  if (share !== null) element.style.left = `calc(${Math.min(1, Math.max(0, share))} * (100% - .7rem))`;
+}
+
+function showJoint(card, joint) {
+  setText(card.temperature, joint.temperature_c === null ? "" : `${number(joint.temperature_c, 1)} °C`);
+  setText(card.torque, percent(joint.torque_share));
+  heat(card.torque, joint.torque_share);
+  bar(card["torque-bar"], joint.torque_share);
+  setText(card["torque-soft"],
+    `${number(joint.torque, 1)} of ${number(joint.torque_limit, 0)} ${joint.torque_unit}`);
+  setText(card.error, percent(joint.following_error_share));
+  heat(card.error, joint.following_error_share);
+  bar(card["error-bar"], joint.following_error_share);
+  const error = joint.following_error;
+  setText(card["error-soft"], `${number(error === null ? null : 1000 * error, 1)} m${joint.unit}`);
+  setText(card.position, `${number(joint.position, 3)} ${joint.unit}`);
+  const span = joint.position_max - joint.position_min;
+  mark(card["position-mark"], joint.position === null ? null : (joint.position - joint.position_min) / span);
+  setText(card.velocity, `${number(joint.velocity, 2)} ${joint.unit}/s`);
+  const speed = joint.velocity === null ? null : joint.velocity / joint.velocity_limit;
+  mark(card["velocity-mark"], speed === null ? null : 0.5 + 0.5 * speed);
+  heat(card["velocity-mark"], speed === null ? null : Math.abs(speed));
+  heat(card.velocity, speed === null ? null : Math.abs(speed));
+  card.article.classList.toggle("silent", joint.answers === false && shown.moving);
+  if (joint.torque_share !== null && shown.moving) {
+    card.points.push([performance.now(), joint.torque_share, joint.following_error_share]);
+  }
+}
+
+function draw(card, canvas) {
+  const ratio = window.devicePixelRatio || 1;
+  const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
+  if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
+  const pen = canvas.getContext("2d"), style = getComputedStyle(document.documentElement);
+  const now = performance.now();
+  pen.clearRect(0, 0, width, height);
+  pen.lineWidth = 1.5 * ratio;
+  for (const [index, colour] of [[2, "--second-line"], [1, "--calm-line"]]) {
+    pen.strokeStyle = style.getPropertyValue(colour);
+    pen.beginPath();
+    for (const point of card.points) {
+      const x = width * (1 - (now - point[0]) / HISTORY_MS);
+      pen.lineTo(x, height * (1 - 0.94 * Math.min(1, point[index])) - ratio);
+    }
+    pen.stroke();
+  }
+}
+
+function show(picture) {
+  const first = shown === null || shown.joints.map((j) => j.name).join() !== picture.joints.map((j) => j.name).join();
+  shown = picture;
+  if (first) makeCards(picture.joints);
+  setText(byId("title"), `${picture.cell}: ${picture.title}`);
+  setText(byId("words"), picture.words);
+  const share = picture.share;
+  byId("done").style.width = `${100 * (share || 0)}%`;
+  byId("way").setAttribute("aria-valuenow", String(Math.round(100 * (share || 0))));
+  setText(byId("count"), `${share === null ? "" : `${Math.floor(100 * share)} %, `}${picture.count}`);
+  setText(byId("left"), picture.left_s === null || picture.over ? "" : `${duration(picture.left_s)} left`);
+  picture.joints.forEach((joint, i) => showJoint(cards[i], joint));
+  const lines = [...picture.notes];
+  if (picture.recorder.startsWith("failed")) lines.unshift(`Recorder ${picture.recorder}`);
+  const messages = byId("messages");
+  if (messages.dataset.lines !== JSON.stringify(lines)) {
+    messages.dataset.lines = JSON.stringify(lines);
+    messages.replaceChildren(...lines.map((line) => {
+      const paragraph = document.createElement("p");
+      paragraph.textContent = line;
+      return paragraph;
+    }));
+  }
+  document.title = `${share === null ? "" : `${Math.floor(100 * share)} % `}${picture.words} – ${picture.cell}`;
+}
+
+function banner(kind, text) {
+  const element = byId("banner");
+  element.hidden = text === "";
+  element.className = kind;
+  setText(element, text);
+}
+
+function look() {
+  const age = performance.now() - heardAt;
+  const silent = shown === null || age > OLD_MS || (shown.moving && shown.age_s !== null && 1000 * shown.age_s > OLD_MS);
+  const ended = shown !== null && shown.over;
+  document.body.classList.toggle("old", silent && !ended);
+  byId("stop").disabled = ended && silent;
+  const rest = shown && shown.at_rest_s !== null ? ` All axes at rest ${shown.at_rest_s.toFixed(2)} s later.` : "";
+  if (stopFailed) banner("bad", "The stop was NOT sent. Use the emergency stop.");
+  else if (unknown) banner("bad", "Not admitted: open the whole address that the terminal shows.");
+  else if (shown && shown.stop !== null) banner("bad", `Stopped: ${shown.stop}.${rest}`);
+  else if (shown && shown.problem !== null) banner("bad", shown.problem);
+  else if (ended) banner("good", "The motion has ended; the drives are off.");
+  else if (silent && shown !== null) banner("bad", "NOT LIVE: what you see is old.");
+  else if (askedToStop || (shown && shown.stop_asked)) banner("wait", "Asked to stop.");
+  else banner("", "");
+}
+
+function paint() {
+  const oldest = performance.now() - HISTORY_MS;
+  for (const card of cards) {
+    while (card.points.length && card.points[0][0] < oldest) card.points.shift();
+    if (card.points.length) draw(card, card.canvas);
+  }
+}
+
+async function stop() {
+  askedToStop = true;
+  try {
+    const answer = await fetch("/stop", {
+      method: "POST", body: "{}", cache: "no-store",
+      headers: { "Content-Type": "application/json", "X-Rid-Daq": "stop" },
+    });
+    stopFailed = !answer.ok;
+  } catch {
+    stopFailed = !(shown && shown.over);
+  }
+  look();
+}
+
+byId("stop").addEventListener("pointerdown", (event) => { if (event.button === 0) stop(); });
+byId("stop").addEventListener("click", (event) => { if (event.detail === 0) stop(); });  // by keyboard
+const events = new EventSource("/events");
+events.onmessage = (event) => { heardAt = performance.now(); unknown = false; show(JSON.parse(event.data)); look(); };
+events.onerror = () => { unknown = events.readyState === EventSource.CLOSED && shown === null; look(); };
+setInterval(look, 200);
+setInterval(paint, 250);

@@ -1,0 +1,170 @@
+"""`MotionPicture`: what the live page shows, as one JSON document, from shared memory alone."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from acquisition.control_block import ControlBlock, Progress, RecorderState, TaskState
+from acquisition.joint_values import JointValues, JointWatch
+from acquisition.phase import Phase
+from acquisition.ring import Ring
+from config.cell import CellConfig
+from config.robot import RobotDescription
+from rid_daq.motion_words import motion_words
+
+ZERO_CELSIUS_K = 273.15
+RATE_AFTER_S = 2.0
+
+
+@dataclass(frozen=True)
+class ShownMotion:
+    """What of a motion is known before it begins.
+
+    Attributes
+    ----------
+    title : str
+        What is done, in a sentence.
+    rows : int
+        How many cycles the motion has, 0 where nobody knows.
+    rows_per_period : int or None
+        Of a periodic motion.
+    cell, robot : CellConfig, RobotDescription
+        Names, limits and cycle time.
+    """
+
+    title: str
+    rows: int
+    rows_per_period: int | None
+    cell: CellConfig
+    robot: RobotDescription
+
+
+class MotionPicture:
+    """Draws the latest state of a motion; it reads, and writes nothing.
+
+    Parameters
+    ----------
+    motion : ShownMotion
+        What is shown.
+    ring, control : Ring, ControlBlock
+        Where it is read.
+    """
+
+    def __init__(self, motion: ShownMotion, ring: Ring, control: ControlBlock) -> None:
+        self._motion = motion
+        self._ring = ring
+        self._control = control
+        self._watch = JointWatch(ring, motion.cell, motion.robot)
+        self._values: JointValues | None = None
+        self._written = 0
+        self._changed_s = time.monotonic()
+        self._began: tuple[float, int] | None = None
+        self._row = 0
+
+    def document(self) -> bytes:
+        """Return the document, on one line, with everything but ASCII escaped."""
+        return json.dumps(self._picture(), allow_nan=False).encode("ascii")
+
+    def _picture(self) -> dict[str, Any]:
+        motion, control = self._motion, self._control
+        progress = control.progress
+        now_s = time.monotonic()
+        if self._ring.written != self._written:
+            self._written, self._changed_s = self._ring.written, now_s
+            self._values = self._watch.look() or self._values
+        reason = control.stop_reason
+        error = control.task_error
+        return {
+            "title": motion.title,
+            "cell": motion.cell.name,
+            "robot": motion.robot.name,
+            "state": progress.state.name.lower(),
+            "words": motion_words(progress),
+            "phase": progress.phase.name.lower() if progress.state is TaskState.MOVING else "",
+            "moving": progress.state in (TaskState.MOVING, TaskState.STOPPING),
+            "age_s": round(now_s - self._changed_s, 3) if self._written else None,
+            **self._how_far(progress, now_s),
+            "joints": self._joints(progress),
+            "stop_asked": bool(control.stop_code),
+            "stop": None if reason is None else reason.text,
+            "stop_joint": None if reason is None else reason.joint,
+            "at_rest_s": control.ramp_s,
+            "problem": None if error is None else str(error),
+            "recorder": "failed: " + control.recorder_error
+            if control.recorder_state is RecorderState.FAILED
+            else control.recorder_state.name.lower(),
+            "notes": [*control.notes, *([control.monitor_error] if control.monitor_error else [])],
+            "over": control.task_gone,
+        }
+
+    def _how_far(self, progress: Progress, now_s: float) -> dict[str, Any]:
+        motion = self._motion
+        if progress.sample_index >= 0:
+            if self._began is None:
+                self._began = (now_s, progress.sample_index)
+            self._row = progress.sample_index
+        whole = progress.state is TaskState.MOVING and progress.phase is Phase.HOLD
+        row = motion.rows if whole else self._row
+        per_period = motion.rows_per_period
+        if per_period:
+            count = f"{row / per_period:.1f} of {motion.rows / per_period:.1f} periods"
+        elif motion.rows:
+            period_s = motion.cell.cycle_time_s
+            count = f"{row * period_s:.0f} of {motion.rows * period_s:.0f} s"
+        else:
+            count = f"{row * motion.cell.cycle_time_s:.0f} s"
+        return {
+            "share": row / motion.rows if motion.rows else None,
+            "count": count,
+            "left_s": self._left_s(row, now_s),
+        }
+
+    def _left_s(self, row: int, now_s: float) -> float | None:
+        """Return how long the rest will take at the pace so far [s]: simulated time runs faster."""
+        if self._began is None or not self._motion.rows:
+            return None
+        began_s, first = self._began
+        if now_s - began_s < RATE_AFTER_S or row <= first:
+            return (self._motion.rows - row) * self._motion.cell.cycle_time_s
+        return (self._motion.rows - row) * (now_s - began_s) / (row - first)
+
+    def _joints(self, progress: Progress) -> list[dict[str, Any]]:
+        values, temperatures = self._values, progress.temperature_k
+        shown = []
+        for i, joint in enumerate(self._motion.robot.joints):
+            turns = joint.type == "revolute"
+            limits = joint.limits
+            warm = _finite(temperatures[i] - ZERO_CELSIUS_K) if temperatures else None
+            line: dict[str, Any] = {
+                "name": joint.name,
+                "unit": "rad" if turns else "m",
+                "torque_unit": "N m" if turns else "N",
+                "position_min": limits.position_min,
+                "position_max": limits.position_max,
+                "velocity_limit": limits.velocity,
+                "torque_limit": limits.torque,
+                "temperature_c": warm,
+                "answers": None if values is None else bool(values.valid[i]),
+            }
+            for name in _NUMBERS:
+                line[name] = None if values is None else _finite(float(getattr(values, name)[i]))
+            shown.append(line)
+        return shown
+
+
+_NUMBERS = (
+    "position",
+    "velocity",
+    "torque",
+    "torque_share",
+    "following_error",
+    "following_error_share",
+)
+
+
+def _finite(value: float) -> float | None:
+    return float(f"{value:.5g}") if math.isfinite(value) else None

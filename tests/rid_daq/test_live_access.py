@@ -1,0 +1,195 @@
+"""Who may ask the live page for what: rules on addresses, names, origins, tokens and HTTP heads."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from config.errors import ConfigError
+from rid_daq.live.access import Access
+from rid_daq.live.http_messages import BadRequestError, Request, parse_head
+
+TOKEN = "a" * 40
+
+
+@pytest.fixture
+def access() -> Access:
+    return Access("127.0.0.1", 8642, TOKEN)
+
+
+@pytest.fixture
+def secret(tmp_path: Path) -> Path:
+    path = tmp_path / "token"
+    path.write_text(TOKEN + "\n")
+    return path
+
+
+@pytest.mark.parametrize("listen", ["127.0.0.1:8642", "[::1]:0", "localhost:1", "127.9.9.9:5"])
+def test_a_loopback_address_needs_nothing_and_gets_a_new_token_each_time(listen: str) -> None:
+    one, two = Access.of_options(listen), Access.of_options(listen)
+    assert one.token != two.token
+    assert len(one.token) >= 32
+    assert one.scheme == "http"
+
+
+@pytest.mark.parametrize("listen", ["0.0.0.0:8642", "[::]:8642", "192.168.1.7:8642"])
+def test_another_address_needs_a_token_and_tls(listen: str, secret: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"needs --token FILE and --certificate FILE"):
+        Access.of_options(listen)
+    with pytest.raises(ConfigError, match=r"needs --certificate FILE too"):
+        Access.of_options(listen, token=secret)
+    certificate = tmp_path / "live.pem"
+    certificate.write_text("x")
+    with pytest.raises(ConfigError, match=r"needs --token FILE too"):
+        Access.of_options(listen, certificate=certificate)
+    assert Access.of_options(listen, secret, certificate).url.startswith("https://")
+
+
+@pytest.mark.parametrize(
+    "listen", ["8642", "example.com:80", "127.0.0.1", "127.0.0.1:99999", "", "[::1:80", "a b:1"]
+)
+def test_what_is_no_literal_address_with_a_port_is_refused(listen: str) -> None:
+    with pytest.raises(ConfigError, match="give a literal address and a port"):
+        Access.of_options(listen)
+
+
+@pytest.mark.parametrize("text", ["short", "x" * 31, "y" * 40 + "; Path", "", "é" * 40])
+def test_a_weak_token_is_refused(secret: Path, text: str) -> None:
+    secret.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match="--token"):
+        Access.of_options(token=secret)
+
+
+def test_a_file_that_is_no_certificate_is_refused(secret: Path) -> None:
+    with pytest.raises(ConfigError, match="does not hold a certificate and its key"):
+        _ = Access.of_options(certificate=secret).tls()
+    with pytest.raises(ConfigError, match="no such file"):
+        Access.of_options(certificate=secret.with_name("missing"))
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1:8642", "localhost:8642", "[::1]:8642", "LOCALHOST:8642"]
+)
+def test_literal_loopback_names_are_our_own(access: Access, host: str) -> None:
+    assert access.is_own_name(host)
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "",
+        "evil.example:8642",
+        "127.0.0.1.evil.example:8642",
+        "localhost.evil.example:8642",
+        "127.0.0.1:80",
+        "127.0.0.1",
+        "192.168.1.7:8642",
+        "evil@127.0.0.1:8642",
+        "127.0.0.1:8642/x",
+        "[::1:8642",
+        "2130706433:8642",
+    ],
+)
+def test_a_rebound_name_is_not_ours(access: Access, host: str) -> None:
+    assert not access.is_own_name(host)
+
+
+def test_an_address_of_ones_own_is_no_name_that_can_be_rebound() -> None:
+    everywhere = Access("0.0.0.0", 8642, TOKEN, Path("x"))
+    assert everywhere.is_own_name("192.168.1.7:8642")
+    assert not everywhere.is_own_name("evil.example:8642")
+    one = Access("192.168.1.7", 8642, TOKEN, Path("x"))
+    assert one.is_own_name("192.168.1.7:8642")
+    assert not one.is_own_name("192.168.1.8:8642")
+
+
+HOST = {"host": "127.0.0.1:8642"}
+
+
+@pytest.mark.parametrize(
+    ("headers", "ours"),
+    [
+        ({}, True),
+        ({"origin": "http://127.0.0.1:8642"}, True),
+        ({"sec-fetch-site": "same-origin"}, True),
+        ({"sec-fetch-site": "none"}, True),
+        ({"origin": "http://127.0.0.1:8643"}, False),
+        ({"origin": "https://127.0.0.1:8642"}, False),
+        ({"origin": "http://localhost:8642"}, False),
+        ({"origin": "null"}, False),
+        ({"origin": "https://evil.example"}, False),
+        ({"sec-fetch-site": "cross-site"}, False),
+        ({"sec-fetch-site": "same-site"}, False),
+    ],
+)
+def test_only_our_own_page_may_ask(access: Access, headers: dict[str, str], ours: bool) -> None:
+    assert access.is_own_page(HOST | headers) is ours
+
+
+@pytest.mark.parametrize(
+    ("headers", "known"),
+    [
+        ({}, False),
+        ({"cookie": f"rid_daq_8642={TOKEN}"}, True),
+        ({"cookie": f"a=b; rid_daq_8642={TOKEN}; c=d"}, True),
+        ({"cookie": f"rid_daq_8643={TOKEN}"}, False),
+        ({"cookie": f"rid_daq_8642={TOKEN}x"}, False),
+        ({"cookie": "rid_daq_8642="}, False),
+        ({"cookie": "\\\x7f;;==;é"}, False),
+        ({"authorization": f"Bearer {TOKEN}"}, True),
+        ({"authorization": f"Basic {TOKEN}"}, False),
+        ({"authorization": "Bearer é"}, False),
+    ],
+)
+def test_the_token_is_a_cookie_or_a_bearer(
+    access: Access, headers: dict[str, str], known: bool
+) -> None:
+    assert access.has_token(headers) is known
+
+
+def test_the_cookie_is_out_of_reach_of_scripts_and_other_sites(access: Access) -> None:
+    assert access.cookie() == f"rid_daq_8642={TOKEN}; HttpOnly; SameSite=Strict; Path=/"
+    tls = Access("0.0.0.0", 8642, TOKEN, Path("x"))
+    assert tls.cookie().endswith("; Secure")
+
+
+def test_a_plain_head_is_understood() -> None:
+    request = parse_head(b"POST /stop?a=1&a=2 HTTP/1.1\r\nHost: x:1\r\nContent-Length: 2")
+    assert request == Request(
+        "POST", "/stop", {"a": "2"}, {"host": "x:1", "content-length": "2"}, 2
+    )
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        b"",
+        b"GET http://evil/ HTTP/1.1\r\nHost: x",
+        b"PUT / HTTP/1.1\r\nHost: x",
+        b"GET / HTTP/2.0\r\nHost: x",
+        b"GET / HTTP/1.1\r\nHost: a\r\nHost: b",
+        b"GET / HTTP/1.1\r\n Host: a",
+        b"GET / HTTP/1.1\r\nHost : a",
+        b"GET / HTTP/1.1\nHost: a",
+        b"POST /stop HTTP/1.1\r\nContent-Length: 99999",
+        b"POST /stop HTTP/1.1\r\nContent-Length: -1",
+        b"POST /stop HTTP/1.1\r\nContent-Length: 1e1",
+        b"POST /stop HTTP/1.1\r\nTransfer-Encoding: chunked",
+        b"GET /\xff HTTP/1.1\r\nHost: x",
+        b"GET / HTTP/1.1\r\nHost: \x00x",
+    ],
+)
+def test_anything_unusual_is_a_bad_request(head: bytes) -> None:
+    with pytest.raises(BadRequestError):
+        parse_head(head)
+
+
+@given(st.binary(max_size=300), st.booleans())
+def test_any_bytes_are_a_request_or_a_bad_one(garbage: bytes, in_header: bool) -> None:
+    head = b"GET / HTTP/1.1\r\nHost: " + garbage if in_header else garbage
+    with contextlib.suppress(BadRequestError):
+        assert parse_head(head).method in ("GET", "HEAD", "POST")
