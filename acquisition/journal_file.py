@@ -9,7 +9,6 @@ import contextlib
 import fcntl
 import os
 from io import FileIO
-from math import isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self, cast
@@ -23,6 +22,7 @@ from config.errors import RecordingError
 
 CHUNK_BYTES = 8 * 1024  # what a single damage costs at most
 FLUSH_PERIOD_S = 0.08
+LATEST_S = 1e10
 MOST_LOST_S = 0.1  # by a recorder that is killed: a flush, and its way there
 SYNC_PERIOD_S = 1.0
 
@@ -148,8 +148,8 @@ class JournalFile:
         return self._writer.register_channel(topic, "cdr", schema, metadata)
 
     def add_message(self, channel: int, time_s: float, body: bytes) -> None:
-        """Write one message, its CDR body given; a time that is not known counts as 0."""
-        time_ns = max(round(time_s * 1e9), 0) if isfinite(time_s) else 0
+        """Write one message, its CDR body given; a time that cannot be counts as 0."""
+        time_ns = round(time_s * 1e9) if 0.0 <= time_s < LATEST_S else 0
         self._add(channel, time_ns, CDR_LITTLE_ENDIAN + body)
 
     def copy_message(self, channel: int, time_ns: int, payload: bytes, sequence: int) -> None:

@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 
-BAR_S = 60.0
+BAR_S = 120.0
 CYCLE_S = 0.008
 WAKES_PER_CYCLE = 4
 """Process switches of one lock-step cycle: twice the master, twice the drives."""
@@ -77,7 +77,7 @@ def main() -> int:
             "real time": round(took_s / motion_s, 3),
             "bare packets between the processes of one bus": round(took_s / bare_s, 1),
         },
-        "bar": f"at most {BAR_S:g} s for 16 periods of 10 s and the 20-point validation",
+        "bar": f"at most {BAR_S:g} s for 16 periods of 10 s, the 20-point validation and the paths",
         "holds": holds,
     }
     print(json.dumps(result))

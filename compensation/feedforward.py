@@ -20,6 +20,7 @@ import numpy as np
 from acquisition.arrays import FloatArray, read_only
 from acquisition.spectrum import from_bins, to_bins
 from compensation.frequency_response import interpolation_response
+from compensation.rest_to_rest import returned
 from compensation.velocity_loop import VelocityLoop
 from config.errors import ConfigError
 
@@ -148,6 +149,24 @@ class InverseFilter:
         return np.asarray((torque_nm - self._carried) / self.gain)
 
 
+def rest_to_rest_feedforward(
+    loops: Sequence[VelocityLoop],
+    velocity: FloatArray,
+    torque_nm: FloatArray,
+    cycle_time_s: float,
+    *,
+    tuning: FeedforwardTuning | None = None,
+) -> FloatArray:
+    """Return the feedforward of any motion that begins and ends at rest, on its bins.
+
+    The motion is made periodic by a slow return to its start: all delays are looked ahead for, by
+    parts of a cycle too. Parameters and result are those of `feedforward`.
+    """
+    speed, torque = (returned(values, cycle_time_s) for values in (velocity, torque_nm))
+    ahead = periodic_feedforward(loops, speed, torque, cycle_time_s, tuning=tuning)
+    return ahead[: len(velocity)]
+
+
 def feedforward(
     loops: Sequence[VelocityLoop],
     velocity: FloatArray,
@@ -156,7 +175,7 @@ def feedforward(
     *,
     tuning: FeedforwardTuning | None = None,
 ) -> FloatArray:
-    """Return the feedforward of any motion that begins and ends at rest.
+    """Return the feedforward of any motion in time, row after row, as the on-line stage does.
 
     Parameters
     ----------

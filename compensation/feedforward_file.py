@@ -10,12 +10,75 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from acquisition.motion_samples import MotionSamples
+from compensation.feedforward import FeedforwardTuning
+from compensation.tuning import Tuning
 from config.errors import ConfigError
 from config.model import ConfigModel
 from config.motion import AnyMotion, Motion
 from config.whole_file import write_whole
 
 FORMAT: Final = "rid-daq feedforward 1"
+
+
+class TuningEntry(ConfigModel):
+    """How a reference run tuned the feedforward, joint by joint; base to flange.
+
+    `used` is false for a joint that the run does not show well enough; `applied_scale` and
+    `applied_delay_s` are 1 and 0 where the run cannot tell the value from them.
+    """
+
+    run: str
+    same_motion: bool
+    scale: tuple[float, ...]
+    scale_std: tuple[float, ...]
+    delay_s: tuple[float, ...]
+    delay_std_s: tuple[float, ...]
+    used: tuple[bool, ...]
+    applied_scale: tuple[float, ...]
+    applied_delay_s: tuple[float, ...]
+
+    @classmethod
+    def of(cls, found: Tuning, run: str, same_motion: bool) -> TuningEntry:
+        """Return the entry of a tuning by a run, of the same motion or another."""
+        return cls(
+            run=run,
+            same_motion=same_motion,
+            scale=tuple(found.scale.tolist()),
+            scale_std=tuple(found.scale_std.tolist()),
+            delay_s=tuple(found.delay_s.tolist()),
+            delay_std_s=tuple(found.delay_std_s.tolist()),
+            used=found.used,
+            applied_scale=tuple(found.tuning.scale.tolist()),
+            applied_delay_s=tuple(found.tuning.delay_s.tolist()),
+        )
+
+    def as_tuning(self) -> FeedforwardTuning:
+        """Return what to compute with."""
+        return FeedforwardTuning(np.array(self.applied_scale), np.array(self.applied_delay_s))
+
+
+class RefinementEntry(ConfigModel):
+    """One step of refinement: from which runs, what was missed in them, and the stated bound.
+
+    `rms` is of the mean error of each joint [rad or m], `over_noise` its power over the noise's,
+    `bound` what an error keeps of itself at most up to `band_hz`.
+    """
+
+    runs: tuple[str, ...]
+    rms: tuple[float, ...]
+    over_noise: tuple[float, ...]
+    noise_limit: float
+    bound: tuple[float, ...]
+    band_hz: float
+
+
+class Origin(ConfigModel):
+    """What a feedforward was computed from: files by their SHA-256, runs by their ids."""
+
+    model_sha256: str = ""
+    loops_sha256: str = ""
+    tuning: TuningEntry | None = None
+    refinements: tuple[RefinementEntry, ...] = ()
 
 
 class FeedforwardFile(ConfigModel):
@@ -28,6 +91,7 @@ class FeedforwardFile(ConfigModel):
     cycle_time_ms: Annotated[int, Field(ge=1)]
     joints: tuple[str, ...]
     motion: Motion
+    origin: Origin = Origin()
     feedforward: tuple[tuple[float, ...], ...] = Field(min_length=2)
 
     def onto(self, samples: MotionSamples) -> MotionSamples:
@@ -53,17 +117,27 @@ class FeedforwardFile(ConfigModel):
         return replace(samples, feedforward=rows)
 
 
-def write_feedforward(path: Path, motion: AnyMotion, samples: MotionSamples) -> None:
-    """Write a compensated motion into a file, whole or not at all."""
+def write_feedforward(
+    path: Path, motion: AnyMotion, samples: MotionSamples, origin: Origin | None = None
+) -> None:
+    """Write a compensated motion and what it was made from into a file, whole or not at all."""
+    write_whole(path, feedforward_bytes(motion, samples, origin))
+
+
+def feedforward_bytes(
+    motion: AnyMotion, samples: MotionSamples, origin: Origin | None = None
+) -> bytes:
+    """Return what such a file holds."""
     assert samples.feedforward is not None
     file = FeedforwardFile(
         format=FORMAT,
         cycle_time_ms=round(1e3 * samples.sample_period_s),
         joints=samples.joint_names,
         motion=motion,
+        origin=origin or Origin(),
         feedforward=tuple(map(tuple, np.round(samples.feedforward, 9).tolist())),
     )
-    write_whole(path, (file.model_dump_json() + "\n").encode())
+    return (file.model_dump_json() + "\n").encode()
 
 
 def read_feedforward(path: Path) -> FeedforwardFile:

@@ -8,8 +8,8 @@ points too (a Bezier curve stays within the hull of its control points).
 How fast the path may be driven so that it can still be stopped before its last known point comes
 from a pass backwards over the points, as in TOPP-RA (Pham and Pham 2018): with x the square of the
 rate, from x = 0 at the last point, the largest x at each point from which the next one's can be
-reached within the joints' accelerations, everywhere on the segment between. As long as that is 1, the path is driven as it is; where
-it is not, it is driven by the pass's own profile, down to rest on the path.
+reached within the joints' accelerations, everywhere on the segment between. As long as that is 1,
+the path is driven as it is; where it is not, it is driven by the pass's own profile, down to rest.
 """
 
 from __future__ import annotations

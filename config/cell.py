@@ -106,6 +106,11 @@ class CellConfig(ConfigModel):
 
     `monitor` is a second way to the drives (Modbus), for temperatures and nominal data.
 
+    `exchange` says what a cycle carries for each axis: `full`, two frames of 8 bytes; `trimmed`, 4
+    bytes there (velocity) and 6 back (position and torque), so that a fourth axis fits into 1 ms at
+    1 Mbit/s. Controlword and statusword then go in frames of their own, when they change and a few
+    times a second.
+
     `robot` and `plant` name a bundled file or give a path relative to the cell file. A cell with
     `simulated: true` gets its mock hardware started by the command that needs it.
     """
@@ -119,6 +124,7 @@ class CellConfig(ConfigModel):
     axes: tuple[DriveAxis, ...] = Field(min_length=1, max_length=16)
     position_gain_per_s: Annotated[float, Field(gt=0.0, le=200.0)]
     drive_safety: DriveSafety
+    exchange: Literal["full", "trimmed"] = "full"
     supervision: Supervision = Supervision()
     torque_filter: ButterworthFilter | None = None
     validation_limits_percent: tuple[Positive, ...] | None = None

@@ -7,6 +7,8 @@ import math
 from pathlib import Path
 from typing import Final
 
+from pydantic import ValidationError
+
 from config.errors import ConfigError
 from config.path_motion import JointTableMotion
 
@@ -55,14 +57,20 @@ def with_table(motion: JointTableMotion, folder: Path | None) -> JointTableMotio
         time_s.append(values.pop(column))
         position.append(tuple(values))
     del header[column]
-    return JointTableMotion(
-        kind="joint_table",
-        robot=motion.robot,
-        joints=tuple(header),
-        time_s=tuple(time_s),
-        position=tuple(position),
-        dwell_s=motion.dwell_s,
-    )
+    if not header or not time_s:
+        missing = "no column of a joint" if not header else "no row below its first line"
+        raise ConfigError(f"{path}: has {missing}: there is no motion in it")
+    try:
+        return JointTableMotion(
+            kind="joint_table",
+            robot=motion.robot,
+            joints=tuple(header),
+            time_s=tuple(time_s),
+            position=tuple(position),
+            dwell_s=motion.dwell_s,
+        )
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {error.errors()[0]['msg']}") from None
 
 
 def _numbers(path: Path, number: int, line: list[str], columns: int) -> list[float]:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 from config.cell import CellConfig, DriveAxis
 from config.errors import (
     ConfigError,
     DeviceTimeoutError,
-    LockedError,
     PreflightError,
     ProtocolError,
 )
 from config.robot import RobotDescription
 from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
 from drivers.canopen.nmt import NmtCommand, nmt_frame
+from drivers.drive_requirements import STATUS_EVENT_MS
 from drivers.drive_watch import DriveWatch
 from drivers.interfaces import DriveSetting
 from drivers.transport import CanLink
 
+FULL_BYTES = (8, 8)
+TRIMMED_BYTES = (4, 6)
 BOOT_TIMEOUT_S = 5.0
 SETTLE_S = 0.02
 
@@ -43,27 +46,36 @@ def axes_in_joint_order(cell: CellConfig, robot: RobotDescription) -> tuple[Driv
     return tuple(by_joint[name] for name in robot.joint_names)
 
 
+def bus_load(cell: CellConfig) -> float:
+    """Return the typical load of a cell's bus (1.0: full) by its cyclic exchange and heartbeats."""
+    safety = cell.drive_safety
+    trimmed = cell.exchange == "trimmed"
+    return cyclic_load(
+        len(cell.axes),
+        cell.cycle_time_s,
+        cell.can.bitrate,
+        master_heartbeat_s=safety.master_heartbeat_ms / 1000.0,
+        drive_heartbeat_s=safety.drive_heartbeat_ms / 1000.0,
+        frame_bytes=TRIMMED_BYTES if trimmed else FULL_BYTES,
+        status_s=STATUS_EVENT_MS / 1000.0 if trimmed else math.inf,
+    )
+
+
 def check_bus_load(cell: CellConfig) -> float:
-    """Return the typical load of a cell's bus (1.0: full) by its cyclic exchange and heartbeats.
+    """Return `bus_load`.
 
     Raises
     ------
     ConfigError
         It is above 80 %.
     """
-    safety = cell.drive_safety
-    load = cyclic_load(
-        len(cell.axes),
-        cell.cycle_time_s,
-        cell.can.bitrate,
-        master_heartbeat_s=safety.master_heartbeat_ms / 1000.0,
-        drive_heartbeat_s=safety.drive_heartbeat_ms / 1000.0,
-    )
+    load = bus_load(cell)
     if load > LOAD_LIMIT:
+        trim = ", set exchange: trimmed" if cell.exchange == "full" else ""
         raise ConfigError(
             f"cell {cell.name!r}: {len(cell.axes)} axes every {cell.cycle_time_ms} ms would fill"
             f" {100 * load:.0f} % of the CAN bus at {cell.can.bitrate} bit/s, more than"
-            f" {100 * LOAD_LIMIT:.0f} %; raise cycle_time_ms or the bit rate"
+            f" {100 * LOAD_LIMIT:.0f} %; raise cycle_time_ms or the bit rate{trim}"
         )
     return load
 
@@ -121,12 +133,8 @@ def _listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> N
     until_s = link.clock.now_s() + max(2.5 * cell.cycle_time_s, timeout_s)
     while link.clock.now_s() < until_s:
         frame = link.receive(until_s)
-        foreign = None if frame is None else watch.foreign_master(frame.cob_id)
-        if foreign is not None:
-            raise LockedError(
-                f"another master is active on CAN bus {cell.can.channel}: it sends {foreign};"
-                " stop it first"
-            )
+        if frame is not None:
+            watch.refuse_foreign_master(frame.cob_id)
 
 
 def _listen(link: CanLink, watch: DriveWatch, duration_s: float, *, until_booted: bool) -> None:

@@ -31,9 +31,18 @@ class Arrival(NamedTuple):
 
 @runtime_checkable
 class FramePort(Protocol):
-    """An open CAN bus; its methods raise `can.CanError`, `OSError` or `TransportError`."""
+    """An open CAN bus; its methods raise `can.CanError`, `OSError` or `TransportError`.
+
+    Attributes
+    ----------
+    channel_info
+        What to call it in messages.
+    time_stamped
+        Whether frames say in real time when they arrived, however late they are read.
+    """
 
     channel_info: str
+    time_stamped: bool
 
     @abstractmethod
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
@@ -69,6 +78,7 @@ class PythonCanPort:
         self._bus = bus
         self._simulated = simulated
         self.channel_info = bus.channel_info
+        self.time_stamped = False
         self.shutdown = bus.shutdown
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:

@@ -1,7 +1,8 @@
 """`CyclicExchange`: SYNC, the drives' answers and their set-points, every cycle, at little cost.
 
 Cycle k: SYNC, at which every drive takes up the set-point of cycle k-1 and answers with statusword,
-position and torque (TPDO 1); then the next set-point (RPDO 1), which acts at SYNC k+1.
+position and torque (TPDO 1); then the next set-point (RPDO 1), which acts at SYNC k+1. Where it is
+trimmed, controlword and statusword are frames of their own (RPDO 2, TPDO 2), sent when they change.
 """
 
 from __future__ import annotations
@@ -13,17 +14,25 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.canopen.frames import SYNC, rpdo_cob_id, tpdo_cob_id
-from drivers.cia402 import AxisUnits, ControlWord, PowerState
+from config.errors import TransportError
+from drivers.canopen.frames import SYNC, Frame, tpdo_cob_id
+from drivers.cia402 import AxisUnits, PowerState
+from drivers.command_frames import Frames, FullCommands, TrimmedCommands
 from drivers.drive_watch import DriveWatch
 from drivers.transport import CanLink
 from drivers.wrist_coupling import WristCoupling
 
-_COMMAND = struct.Struct("<Hih")
 _ANSWER = struct.Struct("<Hih")
+_TRIMMED_ANSWER = struct.Struct("<ih")
+_STATUS = struct.Struct("<H")
+_BARE_BITS = 47  # of a frame without data, intermission included, no stuff bit
 
 MOST_FRAMES = 1024
 LATE_CYCLES = 4
+LATER, EARLIER = 0.01, 0.2
+"""How fast `collect` learns that answers come later, or earlier, than it had expected."""
+
+MOST_BURSTS = 1.5
 
 
 class CyclicExchange:
@@ -39,6 +48,11 @@ class CyclicExchange:
         Takes every frame that is not a TPDO of these drives.
     coupling
         What the motors do to the joints, where a wrist is coupled.
+    trimmed
+        Whether the cell's exchange is the trimmed one.
+    bitrate
+        Of a bus in real time [bit/s]: until all answers should have come, `collect` sleeps instead
+        of waking up for each; 0 to look at once. When that is, is learnt from their time stamps.
 
     Attributes
     ----------
@@ -66,6 +80,9 @@ class CyclicExchange:
         node_ids: Sequence[int],
         watch: DriveWatch,
         coupling: WristCoupling | None = None,
+        *,
+        trimmed: bool = False,
+        bitrate: int = 0,
     ) -> None:
         count = len(node_ids)
         self._link = link
@@ -89,11 +106,16 @@ class CyclicExchange:
         self._counts_per_rad = [1.0] * count
         self._units_per_rad_s = [1.0] * count
         self._nm_per_permille = [1.0] * count
-        self._buffers = [bytearray(_COMMAND.size) for _ in node_ids]
-        self._commands = [
-            (rpdo_cob_id(node), buffer)
-            for node, buffer in zip(node_ids, self._buffers, strict=True)
-        ]
+        self._commands: FullCommands | TrimmedCommands
+        self._commands = TrimmedCommands(node_ids) if trimmed else FullCommands(node_ids)
+        self._trimmed = trimmed
+        self._answer_bytes = _TRIMMED_ANSWER.size if trimmed else _ANSWER.size
+        self._status_slots = {
+            tpdo_cob_id(node, 2): axis for axis, node in enumerate(node_ids) if trimmed
+        }
+        bits = (count + 1) * _BARE_BITS + 8 * self._answer_bytes * count
+        self._burst_s = bits / bitrate if bitrate and not link.simulated else 0.0
+        self._expected_s = self._burst_s
 
     def use_units(self, units: Iterable[AxisUnits]) -> None:
         """Take the drives' units, base to flange."""
@@ -102,6 +124,8 @@ class CyclicExchange:
             self._counts_per_rad[axis] = unit.counts_per_rad
             self._units_per_rad_s[axis] = unit.velocity_units_per_rad_s
             self._nm_per_permille[axis] = unit.nm_per_permille
+        self._commands.forget()
+        self.statusword.fill(0)
 
     def sync(self) -> float:
         """Send SYNC; return its time on the link's clock [s].
@@ -129,7 +153,7 @@ class CyclicExchange:
             if axis is not None:
                 self._count_surplus(axis)
             else:
-                self._watch.handle(frame, self._link.last_time_s)
+                self._other_frame(frame)
 
     def _count_surplus(self, axis: int) -> None:
         """Count an answer too many: that of an earlier cycle that lacks one, or a copy."""
@@ -146,8 +170,10 @@ class CyclicExchange:
         """
         received = self.received
         received.fill(False)
-        missing = len(self._commands)
         link = self._link
+        if self._burst_s:
+            link.clock.sleep_until(min(self.sync_time_s + self._expected_s, deadline_s))
+        missing = len(received)
         receive = link.receive
         slots = self._slots
         for _ in range(MOST_FRAMES):
@@ -157,29 +183,55 @@ class CyclicExchange:
             cob_id, data = frame
             axis = slots.get(cob_id)
             if axis is None:
-                self._watch.handle(frame, link.last_time_s)
-                continue
-            if len(data) != 8:
-                self._watch.wrong_length(axis, len(data), link.last_time_s)
+                self._other_frame(frame)
+            elif len(data) != self._answer_bytes:
+                self._watch.wrong_length(axis, len(data), link.last_time_s, self._answer_bytes)
             elif received[axis] or link.last_time_s < self.sync_time_s:
                 self._count_surplus(axis)
             else:
-                status, counts, torque = _ANSWER.unpack(data)
                 received[axis] = True
-                self.statusword[axis] = status
-                self.position_counts[axis] = counts
-                self.torque_raw[axis] = torque
-                turned = counts - self._zero_counts[axis]
-                self._motor_position[axis] = turned / self._counts_per_rad[axis]
-                self.torque_nm[axis] = torque * self._nm_per_permille[axis]
-                if status & 0x6F != PowerState.OPERATION_ENABLED:
-                    self.left_enabled = True
+                self._take_answer(axis, data)
                 missing -= 1
                 if not missing:
+                    self._learn(link.last_time_s - self.sync_time_s)
                     break
         if self._coupling is not None:
             self._coupling.to_joints(self._motor_position, self.position)
         self._watch.check(self.sync_time_s)
+
+    def _learn(self, arrival_s: float) -> None:
+        """Follow how early the last answer comes after SYNC [s]: nobody need wake up before."""
+        if self._burst_s and self._link.time_stamped:
+            rate = LATER if arrival_s > self._expected_s else EARLIER
+            expected_s = self._expected_s + rate * (arrival_s - self._expected_s)
+            self._expected_s = min(max(expected_s, self._burst_s), MOST_BURSTS * self._burst_s)
+
+    def _take_answer(self, axis: int, data: bytes) -> None:
+        if self._trimmed:
+            counts, torque = _TRIMMED_ANSWER.unpack(data)
+        else:
+            status, counts, torque = _ANSWER.unpack(data)
+            self._take_status(axis, status)
+        self.position_counts[axis] = counts
+        self.torque_raw[axis] = torque
+        turned = counts - self._zero_counts[axis]
+        self._motor_position[axis] = turned / self._counts_per_rad[axis]
+        self.torque_nm[axis] = torque * self._nm_per_permille[axis]
+
+    def _take_status(self, axis: int, status: int) -> None:
+        self.statusword[axis] = status
+        if status & 0x6F != PowerState.OPERATION_ENABLED:
+            self.left_enabled = True
+
+    def _other_frame(self, frame: Frame) -> None:
+        """Take a frame that is no answer to SYNC: a statusword by itself, or for the watch."""
+        axis = self._status_slots.get(frame.cob_id)
+        if axis is None:
+            self._watch.handle(frame, self._link.last_time_s)
+        elif len(frame.data) == _STATUS.size:
+            self._take_status(axis, *_STATUS.unpack(frame.data))
+        else:
+            self._watch.wrong_length(axis, len(frame.data), self._link.last_time_s, _STATUS.size)
 
     def send_velocities(self, velocity: NDArray[np.float64]) -> None:
         """Send set-points [rad/s or m/s, joint side] with Enable Operation; all of them or none.
@@ -193,11 +245,14 @@ class CyclicExchange:
         """
         if self._coupling is not None:
             velocity = self._coupling.to_motors(velocity)
-        for buffer, value, factor in zip(
-            self._buffers, velocity.tolist(), self._units_per_rad_s, strict=True
-        ):
-            _COMMAND.pack_into(buffer, 0, ControlWord.ENABLE_OPERATION, round(value * factor), 0)
-        self._link.send_frames(self._commands)
+        self._send(
+            self._commands.velocities(
+                [
+                    round(value * factor)
+                    for value, factor in zip(velocity.tolist(), self._units_per_rad_s, strict=True)
+                ]
+            )
+        )
 
     def send_words(self, words: Sequence[int]) -> None:
         """Send controlwords with velocity 0, one an axis; every axis's is tried.
@@ -207,6 +262,11 @@ class CyclicExchange:
         TransportError
             The bus did not take one of the frames.
         """
-        for word, buffer in zip(words, self._buffers, strict=True):
-            _COMMAND.pack_into(buffer, 0, word, 0, 0)
-        self._link.send_frames(self._commands)
+        self._send(self._commands.words(words))
+
+    def _send(self, frames: Frames) -> None:
+        try:
+            self._link.send_frames(frames)
+        except TransportError:
+            self._commands.forget()
+            raise

@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from config.cell import CellConfig
 from drivers.canopen.frames import rpdo_cob_id, tpdo_cob_id
 from drivers.canopen.heartbeat import consumer_entry
-from drivers.canopen.pdo import RPDO_COMMUNICATION, MappedObject, PdoMapping
+from drivers.canopen.pdo import ON_EVENT, RPDO_COMMUNICATION, MappedObject, PdoMapping
 from drivers.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, AxisUnits
+
+STATUS_EVENT_MS = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,24 +46,28 @@ class Requirement:
         return value.to_bytes(self.size, "little", signed=self.signed)
 
 
-def command_pdo(node_id: int) -> PdoMapping:
-    """Return RPDO 1: controlword, target velocity, torque offset; taken up at SYNC."""
-    objects = (
-        MappedObject(0x6040, 0, 16),
-        MappedObject(0x60FF, 0, 32),
-        MappedObject(0x60B2, 0, 16),
-    )
-    return PdoMapping("rpdo", 1, rpdo_cob_id(node_id), objects)
+def cyclic_pdos(node_id: int, exchange: str) -> tuple[PdoMapping, ...]:
+    """Return the PDOs of a drive in a cell's `exchange`, full or trimmed.
 
-
-def answer_pdo(node_id: int) -> PdoMapping:
-    """Return TPDO 1: statusword, position, torque; sent with every SYNC."""
-    objects = (
-        MappedObject(0x6041, 0, 16),
-        MappedObject(0x6064, 0, 32),
-        MappedObject(0x6077, 0, 16),
+    Those with a SYNC are taken up and sent at every SYNC. In the trimmed exchange the statusword
+    comes when it changes, and every `STATUS_EVENT_MS`.
+    """
+    word, status = MappedObject(0x6040, 0, 16), MappedObject(0x6041, 0, 16)
+    velocity, offset = MappedObject(0x60FF, 0, 32), MappedObject(0x60B2, 0, 16)
+    position, torque = MappedObject(0x6064, 0, 32), MappedObject(0x6077, 0, 16)
+    if exchange == "full":
+        return (
+            PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (word, velocity, offset)),
+            PdoMapping("tpdo", 1, tpdo_cob_id(node_id), (status, position, torque)),
+        )
+    return (
+        PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (velocity,)),
+        PdoMapping("rpdo", 2, rpdo_cob_id(node_id, 2), (word,)),
+        PdoMapping("tpdo", 1, tpdo_cob_id(node_id), (position, torque)),
+        PdoMapping(
+            "tpdo", 2, tpdo_cob_id(node_id, 2), (status,), ON_EVENT, event_timer_ms=STATUS_EVENT_MS
+        ),
     )
-    return PdoMapping("tpdo", 1, tpdo_cob_id(node_id), objects)
 
 
 def safety_requirements(cell: CellConfig, units: AxisUnits) -> tuple[Requirement, ...]:

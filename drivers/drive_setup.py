@@ -16,9 +16,9 @@ from drivers.canopen.emcy import code_text
 from drivers.canopen.frames import Frame
 from drivers.canopen.pdo import (
     INVALID,
+    PREDEFINED_NUMBERS,
     RPDO_COMMUNICATION,
     TPDO_COMMUNICATION,
-    UNUSED_NUMBERS,
     PdoMapping,
     is_valid,
 )
@@ -31,7 +31,7 @@ from drivers.cia402 import (
     state_of,
 )
 from drivers.device_text import printable
-from drivers.drive_requirements import Requirement, answer_pdo, command_pdo, safety_requirements
+from drivers.drive_requirements import Requirement, cyclic_pdos, safety_requirements
 from drivers.interfaces import DriveSetting
 from drivers.sdo_port import SdoPort, is_missing
 from drivers.transport import CanLink
@@ -96,9 +96,10 @@ class DriveSetup:
         if units is not None:
             for requirement in safety_requirements(self._cell, units):
                 self._require(requirement)
-            for pdo in (command_pdo(self._axis.node_id), answer_pdo(self._axis.node_id)):
+            pdos = cyclic_pdos(self._axis.node_id, self._cell.exchange)
+            for pdo in pdos:
                 self._configure_pdo(pdo)
-            self._switch_off_other_pdos()
+            self._switch_off_other_pdos({pdo.communication_index for pdo in pdos})
         self._check_state()
         return SetupResult(self._axis.joint, units, tuple(self._settings))
 
@@ -237,9 +238,9 @@ class DriveSetup:
                 )
             )
 
-    def _switch_off_other_pdos(self) -> None:
+    def _switch_off_other_pdos(self, used: set[int]) -> None:
         """Switch off what is not used: the bus load is computed without it."""
-        for index in _other_pdos():
+        for index in _other_pdos(used):
             try:
                 entry = self._port.read_int(index, 1)
                 if is_valid(entry):
@@ -288,13 +289,14 @@ class DriveSetup:
         )
 
 
-def _other_pdos() -> Iterator[int]:
-    for number in UNUSED_NUMBERS:
-        yield RPDO_COMMUNICATION + number - 1
-        yield TPDO_COMMUNICATION + number - 1
+def _other_pdos(used: set[int]) -> Iterator[int]:
+    for number in PREDEFINED_NUMBERS:
+        for family in (RPDO_COMMUNICATION, TPDO_COMMUNICATION):
+            if (index := family + number - 1) not in used:
+                yield index
 
 
 def _pdo_part(pdo: PdoMapping, index: int, subindex: int) -> str:
     if index == pdo.mapping_index:
         return f"object {subindex}" if subindex else "number of objects"
-    return "identifier" if subindex == 1 else "transmission type"
+    return {1: "identifier", 2: "transmission type", 5: "event timer [ms]"}[subindex]

@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from config.cell import DriveSafety
+from config.errors import LockedError
 from drivers.canopen.emcy import parse_emcy
 from drivers.canopen.frames import (
+    HEARTBEAT_BASE,
+    LSS_MASTER_COB_ID,
     NMT_COB_ID,
+    SDO_REQUEST_BASE,
     SYNC_COB_ID,
     Frame,
     emcy_cob_id,
@@ -28,7 +32,8 @@ class DriveWatch:
     """Judges heartbeats, boot-ups, emergencies and frames that nobody should send.
 
     It has no clock and no bus: it is given frames and times. Before `arm` only emergencies and
-    boot-ups are noted (a drive that has just been reset boots up); after it, everything counts.
+    boot-ups are noted (a drive that has just been reset boots up), and another master is refused;
+    after it, everything counts, and another master is an event that ends the motion.
 
     Parameters
     ----------
@@ -62,12 +67,14 @@ class DriveWatch:
         self._answers = frozenset(sdo_answer_cob_id(node) for node in node_ids)
         self._masters_own = {
             SYNC_COB_ID: "SYNC",
+            LSS_MASTER_COB_ID: "layer settings (LSS)",
             NMT_COB_ID: "NMT commands",
             heartbeat_cob_id(safety.master_node_id): f"node {safety.master_node_id}'s heartbeat",
         }
         for node in node_ids:
             self._masters_own[sdo_request_cob_id(node)] = f"SDO requests to node {node}"
-            self._masters_own[rpdo_cob_id(node)] = f"commands to node {node}"
+            for number in (1, 2):
+                self._masters_own[rpdo_cob_id(node, number)] = f"commands to node {node}"
         self.heartbeats = tuple(HeartbeatConsumer(timeout_s) for _ in node_ids)
         self.boot_ups = [0] * len(node_ids)
         self.unexpected_frames = 0
@@ -96,27 +103,48 @@ class DriveWatch:
         self._operational = True
 
     def foreign_master(self, cob_id: int) -> str | None:
-        """Return what a frame is, if only a master of this cell sends it; None otherwise."""
-        return self._masters_own.get(cob_id)
+        """Return what a frame is, if only a master sends it; None otherwise."""
+        own = self._masters_own.get(cob_id)
+        if own is None and SDO_REQUEST_BASE < cob_id < HEARTBEAT_BASE - 0x80:
+            return f"SDO requests to node {cob_id - SDO_REQUEST_BASE}"
+        return own
 
     def handle(self, frame: Frame, now_s: float) -> None:
-        """Take a frame that is not a TPDO of this cell."""
+        """Take a frame that is not a TPDO of this cell.
+
+        Raises
+        ------
+        LockedError
+            Another master was heard before `arm`.
+        """
         cob_id, data = frame
         axis = self._heartbeat.get(cob_id)
         if axis is not None:
             self._heartbeat_arrived(axis, data, now_s)
         elif (axis := self._emcy.get(cob_id)) is not None:
             self._emergency_arrived(axis, data, now_s)
-        elif cob_id not in self._answers and self._armed:
+        elif cob_id in self._answers:
+            return
+        elif self._armed:
             self._unexpected(cob_id, now_s)
+        else:
+            self.refuse_foreign_master(cob_id)
 
-    def wrong_length(self, axis: int, data_bytes: int, now_s: float) -> None:
+    def refuse_foreign_master(self, cob_id: int) -> None:
+        """Raise `LockedError` where only another master can have sent a frame."""
+        foreign = self.foreign_master(cob_id)
+        if foreign is not None:
+            raise LockedError(
+                f"another master is active on the CAN bus: it sends {foreign}; stop it first"
+            )
+
+    def wrong_length(self, axis: int, data_bytes: int, now_s: float, mapped: int = 8) -> None:
         """Note a TPDO whose length is not what was mapped; its data are not used."""
         self._note(
             EventKind.WRONG_LENGTH,
             axis,
             now_s,
-            f"sent a TPDO of {data_bytes} bytes where 8 are mapped; the frame was not used",
+            f"sent a TPDO of {data_bytes} bytes where {mapped} are mapped; the frame was not used",
             data_bytes,
         )
 

@@ -83,7 +83,14 @@ class CanServoAxes:
         nodes = [axis.node_id for axis in self._axes]
         self._watch = DriveWatch(self.joint_names, nodes, cell.drive_safety)
         coupling = WristCoupling.of_robot(robot)
-        self._exchange = CyclicExchange(link, nodes, self._watch, coupling)
+        self._exchange = CyclicExchange(
+            link,
+            nodes,
+            self._watch,
+            coupling,
+            trimmed=cell.exchange == "trimmed",
+            bitrate=cell.can.bitrate,
+        )
         self.received = self._exchange.received
         self.position = self._exchange.position
         self.torque_nm = self._exchange.torque_nm
@@ -189,6 +196,11 @@ class CanServoAxes:
     def unexpected_frames(self) -> int:
         """How many frames came with identifiers that nobody in the cell has."""
         return self._watch.unexpected_frames
+
+    @property
+    def lost_frames(self) -> int:
+        """How many frames this computer had to drop, as far as the bus counts them."""
+        return self._link.lost_frames
 
     # ---- power on, power off ---------------------------------------------------------------
 

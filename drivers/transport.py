@@ -89,6 +89,8 @@ class CanLink:
         The time that all deadlines of this link are in.
     simulated
         Whether that is a simulated clock.
+    time_stamped
+        Whether the bus says when a frame arrived; otherwise that is when it was read.
     last_time_s
         When the last received frame arrived, on `clock` [s].
     """
@@ -108,6 +110,7 @@ class CanLink:
             if simulated_clock is None
             else _SimulatedClock(simulated_clock, self._name)
         )
+        self.time_stamped = self._port.time_stamped
         self.last_time_s = self.clock.now_s()
         self._arrived: deque[Arrival] = deque()
         self._echoes: Counter[tuple[int, bytes]] | None = Counter() if hears_itself else None

@@ -87,6 +87,17 @@ def load_data(body: PayloadBody, to: LoadFormat, origin: tuple[str, ...] = ()) -
     return text
 
 
+_UNREADABLE: Final = (
+    ValueError,
+    KeyError,
+    TypeError,
+    IndexError,
+    OverflowError,
+    RecursionError,
+    EstimationError,
+)
+
+
 def read_load_data(text: str, form: LoadFormat) -> PayloadBody:
     """Return the payload that stands in a text of a maker's format.
 
@@ -99,7 +110,7 @@ def read_load_data(text: str, form: LoadFormat) -> PayloadBody:
         raise ConfigError("larger than any load data: give the file of payload export")
     try:
         return _CODECS[form].read(text)
-    except (ValueError, KeyError, TypeError, IndexError, EstimationError) as error:
+    except _UNREADABLE as error:
         raise ConfigError(f"not load data of the format {form.value}: {error}") from None
 
 

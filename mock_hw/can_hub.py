@@ -31,6 +31,7 @@ AFTER_RUN_NS = 2_000_000_000
 
 _LONGEST_BURST_NS = 1_000_000
 _LONGEST_SELECT_S = 3600.0
+_LONGEST_WAIT_NS = 24 * 3600 * 10**9  # whoever asks for more has gone wrong, and would end time
 _INBOX_FRAMES = 4096
 _BUFFER_BYTES = 1 << 20
 _BUS_OFF = ERROR_FLAG | 0x40
@@ -191,10 +192,10 @@ class CanHub:
         self._send_inbox(client, pack(PacketKind.WAKE, 0, client.number, self._now_ns))
 
     def _admit_masters(self) -> None:
-        for client in self._joining:
+        joining, self._joining = self._joining, []  # who is gone already is dropped as a member
+        for client in joining:
             self._masters += 1
             self._welcome(client)
-        self._joining.clear()
 
     # Frames
 
@@ -295,7 +296,12 @@ class CanHub:
             self._join(client, Role(flag), packet)
         elif kind in (PacketKind.SEND, PacketKind.IDLE) and client.role is not None:
             now_ns = time.monotonic_ns() if self._realtime else self._now_ns
+            latest_ns = now_ns + _LONGEST_WAIT_NS
+            if latest_ns < time_ns != FOREVER_NS:
+                raise ProtocolError(f"CAN hub: nobody waits until {time_ns} ns")
             for frame in unpack_frames(packet):
+                if frame.time_ns > latest_ns:
+                    raise ProtocolError(f"CAN hub: nobody sends a frame at {frame.time_ns} ns")
                 self._queue(client, frame, now_ns)
             if kind == PacketKind.IDLE and client in self._timed:
                 if self._faults is not None and client.role == Role.MASTER and not flag:

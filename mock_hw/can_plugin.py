@@ -70,6 +70,8 @@ class RidSimBus(can.BusABC):
         Nobody serves the channel.
     """
 
+    time_stamped = True
+
     def __init__(
         self,
         channel: typechecking.Channel,
@@ -175,18 +177,16 @@ class RidSimBus(can.BusABC):
         can.CanOperationError
             The hub is gone.
         """
-        if not self._inbox:
-            now_ns = self.now_ns if self._client.lockstep else time.monotonic_ns()
-            until_ns = now_ns + _nanoseconds(timeout_s)
-            while not self._inbox:
-                if self._expired(until_ns):
-                    return None
-                try:
-                    self._inbox.extend(self._client.wait(until_ns))
-                except DriverError as error:
-                    raise can.CanOperationError(str(error)) from error
-                if not self._inbox and not self._client.lockstep and self.now_ns >= until_ns:
-                    return None
+        if not self._client.lockstep:
+            return self._receive_realtime(timeout_s)
+        until_ns = self.now_ns + _nanoseconds(timeout_s)
+        while not self._inbox:
+            if self._expired(until_ns):
+                return None
+            try:
+                self._inbox.extend(self._client.wait(until_ns))
+            except DriverError as error:
+                raise can.CanOperationError(str(error)) from error
         self._empty_polls = 0
         arrivals = [
             Arrival(frame.can_id, frame.data[: frame.length], frame.time_ns * 1e-9)
@@ -198,6 +198,19 @@ class RidSimBus(can.BusABC):
         if errors:
             raise can.CanOperationError("the adapter is bus-off")
         return arrivals
+
+    def _receive_realtime(self, timeout_s: float) -> Sequence[Arrival] | None:
+        try:
+            frames = self._client.take_all(timeout_s)
+        except DriverError as error:
+            raise can.CanOperationError(str(error)) from error
+        if not frames:
+            return None
+        return [
+            Arrival(can_id, data[:length], time_ns * 1e-9)
+            for time_ns, can_id, length, _, data in frames
+            if can_id <= STANDARD_MASK
+        ]
 
     def sleep_until_ns(self, until_ns: int) -> None:
         """Let simulated time run until `until_ns`.

@@ -14,6 +14,7 @@ from mock_hw.can_wire import FOREVER_NS, WireFrame
 from mock_hw.hub_protocol import (
     FRAME,
     FRAMES_PER_PACKET,
+    HEADER,
     PACKET_BYTES,
     PacketKind,
     Role,
@@ -118,6 +119,36 @@ class HubClient:
         try:
             self._socket.send(pack(PacketKind.SEND) + b"".join(body))
         except OSError as error:
+            raise self._lost(str(error)) from error
+
+    def take_all(self, timeout_s: float) -> list[tuple[int, int, int, int, bytes]]:
+        """Return all frames that have come, in real time, as plain `WireFrame` fields.
+
+        Waits for the first one, at most `timeout_s` [s]; any bus that the hub carries is classic
+        CAN, so frames are not checked again.
+
+        Raises
+        ------
+        TransportError
+            The hub is gone.
+        """
+        frames: list[tuple[int, int, int, int, bytes]] = []
+        buffer, receive = self._buffer, self._socket.recv_into
+        try:
+            while True:
+                try:
+                    count = receive(buffer, 0, socket.MSG_DONTWAIT)
+                except BlockingIOError:
+                    if frames or timeout_s <= 0.0:
+                        return frames
+                    if not select.select([self._socket], [], [], timeout_s)[0]:
+                        return frames
+                    timeout_s = 0.0
+                    continue
+                if count == 0:
+                    raise self._lost("it has ended")
+                frames += FRAME.iter_unpack(buffer[HEADER.size : count])
+        except (OSError, ValueError) as error:
             raise self._lost(str(error)) from error
 
     def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:

@@ -38,6 +38,8 @@ class LawicelPort:
         There is something at `path` already, or no pseudo-terminal can be had.
     """
 
+    time_stamped = False
+
     def __init__(self, path: Path, bit_rate: int) -> None:
         self.channel_info = f"slcan adapter {path}"
         self._path = path

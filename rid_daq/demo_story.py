@@ -1,9 +1,9 @@
-"""The demo's story on one simulated robot: record, average, identify, validate."""
+"""The demo's story on one simulated robot: record, average, identify, validate, compensate."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,11 +14,10 @@ from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import read_journal
 from acquisition.motion_samples import MotionSamples, plan_motion
 from acquisition.periods import average_periods
-from acquisition.recording import Recording
 from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig
 from config.errors import ConfigError, SafetyStop
-from config.load import LoadedCell, load_cell
+from config.load import LoadedCell, load_cell, to_yaml
 from config.motion import AnyMotion, FourierMotion, MultipointMotion
 from config.robot import RobotDescription
 from identification.estimate_file import write_estimate
@@ -26,6 +25,7 @@ from identification.estimators import estimate_periodic
 from identification.validation import validate
 from mock_hw.cell import SimulatedCell
 from rid_daq.curves import period_curves, torque_curves, validation_section
+from rid_daq.demo_paths import PathMotions, Recorded, tell_paths
 from rid_daq.sections import (
     average_section,
     estimate_section,
@@ -45,19 +45,11 @@ Show = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Motions:
-    """What the robot does: the excitation, and the motion that the model is judged by."""
+    """What the robot does: the excitation, the motion that the model is judged by, and paths."""
 
     excitation: FourierMotion
     validation: MultipointMotion
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """One recorded motion of the story."""
-
-    folder: RunFolder
-    outcome: RecordOutcome
-    recording: Recording
+    paths: PathMotions | None
 
 
 def tell_story(
@@ -102,10 +94,13 @@ def tell_story(
         tell = _Recorder(folder, loaded, simulated.cell, unmodelled, show)
         excited = tell.record("excitation", motions.excitation)
         validated = tell.record("validation", motions.validation)
-    show(tell.done_s, "identifying")
-    average = average_periods(excited.recording)
-    estimate = estimate_periodic(robot, [average], cell_name=cell.name)
-    write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
+        show(tell.done_s, "identifying")
+        average = average_periods(excited.recording)
+        estimate = estimate_periodic(robot, [average], cell_name=cell.name)
+        write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
+        chapter: dict[str, Any] = {"runs": [], "run_ids": []}
+        if unmodelled and motions.paths is not None:
+            chapter = tell_paths(tell.record, motions.paths, robot, cell, estimate, folder)
     truth = estimate.base.from_standard(true_parameters(estimate.model, robot, plant))
     noise_nm = np.sqrt(average.torque_variance)
     validation = validate(estimate, validated.recording, noise_nm=noise_nm)
@@ -117,7 +112,9 @@ def tell_story(
                 ("Excitation", motions.excitation, excited),
                 ("Validation", motions.validation, validated),
             )
-        ],
+        ]
+        + chapter["runs"],
+        **({"tracking": chapter["tracking"]} if "tracking" in chapter else {}),
         "average": average_section(average, robot),
         "estimate": estimate_section(estimate, truth),
         "validation": validation_section(
@@ -134,7 +131,7 @@ def tell_story(
             loop_section(role, run.outcome.statistics)
             for role, run in (("Excitation", excited), ("Validation", validated))
         ],
-        "run_ids": [excited.folder.run_id, validated.folder.run_id],
+        "run_ids": [excited.folder.run_id, validated.folder.run_id, *chapter["run_ids"]],
     }
 
 
@@ -150,8 +147,14 @@ class _Recorder:
         self._show = show
         self.done_s = 0.0
 
-    def record(self, role: str, motion: AnyMotion) -> Recorded:
-        """Record one motion into a run folder of its own.
+    def record(
+        self,
+        role: str,
+        motion: AnyMotion,
+        planned: MotionSamples | None = None,
+        files: Mapping[str, bytes] | None = None,
+    ) -> Recorded:
+        """Record one motion into a run folder of its own, as planned where that is given.
 
         Raises
         ------
@@ -159,9 +162,12 @@ class _Recorder:
             It did not come to its end.
         """
         robot = self._loaded.robot
-        samples = plan_motion(motion, robot, self._cell.cycle_time_s)
+        samples = planned or plan_motion(motion, robot, self._cell.cycle_time_s)
         folder = RunFolder.create(self._root, role, software=software_versions())
         for name, content in self._loaded.files.items():
+            folder.write(name, content)
+        folder.write("motion.yaml", to_yaml(motion).encode())
+        for name, content in (files or {}).items():
             folder.write(name, content)
         outcome = self._run(robot, samples, folder, role)
         folder.finish(

@@ -19,6 +19,7 @@ from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, to_yaml
 from config.motion import FourierMotion
 from rid_daq.console import Console
+from rid_daq.live.live_page import LivePage
 from rid_daq.payload_watch import Watch
 from rid_daq.recording_job import progress_shown
 from rid_daq.session import unfinished
@@ -81,7 +82,7 @@ class SessionState:
             if document["schema"] != SCHEMA:
                 raise ValueError
             return cls(folder, document["cell"], dict(document["done"]), dict(document["facts"]))
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             raise ConfigError(
                 f"{folder.file(STATE)}: not the state of a payload session; was it edited?"
             ) from None
@@ -99,11 +100,14 @@ class PayloadSteps:
         The cell as it is reachable.
     console : Console
         Where progress is shown.
+    page : LivePage, optional
+        Where it is shown too.
     """
 
     loaded: LoadedCell
     cell: CellConfig
     console: Console
+    page: LivePage | None = None
 
     def record(
         self, motion: FourierMotion, folder: RunFolder, role: str, watch: Watch | None = None
@@ -120,6 +124,10 @@ class PayloadSteps:
             folder.write(name, content)
         folder.write("motion.yaml", to_yaml(motion, f"Of a payload session: {role}.").encode())
         periods = len(samples) / (samples.samples_per_period or len(samples))
+        onlooker = None
+        if self.page is not None:
+            title = f"Payload session: {role}"
+            onlooker = self.page.onlooker(title, samples, self.cell, self.loaded.robot)
         with unfinished(folder), self.console.progress(role, periods, "periods") as display:
             show = progress_shown(samples, self._shown(display.update, watch))
             outcome = record_motion(
@@ -130,6 +138,7 @@ class PayloadSteps:
                 on_progress=show,
                 enough=None if watch is None else watch.enough,
                 drive_profile=self.loaded.drive_profile,
+                onlooker=onlooker,
             )
         status = RunStatus.COMPLETE if outcome.complete else RunStatus.STOPPED
         folder.finish(status, {"robot": self.loaded.robot.name, "rows": outcome.rows})

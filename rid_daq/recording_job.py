@@ -83,7 +83,8 @@ class RecordedRun:
             return ""
         where = "" if self.recording is None else f" {_where(self.recording)}"
         text = stop.text if stop.text.endswith(".") else f"{stop.text}."
-        return f"Stopped: {text}{where} {_WHAT_TO_DO.get(stop.code, _CHECK)}"
+        said = f"S{text[1:]}" if text.startswith("stopped ") else f"Stopped: {text}"
+        return f"{said}{where} {_WHAT_TO_DO.get(stop.code, _CHECK)}"
 
     @property
     def timing_sentence(self) -> str:

@@ -85,7 +85,7 @@ def read_result(folder: RunFolder) -> Result:
         raise RecordingError(f"{folder.path}: no {RESULT} yet; the run ended before it had one")
     try:
         document = json.loads(folder.read(RESULT))
-    except ValueError:
+    except (ValueError, RecursionError):
         raise RecordingError(f"{path}: not valid JSON; was it edited?") from None
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         raise RecordingError(f"{path}: not a result of this version ({SCHEMA!r} expected)")

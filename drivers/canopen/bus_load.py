@@ -7,6 +7,7 @@ intermission. An 8-byte frame has 111 bits without stuffing and at most 135.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 from drivers.canopen.frames import Frame
@@ -54,16 +55,20 @@ def cyclic_load(
     *,
     master_heartbeat_s: float,
     drive_heartbeat_s: float,
+    frame_bytes: tuple[int, int] = (8, 8),
+    status_s: float = math.inf,
     worst: bool = False,
 ) -> float:
     """Return the share of a bus that the cyclic exchange takes; 1.0 is a full bus.
 
-    A cycle is SYNC and, for every axis, an RPDO and a TPDO of 8 bytes; the heartbeats come on top.
+    A cycle is SYNC and, for every axis, an RPDO and a TPDO of `frame_bytes`; the heartbeats, and a
+    statusword every `status_s`, come on top.
     """
     bits = worst_bits if worst else typical_bits
-    per_cycle = bits(0) + 2 * axes * bits(8)
+    command, answer = frame_bytes
+    per_cycle = bits(0) + axes * (bits(command) + bits(answer))
     heartbeats = bits(1) / master_heartbeat_s + axes * bits(1) / drive_heartbeat_s
-    return (per_cycle / cycle_time_s + heartbeats) / bitrate
+    return (per_cycle / cycle_time_s + heartbeats + axes * bits(2) / status_s) / bitrate
 
 
 def _crc_of_byte(byte: int) -> int:

@@ -20,7 +20,8 @@ TPDO_MAPPING = 0x1A00
 INVALID = 0x8000_0000
 NO_RTR = 0x4000_0000
 EVERY_SYNC = 1
-UNUSED_NUMBERS = (2, 3, 4)
+ON_EVENT = 255
+PREDEFINED_NUMBERS = (1, 2, 3, 4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +67,8 @@ class PdoMapping:
         What it carries, in order.
     transmission_type
         1 to 240: synchronous, with every n-th SYNC; 254, 255: on an event.
+    event_timer_ms
+        Of an event-driven TPDO: how often it is sent even without a change; 0 for never.
     """
 
     direction: Literal["rpdo", "tpdo"]
@@ -73,6 +76,7 @@ class PdoMapping:
     cob_id: int
     objects: tuple[MappedObject, ...]
     transmission_type: int = EVERY_SYNC
+    event_timer_ms: int = 0
 
     def __post_init__(self) -> None:
         if not 1 <= self.number <= 512:
@@ -113,6 +117,10 @@ class PdoMapping:
             yield ObjectWrite(self.mapping_index, position, _u32(item.entry()))
         yield ObjectWrite(self.mapping_index, 0, bytes((len(self.objects),)))
         yield ObjectWrite(self.communication_index, 2, bytes((self.transmission_type,)))
+        if self.event_timer_ms:
+            yield ObjectWrite(
+                self.communication_index, 5, self.event_timer_ms.to_bytes(2, "little")
+            )
         yield ObjectWrite(self.communication_index, 1, _u32(self.valid_cob_id))
 
     def read_back(self) -> Iterator[ObjectWrite]:
@@ -121,6 +129,10 @@ class PdoMapping:
         for position, item in enumerate(self.objects, start=1):
             yield ObjectWrite(self.mapping_index, position, _u32(item.entry()))
         yield ObjectWrite(self.communication_index, 2, bytes((self.transmission_type,)))
+        if self.event_timer_ms:
+            yield ObjectWrite(
+                self.communication_index, 5, self.event_timer_ms.to_bytes(2, "little")
+            )
         yield ObjectWrite(self.communication_index, 1, _u32(self.valid_cob_id))
 
 

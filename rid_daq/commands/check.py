@@ -15,10 +15,12 @@ from config.cell import CellConfig
 from config.errors import DriverError, PreflightError, RidDaqError
 from config.load import LoadedCell, load_cell
 from config.robot import RobotDescription
-from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
+from drivers.bring_up import bus_load
+from drivers.canopen.bus_load import LOAD_LIMIT
 from drivers.cell import Cell, open_cell
 from drivers.interfaces import DriveSetting
 from drivers.servo_can import COLLECT_FRACTION
+from rid_daq.bus_check import bus_lines
 from rid_daq.cells import reachable_cell
 from rid_daq.check_line import CheckLine
 from rid_daq.console import AsJson, Console
@@ -92,7 +94,7 @@ def preflight(
     loaded: LoadedCell, reachable: CellConfig, runs: Path, seconds: float
 ) -> tuple[list[CheckLine], RidDaqError | None]:
     """Return the lines of the preflight of a reachable cell, and what ended it early."""
-    lines = [_bus_load(loaded.config), _disk(runs)]
+    lines = [_bus_load(loaded.config), *bus_lines(reachable), _disk(runs)]
     plate = PlateCheck(reachable, loaded.amplifier_profile)
     problem = _attempt(plate.before)
     lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
@@ -146,13 +148,7 @@ class _Stopped(Exception):  # noqa: N818 - carries what was found until then
 
 
 def _bus_load(cell: CellConfig) -> CheckLine:
-    load = cyclic_load(
-        len(cell.axes),
-        cell.cycle_time_s,
-        cell.can.bitrate,
-        master_heartbeat_s=cell.drive_safety.master_heartbeat_ms / 1000.0,
-        drive_heartbeat_s=cell.drive_safety.drive_heartbeat_ms / 1000.0,
-    )
+    load = bus_load(cell)
     return CheckLine(
         where=f"{cell.can.interface}:{cell.can.channel}",
         what="bus load",
@@ -247,6 +243,17 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
         )
         for axis, count in zip(opened.config.axes, missing, strict=True)
     ]
+    if axes.lost_frames:
+        lines.append(
+            CheckLine(
+                opened.config.can.channel,
+                "frames lost by this computer",
+                "0",
+                str(axes.lost_frames),
+                "red",
+                "raise net.core.rmem_max, and see what else loads this computer",
+            )
+        )
     if events:
         lines.append(
             CheckLine("drives", "faults", "none", "; ".join(events), "red", "see the drive")

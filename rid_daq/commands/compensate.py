@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -9,14 +10,24 @@ import numpy as np
 import typer
 
 from acquisition.motion_samples import plan_motion, verify_limits
+from acquisition.run_list import find_run
 from compensation.compensated_motion import compensated_motion
-from compensation.feedforward_file import write_feedforward
+from compensation.feedforward_file import Origin, TuningEntry, write_feedforward
 from compensation.loop_file import read_loops
+from compensation.online import in_order
+from compensation.repeated_error import repeated_error
+from compensation.torque_limits import refuse_torque
+from compensation.tuning import tune
+from compensation.velocity_loop import VelocityLoop
 from config.errors import ConfigError
 from config.load import load_cell, load_motion
+from config.motion import AnyMotion
+from identification.estimate import Estimate
 from identification.estimate_file import read_estimate
 from rid_daq.commands.record import check_robot
 from rid_daq.console import AsJson, Console
+from rid_daq.motion_runs import MotionRun, read_motion_run, sha256_of
+from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 
 def compensate(
@@ -27,11 +38,21 @@ def compensate(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FEEDFORWARD", help="The file to write.")
     ],
+    reference: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RUN",
+            help="Tune scale and delay of every axis by this run of a periodic motion.",
+        ),
+    ] = None,
+    runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
     """Compute the speeds that make the drives produce the torques that the motion takes.
 
-    Nothing moves. `rid-daq record CELL MOTION --feedforward FEEDFORWARD` runs the motion with it.
+    A reference run, of this or another periodic motion and with or without compensation, tunes what
+    model, loops and transport delay get wrong together; it is averaged over its periods. Nothing
+    moves. `rid-daq record CELL MOTION --feedforward FEEDFORWARD` runs the motion with it.
     """
     console = Console(as_json)
     loaded = load_cell(cell)
@@ -41,9 +62,17 @@ def compensate(
     if robot != loaded.robot.name:
         raise ConfigError(f"{loop}: is of robot {robot!r}, the cell has {loaded.robot.name!r}")
     samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
-    compensated = compensated_motion(samples, read_estimate(model), loops)
+    estimate = read_estimate(model)
+    tuning = None
+    if reference is not None:
+        tuning = _tuned(read_motion_run(find_run(runs, reference)), asked, estimate, loops)
+    compensated = compensated_motion(
+        samples, estimate, loops, None if tuning is None else tuning.as_tuning()
+    )
     verify_limits(compensated, loaded.robot)
-    write_feedforward(output, asked, compensated)
+    refuse_torque(asked, samples, estimate, loaded.robot)
+    origin = Origin(model_sha256=sha256_of(model), loops_sha256=sha256_of(loop), tuning=tuning)
+    write_feedforward(output, asked, compensated, origin)
     assert compensated.feedforward is not None
     more = np.abs(compensated.feedforward - compensated.velocity).max(axis=0)
     names = loaded.robot.joint_names
@@ -52,8 +81,52 @@ def compensate(
             "feedforward": str(output),
             "rows": len(samples),
             "largest_correction": dict(zip(names, more.tolist(), strict=True)),
+            "tuning": None if tuning is None else tuning.model_dump(mode="json"),
         }
     )
+    if tuning is not None:
+        _tell(console, tuning, names)
     changes = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, more, strict=True))
     console.say(f"Largest correction of the speed [rad/s or m/s]: {changes}.")
     console.say(f"Next: rid-daq record {cell} {motion} --feedforward {output}")
+
+
+def _tuned(
+    run: MotionRun, motion: AnyMotion, estimate: Estimate, loops: Sequence[VelocityLoop]
+) -> TuningEntry:
+    """Return what a reference run says of scale and delay."""
+    samples = run.samples()
+    ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
+    measured = repeated_error(samples, [run.data.recording])
+    found = tune(samples, measured, estimate, ordered, run.cell.position_gain_per_s)
+    return TuningEntry.of(found, run.run_id, run.motion == motion)
+
+
+def _tell(console: Console, tuning: TuningEntry, names: tuple[str, ...]) -> None:
+    console.table(
+        ("axis", "scale", "± 2σ", "applied", "delay [ms]", "± 2σ", "applied"),
+        [
+            (
+                name,
+                f"{scale:.4f}",
+                f"{2.0 * scale_std:.4f}",
+                f"{applied:.4f}",
+                f"{1e3 * delay_s:.3f}",
+                f"{2e3 * delay_std_s:.3f}",
+                f"{1e3 * applied_s:.3f}",
+            )
+            for name, scale, scale_std, applied, delay_s, delay_std_s, applied_s in zip(
+                names,
+                tuning.scale,
+                tuning.scale_std,
+                tuning.applied_scale,
+                tuning.delay_s,
+                tuning.delay_std_s,
+                tuning.applied_delay_s,
+                strict=True,
+            )
+        ],
+    )
+    left = [name for name, used in zip(names, tuning.used, strict=True) if not used]
+    if left:
+        console.say(f"Not tuned, the reference run shows too little of it: {', '.join(left)}.")

@@ -13,6 +13,7 @@ from config.load import load_cell, to_yaml
 from config.motion import MultipointMotion
 from identification.experiment_design import design_two_harmonic
 from rid_daq.console import AsJson, Console
+from rid_daq.demo_paths import PathMotions
 from rid_daq.demo_story import DEMO_CELL, Motions
 from rid_daq.exit_codes import ExitCode
 from rid_daq.result import Result, check, new_result, verdict, write_result
@@ -24,6 +25,8 @@ from rid_daq.versions import software_versions
 PERIOD_S = 10.0
 FLOOR_RATIO_LIMIT = 1.3
 INSIDE_SHARE_LIMIT = 0.9
+# By how many times the distance from the path must shrink, in the mean and at its worst.
+PATH_LIMITS = (("circle", (10.0, 6.0)), ("path never used for tuning", (6.0, 4.0)))
 
 
 def demo(
@@ -36,6 +39,12 @@ def demo(
     points: Annotated[
         int, typer.Option(min=2, help="Random points of the validation motion.")
     ] = 20,
+    paths: Annotated[
+        bool,
+        typer.Option(
+            "--paths/--no-paths", help="Whether paths are driven, with and without compensation."
+        ),
+    ] = True,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -43,7 +52,8 @@ def demo(
 
     Design an excitation, record it, record a validation motion, average, identify, validate and
     report. It is done twice side by side: on a robot with effects that no model has, and on one
-    without, where the true parameters must lie inside their intervals.
+    without, where the true parameters must lie inside their intervals. The first then measures its
+    velocity loops and drives a circle and a path, before and after pre-compensation.
     """
     console = Console(as_json)
     started_s = time.monotonic()
@@ -62,11 +72,15 @@ def demo(
         folder.write("motion.yaml", to_yaml(excitation, "The demo's excitation.").encode())
         folder.write("validation.yaml", to_yaml(validation, "The demo's validation.").encode())
         console.say("Excitation designed by the two-harmonic heuristic, verified within limits.")
+        cycle_s = loaded.config.cycle_time_s
         total_s = sum(
-            plan_motion(motion, loaded.robot, loaded.config.cycle_time_s).duration_s
+            plan_motion(motion, loaded.robot, cycle_s).duration_s
             for motion in (excitation, validation)
         )
-        motions = Motions(excitation, validation)
+        chapter = PathMotions.of_robot(loaded.robot, cycle_s, seed) if paths else None
+        if chapter is not None:
+            total_s += chapter.duration_s(loaded.robot, cycle_s)
+        motions = Motions(excitation, validation, chapter)
         stories = run_stories(folder, motions, total_s, seed, console)
         result = new_result(
             f"rid-daq demo on the simulated cell {loaded.config.name}", loaded.robot.name
@@ -100,8 +114,9 @@ def demo(
 
 
 def _tell_main_story(result: Result, story: dict[str, Any]) -> None:
-    for key in ("runs", "average", "estimate", "validation", "curves"):
-        result[key] = story[key]
+    for key in ("runs", "average", "estimate", "validation", "curves", "tracking"):
+        if key in story:
+            result[key] = story[key]
 
 
 def _verdict(result: Result) -> dict[str, Any]:
@@ -122,16 +137,33 @@ def _verdict(result: Result) -> dict[str, Any]:
             "%",
         ),
     ]
+    checks += _path_checks(result)
     passed = all(line["passed"] for line in checks)
+    closer = ", and paths are followed many times closer" if "tracking" in result else ""
     return verdict(
         checks,
-        "Passed: the model predicts the validation run as well as the truth does"
+        f"Passed: the model predicts the validation run as well as the truth does{closer}"
         if passed
         else "Failed: see the line marked NO",
         f"The floor is the error that the plant's true parameters leave: noise, and effects that no"
         f" model has. With those effects on, {on['inside']} of {on['of']} true parameters lie"
         f" inside their interval; with them off, {off['inside']} of {off['of']}.",
     )
+
+
+def _path_checks(result: Result) -> list[dict[str, Any]]:
+    """Return what the compensated paths are held to: the circle, then what tuned nothing."""
+    if "tracking" not in result:
+        return []
+    checks = []
+    for (what, limits), motion in zip(PATH_LIMITS, result["tracking"]["motions"], strict=True):
+        for key, words, limit in zip(
+            ("mean_ratio", "max_ratio"), ("in the mean", "at its worst"), limits, strict=True
+        ):
+            checks.append(
+                check(f"{what} followed closer {words}", motion[key], "≥", limit, "times")
+            )
+    return checks
 
 
 def _say(console: Console, result: Result) -> None:
@@ -151,4 +183,9 @@ def _say(console: Console, result: Result) -> None:
     )
     for case in result["truth"]:
         console.say(case["sentence"])
+    for motion in result["tracking"]["motions"] if "tracking" in result else []:
+        console.say(
+            f"{motion['sentence']} Mean distance {1e3 * motion['before']['mean_m']:.3f} mm before,"
+            f" {1e3 * motion['after']['mean_m']:.3f} mm after pre-compensation."
+        )
     console.say(f"Took {result['timing']['elapsed_s']:.1f} s.")

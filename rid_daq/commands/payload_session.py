@@ -27,6 +27,8 @@ from rid_daq.commands.payload_identify import PAYLOAD, known_quantity
 from rid_daq.commands.record import check_robot
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
+from rid_daq.live.access import DEFAULT_LISTEN
+from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
 from rid_daq.payload_job import Weighing, weigh_runs
 from rid_daq.payload_section import payload_section, payload_verdict, tell_payload
 from rid_daq.payload_steps import (
@@ -106,6 +108,10 @@ def session(
         ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of the motion and a simulated cell.")] = 0,
+    live: Live = False,
+    listen: Listen = DEFAULT_LISTEN,
+    token: Token = None,
+    certificate: Certificate = None,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -131,6 +137,7 @@ def session(
     if any(name not in state.done for name in wanted):
         with (
             unfinished(state.folder),
+            live_page(console, live, listen, token, certificate) as page,
             mountable_cell(loaded, seed=seed) as (reachable, simulated),
         ):
             if simulated is None and payload is not None:
@@ -138,7 +145,7 @@ def session(
                     f"--payload is for a simulated cell that is started here, not for {cell}"
                 )
             _preflight(loaded, reachable, runs, console)
-            guide = _Guide(PayloadSteps(loaded, reachable, console), state, asked, label)
+            guide = _Guide(PayloadSteps(loaded, reachable, console, page), state, asked, label)
             empty = ", no payload attached" if "unloaded" in wanted else ""
             clear = f"Nobody in cell {loaded.config.name}, emergency stop at hand{empty}?"
             require_yes(console, clear, yes or loaded.config.simulated)

@@ -1,4 +1,4 @@
-"""`rid-daq tracking`: how far the robot was from where it should have been."""
+"""`rid-daq tracking`: how far the robot was from where it should have been, before and after."""
 
 from __future__ import annotations
 
@@ -6,70 +6,146 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.motion_samples import Phase
 from acquisition.run_list import find_run
-from compensation.tracking_error import TrackingError, tracking_error
-from config.errors import DataQualityError
-from dynamics.kinematics import Chain
+from config.errors import ConfigError, DataQualityError
 from rid_daq.console import AsJson, Console
-from rid_daq.run_data import RunData, read_run
+from rid_daq.motion_runs import MotionRun, read_motion_run
+from rid_daq.report.render import number
+from rid_daq.result import verdict, write_result
+from rid_daq.run_data import result_of
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.tracking_section import followed, tracking_section
 
 
 def tracking(
     run: Annotated[
-        str, typer.Argument(metavar="RUN", help="A run folder, its id or label, or `latest`.")
+        list[str],
+        typer.Argument(metavar="RUN...", help="Run folders, ids or labels, or `latest`."),
     ],
     against: Annotated[
-        str | None, typer.Option(metavar="RUN", help="The same motion without compensation.")
+        list[str] | None,
+        typer.Option(metavar="RUN", help="The same motion without compensation; repeat for more."),
     ] = None,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
     """Compare positions reached with positions wanted, joint by joint and along the tool's path.
 
-    Rows of the motion's main part count. Kinematics are those of the robot file.
+    Several motions, each with the run to compare it against, come into one table and one report, in
+    the first run's folder. Rows of a motion's main part count. Kinematics are those of the robot
+    file.
     """
     console = Console(as_json)
-    data = read_run(find_run(runs, run))
-    error = _error(data)
-    document: dict[str, Any] = {"run": data.folder.run_id, **_entry(data, error)}
-    before = None
-    if against is not None:
-        other = read_run(find_run(runs, against))
-        before = _error(other)
-        document["against"] = {"run": other.folder.run_id, **_entry(other, before)}
-        document["mean_ratio"] = before.mean_m / error.mean_m
-        document["max_ratio"] = before.max_m / error.max_m
-    console.document(document)
+    driven = [read_motion_run(find_run(runs, one)) for one in run]
+    others = [read_motion_run(find_run(runs, one)) for one in against or ()]
+    robot = driven[0].data.robot
+    for one in (*driven, *others):
+        if one.data.robot != robot:
+            raise ConfigError(
+                f"run {one.run_id} is of robot {one.data.robot.name!r}, or of another state of its"
+                f" file, run {driven[0].run_id} of {robot.name!r}: compare runs of one"
+            )
+    pairs = [(one, _before(one, others)) for one in driven]
+    for other in others:
+        if all(other is not before for _, before in pairs):
+            raise ConfigError(
+                f"--against {other.run_id}: is of none of the motions given; compare runs of the"
+                " same motion"
+            )
+    section = tracking_section([followed(*pair) for pair in pairs], robot)
+    result = result_of(driven[0].data)
+    result["title"] = f"Paths of {robot.name}"
+    result["tracking"] = section
+    result["verdict"] = verdict([], *_sentences(section))
+    path = write_result(driven[0].data.folder, result)
+    console.document(_document(pairs, section, robot.joint_names) | {"report": str(path)})
     console.table(
-        ("", "mean [mm]", "max [mm]", *(f"{name} peak" for name in data.robot.joint_names)),
-        [_row("run", error), *([] if before is None else [_row("against", before)])],
+        (
+            "motion",
+            "its own runs",
+            "mean [mm]",
+            "before",
+            "closer",
+            "largest [mm]",
+            "before",
+            "closer",
+        ),
+        [
+            (
+                one.data.folder.manifest().label,
+                motion["use"],
+                *_row(motion, "mean"),
+                *_row(motion, "max"),
+            )
+            for (one, _), motion in zip(pairs, section["motions"], strict=True)
+        ],
     )
-    if before is not None:
-        console.say(
-            f"The path is {before.mean_m / error.mean_m:.1f} times closer in the mean,"
-            f" {before.max_m / error.max_m:.1f} times at its worst."
-        )
+    console.verdict(None, result["verdict"]["headline"])
+    console.say(f"Report: {path}")
 
 
-def _error(data: RunData) -> TrackingError:
-    recording = data.recording
-    main = (recording.phase == Phase.MAIN) & recording.valid
-    if recording.target_position is None or not main.any():
+def _before(run: MotionRun, others: list[MotionRun]) -> MotionRun | None:
+    """Return the run to compare with: the one of the same motion.
+
+    Raises
+    ------
+    DataQualityError
+        There are several.
+    """
+    same = [other for other in others if other.motion == run.motion]
+    if len(same) > 1:
         raise DataQualityError(
-            f"run {data.folder.run_id} says nothing of where the robot should have been: tracking"
-            " needs a run of this program's own"
+            f"runs {same[0].run_id} and {same[1].run_id} are of the same motion: give --against"
+            " once for each"
         )
-    chain = Chain.from_description(data.robot)
-    return tracking_error(chain, recording.target_position[main], recording.position[main])
+    return same[0] if same else None
 
 
-def _entry(data: RunData, error: TrackingError) -> dict[str, Any]:
-    peaks = zip(data.robot.joint_names, error.joint_peak.tolist(), strict=True)
-    return {"mean_m": error.mean_m, "max_m": error.max_m, "joint_peak": dict(peaks)}
+def _sentences(section: dict[str, Any]) -> tuple[str, str]:
+    """Return what the report says first."""
+    after = [motion["after"]["mean_m"] for motion in section["motions"]]
+    ratios = [motion["mean_ratio"] for motion in section["motions"] if motion["mean_ratio"]]
+    mean = f"Mean distance from the path {number(1e3 * max(after), 3)} mm"
+    mean += " at most" if len(after) > 1 else ""
+    if not ratios:
+        return mean, "No run without compensation was given to compare with."
+    least = number(min(ratios), 3)
+    return (
+        f"{mean}, {least} times closer than before" + (" at least" if len(ratios) > 1 else ""),
+        "Before is velocity feedforward alone, after is with pre-compensation.",
+    )
 
 
-def _row(name: str, error: TrackingError) -> tuple[str, ...]:
-    peaks = (f"{1e3 * peak:.2f}e-3" for peak in error.joint_peak)
-    return (name, f"{1e3 * error.mean_m:.3f}", f"{1e3 * error.max_m:.3f}", *peaks)
+def _document(
+    pairs: list[tuple[MotionRun, MotionRun | None]],
+    section: dict[str, Any],
+    joints: tuple[str, ...],
+) -> dict[str, Any]:
+    motions = []
+    for (one, before), motion in zip(pairs, section["motions"], strict=True):
+        motions.append(
+            {
+                "run": one.run_id,
+                "use": motion["use"],
+                **_sizes(motion["after"], joints),
+                "against": None
+                if before is None
+                else {"run": before.run_id, **_sizes(motion["before"], joints)},
+                "mean_ratio": motion["mean_ratio"],
+                "max_ratio": motion["max_ratio"],
+            }
+        )
+    return {"motions": motions}
+
+
+def _sizes(size: dict[str, Any], joints: tuple[str, ...]) -> dict[str, Any]:
+    return size | {"joint_peak": dict(zip(joints, size["joint_peak"], strict=True))}
+
+
+def _row(motion: dict[str, Any], key: str) -> tuple[str, str, str]:
+    before = motion["before"]
+    return (
+        f"{1e3 * motion['after'][f'{key}_m']:.4f}",
+        "–" if before is None else f"{1e3 * before[f'{key}_m']:.3f}",
+        "–" if before is None else f"{motion[f'{key}_ratio']:.1f} times",
+    )

@@ -28,6 +28,7 @@ function heat(element, share) {
 function makeCards(joints) {
   byId("joints").replaceChildren();
   cards.length = 0;
+  document.body.classList.toggle("many", joints.length > 4);
   for (const joint of joints) {
     const article = byId("joint").content.cloneNode(true).firstElementChild;
     const part = (name) => article.querySelector(`[data-${name}]`);
@@ -109,7 +110,7 @@ function show(picture) {
   byId("done").style.width = `${100 * (share || 0)}%`;
   byId("way").setAttribute("aria-valuenow", String(Math.round(100 * (share || 0))));
   setText(byId("count"), `${share === null ? "" : `${Math.floor(100 * share)} %, `}${picture.count}`);
-  setText(byId("left"), picture.left_s === null || picture.over ? "" : `${duration(picture.left_s)} left`);
+  setText(byId("left"), picture.left_s === null || picture.over || picture.stop !== null ? "" : `${duration(picture.left_s)} left`);
   picture.joints.forEach((joint, i) => showJoint(cards[i], joint));
   const lines = [...picture.notes];
   if (picture.recorder.startsWith("failed")) lines.unshift(`Recorder ${picture.recorder}`);
@@ -123,6 +124,10 @@ function show(picture) {
     }));
   }
   document.title = `${share === null ? "" : `${Math.floor(100 * share)} % `}${picture.words} – ${picture.cell}`;
+}
+
+function stopWords(text) {
+  return /^stopped /.test(text) ? `S${text.slice(1)}` : `Stopped: ${text}`;
 }
 
 function banner(kind, text) {
@@ -141,7 +146,7 @@ function look() {
   const rest = shown && shown.at_rest_s !== null ? ` All axes at rest ${shown.at_rest_s.toFixed(2)} s later.` : "";
   if (stopFailed) banner("bad", "The stop was NOT sent. Use the emergency stop.");
   else if (unknown) banner("bad", "Not admitted: open the whole address that the terminal shows.");
-  else if (shown && shown.stop !== null) banner("bad", `Stopped: ${shown.stop}.${rest}`);
+  else if (shown && shown.stop !== null) banner("bad", `${stopWords(shown.stop)}.${rest}`);
   else if (shown && shown.problem !== null) banner("bad", shown.problem);
   else if (ended) banner("good", "The motion has ended; the drives are off.");
   else if (silent && shown !== null) banner("bad", "NOT LIVE: what you see is old.");

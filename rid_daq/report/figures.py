@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 MEASURED, PREDICTED, WRONG, FAINT, GRID = "#1f2933", "#3b82f6", "#c2410c", "#b6c0cb", "#e3e8ee"
 
-_STYLE: Any = {
+STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: small, searchable, in the page's font
     "svg.hashsalt": "rid-daq",  # the same numbers give the same bytes
     "font.family": "sans-serif",
@@ -49,7 +49,7 @@ def torque_figure(time_s: Sequence[float], axis: dict[str, Any], name: str) -> s
     predicted = np.asarray(axis["predicted"], dtype=float)
     counted = np.asarray(axis["counted"], dtype=bool)
     error = measured - predicted
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 3.5), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
         top.plot(t, np.where(counted, np.nan, predicted), color=FAINT, linewidth=0.8)
@@ -71,7 +71,7 @@ def torque_figure(time_s: Sequence[float], axis: dict[str, Any], name: str) -> s
         bottom.set_ylabel(f"error [{axis['unit']}]")
         bottom.set_xlabel("time [s]")
         bottom.set_xlim(float(t[0]), float(t[-1]))
-        return _svg(figure, name)
+        return as_svg(figure, name)
 
 
 def spectrum_figure(frequency_hz: Sequence[float], axes: Sequence[dict[str, Any]]) -> str:
@@ -86,7 +86,7 @@ def spectrum_figure(frequency_hz: Sequence[float], axes: Sequence[dict[str, Any]
         harmonic each.
     """
     f = np.asarray(frequency_hz, dtype=float)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 1.0 + 2.2 * -(-len(axes) // 3)), layout="constrained")
         columns = min(3, len(axes))
         panels = figure.subplots(-(-len(axes) // 3), columns, sharey=True, squeeze=False).ravel()
@@ -106,7 +106,7 @@ def spectrum_figure(frequency_hz: Sequence[float], axes: Sequence[dict[str, Any]
         panels[0].set_ylabel("rms torque")
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper right", ncols=3)
-        return _svg(figure, "spectrum")
+        return as_svg(figure, "spectrum")
 
 
 def truth_figure(cases: Sequence[dict[str, Any]]) -> str:
@@ -117,7 +117,7 @@ def truth_figure(cases: Sequence[dict[str, Any]]) -> str:
     cases
         One mapping a plant: `title`, and `deviation_sigmas`, one value a parameter.
     """
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 2.4), layout="constrained")
         panels = np.atleast_1d(figure.subplots(1, len(cases)))
         for panel, case in zip(panels, cases, strict=True):
@@ -134,7 +134,7 @@ def truth_figure(cases: Sequence[dict[str, Any]]) -> str:
             panel.set_title(case["title"], fontsize=9.0)
             panel.set_xlabel("parameter number")
         panels[0].set_ylabel("(estimate - truth) / σ")
-        return _svg(figure, "truth")
+        return as_svg(figure, "truth")
 
 
 def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str) -> str:
@@ -155,7 +155,7 @@ def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str
         f"{low:g}–{high:g}" if low < 1000.0 else f"{low / 1000.0:g}–{high / 1000.0:g} ms"
         for low, high in itertools.pairwise(edges_us)
     ] + [f"≥ {edges_us[-1] / 1000.0:g} ms"]
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 2.4), layout="constrained")
         panel = figure.subplots()
         bars = panel.bar(places, number, 0.9, color=PREDICTED)
@@ -166,7 +166,7 @@ def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str
         panel.grid(visible=False, axis="x")
         panel.set_xlabel("lateness of the cycle [µs]")
         panel.set_ylabel("cycles")
-        return _svg(figure, name)
+        return as_svg(figure, name)
 
 
 def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
@@ -186,7 +186,7 @@ def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
         {"color": FAINT},
         {"color": WRONG},
     )
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 0.6 + 2.6 * rows), layout="constrained")
         panels = figure.subplots(rows, columns, squeeze=False).ravel()
         for panel, joint in zip(panels, joints, strict=False):
@@ -216,11 +216,11 @@ def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
             panel.legend(loc="lower right", fontsize=7.5)
         for panel in panels[len(joints) :]:
             panel.set_visible(False)
-        return _svg(figure, "friction")
+        return as_svg(figure, "friction")
 
 
-def _svg(figure: Figure, name: str) -> str:
-    """Return the drawing as an element to put into a page, its ids made its own."""
+def as_svg(figure: Figure, name: str) -> str:
+    """Return a drawing as an element to put into a page, its ids made its own by a word."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     drawing = buffer.getvalue()

@@ -15,6 +15,7 @@ from rid_daq.report.figures import (
     torque_figure,
     truth_figure,
 )
+from rid_daq.report.path_figures import error_figure, path_figure
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -94,6 +95,15 @@ def _figures(result: dict[str, Any]) -> dict[str, Any]:
         figures["friction"] = Markup(friction_figure(result["friction"]["joints"]))
     if "truth" in result:
         figures["truth"] = Markup(truth_figure(result["truth"]))
+    if "tracking" in result:
+        tracking = result["tracking"]
+        figures["tracking"] = [
+            (
+                Markup(path_figure(motion["drawn"], f"path{position}")),
+                Markup(error_figure(motion["drawn"], tracking["joints"], f"error{position}")),
+            )
+            for position, motion in enumerate(tracking["motions"])
+        ]
     figures["loops"] = [
         Markup(histogram_figure(loop["edges_us"], loop["counts"], f"loop{position}"))
         for position, loop in enumerate(result.get("timing", {}).get("loops", []))

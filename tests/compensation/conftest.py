@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion_samples import MotionSamples
+from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.periods import average_periods
 from acquisition.recording import Recording
+from compensation.frequency_response import frequency_responses
+from compensation.velocity_loop import VelocityLoop, fit_velocity_loop
 from config.load import LoadedCell, load_cell
+from config.motion import MultisineMotion
+from identification.estimate import Estimate
+from identification.estimators import estimate_periodic
+from identification.experiment_design import design_two_harmonic
 from mock_hw.plant import Plant
 
 Drive = Callable[..., Recording]
@@ -80,3 +87,31 @@ def drive(cell: LoadedCell) -> Drive:
         )
 
     return through
+
+
+@pytest.fixture(scope="session")
+def loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
+    joints = tuple(
+        {"joint": name, "velocity": 0.03, "slow_amplitude": 0.1} for name in cell.robot.joint_names
+    )
+    motion = MultisineMotion.model_validate(
+        {
+            "kind": "multisine",
+            "robot": "ir361",
+            "period_s": 4.0,
+            "lowest_hz": 0.75,
+            "highest_hz": 20.0,
+            "realisations": 2,
+            "joints": joints,
+        }
+    )
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    recording = drive(samples, 1)
+    return [fit_velocity_loop(r) for r in frequency_responses(recording, motion, cell.robot)]
+
+
+@pytest.fixture(scope="session")
+def model(cell: LoadedCell, drive: Drive) -> Estimate:
+    motion = design_two_harmonic(cell.robot, 10.0, cell.config.cycle_time_s, tries=100, periods=8)
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    return estimate_periodic(cell.robot, [average_periods(drive(samples, 2))])

@@ -11,50 +11,18 @@ import pytest
 
 from acquisition.circle import circle_motion
 from acquisition.motion_samples import MotionSamples, Phase, plan_motion
-from acquisition.periods import average_periods
 from acquisition.recording import Recording
 from compensation.compensated_motion import compensated_motion
-from compensation.frequency_response import frequency_responses
 from compensation.loop_file import read_loops, write_loops
 from compensation.tracking_error import TrackingError, tracking_error
-from compensation.velocity_loop import VelocityLoop, fit_velocity_loop
+from compensation.velocity_loop import VelocityLoop
 from config.errors import ConfigError
 from config.load import LoadedCell
-from config.motion import CircleMotion, MultipointMotion, MultisineMotion
+from config.motion import CircleMotion, MultipointMotion
 from dynamics.kinematics import Chain
 from identification.estimate import Estimate
-from identification.estimators import estimate_periodic
-from identification.experiment_design import design_two_harmonic
 
 Drive = Callable[..., Recording]
-
-
-@pytest.fixture(scope="module")
-def loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
-    joints = tuple(
-        {"joint": name, "velocity": 0.03, "slow_amplitude": 0.1} for name in cell.robot.joint_names
-    )
-    motion = MultisineMotion.model_validate(
-        {
-            "kind": "multisine",
-            "robot": "ir361",
-            "period_s": 4.0,
-            "lowest_hz": 0.75,
-            "highest_hz": 20.0,
-            "realisations": 2,
-            "joints": joints,
-        }
-    )
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
-    recording = drive(samples, 1)
-    return [fit_velocity_loop(r) for r in frequency_responses(recording, motion, cell.robot)]
-
-
-@pytest.fixture(scope="module")
-def model(cell: LoadedCell, drive: Drive) -> Estimate:
-    motion = design_two_harmonic(cell.robot, 10.0, cell.config.cycle_time_s, tries=100, periods=8)
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
-    return estimate_periodic(cell.robot, [average_periods(drive(samples, 2))])
 
 
 def circle(centre: tuple[float, float, float], radius_m: float, speed: float) -> CircleMotion:

@@ -237,6 +237,8 @@ class TestDevicesThatAreNotThere:
             (heartbeat_frame(127, NmtState.OPERATIONAL), "node 127's heartbeat"),
             (Frame(0x602, bytes(8)), "SDO requests to node 2"),
             (Frame(0x203, bytes(8)), "commands to node 3"),
+            (Frame(0x655, bytes(8)), "SDO requests to node 85"),
+            (Frame(0x7E5, bytes(8)), "layer settings"),
         ],
     )
     def test_another_master(self, bench: Any, frame: Frame, what: str) -> None:
@@ -244,6 +246,14 @@ class TestDevicesThatAreNotThere:
         with pytest.raises(LockedError, match=f"it sends {what}"):
             bench.axes.bring_up()
         assert bench.bus.sent == []
+
+    @pytest.mark.parametrize("delay_s", [0.082, 0.095, 0.108, 0.112])
+    def test_another_master_in_the_middle_of_the_bring_up(self, bench: Any, delay_s: float) -> None:
+        bench.bus.transmit(Frame(0x602, bytes(8)), delay_s)
+        with pytest.raises(LockedError, match="it sends SDO requests to node 2"):
+            bench.axes.bring_up()
+        assert bench.bus.sent != []
+        assert bench.bus.sent_to(0x201) == []
 
     def test_other_devices_on_the_bus_do_not_disturb(self, bench: Any) -> None:
         for delay_s in (0.02, 0.1, 0.2):

@@ -237,11 +237,9 @@ def test_a_foreign_master_is_noticed_before_anything_is_sent(served: Served) -> 
     if served.cell.can.interface == "slcan":
         pytest.skip("an slcan adapter's port is one program's alone: nobody else can be on it")
     with other_master(served.cell.can) as bus, served.open() as cell:
-        sync = can.Message(arbitration_id=0x80, is_extended_id=False)
-        task = bus.send_periodic(sync, 0.02)
+        bus.send(can.Message(arbitration_id=0x80, is_extended_id=False))
         with pytest.raises(LockedError, match="it sends SYNC"):
             cell.axes.bring_up()
-        task.stop()
 
 
 def other_master(bus: CanBusConfig) -> can.BusABC:

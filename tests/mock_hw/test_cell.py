@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import multiprocessing
 import os
@@ -12,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +22,7 @@ import pytest
 from config.errors import TransportError
 from config.load import LoadedCell, load_cell
 from drivers.canopen.emcy import parse_emcy
-from drivers.cell import open_cell
+from drivers.cell import Cell, open_cell
 from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
 from mock_hw.can_wire import WireFrame
 from mock_hw.cell import SimulatedCell
@@ -33,7 +35,7 @@ MOVE_FOR_EVER = f"""
 import os, sys
 import numpy as np
 from config.load import load_cell
-from drivers.cell import open_cell
+from drivers.cell import Cell, open_cell
 
 loaded = load_cell("ir361")
 config = loaded.config.model_copy(
@@ -122,6 +124,43 @@ def test_a_lock_step_run_is_repeatable_to_the_byte(loaded: LoadedCell, tmp_path:
     assert len(one.splitlines()) > 1000
     assert two.startswith(one), "they differ in how long they went on without a master alone"
     assert len(two) - len(one) < 1000
+
+
+def test_the_trimmed_exchange_moves_the_robot_and_stops_it(loaded: LoadedCell) -> None:
+    config = loaded.config.model_copy(update={"exchange": "trimmed"})
+    with simulate(replace(loaded, config=config)) as simulated:
+        end = run_a_little(simulated, loaded)
+        assert not end.enabled.any()
+        with open_cell(simulated.cell, loaded.robot) as cell:
+            cell.axes.bring_up()
+            found = {s.object_name: s.found for s in cell.axes.settings() if s.node_id == 2}
+            assert (found["1600h:00"], found["1A00h:00"], found["1801h:05"]) == ("1h", "2h", "64h")
+            cell.axes.start()
+            cell.axes.enable()
+            simulated_drive_faults(simulated, cell)
+            assert not cell.axes.command(np.zeros(3))
+        assert stopped(simulated.axes())
+
+
+def simulated_drive_faults(simulated: SimulatedCell, cell: Cell) -> None:
+    """Let axis 2 leave Operation Enabled by a controlword of somebody else's."""
+    with a_stranger(simulated) as stranger:
+        stranger.send(0x302, b"\x00\x00", 2)
+        for _ in range(4):
+            cell.clock.sleep_until(cell.clock.now_s() + cell.config.cycle_time_s)
+            cell.axes.collect(cell.axes.sync() + 0.6 * cell.config.cycle_time_s)
+            cell.axes.beat(cell.clock.now_s())
+    assert any(event.kind.is_fault for event in cell.axes.take_events())
+
+
+@contextlib.contextmanager
+def a_stranger(simulated: SimulatedCell) -> Iterator[HubClient]:
+    """A listener that may also send."""
+    client = HubClient(Path(simulated.channel), Role.OBSERVER)
+    try:
+        yield client
+    finally:
+        client.close()
 
 
 def stopped(axes: AxisSnapshot) -> bool:

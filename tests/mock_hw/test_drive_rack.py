@@ -13,7 +13,7 @@ from config.errors import ConfigError, TransportError
 from config.load import LoadedCell, load_cell
 from drivers.canopen.frames import SYNC, Frame
 from drivers.cia402 import AxisUnits
-from drivers.drive_setup import answer_pdo, command_pdo
+from drivers.drive_requirements import cyclic_pdos
 from mock_hw.axis_snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.drive_rack import DriveRack
 
@@ -41,7 +41,7 @@ class Master:
         self.frames: list[tuple[float, Frame]] = []
         rack.advance_to(0.1)
         for node in self.nodes:
-            for pdo in (command_pdo(node), answer_pdo(node)):
+            for pdo in cyclic_pdos(node, "full"):
                 for write in pdo.writes():
                     self.write(node, write.index, write.subindex, write.data)
             self.write(node, 0x6060, 0, b"\x09")

@@ -372,3 +372,55 @@ class TestMbpoll:
         assert isinstance(config.link, ModbusTcp)
         text = self.poll("-a", "1", "-r", "501", "-p", str(config.link.port), "127.0.0.1")
         assert "Illegal data address" in text
+
+
+@pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
+def test_tsharks_modbus_dissector_reads_what_was_said(workshop: Workshop, tmp_path: Path) -> None:
+    workshop.serve("tcp")
+    assert workshop.service is not None
+    asked = [
+        bytes.fromhex("000100000006090300640004"),
+        bytes.fromhex("000200000006010301F40001"),
+    ]
+    said = []
+    with socket.create_connection(("127.0.0.1", workshop.service.port), 5.0) as connection:
+        for request in asked:
+            connection.sendall(request)
+            said += [(True, request), (False, connection.recv(300))]
+    capture = tmp_path / "modbus.pcap"
+    capture.write_bytes(pcap(said))
+    dissected = subprocess.run(
+        [
+            *("tshark", "-r", str(capture), "-T", "fields", "-E", "separator=|"),
+            *("-e", "_ws.col.Protocol", "-e", "modbus.func_code", "-e", "modbus.regval_uint16"),
+            *("-e", "modbus.exception_code", "-e", "_ws.expert.message"),
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60.0,
+    ).stdout.splitlines()
+    values = f"1000,0,{7209000 >> 16},{7209000 & 0xFFFF}"
+    assert dissected == [
+        "Modbus/TCP|3|||",
+        f"Modbus/TCP|3|{values}||",
+        "Modbus/TCP|3|||",
+        "Modbus/TCP|3||2|",
+    ]
+
+
+def pcap(said: list[tuple[bool, bytes]]) -> bytes:
+    """Return a capture of a conversation with port 502: raw IPv4 packets with TCP segments."""
+    packets = [struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 101)]
+    sequence = {True: 1, False: 1}
+    for number, (to_server, payload) in enumerate(said):
+        ports = (40000, 502) if to_server else (502, 40000)
+        numbers = sequence[to_server], sequence[not to_server]
+        tcp = struct.pack(">HHIIBBHHH", *ports, *numbers, 0x50, 0x18, 8192, 0, 0)
+        sequence[to_server] += len(payload)
+        length = 20 + len(tcp) + len(payload)
+        home = bytes((127, 0, 0, 1))
+        ip = struct.pack(">BBHHHBBH4s4s", 0x45, 0, length, number, 0, 64, 6, 0, home, home)
+        packet = ip + tcp + payload
+        packets.append(struct.pack("<IIII", number, 0, len(packet), len(packet)) + packet)
+    return b"".join(packets)

@@ -1,8 +1,9 @@
-"""The path error cut through the commands: loops, feedforward, a circle before and after."""
+"""The path error cut through the commands: loops, feedforward, refinement, before and after."""
 
 from __future__ import annotations
 
 import json
+import shutil
 import socket
 import struct
 import threading
@@ -24,7 +25,7 @@ from compensation.online import OnlineFeedforward
 from compensation.point_codec import PROTOCOL
 from compensation.stream import stream_points
 from compensation.tracking_error import tracking_error
-from config.load import load_cell, load_robot
+from config.load import load_cell, load_robot, to_yaml
 from config.motion import MultipointMotion
 from dynamics.kinematics import Chain
 from identification.estimate_file import read_estimate
@@ -39,7 +40,9 @@ centre_m: [0.575, -0.078, -1.724]
 radius_m: 0.2
 speed_m_s: 0.6
 near: [0.1, -0.1, 0.4]
-periods: 3
+periods: 4
+transient_periods: 1
+ramp_s: 1.0
 """
 MULTISINE = """
 kind: multisine
@@ -61,26 +64,25 @@ joints:
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model of the simulated arm, its velocity loops, and a circle without compensation."""
     folder = tmp_path_factory.mktemp("compensation")
+    # The bundled cell without its force plate, which takes as long as all the rest.
+    bundled = load_cell("ir361").config
+    arm = bundled.model_copy(update={"plate": None, "name": "arm"})
+    (folder / "arm.yaml").write_text(to_yaml(arm))
+    cell = str(folder / "arm.yaml")
     runs = ["--runs", str(folder / "runs")]
     (folder / "circle.yaml").write_text(CIRCLE)
     (folder / "multisine.yaml").write_text(MULTISINE)
     excitation = str(folder / "excitation.yaml")
-    words = ["design", "ir361", "-o", excitation, "--method", "two-harmonic", "--periods", "4"]
+    words = ["design", cell, "-o", excitation, "--method", "two-harmonic", "--periods", "3"]
     assert run(words) == 0
-    assert run(["record", "ir361", excitation, "--label", "excitation", *runs]) == 0
+    assert run(["record", cell, excitation, "--label", "excitation", *runs]) == 0
     assert run(["identify", "excitation", "-o", str(folder / "model.json"), *runs]) == 0
     for label in ("multisine", "circle"):
         motion = str(folder / f"{label}.yaml")
-        assert run(["record", "ir361", motion, "--label", label, *runs]) == 0
+        assert run(["record", cell, motion, "--label", label, *runs]) == 0
+    words = ["loop", "multisine", "-o", str(folder / "loops.json"), *runs]
+    assert run(words) == 0
     return folder
-
-
-@pytest.fixture(scope="module")
-def loops(workshop: Path) -> Path:
-    """The drives' velocity loops, out of the multisine run."""
-    path = workshop / "loops.json"
-    assert run(["loop", "multisine", "-o", str(path), "--runs", str(workshop / "runs")]) == 0
-    return path
 
 
 def document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
@@ -89,36 +91,106 @@ def document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     return found
 
 
+def by(workshop: Path) -> list[str]:
+    """The options that say model and loops."""
+    return ["--model", str(workshop / "model.json"), "--loop", str(workshop / "loops.json")]
+
+
+@pytest.fixture(scope="module")
+def compensated(workshop: Path) -> Path:
+    """The feedforward of the circle, tuned by the plain circle, and a run with it."""
+    cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
+    circle, ahead = str(workshop / "circle.yaml"), str(workshop / "ahead.json")
+    words = ["compensate", cell, circle, *by(workshop), "-o", ahead]
+    assert run([*words, "--reference", "circle", *runs]) == 0
+    words = ["record", cell, circle, "--feedforward", ahead, "--label", "compensated", *runs]
+    assert run(words) == 0
+    return workshop / "ahead.json"
+
+
 def test_the_circle_comes_an_order_of_magnitude_closer(
-    workshop: Path, capsys: pytest.CaptureFixture[str]
+    workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nothing is taken from the plant; the thesis went from 1.42 mm to 0.25 mm."""
-    runs, loops = ["--runs", str(workshop / "runs")], str(workshop / "loops.json")
-    capsys.readouterr()
-    assert run(["loop", "multisine", "-o", loops, "--json", *runs]) == 0
-    for axis, gain in zip(document(capsys)["axes"], (900.0, 1300.0, 250.0), strict=True):
+    loops = json.loads((workshop / "loops.json").read_text())["loops"]
+    for axis, gain in zip(loops, (900.0, 1300.0, 250.0), strict=True):
         assert axis["gain"] == pytest.approx(gain, rel=0.02)
-    circle, ahead = str(workshop / "circle.yaml"), str(workshop / "ahead.json")
-    words = ["compensate", "ir361", circle, "--model", str(workshop / "model.json")]
-    assert run([*words, "--loop", loops, "-o", ahead]) == 0
-    words = ["record", "ir361", circle, "--feedforward", ahead, "--label", "compensated", *runs]
-    assert run(words) == 0
+    tuning = json.loads(compensated.read_text())["origin"]["tuning"]
+    assert tuning["same_motion"]
+    assert tuning["used"] == [True, True, True]
+    assert tuning["scale"] == pytest.approx([1.0, 1.0, 1.0], abs=0.1)
+    runs = ["--runs", str(workshop / "runs")]
     capsys.readouterr()
     assert run(["tracking", "compensated", "--against", "circle", "--json", *runs]) == 0
     found = document(capsys)
-    assert 1e-3 < found["against"]["mean_m"] < 3e-3
-    assert found["mean_ratio"] > 10.0
-    assert found["max_ratio"] > 6.0
+    (motion,) = found["motions"]
+    assert motion["use"] == "tuned on it"
+    assert 1e-3 < motion["against"]["mean_m"] < 3e-3
+    assert motion["mean_ratio"] > 10.0
+    assert motion["max_ratio"] > 6.0
+    page = Path(found["report"]).read_text()
+    assert "deviation drawn 10 times as large" in page
+    assert "times closer than before" in page
+    assert "tuned on it" in page
+
+
+def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_noticed(
+    workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
+    better = str(workshop / "better.json")
+    capsys.readouterr()
+    assert run(["refine", "compensated", *by(workshop), "-o", better, "--json", *runs]) == 0
+    found = document(capsys)
+    assert not found["finished"]
+    assert all(axis["bound"] < 0.5 for axis in found["axes"])
+    circle = str(workshop / "circle.yaml")
+    words = ["record", cell, circle, "--feedforward", better, "--label", "refined", *runs]
+    assert run(words) == 0
+    capsys.readouterr()
+    assert run(["tracking", "refined", "--against", "circle", "--json", *runs]) == 0
+    (motion,) = document(capsys)["motions"]
+    assert motion["use"] == "refined 1 time"
+    assert motion["mean_ratio"] > 20.0
+    assert motion["max_ratio"] > 10.0
+
+    # The same run, once as if it had been as good before, once as if it had been far better.
+    (recorded,) = (
+        path.parent
+        for path in (workshop / "runs").glob("*/feedforward.json")
+        if path.read_text() == (workshop / "better.json").read_text()
+    )
+    for factor, code, words in ((1.0, 0, "no longer shrinks"), (0.5, 6, "has grown since")):
+        changed = tmp_path / str(factor) / recorded.name
+        shutil.copytree(recorded, changed)
+        file = json.loads((changed / "feedforward.json").read_text())
+        capsys.readouterr()
+        again = ["refine", str(recorded), *by(workshop), "-o", str(tmp_path / "x.json"), "--json"]
+        assert run(again) == 0
+        rms = [factor * axis["rms"] for axis in document(capsys)["axes"]]
+        file["origin"]["refinements"][-1]["rms"] = rms
+        (changed / "feedforward.json").write_text(json.dumps(file))
+        again[1], again[-2:] = str(changed), [str(tmp_path / "y.json")]
+        assert run(again) == code
+        output = capsys.readouterr()
+        assert words in output.out + output.err
+    kept = json.loads((tmp_path / "y.json").read_text())
+    assert kept["feedforward"] == json.loads((workshop / "better.json").read_text())["feedforward"]
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["loop", "circle"], "is of a circle motion"),
-        (["compensate", "ir361", "circle.yaml", "--model", "model.json"], "Missing option"),
+        (["compensate", "arm.yaml", "circle.yaml", "--model", "model.json"], "Missing option"),
         (
-            ["record", "ir361", "circle.yaml", "--feedforward", "model.json"],
+            ["record", "arm.yaml", "circle.yaml", "--feedforward", "model.json"],
             "is no feedforward file",
+        ),
+        (["tracking", "circle", "--against", "multisine"], "is of none of the motions given"),
+        (
+            ["refine", "circle", "multisine", "--model", "model.json", "--loop", "loops.json"],
+            "differ in motion or feedforward",
         ),
     ],
 )
@@ -131,8 +203,8 @@ def test_what_cannot_be_meant_is_one_clear_message(
 ) -> None:
     monkeypatch.chdir(workshop)
     capsys.readouterr()
-    more = ["-o", "x.json"] if words[0] == "compensate" else ["--runs", "runs"]
-    assert run([*words, *more]) == 2
+    more = ["-o", "x.json"] if words[0] in ("compensate", "refine") else []
+    assert run([*words, *more, *(["--runs", "runs"] if words[0] != "compensate" else [])]) == 2
     assert message in capsys.readouterr().err
 
 
@@ -140,22 +212,28 @@ class TestStream:
     """On line: from a file, from another program, and from programs that misbehave."""
 
     def test_the_circle_comes_as_close_on_line(
-        self, workshop: Path, loops: Path, capsys: pytest.CaptureFixture[str]
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        words = ["stream", "ir361", str(workshop / "circle.yaml"), "--label", "live"]
-        assert run([*words, *model_of(workshop, loops)]) == 0
+        words = [
+            "stream",
+            str(workshop / "arm.yaml"),
+            str(workshop / "circle.yaml"),
+            "--label",
+            "live",
+        ]
+        assert run([*words, *model_of(workshop)]) == 0
         capsys.readouterr()
         runs = ["--runs", str(workshop / "runs")]
         assert run(["tracking", "live", "--against", "circle", "--json", *runs]) == 0
-        found = document(capsys)
-        assert found["mean_ratio"] > 8.0
-        assert found["max_ratio"] > 5.0
+        (motion,) = document(capsys)["motions"]
+        assert motion["mean_ratio"] > 8.0
+        assert motion["max_ratio"] > 5.0
 
     def test_another_program_sends_a_path_never_seen(
-        self, workshop: Path, loops: Path, capsys: pytest.CaptureFixture[str]
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
-        code, answer, told = streamed(workshop, loops, capsys, [path[:100], path[100:]])
+        code, answer, told = streamed(workshop, capsys, [path[:100], path[100:]])
         assert code == 0
         assert answer == {"points": len(path), "error": None}
         rows = read_journal(Path(told["folder"]) / "recording.mcap").rows
@@ -166,10 +244,10 @@ class TestStream:
         assert error.max_m < 1e-3
 
     def test_a_client_that_dies_is_a_stop_on_the_path(
-        self, workshop: Path, loops: Path, capsys: pytest.CaptureFixture[str]
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
-        code, answer, told = streamed(workshop, loops, capsys, [path[:400]], end=False)
+        code, answer, told = streamed(workshop, capsys, [path[:400]], end=False)
         assert code == 4
         assert answer is None
         assert told["stop"]["code"] == "POINTS_LOST"
@@ -177,20 +255,23 @@ class TestStream:
         stopped_on(path[:400], told)
 
     def test_a_bad_point_is_a_stop_before_it_and_the_client_hears_why(
-        self, workshop: Path, loops: Path, capsys: pytest.CaptureFixture[str]
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
         path[400, 1] = np.nan
-        code, answer, told = streamed(workshop, loops, capsys, [path])
+        code, answer, told = streamed(workshop, capsys, [path])
         assert code == 5
         assert answer is not None
         assert "point 400, joint axis2: the position is not a number" in answer["error"]
         stopped_on(path[:400], told)
 
-    def test_points_from_an_iterator(self, workshop: Path, loops: Path) -> None:
-        cell = load_cell("ir361")
+    def test_points_from_an_iterator(self, workshop: Path) -> None:
+        cell = load_cell(str(workshop / "arm.yaml"))
         forward = OnlineFeedforward.identified(
-            cell.config, cell.robot, read_estimate(workshop / "model.json"), read_loops(loops)[1]
+            cell.config,
+            cell.robot,
+            read_estimate(workshop / "model.json"),
+            read_loops(workshop / "loops.json")[1],
         )
         path = joint_path()
 
@@ -210,14 +291,24 @@ class TestStream:
         assert "the planner lost its way" in outcome.stop.text
 
     def test_what_cannot_be_meant_moves_nothing(
-        self, workshop: Path, loops: Path, capsys: pytest.CaptureFixture[str]
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        given = model_of(workshop, loops)
-        both = ["stream", "ir361", str(workshop / "circle.yaml"), "--socket", "/tmp/x", *given]
+        given = model_of(workshop)
+        both = [
+            "stream",
+            str(workshop / "arm.yaml"),
+            str(workshop / "circle.yaml"),
+            "--socket",
+            "/tmp/x",
+            *given,
+        ]
         assert run(both) == 2
         assert "give one of them" in capsys.readouterr().err
         path = str(workshop / "points")
-        assert run(["stream", "ir361", "--socket", path, "--wait", "0.1", *given]) == 4
+        assert (
+            run(["stream", str(workshop / "arm.yaml"), "--socket", path, "--wait", "0.1", *given])
+            == 4
+        )
         assert "no client sent points within 0.1 s" in capsys.readouterr().err
 
 
@@ -231,14 +322,12 @@ def joint_path() -> NDArray[np.float64]:
     return np.array(plan_motion(motion, load_robot("ir361"), 0.008).position)
 
 
-def model_of(workshop: Path, loops: Path) -> list[str]:
-    runs = str(workshop / "runs")
-    return ["--model", str(workshop / "model.json"), "--loop", str(loops), "--runs", runs]
+def model_of(workshop: Path) -> list[str]:
+    return [*by(workshop), "--runs", str(workshop / "runs")]
 
 
 def streamed(
     workshop: Path,
-    loops: Path,
     capsys: pytest.CaptureFixture[str],
     batches: list[NDArray[np.float64]],
     *,
@@ -267,8 +356,8 @@ def streamed(
     sender = threading.Thread(target=send)
     sender.start()
     capsys.readouterr()
-    words = ["stream", "ir361", "--socket", str(path), "--json"]
-    code = run([*words, *model_of(workshop, loops)])
+    words = ["stream", str(workshop / "arm.yaml"), "--socket", str(path), "--json"]
+    code = run([*words, *model_of(workshop)])
     sender.join(60.0)
     assert not sender.is_alive()
     return code, heard[0] if heard else None, document(capsys)

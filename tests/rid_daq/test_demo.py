@@ -11,7 +11,7 @@ from rid_daq.app import run
 
 # One cell is held by one session at a time, so these tests share a worker.
 def _demo(root: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    words = ["demo", "--seed", "3", "--periods", "2", "--points", "2", "--json"]
+    words = ["demo", "--seed", "3", "--periods", "2", "--points", "2", "--no-paths", "--json"]
     assert run([*words, "--runs", str(root)]) in (0, 1)  # so short, it may miss its own limits
     document: dict[str, Any] = json.loads(capsys.readouterr().out)
     return document
@@ -46,3 +46,18 @@ def test_the_whole_demo_reaches_what_it_is_held_to(
     assert all(axis["error_over_floor"] <= 1.3 for axis in document["validation"]["axes"])
     off = document["truth"][1]
     assert off["inside"] >= 0.9 * off["of"]
+    assert len(document["verdict"]["checks"]) == 6
+    circle, path = document["tracking"]["motions"]
+    assert (circle["use"], path["use"]) == ("tuned on it", "never used")
+    assert 1e-3 < circle["before"]["mean_m"] < 3e-3
+    assert circle["mean_ratio"] > 10.0
+    assert path["mean_ratio"] > 6.0
+    page = Path(document["report"]).read_text()
+    assert page.count("times as large") == 4
+    assert [run["role"] for run in document["runs"]][2:] == [
+        "Multisine",
+        "Circle, plain",
+        "Circle, compensated",
+        "Path, plain",
+        "Path, compensated",
+    ]

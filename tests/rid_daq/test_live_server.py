@@ -157,7 +157,7 @@ def test_the_address_of_the_terminal_opens_the_page_and_leaves_a_cookie(served: 
     assert "default-src 'none'; script-src 'self'" in head
     assert "unsafe" not in head
     assert "nosniff" in head
-    for path in ("/page.css", "/page.js"):
+    for path in ("/page.css", "/page.js", "/icon.svg"):
         assert served.get(path, served.cookie)[0] == 200
 
 

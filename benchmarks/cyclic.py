@@ -1,0 +1,434 @@
+"""The cyclic exchange in real time over the simulated bus, with its wire time: frames, times, CPU.
+
+Four axes at 1 kHz (trimmed frames, 80 % of 1 Mbit/s) and six at 500 Hz (full ones). The drives are
+played by a process that answers every SYNC; the hub gives every frame its time on the wire. The
+`canopen` package does the same in the same run: SYNC, wait for all answers, read every value, set
+every value, send. Beside our loop runs a bare one in C with the same priority and cycle time, half
+a cycle apart, so that whatever disturbs the computer disturbs both.
+
+The exchange time is from SYNC until the last answer has been decoded; most of it is on the wire.
+
+Run it with ``python -m benchmarks.cyclic [--quick]``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import json
+import math
+import multiprocessing
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.realtime import SCHEDULER_PRIORITY, become_realtime, freeze_garbage
+from config.cell import CanBusConfig, DriveSafety
+from drivers.canopen.bus_load import cyclic_load
+from drivers.canopen.frames import (
+    SYNC_COB_ID,
+    heartbeat_cob_id,
+    rpdo_cob_id,
+    tpdo_cob_id,
+)
+from drivers.cia402 import AxisUnits
+from drivers.cyclic_exchange import CyclicExchange
+from drivers.drive_watch import DriveWatch
+from drivers.transport import open_can
+from mock_hw.hub_client import HubClient
+from mock_hw.hub_process import HubSettings, keep_pace, serve_hub
+from mock_hw.hub_protocol import Role
+
+BITRATE = 1_000_000
+CPU_RATIO, JITTER_RATIO = 5.0, 1.3
+HEARTBEAT_S, DRIVE_HEARTBEAT_S, STATUS_S = 0.025, 0.05, 0.1
+SETTLE_S = 0.05
+STATUS_ENABLED = 0x1637
+KINDS = {0x6040: 6, 0x6041: 6, 0x6064: 4, 0x6077: 3, 0x60FF: 4, 0x60B2: 3}  # CiA 301 data types
+FULL, TRIMMED = struct.Struct("<Hih"), struct.Struct("<ih")
+Times = NDArray[np.float64]
+
+BARE_LOOP = """
+#define _GNU_SOURCE
+#include <sched.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <time.h>
+int main(int n, char **a) {
+    long period = atol(a[1]), cycles = atol(a[2]), next = atol(a[3]), *late;
+    struct sched_param p = {.sched_priority = atoi(a[4])};
+    struct timespec t;
+    late = calloc(cycles, sizeof *late);
+    mlockall(MCL_CURRENT | MCL_FUTURE);
+    sched_setscheduler(0, SCHED_FIFO, &p);
+    for (long i = 0; i < cycles; i++, next += period) {
+        t.tv_sec = next / 1000000000; t.tv_nsec = next % 1000000000;
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, 0);
+        clock_gettime(CLOCK_MONOTONIC, &t);
+        late[i] = t.tv_sec * 1000000000 + t.tv_nsec - next;
+        if (late[i] > period) next += late[i] / period * period;
+    }
+    for (long i = 0; i < cycles; i++) printf("%ld\\n", late[i]);
+    return 0;
+}
+"""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """So many axes at a cycle time, in full or trimmed frames."""
+
+    axes: int
+    cycle_time_s: float
+    trimmed: bool
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        frames = "trimmed" if self.trimmed else "full"
+        return f"{self.axes} axes, {1 / self.cycle_time_s:.0f} Hz, {frames} frames"
+
+    @property
+    def load(self) -> float:
+        """The share of the bus that it takes."""
+        return cyclic_load(
+            self.axes,
+            self.cycle_time_s,
+            BITRATE,
+            master_heartbeat_s=HEARTBEAT_S,
+            drive_heartbeat_s=DRIVE_HEARTBEAT_S,
+            frame_bytes=(4, 6) if self.trimmed else (8, 8),
+            status_s=STATUS_S if self.trimmed else math.inf,
+        )
+
+
+SCENARIOS = (Scenario(4, 0.001, trimmed=True), Scenario(6, 0.002, trimmed=False))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one program's run of a scenario showed.
+
+    Attributes
+    ----------
+    late_s, exchange_s
+        How late each cycle began, and how long its exchange took [s].
+    cpu, cpu_per_cycle_s
+        Processor time over time, and over cycles [s]: who is late does fewer in a second.
+    sent, received
+        Set-points sent, answers received.
+    """
+
+    late_s: Times
+    exchange_s: Times
+    cpu: float
+    cpu_per_cycle_s: float
+    sent: int
+    received: int
+
+
+def play_drives(path: Path, pipe: Connection) -> None:
+    """Answer every SYNC until told to end; tell how many SYNCs and set-points came when asked."""
+    scenario: Scenario = pipe.recv()
+    client = HubClient(path, Role.DEVICE)
+    gc.freeze()
+    gc.disable()
+    keep_pace(realtime=True)
+    nodes = range(1, scenario.axes + 1)
+    commands = {rpdo_cob_id(node) for node in nodes}
+    beats, statuses = (round(s / scenario.cycle_time_s) for s in (DRIVE_HEARTBEAT_S, STATUS_S))
+    syncs = set_points = 0
+    pipe.send(None)
+    while not pipe.poll(0):
+        for frame in client.wait(time.monotonic_ns() + 100_000_000):
+            set_points += frame.can_id in commands
+            if frame.can_id != SYNC_COB_ID:
+                continue
+            syncs += 1
+            for node in nodes:
+                counts = (1000 + syncs) * node
+                if scenario.trimmed:
+                    client.post(tpdo_cob_id(node), TRIMMED.pack(counts, 5), 6, node)
+                    if syncs % statuses == 10 * node:
+                        status = STATUS_ENABLED.to_bytes(2, "little")
+                        client.post(tpdo_cob_id(node, 2), status, 2, node)
+                else:
+                    data = FULL.pack(STATUS_ENABLED, counts, 5)
+                    client.post(tpdo_cob_id(node), data, 8, node)
+                if syncs % beats == 3 * node:
+                    client.post(heartbeat_cob_id(node), b"\x05", 1, node)
+    pipe.send((syncs, set_points))
+    client.close()
+
+
+Cycle = Callable[[], tuple[float, int]]
+"""Does one exchange; returns when it was complete [s] and how many answers came."""
+
+
+def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int]]:
+    """Return a cycle of our driver, and how many answers came at other times."""
+    nodes = list(range(1, scenario.axes + 1))
+    safety = DriveSafety(quick_stop_deceleration_rad_s2=10.0, following_error_rad=0.1)
+    watch = DriveWatch([f"axis{node}" for node in nodes], nodes, safety)
+    link = open_can(CanBusConfig(interface="rid_sim", channel=str(path), bitrate=BITRATE))
+    exchange = CyclicExchange(link, nodes, watch, trimmed=scenario.trimmed, bitrate=BITRATE)
+    exchange.use_units([AxisUnits(65190.0, 65190.0, 0.2)] * scenario.axes)
+    velocity = np.full(scenario.axes, 0.1)
+    beats = round(HEARTBEAT_S / scenario.cycle_time_s)
+    beat = (heartbeat_cob_id(127), b"\x05")
+    count = 0
+
+    def cycle() -> tuple[float, int]:
+        nonlocal count
+        exchange.collect(exchange.sync() + 0.9 * scenario.cycle_time_s)
+        done_s = time.monotonic()
+        exchange.send_velocities(velocity)
+        count += 1
+        if count % beats == 0:
+            link.send_frames((beat,))
+        return done_s, exchange.received.tolist().count(True)
+
+    return cycle, lambda: exchange.late_frames + exchange.duplicate_frames
+
+
+def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int]]:
+    """Return the same cycle with the canopen package, as its own examples have it."""
+    import canopen
+    from canopen.objectdictionary import ODRecord, ODVariable
+
+    objects: Any = canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
+    for index, kind in KINDS.items():
+        variable = ODVariable(f"{index:X}", index)
+        variable.data_type = kind
+        objects.add_object(variable)
+    for index in (0x1400, 0x1600, 0x1800, 0x1A00):
+        record = ODRecord(f"{index:X}", index)
+        for subindex in range(1, 9):
+            member = ODVariable(f"{index:X}:{subindex}", index, subindex)
+            member.data_type = 7
+            record.add_member(member)
+        objects.add_object(record)
+    network = canopen.Network()
+    network.connect(interface="rid_sim", channel=str(path))
+    complete = threading.Condition()
+    values: dict[int, list[int]] = {}
+    answers: list[int] = []
+    sent: list[Any] = []
+
+    def arrived(node: int) -> Callable[[Any], None]:
+        def read(mapped: Any) -> None:
+            values[node] = [variable.raw for variable in mapped]
+            with complete:
+                answers.append(node)
+                if len(answers) == scenario.axes:
+                    complete.notify()
+
+        return read
+
+    for node_id in range(1, scenario.axes + 1):
+        node = network.add_node(canopen.RemoteNode(node_id, objects))
+        answer, command = node.tpdo[1], node.rpdo[1]
+        wanted = (0x6064, 0x6077) if scenario.trimmed else (0x6041, 0x6064, 0x6077)
+        given = (0x60FF,) if scenario.trimmed else (0x6040, 0x60FF, 0x60B2)
+        for mapped, identifier, indices in (
+            (answer, tpdo_cob_id(node_id), wanted),
+            (command, rpdo_cob_id(node_id), given),
+        ):
+            mapped.clear()
+            for index in indices:
+                mapped.add_variable(index)
+            mapped.cob_id = identifier
+            mapped.enabled = True
+        answer.subscribe()
+        answer.add_callback(arrived(node_id))
+        sent.append(command)
+    beats = round(HEARTBEAT_S / scenario.cycle_time_s)
+    count = 0
+
+    def cycle() -> tuple[float, int]:
+        nonlocal count
+        with complete:
+            answers.clear()
+            network.sync.transmit()
+            complete.wait_for(lambda: len(answers) == scenario.axes, 0.9 * scenario.cycle_time_s)
+            got = len(answers)
+        done_s = time.monotonic()
+        for command in sent:
+            for variable in command:
+                variable.raw = 15 if variable.index == 0x6040 else 6519
+            command.transmit()
+        count += 1
+        if count % beats == 0:
+            network.send_message(heartbeat_cob_id(127), b"\x05")
+        return done_s, got
+
+    return cycle, lambda: 0
+
+
+def run_loop(scenario: Scenario, path: Path, ours: bool, seconds: float, pipe: Connection) -> None:
+    """Run cycles at absolute deadlines, the main function of the loop's process."""
+    become_realtime()
+    cycle, late_frames = (our_cycle if ours else canopen_cycle)(scenario, path)
+    cycle()
+    time.sleep(SETTLE_S)
+    freeze_garbage()
+    cycles = round(seconds / scenario.cycle_time_s)
+    late_s, exchange_s = np.full(cycles, np.nan), np.full(cycles, np.nan)
+    start_s: float = pipe.recv()
+    received = sent = 0
+    began_cpu_s = time.process_time()
+    next_s = start_s
+    for number in range(cycles):
+        while (remaining_s := next_s - time.monotonic()) > 0.0:
+            time.sleep(remaining_s)
+        woken_s = time.monotonic()
+        late_s[number] = woken_s - next_s
+        done_s, got = cycle()
+        exchange_s[number] = done_s - woken_s
+        received += got
+        sent += scenario.axes
+        next_s += scenario.cycle_time_s * (1 + int(late_s[number] / scenario.cycle_time_s))
+    cpu_s = time.process_time() - began_cpu_s
+    cpu = cpu_s / (time.monotonic() - start_s)
+    time.sleep(SETTLE_S)
+    pipe.send(Outcome(late_s, exchange_s, cpu, cpu_s / cycles, sent, received + late_frames()))
+
+
+@contextmanager
+def served(scenario: Scenario) -> Iterator[tuple[Path, Connection]]:
+    """Serve the bus and its drives; yield the bus and how to talk to the drives."""
+    context = multiprocessing.get_context("spawn")
+    folder = Path(tempfile.mkdtemp(prefix="cyclic-"))
+    path = folder / "bus.sock"
+    hub_pipe, hub_end = context.Pipe()
+    hub = context.Process(
+        target=serve_hub, args=(HubSettings(path, BITRATE, True, "bus"), hub_end), daemon=True
+    )
+    hub.start()
+    assert hub_pipe.recv() is None
+    pipe, end = context.Pipe()
+    drives = context.Process(target=play_drives, args=(path, end), daemon=True)
+    drives.start()
+    pipe.send(scenario)
+    pipe.recv()
+    try:
+        yield path, pipe
+    finally:
+        drives.terminate()
+        hub.terminate()
+        drives.join()
+        hub.join()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def measure(
+    scenario: Scenario, ours: bool, seconds: float, bare: Path | None
+) -> tuple[Outcome, int, Times | None]:
+    """Return a program's outcome, how many frames were lost, and the bare loop's lateness [s]."""
+    context = multiprocessing.get_context("spawn")
+    with served(scenario) as (path, drives):
+        pipe, end = context.Pipe()
+        loop = context.Process(target=run_loop, args=(scenario, path, ours, seconds, end))
+        loop.start()
+        start_ns = time.monotonic_ns() + 2_500_000_000
+        pipe.send(start_ns * 1e-9)
+        beside = None
+        if bare is not None:
+            period_ns = round(scenario.cycle_time_s * 1e9)
+            cycles = round(seconds / scenario.cycle_time_s)
+            words = [period_ns, cycles, start_ns + period_ns // 2, SCHEDULER_PRIORITY]
+            beside = subprocess.Popen(
+                [str(bare), *map(str, words)], stdout=subprocess.PIPE, text=True
+            )
+        outcome: Outcome = pipe.recv()
+        loop.join()
+        drives.send(None)
+        syncs, set_points = drives.recv()
+        late = None if beside is None else np.array(beside.communicate()[0].split(), float) * 1e-9
+    one_before = scenario.axes  # a cycle before the clock started
+    lost = outcome.sent + one_before - set_points + (syncs - 1) * scenario.axes - outcome.received
+    return outcome, lost, late
+
+
+def compiled() -> Path | None:
+    """Return the bare loop, compiled; None where there is no C compiler."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        return None
+    folder = Path(tempfile.mkdtemp(prefix="bare-loop-"))
+    source = folder / "loop.c"
+    source.write_text(BARE_LOOP)
+    subprocess.run([compiler, "-O2", "-o", str(folder / "loop"), str(source)], check=True)
+    return folder / "loop"
+
+
+def percentiles(times_s: Times) -> str:
+    """Return p50 and p99 in microseconds."""
+    p50, p99 = np.nanpercentile(times_s, [50, 99]) * 1e6
+    return f"p50 {p50:.0f}, p99 {p99:.0f} us"
+
+
+def main() -> int:
+    """Measure and print; the last line is one JSON object."""
+    seconds = 8.0 if "--quick" in sys.argv else 30.0
+    ctypes.CDLL(None)  # found now, not in a loop
+    bare = compiled()
+    ratios: dict[str, float] = {}
+    lost_frames, worst_cpu, worst_jitter, p99_us = 0, math.inf, 0.0, 0.0
+    for scenario in SCENARIOS:
+        print(f"\n{scenario}, {100 * scenario.load:.1f} % of the bus")
+        ours, lost, bare_late_s = measure(scenario, True, seconds, bare)
+        peer, peer_lost, _ = measure(scenario, False, seconds, None)
+        for name, outcome, gone in (("rid-daq", ours, lost), ("canopen", peer, peer_lost)):
+            print(
+                f"  {name}: {gone} frames lost of {2 * outcome.sent}, exchange"
+                f" {percentiles(outcome.exchange_s)}, CPU {100 * outcome.cpu:.1f} %"
+                f" ({1e6 * outcome.cpu_per_cycle_s:.0f} us a cycle),"
+                f" cycles begin late by {percentiles(outcome.late_s)}"
+            )
+        lost_frames += lost
+        cpu_ratio = peer.cpu_per_cycle_s / ours.cpu_per_cycle_s
+        worst_cpu = min(worst_cpu, cpu_ratio)
+        ratios[f"canopen's CPU a cycle, {scenario}"] = round(cpu_ratio, 2)
+        p99_us = max(p99_us, float(np.percentile(ours.exchange_s, 99)) * 1e6)
+        if bare_late_s is not None:
+            print(f"  bare C loop beside: late by {percentiles(bare_late_s)}")
+            jitter = float(np.percentile(ours.late_s, 99) / np.percentile(bare_late_s, 99))
+            worst_jitter = max(worst_jitter, jitter)
+            ratios[f"p99 of lateness over the C loop's, {scenario}"] = round(jitter, 2)
+    if bare is None:
+        print("no C compiler: the loop's jitter is not compared")
+    else:
+        shutil.rmtree(bare.parent, ignore_errors=True)
+    holds = lost_frames == 0 and worst_cpu >= CPU_RATIO and worst_jitter <= JITTER_RATIO
+    result = {
+        "name": "cyclic",
+        "value": round(p99_us),
+        "unit": "us, the worse p99 of an exchange",
+        "frames_lost": lost_frames,
+        "ratios": ratios,
+        "bar": (
+            f"0 frames lost, canopen at least {CPU_RATIO:g} times our CPU, p99 of lateness at most"
+            f" {JITTER_RATIO:g} times a bare C loop's"
+        ),
+        "holds": holds,
+    }
+    print(json.dumps(result))
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

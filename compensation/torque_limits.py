@@ -1,0 +1,38 @@
+"""The torque that a motion takes by a model, held to the joints' limits before anything moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acquisition.motion_samples import MotionSamples
+from acquisition.path_motion import segment_at
+from config.errors import ConfigError
+from config.motion import AnyMotion
+from config.path_motion import PathMotion
+from config.robot import RobotDescription
+from identification.estimate import Estimate, predict
+
+
+def refuse_torque(
+    motion: AnyMotion, samples: MotionSamples, estimate: Estimate, robot: RobotDescription
+) -> None:
+    """Refuse a motion that takes more torque than a joint has.
+
+    Raises
+    ------
+    ConfigError
+        It does; the text names joint, time and, of a path, the segment.
+    """
+    torque = np.abs(predict(estimate, samples.position, samples.velocity, samples.acceleration))
+    for j, joint in enumerate(robot.joints):
+        row = int(torque[:, j].argmax())
+        if torque[row, j] <= joint.limits.torque:
+            continue
+        unit = "N m" if joint.type == "revolute" else "N"
+        where = f"at {row * samples.sample_period_s:.4g} s"
+        if isinstance(motion, PathMotion):
+            where += f", {segment_at(motion, robot, samples.sample_period_s, row)},"
+        raise ConfigError(
+            f"{where} the motion takes {torque[row, j]:.4g} {unit} of joint {joint.name!r} by the"
+            f" model, its limit is {joint.limits.torque:g}: drive it more slowly"
+        )

@@ -1,0 +1,136 @@
+"""The report's figures of paths: drawn to scale, with the deviation magnified, and over time."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rid_daq.report.figures import FAINT, MEASURED, PREDICTED, STYLE, WRONG, as_svg
+
+FloatArray = npt.NDArray[np.float64]
+
+DRAWN_SHARE = 0.12
+AXES = "xyz"
+
+
+def path_figure(drawn: dict[str, Any], name: str) -> str:
+    """Draw a path to scale with the deviation from it magnified, before and after.
+
+    Left both at the magnification that suits the larger error, right what is left at one of its
+    own. The view is along the base axis in which the path extends least.
+
+    Parameters
+    ----------
+    drawn
+        `after` and `before` (or None): `wanted_m` and `deviation_m`, three columns each.
+    name
+        A word for the drawing's element names, different for every figure of a page.
+    """
+    after, before = drawn["after"], drawn["before"]
+    wanted = np.asarray(after["wanted_m"], dtype=float)
+    extents = np.ptp(wanted, axis=1)
+    across = sorted(np.argsort(extents)[1:].tolist())
+    sights = [[("after", after, PREDICTED)]]
+    if before is not None:
+        sights.insert(0, [("before", before, WRONG), ("after", after, PREDICTED)])
+    high = float(np.clip(4.4 * extents[across[1]] / max(extents[across[0]], 1e-9), 2.4, 4.8))
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 0.9 + high), layout="constrained")
+        panels = figure.subplots(1, len(sights), squeeze=False).ravel()
+        for panel, lines in zip(panels, sights, strict=True):
+            largest = max(_largest(line[1], across) for line in lines)
+            times = magnification(float(extents.max()), largest)
+            panel.plot(*wanted[across], color=FAINT, linewidth=2.4, label="wanted")
+            for label, curve, color in lines:
+                path, off = (np.asarray(curve[key])[across] for key in ("wanted_m", "deviation_m"))
+                panel.plot(*(path + times * off), color=color, linewidth=1.1, label=label)
+            _scale(panel, float(extents.max()), times)
+            panel.set_title(f"deviation drawn {times:g} times as large", fontsize=9.0)
+            panel.set_xlabel(f"{AXES[across[0]]} [m]")
+            panel.set_ylabel(f"{AXES[across[1]]} [m]")
+            panel.legend(loc="upper right", fontsize=7.5, ncols=1)
+        return as_svg(figure, name)
+
+
+def error_figure(drawn: dict[str, Any], joints: list[dict[str, Any]], name: str) -> str:
+    """Draw the tool point's distance from its path, and the errors of axes and joints over time.
+
+    Parameters
+    ----------
+    drawn
+        As for `path_figure`, with `time_s`, `distance_m` and `joint`, one list a joint.
+    joints
+        One mapping a joint: `joint` and `unit`.
+    name
+        A word for the drawing's element names, different for every figure of a page.
+    """
+    lines = [(label, drawn[label]) for label in ("before", "after") if drawn[label] is not None]
+    colors = {"before": WRONG, "after": PREDICTED}
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 6.0), layout="constrained")
+        top, middle, bottom = figure.subfigures(3, 1, squeeze=False)[:, 0]
+        panel = top.subplots()
+        for label, curve in lines:
+            distance = 1e3 * np.maximum(np.asarray(curve["distance_m"]), 1e-7)
+            panel.semilogy(curve["time_s"], distance, color=colors[label], label=label)
+        panel.set_ylabel("distance [mm]")
+        panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
+        panel.set_xlim(0.0, max(curve["time_s"][-1] for _, curve in lines))
+        base = [(f"{axis}, base frame", "path error [mm]") for axis in AXES]
+        own = [(joint["joint"], f"joint error [m{joint['unit']}]") for joint in joints]
+        for part, key, titles in ((middle, "deviation_m", base), (bottom, "joint", own)):
+            panels = part.subplots(1, len(titles), squeeze=False).ravel()
+            for k, (panel, (title, words)) in enumerate(zip(panels, titles, strict=True)):
+                for label, curve in lines:
+                    values = 1e3 * np.asarray(curve[key][k])
+                    panel.plot(curve["time_s"], values, color=colors[label], linewidth=0.9)
+                panel.set_title(title, fontsize=9.0)
+                if k == 0:
+                    panel.set_ylabel(words)
+                if part is bottom:
+                    panel.set_xlabel("time [s]")
+        return as_svg(figure, name)
+
+
+def magnification(extent_m: float, deviation_m: float) -> float:
+    """Return 1, 2 or 5 times a power of ten, so that a deviation is drawn as an eighth of a path.
+
+    Parameters
+    ----------
+    extent_m
+        Of the path.
+    deviation_m
+        The largest one.
+    """
+    wanted = DRAWN_SHARE * extent_m / max(deviation_m, 1e-9)
+    power = 10.0 ** math.floor(math.log10(max(wanted, 1.0)))
+    return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(wanted, 1.0))
+
+
+def _largest(curve: dict[str, Any], across: list[int]) -> float:
+    return float(np.linalg.norm(np.asarray(curve["deviation_m"])[across], axis=0).max())
+
+
+def _scale(panel: Axes, extent_m: float, times: float) -> None:
+    """Draw to scale, with a bar below that says what a length across the path means."""
+    panel.set_aspect("equal", adjustable="datalim")
+    means = 0.12 * extent_m / times
+    power = 10.0 ** math.floor(math.log10(means))
+    means = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= means)
+    left, low = panel.dataLim.x0, panel.dataLim.y0 - 0.09 * extent_m
+    panel.plot([left, left + times * means], [low, low], color=MEASURED, linewidth=2.0)
+    size = f"{1e3 * means:g} mm" if means >= 1e-3 else f"{1e6 * means:g} µm"
+    panel.annotate(
+        f"{size} of deviation",
+        (left + times * means, low),
+        (5.0, 0.0),
+        textcoords="offset points",
+        fontsize=7.5,
+        va="center",
+    )

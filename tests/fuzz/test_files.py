@@ -1,0 +1,287 @@
+"""Files that were changed by nobody who knew what he did: read, or refused with one of our errors.
+
+Real files of every kind are mutated from a seed: bytes flipped, cut, doubled, and replaced by what
+has broken parsers before. No other exception may come out, and none may take long.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.cycle_row import row_dtype
+from acquisition.import_csv import import_csv
+from acquisition.journal import read_journal
+from acquisition.journal_header import JournalHeader
+from acquisition.journal_repair import examine_journal
+from acquisition.motion_samples import plan_motion
+from acquisition.plate_journal import read_plate_journal
+from acquisition.recorder import JournalWriter
+from acquisition.run_folder import RunFolder
+from compensation.feedforward_file import read_feedforward
+from compensation.loop_file import read_loops
+from config.errors import RidDaqError
+from config.load import load_cell, load_faults, load_import_map, load_motion, load_robot
+from identification.estimate_file import read_estimate
+from identification.load_data import LoadFormat, load_data, read_load_data
+from identification.payload_body import PayloadBody
+from identification.payload_file import read_payload
+from rid_daq.payload_steps import SessionState
+from rid_daq.result import read_result
+from rid_daq.urdf_starter import urdf_files
+
+BUNDLED = Path(__file__).resolve().parents[2] / "config" / "bundled"
+LONGEST_S = 30.0  # a bound that no load of the computer reaches; a hang does
+NASTY = (
+    b"NaN", b"-Infinity", b"1e999", b"-1e308", b"9" * 400, b"0x1F", b"1_0", b"true", b"null",
+    b"{", b"}", b"[" * 5000, b"]", b"&a [*a, *a]", b"*a", b"!!python/object/apply:os.system ['x']",
+    b"<<: *x", b"\x00", b"\xff\xfe", b"\x1b[2J", b"\r", b"\n\n", b"\t", b'"', b"'", b",", b";",
+    b": ", b"-", b"<!ENTITY a 'b'>", b"&a;", b"=cmd()", b"../../etc/passwd", b"\xf0\x9f\xa4\x96",
+    b"\\ud800",
+)  # fmt: skip
+NOTHING = (
+    b"", b"\n", b"null", b"[]", b"{}", b"1", b'"x"', b"\xff" * 1000, b"\x00" * 1000, b"[" * 100_000,
+    b'{"a":' * 50_000, b"- " * 50_000, b"<a>" * 50_000, b"time_s\n", b"9" * 100_000,
+)  # fmt: skip
+
+
+def mutations(data: bytes, count: int, seed: int) -> Iterator[bytes]:
+    """Yield so many changed copies."""
+    chance = random.Random(seed)
+    for _ in range(count):
+        changed = bytearray(data)
+        for _ in range(chance.choice((1, 1, 2, 5))):
+            at, size = chance.randrange(len(changed) + 1), chance.choice((1, 2, 8, 64))
+            match chance.randrange(6):
+                case 0:
+                    changed[at : at + size] = b""
+                case 1:
+                    changed[at:at] = changed[at : at + size]
+                case 2:
+                    changed[at:at] = chance.choice(NASTY)
+                case 3:
+                    changed[at : at + size] = chance.choice(NASTY)
+                case 4 if at < len(changed):
+                    changed[at] ^= 1 << chance.randrange(8)
+                case _:
+                    del changed[at:]
+            if not changed:
+                break
+        yield bytes(changed)
+
+
+def survive(read: Callable[[Path], Any], path: Path, data: bytes, count: int) -> int:
+    """Read what is no such file at all, and mutations of one; return how many were refused."""
+    messages = []
+    for changed in (*NOTHING, *mutations(data, count, seed=1)):
+        path.write_bytes(changed)
+        begun_s = time.monotonic()
+        try:
+            read(path)
+        except RidDaqError as error:
+            messages.append(str(error))
+        assert time.monotonic() - begun_s < LONGEST_S
+    assert len(messages) >= len(NOTHING) - 1  # to some readers one of them is an empty file
+    assert all(messages)
+    return len(messages) - len(NOTHING)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "read"),
+    [
+        ("robots", "ir361", lambda path: load_robot(str(path))),
+        ("robots", "kr15", lambda path: load_robot(str(path))),
+        ("cells", "ir361", lambda path: load_cell(str(path))),
+        ("maps", "ur10e_31", lambda path: load_import_map(str(path))),
+    ],
+)
+def test_yaml_files(kind: str, name: str, read: Callable[[Path], Any], tmp_path: Path) -> None:
+    data = (BUNDLED / kind / f"{name}.yaml").read_bytes()
+    assert survive(read, tmp_path / "changed.yaml", data, 60) > 15
+
+
+MOTIONS = {
+    "fourier": b"""kind: fourier
+robot: ir361
+period_s: 4.0
+periods: 2
+ramp_s: 1.0
+joints:
+  - {joint: axis1, offset: 0.1, sine: [0.2, 0.01], cosine: [0.1, 0.0]}
+  - {joint: axis2, offset: 0.1, sine: [0.2, 0.01], cosine: [0.1, 0.0]}
+  - {joint: axis3, offset: 0.1, sine: [0.2, 0.01], cosine: [0.1, 0.0]}
+""",
+}
+
+
+@pytest.mark.parametrize("kind", MOTIONS)
+def test_motion_files_up_to_their_samples(kind: str, tmp_path: Path) -> None:
+    robot = load_robot("ir361")
+
+    def read(path: Path) -> None:
+        plan_motion(load_motion(path), robot, 0.008)
+
+    assert survive(read, tmp_path / "motion.yaml", MOTIONS[kind], 100) > 25
+
+
+def test_joint_tables(tmp_path: Path) -> None:
+    motion = tmp_path / "motion.yaml"
+    motion.write_text("kind: joint_table\nrobot: ir361\nfile: table.csv\n")
+    rows = [f"{0.1 * i:.2f},{0.01 * i:.3f},0.0,{-0.01 * i:.3f}" for i in range(60)]
+    table = "\n".join(["time_s,axis1,axis2,axis3", *rows]).encode()
+    robot = load_robot("ir361")
+
+    def read(_path: Path) -> None:
+        plan_motion(load_motion(motion), robot, 0.008)
+
+    assert survive(read, tmp_path / "table.csv", table, 100) > 25
+
+
+def test_fault_scripts(tmp_path: Path) -> None:
+    data = b"seed: 3\nbus:\n  - {kind: drop, at_frame: 4, joint: axis1}\n" * 1
+    data += b"drives:\n  - {kind: emergency, at_s: 3.0, code: 12}\n"
+    cell = load_cell("ir361").config
+    assert survive(lambda path: load_faults(path, cell), tmp_path / "f.yaml", data, 80) > 25
+
+
+def test_somebody_elses_csv(tmp_path: Path) -> None:
+    import_map, robot = load_import_map("ur10e_31")
+    rng = np.random.default_rng(2)
+    width = 31
+    lines = [
+        ",".join(f"{x:.5f}" for x in (0.01 * i, *rng.normal(size=width - 1))) for i in range(80)
+    ]
+
+    def read(path: Path) -> None:
+        import_csv(path, import_map, robot)
+
+    assert survive(read, tmp_path / "r.csv", "\n".join(lines).encode(), 60) > 0
+
+
+def test_urdf(tmp_path: Path) -> None:
+    links = "".join(
+        f'<link name="l{i}"><inertial><origin xyz="0 0 .1"/><mass value="2"/><inertia ixx="1"'
+        ' iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for i in range(4)
+    )
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        '<origin xyz="0 .2 .1" rpy="0 1 0"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="1" effort="10" velocity="2"/></joint>'
+        for i in range(3)
+    )
+    data = f'<?xml version="1.0"?><robot name="r">{links}{joints}</robot>'.encode()
+    assert survive(lambda path: urdf_files(path, None, None), tmp_path / "r.urdf", data, 60) > 20
+
+
+@pytest.fixture
+def document(tmp_path: Path) -> Callable[[str, Any], RunFolder]:
+    """Return a run folder with one JSON file in it."""
+
+    def make(name: str, content: Any) -> RunFolder:
+        folder = RunFolder.create(tmp_path / "runs", "fuzz")
+        folder.write(name, json.dumps(content).encode())
+        return folder
+
+    return make
+
+
+def test_results_and_sessions(document: Callable[[str, Any], RunFolder]) -> None:
+    result = {"schema": "rid-daq result 1", "title": "t", "verdict": {"passed": None}}
+    folder = document("result.json", result)
+    data = json.dumps(result).encode()
+    assert survive(lambda _: read_result(folder), folder.file("result.json"), data, 200) > 60
+    state = {"schema": "rid-daq payload session 1", "cell": "kr15", "done": {}, "facts": {}}
+    folder = document("session.json", state)
+    data = json.dumps(state).encode()
+    path = folder.file("session.json")
+    assert survive(lambda _: SessionState.read(folder), path, data, 100) > 50
+
+
+def test_manifests(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path / "runs", "fuzz")
+    folder.write("robot.yaml", b"name: x\n")
+    path = folder.path / "manifest.json"
+    data = path.read_bytes()
+
+    def read(_: Path) -> None:
+        RunFolder.open(folder.path).verify()
+
+    assert survive(read, path, data, 150) > 50
+
+
+@pytest.mark.parametrize("form", LoadFormat)
+def test_load_data_of_controllers(form: LoadFormat, tmp_path: Path) -> None:
+    body = PayloadBody(4.2, np.array([0.01, -0.02, 0.1]), np.diag([0.03, 0.04, 0.02]))
+    data = load_data(body, form).encode()
+
+    def read(path: Path) -> None:
+        read_load_data(path.read_text(errors="replace"), form)
+
+    assert survive(read, tmp_path / "load", data, 150) > 10
+
+
+@pytest.mark.parametrize("read", [read_estimate, read_payload, read_loops, read_feedforward])
+def test_models_and_what_follows_from_them(
+    read: Callable[[Path], Any], tmp_path: Path, json_files: dict[Any, bytes]
+) -> None:
+    assert survive(read, tmp_path / "changed.json", json_files[read], 200) > 100
+
+
+@pytest.fixture
+def json_files(tmp_path: Path) -> dict[Any, bytes]:
+    """Files of the right shape, and in part nonsense: what follows the schema is reached."""
+    loops = {
+        "format": 1,
+        "robot": "ir361",
+        "run": "r",
+        "loops": [
+            {
+                "joint": "axis1", "gain": 1.0, "integral_time_s": 0.01, "delay_s": 0.001,
+                "lag_s": None, "fitted": ["gain"], "covariance": [[1.0]], "p_value": 0.5,
+                "sentence": "",
+            }
+        ],
+    }  # fmt: skip
+    texts = {read_loops: loops, read_feedforward: {"format": 1, "cycle_time_ms": 8}}
+    texts |= {read_estimate: {"kind": "rid-daq estimate", "format": 2}}
+    texts |= {read_payload: {"kind": "rid-daq payload", "format": 1}}
+    return {read: json.dumps(content).encode() for read, content in texts.items()}
+
+
+def test_recordings_of_nonsense_with_right_checksums(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    for number in range(30):
+        path = tmp_path / f"{number}.mcap"
+        header = JournalHeader(joint_names=("a", "b"), sample_period_s=1e-9 if number % 2 else 1e9)
+        size = row_dtype(2).itemsize
+        with JournalWriter(path, header) as writer:
+            writer.append(rng.bytes(size * 20))
+        for read in (
+            lambda p: read_journal(p).recording(),
+            examine_journal,
+            read_plate_journal,
+        ):
+            with pytest.raises(RidDaqError):
+                read(path)
+
+
+def test_recordings_changed_anywhere(tmp_path: Path) -> None:
+    path = tmp_path / "whole.mcap"
+    rows = np.zeros(300, dtype=row_dtype(2))
+    rows["time_s"] = rows["cycle"] = np.arange(300)
+    with JournalWriter(path, JournalHeader(joint_names=("a", "b"), sample_period_s=1.0)) as writer:
+        writer.append(rows.tobytes())
+    data = path.read_bytes()
+
+    def read(changed: Path) -> None:
+        examine_journal(changed)
+
+    survive(read, tmp_path / "changed.mcap", data, 300)

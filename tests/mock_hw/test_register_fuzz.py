@@ -1,0 +1,91 @@
+"""Modbus answers that are none: a typed error each time, and never a number."""
+
+from __future__ import annotations
+
+import random
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from config.errors import DriverError
+from config.monitor import ModbusTcp, MonitorConfig
+from drivers.modbus_codec import RegisterRead
+from drivers.modbus_link import open_modbus
+
+ANSWERS = 60
+READ = RegisterRead("holding", 100, 2, ())
+
+
+def answer(request: bytes, chance: random.Random) -> bytes:
+    """Return something else than the answer to a request."""
+    transaction, _, _, unit = struct.unpack_from(">HHHB", request)
+    kind = chance.randrange(7)
+    if kind == 0:
+        return chance.randbytes(chance.randrange(1, 300))
+    if kind == 1:
+        return request  # an echo
+    if kind == 2:  # the right head, and nothing of the body
+        return struct.pack(">HHHBBB", transaction, 0, 200, unit, 3, 255)
+    if kind == 3:  # more registers than were asked for
+        return struct.pack(">HHHBBB", transaction, 0, 11, unit, 3, 8) + bytes(8)
+    if kind == 4:  # another unit
+        return struct.pack(">HHHBBB", transaction, 0, 7, unit ^ 5, 3, 4) + bytes(4)
+    if kind == 5:  # another function
+        return struct.pack(">HHHBBB", transaction, 0, 7, unit, 4, 4) + bytes(4)
+    return struct.pack(">HHHBB", transaction, 0, 3, unit, 0x83) + chance.randbytes(1)
+
+
+class Liar(threading.Thread):
+    """A Modbus server that never answers what it was asked."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        self._chance = random.Random(11)
+        self.answers = 0
+
+    def run(self) -> None:
+        while True:
+            try:
+                connection, _ = self._listener.accept()
+            except OSError:
+                return
+            with connection:
+                while request := self._hear(connection):
+                    self.answers += 1
+                    connection.sendall(answer(request, self._chance))
+
+    def _hear(self, connection: socket.socket) -> bytes:
+        try:
+            return connection.recv(260)
+        except OSError:
+            return b""
+
+    def close(self) -> None:
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+
+@pytest.fixture
+def liar() -> Iterator[Liar]:
+    liar = Liar()
+    liar.start()
+    yield liar
+    liar.close()
+
+
+def test_no_answer_is_taken_for_one(liar: Liar) -> None:
+    link = ModbusTcp(kind="tcp", host="127.0.0.1", port=liar.port)
+    config = MonitorConfig(link=link, units=(1,), timeout_s=0.05)
+    begun_s = time.monotonic()
+    with open_modbus(config, lambda _: None) as opened:
+        for _ in range(ANSWERS):
+            with pytest.raises(DriverError):
+                opened.read(1, READ)
+    assert liar.answers > ANSWERS // 2
+    assert time.monotonic() - begun_s < 100.0

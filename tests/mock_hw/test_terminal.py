@@ -1,0 +1,69 @@
+"""The simulated amplifier at a plain terminal: a person types, reads, and starts a stream.
+
+Nothing of the driver is used: the port is opened as any terminal program does.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import termios
+import time
+import tty
+from collections.abc import Callable
+from typing import Any
+
+PATIENCE_S = 20.0
+
+
+class Terminal:
+    """A raw serial port, read line by line."""
+
+    def __init__(self, path: str) -> None:
+        self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
+        tty.setraw(self._fd, termios.TCSANOW)
+        speeds = termios.tcgetattr(self._fd)
+        speeds[4] = speeds[5] = termios.B460800
+        termios.tcsetattr(self._fd, termios.TCSANOW, speeds)
+        self._text = b""
+
+    def line(self) -> str:
+        until_s = time.monotonic() + PATIENCE_S
+        while b"\r" not in self._text:
+            assert time.monotonic() < until_s, f"no answer, only {self._text!r}"
+            if select.select([self._fd], [], [], 0.1)[0]:
+                self._text += os.read(self._fd, 4096)
+        line, _, self._text = self._text.partition(b"\r")
+        return line.decode("ascii").lstrip("\n")
+
+    def ask(self, said: str) -> str:
+        os.write(self._fd, said.encode() + b"\r")
+        return self.line()
+
+    def close(self) -> None:
+        os.close(self._fd)
+
+
+def test_a_person_at_a_terminal(serve_amplifier: Callable[..., Any]) -> None:
+    terminal = Terminal(serve_amplifier().address)
+    try:
+        assert "simulated" in terminal.ask("ID?")
+        assert terminal.ask("RO?") == "0"
+        assert terminal.ask("RO1") == "OK"
+        assert terminal.ask("RO?") == "1"
+        assert terminal.ask("3:RG2500") == "OK,CL"  # a range that changes loses the charge
+        assert terminal.ask("3:RG?") == "2500"
+        forces = terminal.ask("VA?").split(",")
+        assert len(forces) == 8
+        assert all(abs(float(force)) < 50.0 for force in forces)
+        assert terminal.ask("OV?") == "00"
+        assert terminal.ask("nonsense") == "E01"
+        assert terminal.ask("SF0") == "OK"
+        assert terminal.ask("ST1") == "OK"
+        rows = [terminal.line() for _ in range(20)]
+        assert all(re.fullmatch(r"#[0-9A-F]{4},[0-9A-F]{8},.*\*[0-9A-F]{4}", row) for row in rows)
+        numbers = [int(row[1:5], 16) for row in rows]
+        assert numbers == list(range(numbers[0], numbers[0] + 20))
+    finally:
+        terminal.close()

@@ -1,0 +1,323 @@
+"""A SocketCAN interface of the kernel's: times, losses, bus-off, queues; candump as a witness.
+
+These tests run where RID_DAQ_SOCKETCAN names a virtual CAN interface that is up and may be changed:
+in the guest that test_guest.py boots, or by hand.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from config.cell import CanBusConfig
+from config.errors import TransportError
+from config.load import LoadedCell, load_cell
+from drivers.canopen.frames import Frame
+from drivers.cell import Cell, open_cell
+from drivers.socketcan_port import SocketCanPort, transmit_queue_frames
+from drivers.transport import CanLink, open_can
+from mock_hw.cell import SimulatedCell
+from rid_daq.bus_check import bus_lines
+
+CHANNEL = os.environ.get("RID_DAQ_SOCKETCAN", "")
+pytestmark = pytest.mark.skipif(not CHANNEL, reason="RID_DAQ_SOCKETCAN names no interface")
+
+FRAME = struct.Struct("=IB3x8s")
+PATIENCE_S = 30.0
+
+
+@pytest.fixture
+def link() -> Iterator[CanLink]:
+    with open_can(CanBusConfig(interface="socketcan", channel=CHANNEL)) as opened:
+        yield opened
+
+
+@pytest.fixture
+def raw() -> Iterator[socket.socket]:
+    """A plain socket beside ours."""
+    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as other:
+        other.bind((CHANNEL,))
+        other.settimeout(PATIENCE_S)
+        yield other
+
+
+def run(*command: str) -> str:
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+def fast_cell() -> LoadedCell:
+    """Return the bundled cell at 125 Hz on the interface, without a plate, patient."""
+    loaded = load_cell("ir361")
+    config = loaded.config
+    values = {
+        "can": CanBusConfig(interface="socketcan", channel=CHANNEL),
+        "plate": None,
+        "drive_safety": config.drive_safety.model_copy(
+            update={"master_heartbeat_timeout_ms": 500, "drive_heartbeat_timeout_ms": 2000}
+        ),
+        "supervision": config.supervision.model_copy(
+            update={
+                "missed_frames_limit": 30,
+                "late_cycles_limit": 30,
+                "late_by_cycles_limit": 50.0,
+                "late_answers_limit": 100,
+                "stuck_encoder_cycles": 60,
+                "following_error_min_rad": 0.5,
+            }
+        ),
+    }
+    return replace(loaded, config=config.model_copy(update=values))
+
+
+@pytest.fixture(scope="module")
+def loaded() -> LoadedCell:
+    return fast_cell()
+
+
+@pytest.fixture(scope="module")
+def simulated(loaded: LoadedCell) -> Iterator[SimulatedCell]:
+    assert loaded.plant is not None
+    with SimulatedCell(
+        loaded.config, loaded.robot, loaded.plant, realtime=True, seed=4
+    ) as simulated:
+        yield simulated
+
+
+def test_cansend_is_received_and_candump_sees_what_is_sent(link: CanLink) -> None:
+    witness = subprocess.Popen(
+        ["candump", "-n", "3", "-L", CHANNEL], stdout=subprocess.PIPE, text=True
+    )
+    received = None
+    until_s = time.monotonic() + PATIENCE_S
+    while received is None and time.monotonic() < until_s:  # candump takes a while to listen
+        run("cansend", CHANNEL, "181#3706E803")
+        received = link.receive(link.clock.now_s() + 0.5)
+        if witness.poll() is None:
+            link.send_frames([(0x201, b"\x0f\x00"), (0x202, bytearray(8))])
+    assert received == Frame(0x181, bytes.fromhex("3706E803"))
+    while witness.poll() is None and time.monotonic() < until_s:
+        link.send_frames([(0x201, b"\x0f\x00"), (0x202, bytearray(8))])
+    seen = {line.split()[-1] for line in witness.communicate()[0].splitlines()}
+    assert seen & {"201#0F00", "202#0000000000000000"}
+    assert seen <= {"201#0F00", "202#0000000000000000", "181#3706E803"}
+
+
+def test_a_frame_read_late_says_when_it_arrived(link: CanLink, raw: socket.socket) -> None:
+    before_s = link.clock.now_s()
+    raw.send(FRAME.pack(0x181, 2, b"ab"))
+    sent_s = link.clock.now_s()
+    link.clock.sleep_until(sent_s + 0.2)
+    assert link.receive(0.0) == Frame(0x181, b"ab")
+    assert before_s - 1e-3 <= link.last_time_s <= sent_s + 0.1
+
+
+def test_other_frames_than_classic_data_frames_are_left_out(
+    link: CanLink, raw: socket.socket
+) -> None:
+    raw.send(FRAME.pack(0x8000_0181, 2, b"ab"))
+    raw.send(FRAME.pack(0x4000_0181, 2, b""))
+    raw.send(FRAME.pack(0x182, 1, b"c"))
+    assert link.receive(link.clock.now_s() + 1.0) == Frame(0x182, b"c")
+
+
+def test_a_burst_of_two_thousand_frames_is_kept(raw: socket.socket) -> None:
+    with CanLink(SocketCanPort(CHANNEL)) as link:
+        for number in range(2000):
+            raw.send(FRAME.pack(0x181, 4, number.to_bytes(4, "little")))
+        data = []
+        while (frame := link.receive(0.0)) is not None:
+            data.append(int.from_bytes(frame.data, "little"))
+        assert data == list(range(2000))
+        assert link.lost_frames == 0
+
+
+def test_lost_frames_are_counted(raw: socket.socket) -> None:
+    port = SocketCanPort(CHANNEL)
+    with CanLink(port) as link:
+        port._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        for _ in range(200):
+            raw.send(FRAME.pack(0x181, 0, b""))
+        received = 0
+        while link.receive(0.0) is not None:
+            received += 1
+        raw.send(FRAME.pack(0x181, 0, b""))  # the count comes with the next frame that fits
+        assert link.receive(1.0 + link.clock.now_s()) is not None
+        assert received < 200
+        assert link.lost_frames == 200 - received
+
+
+@pytest.mark.parametrize(
+    ("can_id", "text"), [(0x2000_0040, "is bus-off"), (0x2000_0100, "has restarted by itself")]
+)
+def test_bus_off_is_an_error(link: CanLink, raw: socket.socket, can_id: int, text: str) -> None:
+    raw.send(FRAME.pack(can_id, 8, bytes(8)))
+    with pytest.raises(TransportError, match=text):
+        link.receive(link.clock.now_s() + 1.0)
+
+
+def test_error_frames_that_are_no_bus_off_are_counted(raw: socket.socket) -> None:
+    port = SocketCanPort(CHANNEL)
+    with CanLink(port) as link:
+        raw.send(FRAME.pack(0x2000_0004, 8, b"\0\x10" + bytes(6)))  # error passive
+        raw.send(FRAME.pack(0x2000_0004, 8, b"\0\x01" + bytes(6)))  # the controller overran
+        raw.send(FRAME.pack(0x181, 0, b""))
+        assert link.receive(link.clock.now_s() + 1.0) == Frame(0x181, b"")
+        assert (port.error_frames, port.lost_frames) == (2, 1)
+
+
+@pytest.fixture
+def blocked() -> Iterator[None]:
+    """An interface whose frames do not go out, as without anybody who acknowledges."""
+    run(
+        "tc",
+        "qdisc",
+        "add",
+        "dev",
+        CHANNEL,
+        "root",
+        "tbf",
+        *["rate", "8bit", "burst", "1", "limit", "1mb"],
+    )
+    yield
+    subprocess.run(["tc", "qdisc", "del", "dev", CHANNEL, "root"], check=False)
+
+
+@pytest.mark.fault(12)
+def test_few_set_points_wait_for_a_dead_bus_and_none_survives_it(
+    link: CanLink, raw: socket.socket, blocked: None, measured: Callable[[str], None]
+) -> None:
+    taken, text = fill(link)
+    assert "transmit queue is full" in text
+    assert 16 <= taken <= 48, "a cycle of sixteen axes fits, and little more"
+    link.close()
+    run("ip", "link", "set", CHANNEL, "down")  # as bus-off does: the carrier is gone
+    set_points(raw)  # those that went out before
+    run("tc", "qdisc", "del", "dev", CHANNEL, "root")
+    run("ip", "link", "set", CHANNEL, "up")
+    assert set_points(raw) == 0
+    measured(f"SocketCAN: {taken} frames wait at most; 0 go out when the bus is back")
+
+
+def test_the_preflight_looks_at_the_transmit_queue(loaded: LoadedCell) -> None:
+    before = transmit_queue_frames(CHANNEL)
+    try:
+        for frames, verdict in ((4, "red"), (10, "ok"), (1000, "red")):
+            run("ip", "link", "set", CHANNEL, "txqueuelen", str(frames))
+            (line,) = bus_lines(loaded.config)
+            assert (line.found, line.verdict) == (str(frames), verdict)
+    finally:
+        run("ip", "link", "set", CHANNEL, "txqueuelen", str(before))
+
+
+@pytest.mark.fault(12)
+@pytest.mark.parametrize("fault", ["bus-off", "interface down"])
+def test_a_bus_that_dies_in_motion_is_an_error_and_nothing_follows(
+    fault: str,
+    simulated: SimulatedCell,
+    loaded: LoadedCell,
+    raw: socket.socket,
+    measured: Callable[[str], None],
+) -> None:
+    def kill() -> None:
+        if fault == "bus-off":
+            raw.send(FRAME.pack(0x2000_0040, 8, bytes(8)))
+        else:
+            run("ip", "link", "set", CHANNEL, "down")
+
+    try:
+        with pytest.raises(TransportError):
+            die_in_motion(simulated, loaded, kill)
+    finally:
+        run("ip", "link", "set", CHANNEL, "up")
+    until_s = time.monotonic() + PATIENCE_S
+    while (axes := simulated.axes()).enabled.any() or np.abs(axes.velocity).max() > 1e-3:
+        assert time.monotonic() < until_s, "the drives did not stop by themselves"
+        time.sleep(0.05)
+    set_points(raw)  # those of before
+    run("ip", "link", "set", CHANNEL, "down")
+    run("ip", "link", "set", CHANNEL, "up")
+    assert set_points(raw) == 0
+    measured(f"SocketCAN, {fault}: an error in the cycle it happened; 0 set-points afterwards")
+
+
+def die_in_motion(simulated: SimulatedCell, loaded: LoadedCell, kill: Callable[[], None]) -> None:
+    with open_cell(simulated.cell, loaded.robot) as cell:
+        cell.axes.bring_up()
+        cell.axes.start()
+        drive(cell, 20)
+        assert simulated.axes().enabled.all()
+        kill()
+        drive(cell, 1, enable=False)
+
+
+def drive(cell: Cell, cycles: int, *, enable: bool = True) -> int:
+    """Move for so many cycles, as far as the bus goes."""
+    next_s = cell.axes.enable() if enable else cell.clock.now_s()
+    for _ in range(cycles):
+        next_s = max(next_s + cell.config.cycle_time_s, cell.clock.now_s())
+        cell.clock.sleep_until(next_s)
+        cell.axes.collect(cell.axes.sync() + 1.0)
+        assert cell.axes.received.all()
+        assert cell.axes.command(np.full(3, 0.1))
+        cell.axes.beat(cell.clock.now_s())
+    return cycles
+
+
+def set_points(raw: socket.socket, listen_s: float = 0.5) -> int:
+    """Return how many set-points came, those that waited and those of half a second."""
+    until_s = time.monotonic() + listen_s
+    raw.settimeout(0.05)
+    count = 0
+    while True:
+        try:
+            count += 0x201 <= FRAME.unpack(raw.recv(16))[0] <= 0x203
+        except TimeoutError:
+            if time.monotonic() > until_s:
+                return count
+        except OSError:  # told once that the interface was down
+            continue
+
+
+def fill(link: CanLink) -> tuple[int, str]:
+    """Return how many set-points the bus took until it refused one, and its words."""
+    for taken in range(1000):
+        try:
+            link.send(Frame(0x201, taken.to_bytes(8, "little")))
+        except TransportError as error:
+            return taken, str(error)
+    return 1000, ""
+
+
+def test_the_kernels_slcan_driver_works_with_the_simulated_adapter(loaded: LoadedCell) -> None:
+    assert loaded.plant is not None
+    config = loaded.config.model_copy(
+        update={"can": CanBusConfig(interface="slcan", channel="adapter"), "cycle_time_ms": 20}
+    )
+    with SimulatedCell(config, loaded.robot, loaded.plant, realtime=True, seed=4) as simulated:
+        driver = subprocess.Popen(
+            ["slcand", "-F", "-o", "-s8", os.path.realpath(simulated.channel), "slcan0"]
+        )
+        try:
+            until_s = time.monotonic() + PATIENCE_S
+            while not os.path.exists("/sys/class/net/slcan0"):
+                assert time.monotonic() < until_s
+                time.sleep(0.05)
+            run("ip", "link", "set", "slcan0", "up")
+            can = CanBusConfig(interface="socketcan", channel="slcan0")
+            with open_cell(config.model_copy(update={"can": can}), loaded.robot) as cell:
+                cell.axes.bring_up()
+                cell.axes.start()
+                drive(cell, 20)
+                assert simulated.axes().enabled.all()
+            assert not simulated.axes().enabled.any()
+        finally:
+            driver.terminate()
+            driver.wait(PATIENCE_S)
