@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -38,9 +39,11 @@ from compensation.path_kernels import (
     FAST,
     FOUND,
     HEAVY,
+    HIGH,
     HORIZON,
     JERKED,
     KNOWN,
+    LOW,
     NODE,
     NODE_ROWS,
     NOT_FINITE,
@@ -52,6 +55,7 @@ from compensation.path_kernels import (
     STATE,
     TAKEN,
     TAU,
+    TORQUE,
     WHICH,
     WHOSE,
     WHY,
@@ -338,3 +342,19 @@ def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
             f"a buffer of {buffer_s:g} s is {points} points, {MOST_NODES} are the most: give less"
         )
     return points
+
+
+def compile_stage(feedforward: OnlineFeedforward) -> None:
+    """Compile what the task will run, or load it: in the program, so that the task starts at once.
+
+    Parameters
+    ----------
+    feedforward : OnlineFeedforward
+        Of any robot.
+    """
+    axes = np.array(feedforward.axes)
+    axes[TORQUE] = np.inf
+    ring = PointRing.create(axes.shape[1], FEWEST_NODES)
+    ring.write(np.tile(0.5 * (axes[LOW] + axes[HIGH]), (FEWEST_NODES, 1)))
+    ring.end()
+    PointSource(replace(feedforward, axes=axes), ring).prepare()

@@ -15,7 +15,7 @@ from compensation.online import OnlineFeedforward
 from compensation.point_feed import PointFeed, PointGate, wait_for_points
 from compensation.point_ring import PointRing
 from compensation.point_server import PointServer, PointService
-from compensation.point_source import BUFFER_S, PointSource, buffer_points
+from compensation.point_source import BUFFER_S, PointSource, buffer_points, compile_stage
 from config.cell import CellConfig
 from config.errors import ConfigError, DeviceTimeoutError, PreflightError, TransportError
 
@@ -79,6 +79,7 @@ def stream_motion(
         )
     gate = PointGate(feedforward.robot, cell.workspace, cell.cycle_time_s)
     gate.check(samples.position)
+    compile_stage(feedforward)
     ring = PointRing.create(len(samples.joint_names), len(samples))
     ring.write(samples.position)
     ring.end()
@@ -191,6 +192,7 @@ def stream_socket(
 
 
 def _ring(cell: CellConfig, feedforward: OnlineFeedforward, options: StreamOptions) -> PointRing:
+    compile_stage(feedforward)
     joints = len(feedforward.robot.joints)
     return PointRing.create(joints, buffer_points(options.buffer_s, cell.cycle_time_s) // 2)
 

@@ -119,7 +119,7 @@ def stream(
             ignore_termination()  # a second Ctrl-C must not cost the report
     report = write_result(folder, run.result)
     folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
-    _tell(console, run, folder, report, compensated=not plain)
+    _tell(console, run, folder, report, compensated=not plain, planned=asked is not None)
     stop = run.outcome.stop
     if stop is not None:
         raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
@@ -188,7 +188,13 @@ def _listening(console: Console, path: Path, patience_s: float) -> Callable[[], 
 
 
 def _tell(
-    console: Console, run: RecordedRun, folder: RunFolder, report: Path, *, compensated: bool
+    console: Console,
+    run: RecordedRun,
+    folder: RunFolder,
+    report: Path,
+    *,
+    compensated: bool,
+    planned: bool,
 ) -> None:
     outcome = run.outcome
     console.document(
@@ -215,4 +221,5 @@ def _tell(
     else:
         console.verdict(True, f"Streamed: {folder.path}")
     console.say(f"Report: {report}")
-    console.say(f"Next: rid-daq tracking {folder.path}")
+    if planned:
+        console.say(f"Next: rid-daq tracking {folder.path}")
