@@ -255,6 +255,7 @@ class CyclicTask:
         reason = (
             supervisor.check_events(axes.take_events())
             or supervisor.check_late_frames(late_frames)
+            or supervisor.check_target(target.position, target.velocity, periods)
             or supervisor.check_measured(
                 axes.received.tolist(),
                 axes.position.tolist(),

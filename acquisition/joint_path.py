@@ -57,14 +57,15 @@ def joint_path_motion(
         motion.jerk_time_s,
         fraction=motion.speed_fraction,
     )
-    for _ in range(ATTEMPTS):
+    attempts = 0
+    while True:
         rows = progress(limits, sample_period_s)
         at = PathSlopes(*(curve(rows.length, order) for order in range(3)))
         path = joint_rows(at, rows)
-        if not violations(path, robot, sample_period_s, 2):
-            break
+        attempts += 1
+        if attempts == ATTEMPTS or not violations(path, robot, sample_period_s, 2):
+            return _with_rests(path, motion.dwell_s, sample_period_s)
         limits = limits.slower(SLOWER)
-    return _with_rests(path, motion.dwell_s, sample_period_s)
 
 
 def joint_table_motion(

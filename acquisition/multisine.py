@@ -22,6 +22,7 @@ Phasors = NDArray[np.complex128]
 DETECTION_GROUP = 4
 CREST_ROUNDS = 60
 CLIPPING = 0.85
+LEAST_SLOW = 0.75
 
 
 def excited_lines(motion: MultisineMotion, robot: RobotDescription) -> tuple[IntArray, ...]:
@@ -116,6 +117,10 @@ def realisation_motions(
 ) -> tuple[FourierMotion, ...]:
     """Return each realisation as a periodic motion: the integral of its speeds.
 
+    Each has a slow sine of its own, from `LEAST_SLOW` of its amplitude to all of it, so that what
+    depends on the position (tachometer ripple, cogging) differs between realisations and counts in
+    the variance, instead of being the same in all and passing for the response.
+
     Raises
     ------
     ConfigError
@@ -125,6 +130,9 @@ def realisation_motions(
     phasors = speed_phasors(motion, robot)
     highest = max(1, *(int(own[-1]) for own in lines if len(own)))
     omega = 2.0 * math.pi / motion.period_s
+    shares = np.random.default_rng([motion.seed, len(order), 1]).uniform(
+        LEAST_SLOW, 1.0, (motion.realisations, len(order))
+    )
     found = []
     for number in range(motion.realisations):
         joints = []
@@ -133,7 +141,7 @@ def realisation_motions(
             place = np.zeros(highest + 1, dtype=np.complex128)
             place[lines[k]] = phasors[k][number] / (1j * omega * lines[k])
             sine, cosine = -place.imag[1:], place.real[1:]
-            sine[0] += settings.slow_amplitude
+            sine[0] += shares[number, k] * settings.slow_amplitude
             joints.append(
                 FourierJoint(
                     joint=settings.joint,

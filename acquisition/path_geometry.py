@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from acquisition.arrays import FloatArray
+from acquisition.arrays import FloatArray, IntArray
 from config.errors import ConfigError
 from config.path_motion import (
     ArcSegment,
@@ -119,9 +119,10 @@ class Stretch:
         """From rest to rest."""
         return float(self.ends_m[-1])
 
-    def piece_at(self, length_m: FloatArray) -> FloatArray:
+    def piece_at(self, length_m: FloatArray) -> IntArray:
         """Return the numbers of the pieces at lengths."""
-        return np.minimum(np.searchsorted(self.ends_m, length_m), len(self.pieces) - 1)
+        found = np.searchsorted(self.ends_m, length_m)
+        return np.asarray(np.minimum(found, len(self.pieces) - 1), dtype=np.int64)
 
     def where(self, length_m: float) -> str:
         """Say where on the path a length is."""
@@ -133,7 +134,7 @@ class Stretch:
         """Return the path at lengths from the beginning of the stretch."""
         number = self.piece_at(length_m)
         found = Along(*(np.empty((len(length_m), 3)) for _ in range(3)))
-        for k in np.unique(number):
+        for k in np.unique(number).tolist():
             here = number == k
             piece = self.pieces[k]
             begin = float(self.ends_m[k]) - piece.length_m

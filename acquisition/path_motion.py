@@ -221,14 +221,15 @@ def _progressed(
     sample_period_s: float,
 ) -> tuple[Progress, Path]:
     """Return the way along a stretch, slowed down until the joints' limits hold between rows."""
-    for _ in range(ATTEMPTS):
+    attempts = 0
+    while True:
         rows = progress(limits, sample_period_s)
         joints = _joints(chain, stretch.at(rows.length), way(rows.length), rotation)
         path = joint_rows(joints, rows)
-        if not violations(path, robot, sample_period_s, 2):
-            break
+        attempts += 1
+        if attempts == ATTEMPTS or not violations(path, robot, sample_period_s, 2):
+            return rows, path
         limits = limits.slower(SLOWER)
-    return rows, path
 
 
 def joint_rows(joints: PathSlopes, rows: Progress) -> Path:

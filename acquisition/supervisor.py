@@ -257,6 +257,30 @@ class Supervisor:
         self._stuck[i] += periods
         return self._stuck[i] >= rules.stuck_encoder_cycles
 
+    def check_target(
+        self,
+        target_position: Sequence[float],
+        target_velocity: Sequence[float],
+        periods: int = 1,
+    ) -> StopReason | None:
+        """Check the set-point of a cycle (row 17), before anything is measured against it.
+
+        Parameters as of `check_set_point`.
+        """
+        for i in self._joints:
+            target, velocity = target_position[i], target_velocity[i]
+            step = self._step[i] * periods
+            if not -step <= target - self._target[i] <= step:
+                return self._set_point(i, "position jumps by", target - self._target[i], step)
+            limit = self._velocity_limit[i]
+            if not -limit <= velocity <= limit:
+                return self._set_point(i, "velocity is", velocity, limit)
+            step = self._velocity_step[i] * periods
+            if not -step <= velocity - self._target_velocity[i] <= step:
+                change = velocity - self._target_velocity[i]
+                return self._set_point(i, "velocity jumps by", change, step)
+        return None
+
     def check_set_point(
         self,
         target_position: Sequence[float],
@@ -273,18 +297,11 @@ class Supervisor:
         periods : int
             Cycle times since the last check.
         """
+        reason = self.check_target(target_position, target_velocity, periods)
+        if reason is not None:
+            return reason
         for i in self._joints:
-            target, velocity = target_position[i], target_velocity[i]
-            step = self._step[i] * periods
-            if not -step <= target - self._target[i] <= step:
-                return self._set_point(i, "position jumps by", target - self._target[i], step)
             limit = self._velocity_limit[i]
-            if not -limit <= velocity <= limit:
-                return self._set_point(i, "velocity is", velocity, limit)
-            step = self._velocity_step[i] * periods
-            if not -step <= velocity - self._target_velocity[i] <= step:
-                change = velocity - self._target_velocity[i]
-                return self._set_point(i, "velocity jumps by", change, step)
             if not -limit <= command[i] <= limit:
                 return self._set_point(i, "velocity command is", command[i], limit)
         if self._coupling is not None:

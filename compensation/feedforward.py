@@ -19,7 +19,7 @@ import numpy as np
 
 from acquisition.arrays import FloatArray, read_only
 from acquisition.spectrum import from_bins, to_bins
-from compensation.frequency_response import interpolation_response
+from compensation.command_path import interpolation_response
 from compensation.rest_to_rest import returned
 from compensation.velocity_loop import VelocityLoop
 from config.errors import ConfigError

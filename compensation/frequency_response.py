@@ -1,73 +1,87 @@
-"""`FrequencyResponse`: how a velocity controller's torque answers its velocity error.
+"""`FrequencyResponse`: the best linear approximation of one part of a drive's cascade.
 
-The controller works in a closed loop, so torque and velocity error both hold the loop's noise, and
-their plain ratio is biased. The multisine is what they have in common and the noise has not: both
-are referred to it, realisation by realisation (Pintelon and Schoukens 2012, chapter 7; physics:
-section 13). What differs between periods is noise, what differs between realisations more than that
-is nonlinear distortion.
+Everything works in closed loops, so input and output both hold the loops' noise, and their plain
+ratio is biased. The multisine is what they have in common and the noise has not: both are referred
+to it, realisation by realisation (Pintelon and Schoukens 2012, chapter 7; physics: section 13).
+What differs between periods is noise, what differs between realisations more than that is nonlinear
+distortion. Lines that nobody excites show distortion too: output there which the input there does
+not explain.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import control
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.arrays import FloatArray, IntArray, read_only
-from acquisition.motion_samples import Phase
-from acquisition.multisine import excited_lines, speed_phasors
+from acquisition.arrays import BoolArray, FloatArray, read_only
 from acquisition.recording import Recording
-from acquisition.spectrum import filter_response
+from compensation.multisine_spectra import MultisineSpectra, multisine_spectra
 from config.errors import DataQualityError
 from config.motion import MultisineMotion
 from config.robot import RobotDescription
 
 Complex = NDArray[np.complex128]
 
-FEWEST_PERIODS: Final = 2
-
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    """The torque at lines that no joint excites.
+    """The output at lines that no joint excites.
+
+    Levels are RMS over realisations of the mean over periods. The linear response explains what
+    the input at these lines causes; the rest is the part's own distortion.
 
     Attributes
     ----------
     frequency_hz : ndarray, shape (lines,)
         Where.
-    level_nm, noise_nm : ndarray, shape (lines,)
-        RMS over realisations of the amplitude that repeats in every period, and what noise alone
-        would leave of it.
+    output : ndarray, shape (lines,)
+        Amplitude of the output, in its unit.
+    level, noise : ndarray, shape (lines,)
+        What the linear response leaves of it, and what noise alone would leave, over the input at
+        the excited lines beside: in the unit of the response.
     """
 
     frequency_hz: FloatArray
-    level_nm: FloatArray
-    noise_nm: FloatArray
+    output: FloatArray
+    level: FloatArray
+    noise: FloatArray
+
+    def __post_init__(self) -> None:
+        frequency = read_only("frequency_hz", self.frequency_hz, float, (None,), DataQualityError)
+        object.__setattr__(self, "frequency_hz", frequency)
+        for name in ("output", "level", "noise"):
+            values = read_only(name, getattr(self, name), float, frequency.shape, DataQualityError)
+            object.__setattr__(self, name, values)
 
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """The best linear approximation of one velocity controller, from error to torque.
+    """The best linear approximation of one joint's part, from its input to its output.
 
     Attributes
     ----------
     joint_name : str
-        The joint.
+        The joint; with a coupled wrist the motor that is numbered as the joint is.
     frequency_hz : ndarray, shape (lines,)
         Excited lines.
     response : ndarray of complex, shape (lines,)
-        Torque over velocity error [N m s/rad or N s/m].
-    variance_noise, variance : ndarray, shape (lines,)
-        Of the response, E|dG|^2: by noise between periods, and in all, larger by what realisations
-        differ more than that, over all lines.
+        Output over input.
+    variance_noise : ndarray, shape (lines,)
+        Of the response by noise, E|dG|^2, from what differs between periods.
+    variance_realisations : ndarray, shape (lines,)
+        Of the response in all, from what differs between realisations, each line for itself; NaN
+        with one realisation.
+    variance : ndarray, shape (lines,)
+        Of the response in all: by noise, larger by what all lines' realisations together differ
+        more than that.
     coherence : ndarray, shape (lines,)
-        Between the multisine and the torque, over all periods, 0 to 1.
+        Between the multisine and the output, over all periods, 0 to 1.
     even, odd : Distortion
-        Torque at even lines, and at odd lines left empty.
+        At even lines, and at odd lines left empty.
     realisations, periods : int
         What was averaged.
     """
@@ -76,6 +90,7 @@ class FrequencyResponse:
     frequency_hz: FloatArray
     response: Complex
     variance_noise: FloatArray
+    variance_realisations: FloatArray
     variance: FloatArray
     coherence: FloatArray
     even: Distortion
@@ -89,9 +104,19 @@ class FrequencyResponse:
         response = read_only("response", self.response, complex, shape, DataQualityError)
         object.__setattr__(self, "frequency_hz", frequency)
         object.__setattr__(self, "response", response)
-        for name in ("variance_noise", "variance", "coherence"):
+        for name in ("variance_noise", "variance_realisations", "variance", "coherence"):
             values = read_only(name, getattr(self, name), float, shape, DataQualityError)
             object.__setattr__(self, name, values)
+
+    @property
+    def variance_distortion(self) -> FloatArray:
+        """Variance of one realisation's response by nonlinear distortion, shape (lines,)."""
+        return np.asarray(self.realisations * (self.variance - self.variance_noise))
+
+    @property
+    def noise_freedom(self) -> int:
+        """Complex degrees of freedom of each line's variance by noise."""
+        return self.realisations * (self.periods - 1)
 
     @property
     def frd(self) -> control.FrequencyResponseData:
@@ -99,166 +124,117 @@ class FrequencyResponse:
         return control.FRD(self.response, 2.0 * math.pi * self.frequency_hz)
 
 
-def interpolation_response(frequency_hz: FloatArray, cycle_time_s: float) -> Complex:
-    """Return how commands that are sent once a cycle reach the velocity loop.
-
-    What is sent in cycle k acts from SYNC k+1 on, and the drive goes to it linearly within that
-    cycle: a triangle two cycles wide, two cycles late.
-
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (lines,)
-        Where.
-    cycle_time_s : float
-        The cycle [s].
-    """
-    late = np.exp(-2j * math.pi * frequency_hz * 2.0 * cycle_time_s)
-    bent = np.sinc(frequency_hz * cycle_time_s) ** 2
-    return np.asarray(bent * late, dtype=complex)
-
-
 def frequency_responses(
     recording: Recording, motion: MultisineMotion, robot: RobotDescription
 ) -> tuple[FrequencyResponse, ...]:
-    """Return the response of each joint that the motion excites.
+    """Return the velocity controllers' responses of a multisine run.
 
-    The anti-alias filter in front of the torques is divided out, and commands are taken as they
-    reach the velocity loops (`interpolation_response`).
+    Parameters, frames and errors are those of `multisine_spectra`, units of `controller_responses`.
+    """
+    return controller_responses(multisine_spectra(recording, motion, robot))
+
+
+def controller_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, ...]:
+    """Return how each excited joint's velocity controller makes torque of velocity error.
 
     Parameters
     ----------
-    recording : Recording
-        Of that motion, by a cell.
-    motion : MultisineMotion
-        The motion.
-    robot : RobotDescription
-        The robot.
+    spectra : MultisineSpectra
+        Of a multisine run.
 
-    Raises
-    ------
-    DataQualityError
-        The recording holds no commands, or less than one whole realisation.
+    Returns
+    -------
+    tuple of FrequencyResponse
+        N m s/rad or N s/m.
     """
-    step_s, commands = recording.sample_period_s, recording.velocity_command
-    if commands is None or step_s is None:
-        raise DataQualityError(
-            "the recording holds no velocity commands: frequency responses need one of this"
-            " program's own"
-        )
-    rows = round(motion.period_s / step_s)
-    starts = realisation_starts(recording, motion, rows)
-    bins = rows // 2
-    frequency_hz = np.arange(bins + 1) / motion.period_s
-    turn = 2j * math.pi * frequency_hz[:, np.newaxis]
+    return _responses(spectra, spectra.error, spectra.torque)
 
-    def spectra(values: FloatArray) -> Complex:
-        """Return amplitudes, (realisations, periods, bins, n)."""
-        parts = np.array(
-            [
-                values[start : start + motion.periods * rows].reshape(motion.periods, rows, -1)
-                for start in starts
-            ]
-        )
-        return np.asarray(2.0 / rows * np.fft.rfft(parts, axis=2)[:, :, : bins + 1])
 
-    torque = spectra(recording.torque_nm)
-    if recording.torque_filter is not None:
-        passed = filter_response(recording.torque_filter, frequency_hz)
-        torque = torque / np.where(np.abs(passed) > 1e-3, passed, np.inf)[:, np.newaxis]
-    reach = interpolation_response(frequency_hz, step_s)[:, np.newaxis]
-    error = reach * spectra(commands) - turn * spectra(recording.position)
-    lines, phasors = excited_lines(motion, robot), speed_phasors(motion, robot)
-    every = np.concatenate(lines)
+def mechanics_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, ...]:
+    """Return how each excited joint's velocity answers its motor's torque, the others controlled.
+
+    Parameters
+    ----------
+    spectra : MultisineSpectra
+        Of a multisine run.
+
+    Returns
+    -------
+    tuple of FrequencyResponse
+        rad/(N m s) or m/(N s).
+    """
+    return _responses(spectra, spectra.torque, spectra.velocity)
+
+
+def _responses(
+    spectra: MultisineSpectra, inputs: Complex, outputs: Complex
+) -> tuple[FrequencyResponse, ...]:
     return tuple(
-        _response(
-            joint.name,
-            frequency_hz,
-            lines[j],
-            every,
-            phasors[j][: len(starts)],
-            (torque[..., j], error[..., j]),
-        )
-        for j, joint in enumerate(robot.joints)
-        if len(lines[j])
+        _response(spectra, j, (inputs[..., j], outputs[..., j]))
+        for j in range(len(spectra.joint_names))
+        if len(spectra.lines[j])
     )
 
 
-def realisation_starts(recording: Recording, motion: MultisineMotion, rows: int) -> list[int]:
-    """Return the row at which each whole realisation's counted periods start.
-
-    Raises
-    ------
-    DataQualityError
-        There is none, or rows of one are missing or not valid.
-    """
-    main = recording.phase == Phase.MAIN
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], main.astype(int), [0]])))
-    length = motion.periods * rows
-    starts = [int(a) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a == length]
-    if not starts or len(starts) > motion.realisations:
-        raise DataQualityError(
-            f"the recording holds {len(starts)} whole realisations of the multisine, its motion"
-            f" file says {motion.realisations}: record it again"
-        )
-    for number, start in enumerate(starts):
-        part = slice(start, start + length)
-        index = recording.sample_index[part]
-        if not recording.valid[part].all() or (np.diff(index) != 1).any():
-            raise DataQualityError(
-                f"realisation {number + 1} of the multisine misses rows: record it again"
-            )
-    return starts
-
-
 def _response(
-    name: str,
-    frequency_hz: FloatArray,
-    lines: IntArray,
-    every: IntArray,
-    reference: Complex,
-    spectra: tuple[Complex, Complex],
+    spectra: MultisineSpectra, joint: int, both: tuple[Complex, Complex]
 ) -> FrequencyResponse:
-    torque, error = spectra
-    realisations, periods = torque.shape[:2]
+    lines, reference = spectra.lines[joint], spectra.reference[joint]
+    inputs, outputs = both
+    realisations, periods = outputs.shape[:2]
     # Referred to the multisine, (realisations, periods, lines).
-    y, e = (values[:, :, lines] / reference[:, np.newaxis, :] for values in (torque, error))
-    mean_y, mean_e = y.mean(axis=(0, 1)), e.mean(axis=(0, 1))
-    response = mean_y / mean_e
-    misfit = y - response * e
+    x, y = (values[:, :, lines] / reference[:, np.newaxis, :] for values in both)
+    mean_x, mean_y = x.mean(axis=(0, 1)), y.mean(axis=(0, 1))
+    response = mean_y / mean_x
+    misfit = y - response * x
     by_realisation = misfit.mean(axis=1)
-    size = np.abs(mean_e) ** 2
+    size = np.abs(mean_x) ** 2
     scatter = np.sum(np.abs(misfit - by_realisation[:, np.newaxis]) ** 2, axis=(0, 1))
-    noise = scatter / (realisations * (periods - 1)) / (realisations * periods) / size
-    more = 1.0
+    freedom = realisations * (periods - 1)
+    noise = scatter / freedom / (realisations * periods) / size
+    total, more = np.full(len(lines), np.nan), 1.0
     if realisations > 1:
         apart = np.sum(np.abs(by_realisation) ** 2, axis=0)
         total = apart / (realisations - 1) / realisations / size
         # A line's own scatter over a few realisations says little: all lines together say more.
-        more = max(1.0, float(np.mean(total / noise)))
+        # The mean of a ratio of variances is freedom / (freedom - 1), where nothing distorts.
+        unbiased = (freedom - 1) / freedom if freedom > 1 else 1.0
+        more = max(1.0, unbiased * float(np.mean(total / noise)))
     power = np.mean(np.abs(y) ** 2, axis=(0, 1))
-    beyond = np.arange(1, len(frequency_hz))
-    beyond = beyond[(beyond >= 2) & (beyond <= every.max())]
+    frequency_hz = spectra.frequency_hz
+    every = np.concatenate(spectra.lines)
+    between = np.arange(max(2, lines[0]), lines[-1] + 1)
+    empty = np.setdiff1d(between, every)
+    # The response and the input between the lines, smooth in amplitude and phase.
+    where, at = frequency_hz[lines], frequency_hz[empty]
+    amplitude = np.exp(np.interp(at, where, np.log(np.abs(response))))
+    angle = np.interp(at, where, np.unwrap(np.angle(response)))
+    strength = np.sqrt(np.mean(np.abs(inputs[:, :, lines].mean(axis=1)) ** 2, axis=0))
+    beside = np.exp(np.interp(at, where, np.log(strength)))
+    unexplained = outputs[:, :, empty] - amplitude * np.exp(1j * angle) * inputs[:, :, empty]
+
+    def distortion(chosen: BoolArray) -> Distortion:
+        own = unexplained[:, :, chosen]
+        mean = own.mean(axis=1)
+        apart = np.sum(np.abs(own - mean[:, np.newaxis]) ** 2, axis=1) / (periods - 1)
+        output = outputs[:, :, empty[chosen]].mean(axis=1)
+        return Distortion(
+            frequency_hz=at[chosen],
+            output=np.asarray(np.sqrt(np.mean(np.abs(output) ** 2, axis=0))),
+            level=np.asarray(np.sqrt(np.mean(np.abs(mean) ** 2, axis=0)) / beside[chosen]),
+            noise=np.asarray(np.sqrt(np.mean(apart, axis=0) / periods) / beside[chosen]),
+        )
+
     return FrequencyResponse(
-        joint_name=name,
-        frequency_hz=frequency_hz[lines],
+        joint_name=spectra.joint_names[joint],
+        frequency_hz=where,
         response=response,
         variance_noise=noise,
+        variance_realisations=total,
         variance=more * noise,
         coherence=np.minimum(np.abs(mean_y) ** 2 / power, 1.0),
-        even=_distortion(frequency_hz, torque, beyond[beyond % 2 == 0]),
-        odd=_distortion(frequency_hz, torque, np.setdiff1d(beyond[beyond % 2 == 1], every)),
+        even=distortion(empty % 2 == 0),
+        odd=distortion(empty % 2 == 1),
         realisations=realisations,
         periods=periods,
-    )
-
-
-def _distortion(frequency_hz: FloatArray, torque: Complex, lines: IntArray) -> Distortion:
-    own = torque[:, :, lines]
-    mean = own.mean(axis=1)
-    periods = own.shape[1]
-    scatter = np.sum(np.abs(own - mean[:, np.newaxis]) ** 2, axis=1) / (periods - 1)
-    return Distortion(
-        frequency_hz=frequency_hz[lines],
-        level_nm=np.asarray(np.sqrt(np.mean(np.abs(mean) ** 2, axis=0))),
-        noise_nm=np.asarray(np.sqrt(np.mean(scatter, axis=0) / periods)),
     )

@@ -30,6 +30,7 @@ class LoopEntry(ConfigModel):
     fitted: tuple[str, ...]
     covariance: tuple[tuple[float, ...], ...]
     p_value: Annotated[float, Field(ge=0.0, le=1.0)]
+    whiteness: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
 
 
 class LoopFile(ConfigModel):
@@ -53,6 +54,7 @@ def write_loops(path: Path, loops: Sequence[VelocityLoop], robot: str, run: str)
             fitted=loop.names,
             covariance=tuple(map(tuple, loop.covariance.tolist())),
             p_value=loop.p_value,
+            whiteness=loop.whiteness,
         )
         for loop in loops
     ]
@@ -87,6 +89,7 @@ def read_loops(path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
             names=entry.fitted,
             covariance=np.array(entry.covariance, dtype=float),
             p_value=entry.p_value,
+            whiteness=entry.whiteness,
             trials=(),
         )
         for entry in file.loops

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from acquisition.arrays import FloatArray
 from acquisition.motion_samples import MotionSamples
 from acquisition.spectrum import from_bins, to_bins
+from compensation.command_path import interpolation_response
 from compensation.feedforward import inverse_response
-from compensation.frequency_response import interpolation_response
 from compensation.repeated_error import RepeatedError
 from compensation.rest_to_rest import returned
 from compensation.velocity_loop import VelocityLoop

@@ -16,16 +16,19 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.arrays import FloatArray, read_only
 from acquisition.motion_samples import MotionSamples
 from acquisition.spectrum import differentiate_on_bins, to_bins
+from compensation.command_path import interpolation_response
 from compensation.feedforward import FeedforwardTuning, inverse_response
-from compensation.frequency_response import interpolation_response
 from compensation.repeated_error import RepeatedError
 from compensation.velocity_loop import VelocityLoop
 from config.errors import DataQualityError
 from identification.estimate import Estimate, predict
+
+Complex = NDArray[np.complex128]
 
 BAND_HZ: Final = 10.0
 FEWEST_LINES: Final = 8
@@ -118,15 +121,11 @@ def tune(
     for j, loop in enumerate(loops):
         x = np.array([1.0, 0.0])
         needed = inverse_response(loop, frequency_hz) * torque[:, j]
+        a, b = _equations(x, needed, reach * sent[:, j], speed[:, j], omega)
         for _ in range(STEPS):
-            arrives = reach * np.exp(-1j * omega * x[1]) * sent[:, j]
-            missing = arrives - speed[:, j] - x[0] * needed
-            columns = np.stack([needed, 1j * omega * arrives], axis=1)
-            a = np.concatenate([columns.real, columns.imag])
-            b = np.concatenate([missing.real, missing.imag])
-            x = x + np.linalg.lstsq(a, b, rcond=None)[0]
-        freedom = len(b) - 2
-        covariance = np.linalg.inv(a.T @ a) * float(b @ b) / freedom
+            x = np.asarray(x + np.linalg.lstsq(a, b, rcond=None)[0], dtype=np.float64)
+            a, b = _equations(x, needed, reach * sent[:, j], speed[:, j], omega)
+        covariance = np.linalg.inv(a.T @ a) * float(b @ b) / (len(b) - 2)
         found[:, j], std[:, j] = x, np.sqrt(np.diagonal(covariance))
     used = std[0] < WORST_SCALE_STD
     if (np.abs(found[0] - 1.0)[used] > LARGEST_CHANGE).any():
@@ -139,3 +138,16 @@ def tune(
     told = used & (np.abs(found - [[1.0], [0.0]]) > SIGMAS * std)
     chosen = FeedforwardTuning(np.where(told[0], found[0], 1.0), np.where(told[1], found[1], 0.0))
     return Tuning(chosen, found[0], found[1], std[0], std[1], tuple(used.tolist()))
+
+
+def _equations(
+    x: FloatArray, needed: Complex, sent: Complex, speed: Complex, omega: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the equations for a change of scale and delay, and what is missing on each bin."""
+    arrives = np.exp(-1j * omega * x[1]) * sent
+    missing = arrives - speed - x[0] * needed
+    columns = np.stack([needed, 1j * omega * arrives], axis=1)
+    return (
+        np.concatenate([columns.real, columns.imag]),
+        np.concatenate([missing.real, missing.imag]),
+    )

@@ -42,7 +42,9 @@ class DriveSafety(ConfigModel):
 
     The heartbeat consumer (1016h) with abort connection (6007h) is what stops the drive when
     this computer dies; `allow_drive_without_watchdog` names the drives (node ids) that may run
-    without it.
+    without it. With `trip_watchdog_with_power` the preflight switches the drives on, at rest, and
+    withholds this computer's heartbeat until each has stopped by itself; without it, it does so
+    without power and sees their emergency message.
     """
 
     master_node_id: Annotated[int, Field(ge=1, le=127)] = 127
@@ -58,6 +60,7 @@ class DriveSafety(ConfigModel):
     following_error_timeout_ms: Annotated[int, Field(ge=0, le=65535)] = 20
     torque_limit_fraction: Annotated[float, Field(gt=0.0, le=6.5)] = 3.0
     allow_drive_without_watchdog: tuple[int, ...] = ()
+    trip_watchdog_with_power: bool = False
 
     @model_validator(mode="after")
     def _beats_within_timeouts(self) -> DriveSafety:
@@ -65,6 +68,10 @@ class DriveSafety(ConfigModel):
             raise ValueError("master_heartbeat_ms must be at most half master_heartbeat_timeout_ms")
         if self.drive_heartbeat_ms >= self.drive_heartbeat_timeout_ms:
             raise ValueError("drive_heartbeat_ms must be below drive_heartbeat_timeout_ms")
+        if self.trip_watchdog_with_power and self.abort_connection == 1:
+            raise ValueError(
+                "trip_watchdog_with_power would leave the drives in fault: abort_connection is 1"
+            )
         return self
 
 
@@ -106,6 +113,9 @@ class CellConfig(ConfigModel):
 
     `monitor` is a second way to the drives (Modbus), for temperatures and nominal data.
 
+    `velocity_loop_band_hz` is where multisines measure the drives' velocity loops: the lowest and
+    the highest frequency.
+
     `exchange` says what a cycle carries for each axis: `full`, two frames of 8 bytes; `trimmed`, 4
     bytes there (velocity) and 6 back (position and torque), so that a fourth axis fits into 1 ms at
     1 Mbit/s. Controlword and statusword then go in frames of their own, when they change and a few
@@ -127,6 +137,7 @@ class CellConfig(ConfigModel):
     exchange: Literal["full", "trimmed"] = "full"
     supervision: Supervision = Supervision()
     torque_filter: ButterworthFilter | None = None
+    velocity_loop_band_hz: tuple[Positive, Positive] | None = None
     validation_limits_percent: tuple[Positive, ...] | None = None
     workspace: Workspace = Workspace()
     plate: PlateConfig | None = None
@@ -144,6 +155,7 @@ class CellConfig(ConfigModel):
             raise ValueError("two axes move the same joint")
         if self.simulated and self.plant is None:
             raise ValueError("a simulated cell needs plant: the file that says what is simulated")
+        self._check_band()
         limits = self.validation_limits_percent
         if limits is not None and len(limits) != len(self.axes):
             raise ValueError(
@@ -157,6 +169,17 @@ class CellConfig(ConfigModel):
         if unknown:
             raise ValueError(f"allow_drive_without_watchdog names unknown nodes {sorted(unknown)}")
         return self
+
+    def _check_band(self) -> None:
+        if self.velocity_loop_band_hz is None:
+            return
+        lowest, highest = self.velocity_loop_band_hz
+        half = 500.0 / self.cycle_time_ms
+        if not lowest < highest < half:
+            raise ValueError(
+                f"velocity_loop_band_hz [{lowest:g}, {highest:g}]: the first must be the smaller,"
+                f" and the second below half the cycle's frequency, {half:g} Hz"
+            )
 
     @property
     def cycle_time_s(self) -> float:

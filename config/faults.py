@@ -135,7 +135,8 @@ class DriveFault(TimedFault):
     For `duration_s`, or for ever: `stuck_encoder` (6064h and the drive's own watch on it stand
     still, the axis goes on), `blocked` (its brake stays closed while it is powered), `reversed` (it
     turns the other way), `ignores_quick_stop` (RPDOs with a quick stop are not taken),
-    `heartbeat_stops`, `motor_power_lost` (as by an emergency stop: the drive lives, without power),
+    `heartbeat_stops`, `watch_asleep` (it holds 1016h and 1400h:05 and does not act on them),
+    `motor_power_lost` (as by an emergency stop: the drive lives, without power),
     `supply_lost` (it is off the bus and boots when the time is over).
     At once: `reset` (it boots), `fault` and `emergency` with `code`; the latter sends `count`
     messages every `period_s` and changes nothing else.
@@ -150,6 +151,7 @@ class DriveFault(TimedFault):
         "reversed",
         "ignores_quick_stop",
         "heartbeat_stops",
+        "watch_asleep",
         "motor_power_lost",
         "supply_lost",
     ]

@@ -150,8 +150,10 @@ class MultisineMotion(ConfigModel):
     The excited lines are harmonics of `period_s` between `lowest_hz` and `highest_hz`, shared out
     among the joints in turn, so that each line belongs to one joint: all odd ones (`odd`), odd ones
     of which every fourth at random stays empty and shows distortion (`random_odd`), or all of them
-    (`full`). Each of `realisations` has phases of its own, random or after Schroeder, and has
-    `transient_periods` to settle before `periods` that count. The slow sine is harmonic 1.
+    (`full`). Each of `realisations` has phases of its own, drawn at random, and has
+    `transient_periods` to settle before `periods` that count; `schroeder` phases are always the
+    same and make one realisation. From either start phases are improved for a low crest factor. The
+    slow sine is harmonic 1.
     """
 
     kind: Literal["multisine"]
@@ -174,6 +176,11 @@ class MultisineMotion(ConfigModel):
             raise ValueError(f"lowest_hz {self.lowest_hz} must be below highest_hz")
         if self.lowest_hz * self.period_s < 2.0 - 1e-9:
             raise ValueError("lowest_hz must be at least two harmonics: the first is the slow sine")
+        if self.phases == "schroeder" and self.realisations > 1:
+            raise ValueError(
+                f"schroeder phases are the same in all {self.realisations} realisations: set"
+                " realisations to 1, or phases to random"
+            )
         if not any(joint.velocity > 0.0 for joint in self.joints):
             raise ValueError("no joint has a velocity: nothing is excited")
         return self

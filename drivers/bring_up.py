@@ -94,7 +94,7 @@ def wait_for_boot_up(
     ProtocolError
         Two devices boot with the same node id.
     """
-    _listen_for_masters(link, cell, watch)
+    listen_for_masters(link, cell, watch)
     for axis in axes:
         link.send(nmt_frame(NmtCommand.RESET_COMMUNICATION, axis.node_id))
     _listen(link, watch, BOOT_TIMEOUT_S, until_booted=True)
@@ -127,8 +127,14 @@ def refuse_red(settings: Iterable[DriveSetting]) -> None:
         )
 
 
-def _listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> None:
-    """Listen for as long as a master may be silent, before anything is sent."""
+def listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> None:
+    """Listen for as long as a master may be silent, before anything is sent.
+
+    Raises
+    ------
+    LockedError
+        Another master was heard.
+    """
     timeout_s = cell.drive_safety.master_heartbeat_timeout_ms / 1000.0
     until_s = link.clock.now_s() + max(2.5 * cell.cycle_time_s, timeout_s)
     while link.clock.now_s() < until_s:

@@ -5,6 +5,7 @@ The order of calls is that of `drivers.interfaces.ServoAxes`.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
 from enum import IntEnum
@@ -19,16 +20,25 @@ from drivers.axis_answer import AxisAnswer, refuse_fault
 from drivers.bring_up import (
     axes_in_joint_order,
     check_bus_load,
+    listen_for_masters,
     refuse_red,
     wait_for_boot_up,
 )
 from drivers.canopen.heartbeat import HeartbeatProducer, heartbeat_frame
 from drivers.canopen.nmt import NmtCommand, NmtState, nmt_frame
-from drivers.cia402 import FOLLOWS_COMMAND, ControlWord, PowerState, next_controlword
+from drivers.cia402 import (
+    FOLLOWS_COMMAND,
+    ControlWord,
+    PowerState,
+    next_controlword,
+    state_of,
+)
 from drivers.cyclic_exchange import CyclicExchange
 from drivers.drive_setup import DriveSetup, SetupResult
 from drivers.drive_watch import DriveWatch
+from drivers.fault_reset import FaultReset, reset_fault
 from drivers.interfaces import DriveEvent, DriveSetting
+from drivers.sdo_port import SdoPort
 from drivers.transport import CanLink
 from drivers.wrist_coupling import WristCoupling
 
@@ -65,6 +75,11 @@ class CanServoAxes:
     cell, robot
         Addresses and limits; the axes are put into the robot's order.
 
+    Attributes
+    ----------
+    last_beat_s
+        When this computer's heartbeat was last sent, on the link's clock [s].
+
     Raises
     ------
     ConfigError
@@ -99,6 +114,7 @@ class CanServoAxes:
         self.statusword = self._exchange.statusword
         self._setups: tuple[SetupResult, ...] = ()
         self._phase = _Phase.CLOSED
+        self.last_beat_s = -math.inf
         self._beats = HeartbeatProducer(cell.drive_safety.master_heartbeat_ms / 1000.0)
         self._beat = heartbeat_frame(cell.drive_safety.master_node_id, NmtState.OPERATIONAL)
 
@@ -129,6 +145,44 @@ class CanServoAxes:
         refuse_red(self.settings())
         self._exchange.use_units(setup.units for setup in self._setups if setup.units is not None)
         self._phase = _Phase.CONFIGURED
+
+    def reset_faults(self) -> tuple[FaultReset, ...]:
+        """Reset the drives that are in fault, as a person has asked; no power, no motion.
+
+        Raises
+        ------
+        LockedError
+            Another master is active on the bus.
+        DeviceTimeoutError
+            A drive does not answer.
+        TransportError
+            The bus is gone.
+        """
+        listen_for_masters(self._link, self._cell, self._watch)
+        return tuple(reset_fault(self._link, axis, self._watch.handle) for axis in self._axes)
+
+    def power_states(self) -> tuple[PowerState, ...]:
+        """Ask every drive for its state by SDO, outside the cyclic exchange.
+
+        Raises
+        ------
+        DeviceTimeoutError, TransportError
+            A drive does not answer, or the bus is gone.
+        """
+        ports = [SdoPort(self._link, axis.node_id, self._watch.handle) for axis in self._axes]
+        return tuple(state_of(port.read_int(0x6041, 0)) for port in ports)
+
+    def silence_drives(self) -> None:
+        """Switch the drives' own heartbeats off until the next `bring_up`: a trial of our watch.
+
+        Raises
+        ------
+        DeviceTimeoutError, TransportError
+            A drive does not answer, or the bus is gone.
+        """
+        for axis in self._axes:
+            port = SdoPort(self._link, axis.node_id, self._watch.handle)
+            port.write(0x1017, 0, bytes(2))
 
     def settings(self) -> tuple[DriveSetting, ...]:
         """Return what the last `bring_up` required and read back, also when it failed."""
@@ -176,6 +230,7 @@ class CanServoAxes:
     def beat(self, now_s: float) -> None:
         """Send this computer's heartbeat when it is due at `now_s` [s]."""
         if self._beats.due(now_s):
+            self.last_beat_s = now_s
             self._link.send(self._beat)
 
     def take_events(self) -> tuple[DriveEvent, ...]:

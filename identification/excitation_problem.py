@@ -201,7 +201,11 @@ class ExcitationProblem:
         swing = q - centre
         room = [planned[0] - sign * (centre - self._middle) for sign in (1.0, -1.0)]
         used = [swing.max(axis=0), -swing.min(axis=0), np.abs(v).max(axis=0), np.abs(a).max(axis=0)]
-        share = np.array([*room, *planned[1:]]) / np.maximum(used, 1e-12)
+        allowed = [*room, *planned[1:]]
+        if self._to_motors is not None:
+            used.append(np.abs(v @ self._to_motors.T).max(axis=0))
+            allowed.append(planned[1])
+        share = np.array(allowed) / np.maximum(used, 1e-12)
         return self.shrunk(x, min(1.0, max(0.0, float(share.min()))))
 
     def shrunk(self, x: FloatArray, share: float) -> FloatArray:
@@ -281,8 +285,14 @@ class ExcitationProblem:
         weights[:, :, list(self.base.kept)] = by_rows / self.expected_noise_nm[:, np.newaxis]
         fine = self.motion(x, self._fine)
         coarse = np.array([q, v, a])
-        over_q, over_v, over_a, over_torque, *over_base = self._excess(fine, coarse, phi, shifts)
+        over_q, over_v, over_a, over_torque, *over_more = self._excess(fine, coarse, phi, shifts)
         gradient = np.zeros(self._scales.shape)
+        if self._to_motors is not None:
+            over_motor = over_more.pop(0)
+            share = penalty / len(fine[1])
+            worth += share * float(np.sum(over_motor**2))
+            slope = 2.0 * share * (over_motor[0] - over_motor[1]) / self._sizes[1]
+            gradient += (slope @ self._to_motors).T @ self._fine[1]
         for basis, excess, size in zip(
             self._fine, (over_q, over_v, over_a), self._sizes, strict=True
         ):
@@ -294,7 +304,7 @@ class ExcitationProblem:
         slope = 2.0 * share * (over_torque[0] - over_torque[1]) / self._torques
         weights += slope[:, :, np.newaxis] * self._prior
         by_motion = np.array(regressor_gradient(self._smooth_model, q, v, a, weights))
-        for excess in over_base:
+        for excess in over_more:
             worth += share * float(np.sum(excess**2))
             slope = 2.0 * share * (excess[0] - excess[1]) / self.base_limits
             if slope.any():
@@ -311,7 +321,9 @@ class ExcitationProblem:
     def no_shifts(self) -> Shifts:
         """Return shifts of zero, to start with."""
         n, fine, coarse = len(self.robot.joints), len(self._fine[0]), len(self._coarse[0])
-        rows = [(fine, n)] * 3 + [(coarse, n)] + [(coarse, 6)] * (self.base_limits is not None)
+        rows = [(fine, n)] * 3 + [(coarse, n)]
+        rows += [(fine, n)] * (self._to_motors is not None)
+        rows += [(coarse, 6)] * (self.base_limits is not None)
         return tuple(np.zeros((2, *shape)) for shape in rows)
 
     def next_shifts(self, x: FloatArray, shifts: Shifts) -> Shifts:
@@ -330,10 +342,13 @@ class ExcitationProblem:
         """Return by what q, v, a, torques and base wrench leave the shifted limits, in shares.
 
         The arrays have the shape (2, points, n or 6): above the upper limit, below the lower one.
-        Without limits on the base there are four.
+        Without a coupled wrist and limits on the base there are four.
         """
         offsets = [fine[0] - self._middle, fine[1], fine[2], phi @ self._prior]
         sizes = [*self._sizes, self._torques]
+        if self._to_motors is not None:
+            offsets.append(fine[1] @ self._to_motors.T)
+            sizes.append(self._sizes[1])
         if self.base_limits is not None:
             offsets.append(base_wrench(self.model, coarse[0], coarse[1], coarse[2], self._prior))
             sizes.append(self.base_limits)
@@ -341,6 +356,16 @@ class ExcitationProblem:
             np.maximum(np.array([offset, -offset]) / size - self.limit_fraction + shift, 0.0)
             for offset, size, shift in zip(offsets, sizes, shifts, strict=True)
         ]
+
+    @cached_property
+    def _to_motors(self) -> FloatArray | None:
+        """Turns the joints' speeds into the motors' over their gears, (n, n); None where uncoupled.
+
+        A motor may turn as fast as its joint may where nothing couples them.
+        """
+        if self.robot.coupling is None:
+            return None
+        return np.asarray(np.linalg.inv(np.array(self.robot.coupling)))
 
     @cached_property
     def _prior(self) -> FloatArray:

@@ -91,8 +91,15 @@ def csv_table(estimate: Estimate, consistent: ExportModel | None = None) -> str:
     writer.writeheader()
     for row in table(estimate, consistent):
         values = asdict(row)
-        writer.writerow({k: repr(v) if isinstance(v, float) else v for k, v in values.items()})
+        writer.writerow(
+            {k: repr(v) if isinstance(v, float) else _text(v) for k, v in values.items()}
+        )
     return text.getvalue()
+
+
+def _text(value: str | None) -> str | None:
+    """Return a text that no spreadsheet takes for a formula."""
+    return f"'{value}" if value and value[0] in "=+-@\t\r" else value
 
 
 def json_table(estimate: Estimate, consistent: ExportModel | None = None) -> str:

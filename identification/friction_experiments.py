@@ -31,12 +31,13 @@ BLOCKS = 8
 SPEED_BINS = 12
 SLOWEST_SHARE = 0.02
 BAND_OF_FILTER = 1.0
+LEAST_TURN = 0.3
 
 
 def constant_velocity_curves(
     recording: Recording, motion: ConstantVelocityMotion, robot: RobotDescription
 ) -> tuple[FrictionCurve, ...]:
-    """Return the friction of every joint that was run at constant speeds.
+    """Return the friction of every joint's motor that was run at constant speeds.
 
     Each run's stretch is cut into blocks of position; in a block, half the difference of the two
     directions is friction, and half their sum gravity and whatever friction differs by direction.
@@ -58,9 +59,8 @@ def constant_velocity_curves(
     DataQualityError
         A run is missing from the recording.
     EstimationError
-        The robot's actuators are coupled.
+        A joint's motor hardly turns where the joint moves alone.
     """
-    _refuse_coupling(robot)
     _, runs = constant_velocity_runs(motion, robot, _sample_period(recording))
     curves = []
     for joint in dict.fromkeys(run.joint for run in runs):
@@ -77,7 +77,7 @@ def constant_velocity_curves(
 def reversed_curves(
     recording: Recording, motion: ReversedMotion, robot: RobotDescription
 ) -> tuple[FrictionCurve, ...]:
-    """Return the friction of every joint that moves in a path there and back in time.
+    """Return the friction of every joint's motor that moves in a path there and back in time.
 
     tau(q, v, a) - tau(q, -v, a) = 2 tau_f(v): rigid bodies, spring and gravity cancel, and so does
     all friction that does not change its sign with the speed. The mean periods are taken on their
@@ -98,30 +98,48 @@ def reversed_curves(
     ------
     DataQualityError
         One of the two parts is incomplete.
-    EstimationError
-        The robot's actuators are coupled.
     """
-    _refuse_coupling(robot)
     there, back = (average_periods(part) for part in _two_parts(recording, motion, robot))
     forward, torque = _on_the_bins(there)
     backward, torque_back = _on_the_bins(back)
     at = -np.arange(there.samples_per_period) % there.samples_per_period
     difference = 0.5 * (torque - torque_back[at])
     velocity = 0.5 * (forward.velocity - backward.velocity[at])
+    swing = there.position
+    if robot.coupling is not None:  # friction is the motors', so it goes by their speeds
+        to_motors = np.linalg.inv(np.array(robot.coupling)).T
+        velocity, swing = velocity @ to_motors, swing @ to_motors
     unequal = 0.5 * (forward.acceleration - backward.acceleration[at])
     return tuple(
         _binned(name, velocity[:, j], difference[:, j], unequal)
         for j, name in enumerate(recording.joint_names)
-        if np.ptp(there.position[:, j]) > 1e-3
+        if np.ptp(swing[:, j]) > 1e-3
     )
 
 
-def _refuse_coupling(robot: RobotDescription) -> None:
-    if robot.coupling is not None:
+def _motor_turns(robot: RobotDescription, joint: int) -> float:
+    """Return how far a joint's motor turns, over its gear, where the joint alone turns by one.
+
+    Torque is measured at the motor and friction is the motor's (physics: section 6), so friction
+    is that of the motor's speed. With a coupled wrist other motors turn along, but nothing of
+    their friction is in this one's torque.
+
+    Raises
+    ------
+    EstimationError
+        It hardly turns: moving that joint alone shows nothing of its friction.
+    """
+    if robot.coupling is None:
+        return 1.0
+    turns = float(np.linalg.inv(np.array(robot.coupling))[joint, joint])
+    if abs(turns) < LEAST_TURN:
         raise EstimationError(
-            f"robot {robot.name!r}: its actuators are coupled, so no joint's friction can be"
-            " measured by moving that joint alone"
+            f"robot {robot.name!r}: with its coupled wrist the motor of {robot.joint_names[joint]}"
+            f" turns by only {abs(turns):.2g} where that joint alone turns by 1, so runs of one"
+            " joint at a time do not show its friction: use a path there and back (`rid-daq design"
+            " CELL --kind reversed`)"
         )
+    return turns
 
 
 def _sample_period(recording: Recording) -> float:
@@ -197,6 +215,7 @@ def _curve(
     blocks: Sequence[_Blocks],
 ) -> FrictionCurve:
     """Take gravity off the even part, all speeds together."""
+    turns = _motor_turns(robot, joint)
     gravity = _gravity_functions(robot, motion, joint, [b.position for b in blocks])
     k, g = len(speeds), gravity[0].shape[1]
     matrix = np.zeros((k * BLOCKS, k + g))
@@ -218,8 +237,8 @@ def _curve(
     covariance = np.asarray((inverse @ inverse.T)[:k, :k], np.float64)
     return FrictionCurve(
         joint=robot.joint_names[joint],
-        speed=speeds,
-        odd=np.array([b.odd.mean() for b in blocks]),
+        speed=abs(turns) * speeds,
+        odd=np.sign(turns) * np.array([b.odd.mean() for b in blocks]),
         odd_sigma=np.array([b.odd_sigma for b in blocks]),
         even=solution[:k],
         even_covariance=0.5 * (covariance + covariance.T),

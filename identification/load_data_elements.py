@@ -151,8 +151,8 @@ def to_staubli(body: PayloadBody, origin: tuple[str, ...]) -> str:
         *origin,
         "Load of the tool, to be entered by hand: mass [kg]; centre of gravity [mm] from the",
         "flange; inertia [kg m^2] about the centre of gravity in the flange's axes, as elements of",
-        "the matrix (Ixy = -integral of x y dm). The names are ours: which of these a controller",
-        "takes, and the sign of its products of inertia, stand in its manual.",
+        "the matrix (Ixy = -integral of x y dm). NOT VERIFIED with a controller: the names are",
+        "ours; what it takes, and the sign of its products of inertia, stand in its manual.",
     )
     lines = (f"{name} = {digits(v)}\n" for name, v in zip(_STAUBLI_LINES, values, strict=True))
     return comments("//", head) + "".join(lines)

@@ -31,7 +31,12 @@ from mock_hw.fault_clock import refuse_unknown_joints
 from mock_hw.hub_process import HubSettings, serve_hub
 from mock_hw.line_faults import NO_FAULTS, LineFaults, line_faults
 from mock_hw.register_service import RegisterSettings, ServerCertificates
-from mock_hw.runtime_directory import plate_path, runtime_directory, socket_path
+from mock_hw.runtime_directory import (
+    plate_path,
+    registers_path,
+    runtime_directory,
+    socket_path,
+)
 from mock_hw.served_bus import ONE_PROCESS, SIMULATED, as_served, served_name
 from mock_hw.simulated_registers import (
     NO_REGISTER_FAULTS,
@@ -174,6 +179,11 @@ class SimulatedCell:
         """The bodies that can be mounted on the flange."""
         return tuple(self._plant.payloads)
 
+    @property
+    def attached(self) -> str | None:
+        """What hangs on the flange."""
+        return self._plant.attached
+
     def attach(self, payload: str | None) -> None:
         """Mount a payload on the flange, or take off what hangs there (None), as a person would.
 
@@ -190,6 +200,7 @@ class SimulatedCell:
         assert self._snapshots is not None
         names = [None, *plant.payloads]
         self._snapshots.ask_for_payload(names.index(payload))
+        self._plant = plant
 
     def __enter__(self) -> SimulatedCell:
         """Start the hub and the drives."""
@@ -226,7 +237,7 @@ class SimulatedCell:
             socket,
             snapshot,
             self._plate_settings(plate_path(str(socket))),
-            self._register_settings(socket.with_suffix(".drives")),
+            self._register_settings(registers_path(str(socket))),
             self._faults,
             bus,
             private_folder=bus is not None and self._directory is None,
@@ -329,9 +340,13 @@ def _reachable(registers: RegisterSettings | None, port: int | None) -> MonitorC
     if isinstance(link, ModbusTcp):
         link = link.model_copy(update={"port": port})
     else:
-        # A pseudo-terminal has no parity to be set.
-        link = link.model_copy(update={"address": str(registers.path), "parity": "none"})
+        link = on_pseudo_terminal(link, registers.path)
     return registers.monitor.model_copy(update={"link": link})
+
+
+def on_pseudo_terminal(link: ModbusRtu, path: Path) -> ModbusRtu:
+    """Return a serial line that is a pseudo-terminal, which has no parity to be set."""
+    return link.model_copy(update={"address": str(path), "parity": "none"})
 
 
 def with_address(cell: CellConfig, address: str) -> CellConfig:

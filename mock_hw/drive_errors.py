@@ -65,6 +65,10 @@ class ErrorLog:
         register = self._register()
         return Emergency(0, register) if any_active else None
 
+    def restore(self) -> None:
+        """Show again what is wrong, after the objects were reset."""
+        self._register()
+
     def clear_history(self) -> None:
         """Empty 1003h, as writing 0 to its sub-index 0 does."""
         for number in range(ERROR_HISTORY_LENGTH + 1):

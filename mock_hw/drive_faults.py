@@ -115,6 +115,8 @@ class DriveFaults:
             drive.ignores_quick_stop = on
         elif kind == "heartbeat_stops":
             drive.beats = not on
+        elif kind == "watch_asleep":
+            drive.watches = not on
         elif kind == "motor_power_lost":
             drive.power.supply(not on)
         elif on:

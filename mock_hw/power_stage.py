@@ -96,8 +96,9 @@ class PowerStage:
             self._ramp = Ramp(now_s, now_s + over_s, self._ramp.at(now_s), velocity)
 
     def boot(self) -> None:
-        """Be ready for commands (T1)."""
-        self.state = PowerState.SWITCH_ON_DISABLED
+        """Be ready for commands (T1); a fault stays one."""
+        if self.state is not PowerState.FAULT:
+            self.state = PowerState.SWITCH_ON_DISABLED
         self._controlword = 0
 
     def switch_off(self, state: PowerState = PowerState.SWITCH_ON_DISABLED) -> None:

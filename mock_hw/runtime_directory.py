@@ -64,3 +64,8 @@ def plate_path(channel: str) -> Path:
         As `socket_path`.
     """
     return socket_path(channel).with_suffix(".plate")
+
+
+def registers_path(channel: str) -> Path:
+    """Return the serial line that the drives' registers are served on beside a channel."""
+    return socket_path(channel).with_suffix(".drives")

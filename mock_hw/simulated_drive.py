@@ -73,6 +73,8 @@ class SimulatedDrive:
         Its NMT state.
     beats
         Whether it sends its heartbeat; a fault may stop it.
+    watches
+        Whether it acts when its master falls silent.
     ignores_quick_stop
         Whether it does not take RPDOs that command a quick stop: a fault.
     """
@@ -98,6 +100,7 @@ class SimulatedDrive:
         self._watched: dict[int, float] = {}
         self._silent_s: dict[int, float] = {}
         self.beats = True
+        self.watches = True
         self.ignores_quick_stop = False
 
     # ---- time -----------------------------------------------------------------------------
@@ -232,9 +235,15 @@ class SimulatedDrive:
                 self.power.abort_connection(self._now_s)
 
     def _reset(self, *, communication_only: bool) -> None:
-        self.power.switch_off(PowerState.NOT_READY_TO_SWITCH_ON)
+        """Begin anew; a fault outlives a reset of the communication, not one of the whole drive."""
+        faulty = self.power.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
+        kept = communication_only and faulty
+        self.power.switch_off(PowerState.FAULT if kept else PowerState.NOT_READY_TO_SWITCH_ON)
         self.objects.reset(communication_only=communication_only)
-        self._errors.reset()
+        if kept:
+            self._errors.restore()
+        else:
+            self._errors.reset()
         self._sdo.reset()
         self._arm_pdos()
         self._outbox.clear()
@@ -287,6 +296,8 @@ class SimulatedDrive:
 
     def _lose_master(self, code: int) -> None:
         """React as 6007h says, and leave Operational if 1029h wants it."""
+        if not self.watches:
+            return
         self._tell(self._errors.enter(code))
         self.power.abort_connection(self._now_s)
         reaction = self.objects[od.COMMUNICATION_ERROR]

@@ -19,6 +19,7 @@ import typer
 from typer.core import TyperGroup
 
 from config.errors import RidDaqError
+from rid_daq.console import printable
 from rid_daq.exit_codes import ExitCode, exit_code_of
 
 # Small factorisations gain nothing from threads of BLAS, and lose much where the cores are busy.
@@ -28,6 +29,7 @@ COMMANDS: dict[str, str] = {
     "demo": "the whole story on the bundled simulated cell, with a report, no hardware",
     "init": "write a commented cell, robot and motion to start from",
     "check": "preflight: every device, every safety setting; any red means no motion",
+    "reset": "reset the faults of a cell's drives, once their causes are gone",
     "mock": "serve a cell's simulated devices on their bus until stopped",
     "design": "choose an excitation, verify it against the limits, write the motion file",
     "plate": "zero the force plate under the robot",
@@ -92,7 +94,7 @@ root = typer.Typer(
     pretty_exceptions_enable=False,
     no_args_is_help=True,
     help="Measure a robot's dynamics: drives, recordings, identification, validation, reports."
-    " CELL is a bundled name (ir361) or a path to a cell file. This program is not a safety"
+    " CELL is a bundled name (ir361, kr15) or a path to a cell file. This program is not a safety"
     " function: the cell's own emergency stop is required.",
 )
 
@@ -137,11 +139,6 @@ def run(arguments: Sequence[str]) -> int:
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else ExitCode.DONE
     return ExitCode.DONE
-
-
-def printable(text: str) -> str:
-    """Return text with control characters made visible: it may come from a device or a file."""
-    return "".join(c if c.isprintable() or c in "\n\t" else f"\\x{ord(c):02x}" for c in text)
 
 
 def _end_once(number: int, _frame: FrameType | None) -> NoReturn:

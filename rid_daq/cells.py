@@ -120,14 +120,19 @@ def mountable_cell(
 
 
 def _as_served(cell: CellConfig) -> CellConfig:
-    """Return the cell with bus and plate at the ports that `rid-daq mock` has made for them."""
+    """Return the cell with bus and serial ports as `rid-daq mock` has made them."""
     if not cell.simulated:
         return cell
-    from mock_hw.cell import with_address
-    from mock_hw.runtime_directory import plate_path
+    from mock_hw.cell import on_pseudo_terminal, with_address
+    from mock_hw.runtime_directory import plate_path, registers_path
     from mock_hw.served_bus import as_served, served_name
 
     served = cell.model_copy(update={"can": as_served(cell.can)})
+    line = registers_path(served_name(cell))
+    if cell.monitor is not None and cell.monitor.link.kind == "rtu" and line.exists():
+        link = on_pseudo_terminal(cell.monitor.link, line)
+        monitor = cell.monitor.model_copy(update={"link": link})
+        served = served.model_copy(update={"monitor": monitor})
     port = plate_path(served_name(cell))
     return with_address(served, str(port)) if cell.plate and port.exists() else served
 

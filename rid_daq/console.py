@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -11,10 +12,26 @@ from typing import Annotated, Any, Protocol
 
 import typer
 
+_INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
+
 AsJson = Annotated[
     bool, typer.Option("--json", help="One JSON document on stdout instead of sentences.")
 ]
 """The `--json` option that every command has."""
+
+
+def printable(text: str) -> str:
+    """Return text with control characters made visible: it may come from a device or a file."""
+    return "".join(c if c.isprintable() or c in "\n\t" else _escaped(c) for c in text)
+
+
+def _escaped(character: str) -> str:
+    number = ord(character)
+    return f"\\x{number:02x}" if number < 0x100 else f"\\u{number:04x}"
+
+
+def _cell(text: str) -> str:
+    return printable(text).replace("\n", "\\n").replace("\t", "\\t")
 
 
 class Progress(Protocol):
@@ -42,7 +59,7 @@ class Console:
     def say(self, text: str = "") -> None:
         """Write a sentence for people; nothing with `--json`."""
         if not self.as_json:
-            typer.echo(text)
+            typer.echo(printable(text))
 
     def verdict(self, passed: bool | None, text: str) -> None:
         """Write the sentence that matters, green or red on a terminal."""
@@ -53,12 +70,13 @@ class Console:
         from rich.text import Text
 
         style = "bold" if passed is None else "bold green" if passed else "bold red"
-        RichConsole().print(Text(text, style=style))
+        RichConsole().print(Text(printable(text), style=style))
 
     def document(self, document: dict[str, Any]) -> None:
         """Write the command's result for programs; nothing without `--json`."""
         if self.as_json:
-            typer.echo(json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False))
+            text = json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False)
+            typer.echo(_INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
     def table(
         self,
@@ -79,6 +97,7 @@ class Console:
         """
         if self.as_json:
             return
+        rows = [[_cell(cell) for cell in row] for row in rows]
         if self.is_terminal:
             from rich.console import Console as RichConsole
             from rich.table import Table

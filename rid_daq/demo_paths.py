@@ -29,6 +29,7 @@ from rid_daq.sections import motion_sentence, run_section
 from rid_daq.tracking_section import followed, tracking_section
 
 NEAR: Final = (0.1, -0.1, 0.4)
+BAND_HZ: Final = (0.75, 15.0)
 
 
 @dataclass(frozen=True)
@@ -63,11 +64,13 @@ class PathMotions:
     path: PathMotion
 
     @classmethod
-    def of_robot(cls, robot: RobotDescription, cycle_time_s: float, seed: int) -> PathMotions:
+    def of_cell(cls, robot: RobotDescription, cell: CellConfig, seed: int) -> PathMotions:
         """Return those of the bundled arm."""
-        loops = multisine_motion(robot, cycle_time_s, period_s=4.0, lowest_hz=0.75, seed=seed)
+        multisine = multisine_motion(
+            robot, cell, band_hz=BAND_HZ, period_s=4.0, periods=2, realisations=2, seed=seed
+        )
         return cls(
-            multisine=loops.model_copy(update={"realisations": 2, "periods": 2}),
+            multisine=multisine,
             circle=CircleMotion(
                 kind="circle",
                 robot=robot.name,
@@ -165,15 +168,20 @@ def tell_paths(
 
 def _loop_sentence(loops: list[VelocityLoop], tuning: Tuning) -> str:
     """Say what the chapter measured before it compensated."""
-    parts = [
-        f"{loop.joint_name} {loop.gain:.4g} ± {2.0 * loop.sigma['gain']:.2g} and"
-        f" {1e3 * loop.integral_time_s:.4g} ms (torque times {scale:.3f},"
-        f" {1e3 * delay_s:.2f} ms later)"
-        for loop, scale, delay_s in zip(
-            loops, tuning.tuning.scale.tolist(), tuning.tuning.delay_s.tolist(), strict=True
+    parts, tuned = [], []
+    for loop, scale, delay_s in zip(
+        loops, tuning.tuning.scale.tolist(), tuning.tuning.delay_s.tolist(), strict=True
+    ):
+        parts.append(
+            f"{loop.joint_name} {loop.gain:.4g} ± {2.0 * loop.sigma['gain']:.2g} and"
+            f" {1e3 * loop.integral_time_s:.4g} ms"
         )
-    ]
+        if (scale, delay_s) != (1.0, 0.0):
+            tuned.append(
+                f"{loop.joint_name} torque times {scale:.3f}, {1e3 * delay_s:.2f} ms later"
+            )
     return (
         "Velocity loops out of a multisine, gain [N m s/rad] and integral time:"
-        f" {'; '.join(parts)}. The circle without compensation tuned scale and delay."
+        f" {'; '.join(parts)}. By the circle without compensation:"
+        f" {'; '.join(tuned) or 'nothing to tune'}."
     )

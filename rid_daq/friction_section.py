@@ -12,7 +12,7 @@ from acquisition.arrays import FloatArray
 from acquisition.motion_samples import plan_motion
 from config.errors import ConfigError
 from config.load import LoadedCell, to_yaml
-from config.motion import ConstantVelocityMotion, MultisineMotion, ReversedMotion
+from config.motion import ConstantVelocityMotion, ReversedMotion
 from config.robot import RobotDescription
 from config.whole_file import write_whole
 from dynamics.friction import Friction
@@ -145,10 +145,10 @@ def _of_estimate(estimate: Estimate, joint: int, speed: FloatArray) -> FloatArra
 def write_friction_motion(
     console: Console,
     loaded: LoadedCell,
-    motion: ConstantVelocityMotion | ReversedMotion | MultisineMotion,
+    motion: ConstantVelocityMotion | ReversedMotion,
     output: Path,
 ) -> None:
-    """Verify a motion that measures friction or velocity loops, write it, and say what it does."""
+    """Verify a motion that measures friction, write it, and say what it does."""
     samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
     comment = (
         f"For robot {loaded.robot.name}, verified within its limits at"

@@ -7,9 +7,10 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import typer
+from pydantic import JsonValue
 
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.motion_samples import plan_motion
@@ -19,11 +20,15 @@ from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, to_yaml
 from config.motion import FourierMotion
 from rid_daq.console import Console
+from rid_daq.flange import note_flange
 from rid_daq.live.live_page import LivePage
 from rid_daq.payload_watch import Watch
 from rid_daq.recording_job import progress_shown
 from rid_daq.session import unfinished
 from rid_daq.versions import software_versions
+
+if TYPE_CHECKING:
+    from mock_hw.cell import SimulatedCell
 
 STATE: Final = "session.json"
 SCHEMA: Final = "rid-daq payload session 1"
@@ -100,6 +105,8 @@ class PayloadSteps:
         The cell as it is reachable.
     console : Console
         Where progress is shown.
+    simulated : SimulatedCell or None
+        The mock hardware, where it was started here.
     page : LivePage, optional
         Where it is shown too.
     """
@@ -107,6 +114,7 @@ class PayloadSteps:
     loaded: LoadedCell
     cell: CellConfig
     console: Console
+    simulated: SimulatedCell | None = None
     page: LivePage | None = None
 
     def record(
@@ -123,6 +131,9 @@ class PayloadSteps:
         for name, content in self.loaded.files.items():
             folder.write(name, content)
         folder.write("motion.yaml", to_yaml(motion, f"Of a payload session: {role}.").encode())
+        facts: dict[str, JsonValue] = {"robot": self.loaded.robot.name}
+        if self.simulated is not None:
+            facts |= note_flange(folder, self.loaded, self.simulated.attached)
         periods = len(samples) / (samples.samples_per_period or len(samples))
         onlooker = None
         if self.page is not None:
@@ -141,7 +152,7 @@ class PayloadSteps:
                 onlooker=onlooker,
             )
         status = RunStatus.COMPLETE if outcome.complete else RunStatus.STOPPED
-        folder.finish(status, {"robot": self.loaded.robot.name, "rows": outcome.rows})
+        folder.finish(status, facts | {"rows": outcome.rows})
         return outcome
 
     def _shown(

@@ -121,7 +121,7 @@ def recover_run(source: Path, root: Path) -> Recovery:
         return Recovery(source, None, readable)
     folder = RunFolder.create(
         root,
-        manifest.label if manifest is not None else as_label(source.name),
+        as_label(source.name if manifest is None else manifest.label),
         kind=manifest.kind if manifest is not None else "record",
         software=manifest.software if manifest is not None else software_versions(),
     )

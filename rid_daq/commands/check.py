@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
+import math
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 
-from acquisition.experiment import FREE_BYTES
 from config.cell import CellConfig
 from config.errors import DriverError, PreflightError, RidDaqError
 from config.load import LoadedCell, load_cell
@@ -23,10 +22,13 @@ from drivers.servo_can import COLLECT_FRACTION
 from rid_daq.bus_check import bus_lines
 from rid_daq.cells import reachable_cell
 from rid_daq.check_line import CheckLine
+from rid_daq.clearance import Cleared, require_cleared
+from rid_daq.computer_check import computer_lines
 from rid_daq.console import AsJson, Console
 from rid_daq.monitor_check import monitor_lines
 from rid_daq.plate_check import PlateCheck
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.watch_check import watch_lines
 
 _NEXT: dict[str, str] = {
     "1016": "this drive would not stop when this computer dies: set 1016h in the drive's own tool,"
@@ -48,18 +50,23 @@ def check(
     seconds: Annotated[
         float, typer.Option(min=0.1, max=600.0, help="How long answers are counted.")
     ] = 5.0,
+    cleared: Cleared = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
-    """Check a cell before motion: no power is switched on, nothing moves.
+    """Check a cell before motion: nothing moves.
 
-    Every drive is reset, configured and read back; then SYNC is sent for some seconds and every
-    answer is counted. A force plate's amplifier is set as the cell file says and read back; it is
-    not zeroed. Where the cell has a drive monitor, every motor's temperature and torque constant
-    are read too. Exit code 3 where a line is red.
+    Every drive's communication is reset, every drive is configured and read back; then SYNC is sent
+    for some seconds and every answer is counted and timed. Then the heartbeats are withheld once,
+    each side's, to see that the other acts: without power, unless the cell file says
+    trip_watchdog_with_power, which switches the drives on at rest. A force plate's amplifier is set
+    as the cell file says and read back; it is not zeroed. Where the cell has a drive monitor, every
+    motor's temperature and torque constant are read too. Exit code 3 where a line is red.
     """
     console = Console(as_json)
     loaded = load_cell(cell)
+    if loaded.config.drive_safety.trip_watchdog_with_power:
+        require_cleared(loaded.config, cleared)
     with reachable_cell(loaded) as reachable:
         lines, problem = preflight(loaded, reachable, runs, seconds)
     red = [line for line in lines if line.verdict == "red"]
@@ -94,7 +101,7 @@ def preflight(
     loaded: LoadedCell, reachable: CellConfig, runs: Path, seconds: float
 ) -> tuple[list[CheckLine], RidDaqError | None]:
     """Return the lines of the preflight of a reachable cell, and what ended it early."""
-    lines = [_bus_load(loaded.config), *bus_lines(reachable), _disk(runs)]
+    lines = [_bus_load(loaded.config), *bus_lines(reachable), *computer_lines(runs)]
     plate = PlateCheck(reachable, loaded.amplifier_profile)
     problem = _attempt(plate.before)
     lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
@@ -159,19 +166,6 @@ def _bus_load(cell: CellConfig) -> CheckLine:
     )
 
 
-def _disk(runs: Path) -> CheckLine:
-    folder = next(path for path in (runs.absolute(), *runs.absolute().parents) if path.exists())
-    free = shutil.disk_usage(folder).free
-    return CheckLine(
-        where=str(runs),
-        what="free disk",
-        required=f"≥ {FREE_BYTES >> 20} MB",
-        found=f"{free >> 20} MB",
-        verdict="ok" if free >= FREE_BYTES else "red",
-        next_action="make room, or choose another folder with --runs",
-    )
-
-
 def _devices(
     cell: CellConfig, robot: RobotDescription, seconds: float
 ) -> tuple[list[CheckLine], list[float]]:
@@ -194,6 +188,8 @@ def _devices(
             opened.axes.start()
             lines += _answers(opened, seconds)
             position = opened.axes.position.tolist()
+            if not any(line.verdict == "red" for line in lines):
+                lines += watch_lines(opened)
     except (DriverError, PreflightError) as error:
         raise _Stopped(lines, error) from error
     return lines, position
@@ -218,18 +214,23 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
     cycle_time_s = opened.config.cycle_time_s
     cycles = max(1, round(seconds / cycle_time_s))
     missing = [0] * len(axes.joint_names)
+    exchanges_s: list[float] = []
     due_s = clock.now_s()
     for _ in range(cycles):
         due_s = max(due_s + cycle_time_s, clock.now_s())
         clock.sleep_until(due_s)
         sync_s = axes.sync()
         axes.collect(sync_s + COLLECT_FRACTION * cycle_time_s)
+        exchanges_s.append(clock.now_s() - sync_s)
         axes.beat(clock.now_s())
         axes.quick_stop()  # the drives watch for set-points; this one moves nothing
         missing = [
             count + (not received)
             for count, received in zip(missing, axes.received.tolist(), strict=True)
         ]
+    exchanges_s.sort()
+    slow_s = exchanges_s[math.ceil(0.99 * len(exchanges_s)) - 1]
+    in_time = slow_s < COLLECT_FRACTION * cycle_time_s
     events = [event.text for event in axes.take_events() if event.kind.is_fault]
     lines = [
         CheckLine(
@@ -243,6 +244,16 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
         )
         for axis, count in zip(opened.config.axes, missing, strict=True)
     ]
+    lines.append(
+        CheckLine(
+            where="drives",
+            what="from SYNC to the last answer, 99 of 100",
+            required=f"< {1e3 * COLLECT_FRACTION * cycle_time_s:.1f} ms",
+            found=f"{1e3 * slow_s:.2f} ms",
+            verdict="ok" if in_time else "red",
+            next_action="" if in_time else "look at the bus load and the adapter's latency",
+        )
+    )
     if axes.lost_frames:
         lines.append(
             CheckLine(

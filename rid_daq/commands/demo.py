@@ -77,7 +77,7 @@ def demo(
             plan_motion(motion, loaded.robot, cycle_s).duration_s
             for motion in (excitation, validation)
         )
-        chapter = PathMotions.of_robot(loaded.robot, cycle_s, seed) if paths else None
+        chapter = PathMotions.of_cell(loaded.robot, loaded.config, seed) if paths else None
         if chapter is not None:
             total_s += chapter.duration_s(loaded.robot, cycle_s)
         motions = Motions(excitation, validation, chapter)

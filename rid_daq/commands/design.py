@@ -12,7 +12,6 @@ import numpy as np
 import typer
 
 from acquisition.motion_samples import MotionSamples, plan_motion
-from compensation.multisine_motion import multisine_motion
 from config.errors import ConfigError, RecordingError
 from config.load import LoadedCell, load_cell, to_yaml
 from config.motion import FourierMotion
@@ -25,7 +24,11 @@ from rid_daq.console import AsJson, Console
 from rid_daq.design_job import Search, chosen_criterion, excitation_problem, search
 from rid_daq.exit_codes import ExitCode
 from rid_daq.friction_section import write_friction_motion
+from rid_daq.multisine_job import Grid, Phases, write_multisine
 from rid_daq.sections import units
+
+DEFAULT_PERIOD_S = 10.0
+DEFAULT_PERIODS = 16
 
 
 class Kind(StrEnum):
@@ -70,9 +73,14 @@ def design(
         CriterionName, typer.Option(help="Smallest condition number, or largest information.")
     ] = CriterionName.D_OPTIMAL,
     period_s: Annotated[
-        float, typer.Option("--period", min=0.1, max=3600.0, help="Period [s], whole cycles.")
-    ] = 10.0,
-    periods: Annotated[int, typer.Option(min=2, help="Periods that count.")] = 16,
+        float | None,
+        typer.Option(
+            "--period", min=0.1, max=3600.0, help="Period [s], whole cycles; 10, multisines 8."
+        ),
+    ] = None,
+    periods: Annotated[
+        int | None, typer.Option(min=2, help="Periods that count; 16, multisines 4.")
+    ] = None,
     highest_harmonic: Annotated[
         int | None,
         typer.Option(
@@ -107,6 +115,22 @@ def design(
             help="What is to be known best instead of --criterion: parameters as sx3,Izz1, torque.",
         ),
     ] = "",
+    band: Annotated[
+        str | None,
+        typer.Option(metavar="LOW:HIGH", help="Multisines: band [Hz]; the cell file's."),
+    ] = None,
+    grid: Annotated[
+        Grid, typer.Option(help="Multisines: which lines of the band are excited.")
+    ] = Grid.RANDOM_ODD,
+    phases: Annotated[
+        Phases, typer.Option(help="Multisines: phases to start the search for low peaks from.")
+    ] = Phases.RANDOM,
+    realisations: Annotated[
+        int | None, typer.Option(min=1, max=100, help="Multisines: draws of the phases; 4.")
+    ] = None,
+    slow: Annotated[
+        bool, typer.Option("--slow/--no-slow", help="Multisines: a slow sine beneath.")
+    ] = True,
     seed: Annotated[int, typer.Option(min=0, help="Where they are drawn from.")] = 0,
     overwrite: Annotated[bool, typer.Option(help="Replace MOTION if it is there.")] = False,
     as_json: AsJson = False,
@@ -135,15 +159,24 @@ def design(
         console.say(f"Next: rid-daq record {cell} {output}")
         return
     if kind is Kind.MULTISINE:
-        write_friction_motion(
+        write_multisine(
             console,
             loaded,
-            multisine_motion(robot, loaded.config.cycle_time_s, seed=seed),
             output,
+            band=band,
+            grid=grid,
+            phases=phases,
+            realisations=realisations,
+            slow=slow,
+            period_s=period_s,
+            periods=periods,
+            model=model,
+            seed=seed,
         )
         console.say(f"Next: rid-daq record {cell} {output}, then rid-daq loop latest")
         return
     found: Search | None = None
+    period_s, periods = period_s or DEFAULT_PERIOD_S, periods or DEFAULT_PERIODS
     if method is Method.OPTIMAL:
         names = [name.strip() for name in wanted.split(",") if name.strip()]
         problem = excitation_problem(

@@ -8,18 +8,19 @@ from typing import Annotated, Any
 import typer
 
 from acquisition.run_list import find_run
-from compensation.frequency_response import FrequencyResponse, frequency_responses
+from compensation.cascade import advise
 from compensation.loop_file import write_loops
-from compensation.velocity_loop import VelocityLoop, fit_velocity_loop
-from config.errors import ConfigError
-from config.load import load_motion
+from compensation.loop_measurement import measure_loops
+from config.cell import CellConfig
+from config.errors import ConfigError, RecordingError
+from config.load import load_bundled_or_path, load_motion
 from config.motion import MultisineMotion
 from rid_daq.console import AsJson, Console
 from rid_daq.report.render import number
-from rid_daq.run_data import read_run
+from rid_daq.result import write_result
+from rid_daq.run_data import RunData, read_run, result_of
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
-
-SMALLEST_P = 0.001
+from rid_daq.velocity_loop_section import velocity_loop_section
 
 
 def loop(
@@ -41,88 +42,108 @@ def loop(
     """Measure how the drives' velocity loops answer, and fit gain and integral time.
 
     The run is of a motion by `rid-daq design --kind multisine`. Intervals are two standard
-    deviations, from what differs between periods and between realisations.
+    deviations, from what differs between periods and between realisations. The margins are those
+    of current, velocity and position loop together; the run's report draws everything.
     """
     console = Console(as_json)
     data = read_run(find_run(runs, run))
-    motion = load_motion(data.folder.file("motion.yaml"))
-    if not isinstance(motion, MultisineMotion):
-        raise ConfigError(
-            f"run {data.folder.run_id} is of a {motion.kind} motion: record one by"
-            " `rid-daq design --kind multisine`"
-        )
-    responses = frequency_responses(data.recording, motion, data.robot)
-    loops = [fit_velocity_loop(response) for response in responses]
+    motion = _motion(data)
+    if output is not None and not output.parent.is_dir():
+        raise RecordingError(f"{output}: cannot be written: there is no folder {output.parent}")
+    cell = load_bundled_or_path(str(data.folder.file("cell.yaml")), "cells", CellConfig)
+    found = measure_loops(data.recording, motion, data.robot, cell.position_gain_per_s)
+    section = velocity_loop_section(data.robot, found, advise(found.cascades))
     output = output or data.folder.file("loops.json")
     inside = output.resolve().parent == data.folder.path.resolve()
-    write_loops(output, loops, data.robot.name, data.folder.run_id)
+    write_loops(output, found.loops, data.robot.name, data.folder.run_id)
     if inside:
         data.folder.write(output.name, output.read_bytes())
+    report = write_result(data.folder, result_of(data) | {"velocity_loops": section})
     console.document(
-        {
-            "loops": str(output),
-            "axes": [_entry(r, fitted) for r, fitted in zip(responses, loops, strict=True)],
-        }
+        {"run": data.folder.run_id, "loops": str(output), "report": str(report), **section}
     )
-    console.table(
-        ("axis", "gain", "± 2σ", "integral time [s]", "± 2σ", "delay + lag [ms]", "p"),
-        [
-            (
-                fitted.joint_name,
-                number(fitted.gain, 5),
-                number(2.0 * fitted.sigma["gain"], 2),
-                number(fitted.integral_time_s, 4),
-                number(2.0 * fitted.sigma["integral_time_s"], 2),
-                f"{1e3 * (fitted.delay_s + fitted.lag_s):.2f}",
-                f"{fitted.p_value:.2g}",
-            )
-            for fitted in loops
-        ],
-    )
-    for response in responses:
-        console.say(_distortion(response))
-    for fitted in loops:
-        if fitted.p_value < SMALLEST_P:
-            console.say(
-                f"{fitted.joint_name}: a proportional-integral controller does not explain what was"
-                " measured: look for filters in the drive, or excite less"
-            )
+    _tell(console, section)
+    console.say(f"Report: {report}")
     console.say(f"Loops: {output}")
     console.say(
         f"Next: rid-daq compensate CELL MOTION --model MODEL --loop {output} -o FEEDFORWARD"
     )
 
 
-def _entry(response: FrequencyResponse, fitted: VelocityLoop) -> dict[str, Any]:
-    return {
-        "joint": fitted.joint_name,
-        "gain": fitted.gain,
-        "integral_time_s": fitted.integral_time_s,
-        "delay_s": fitted.delay_s,
-        "lag_s": fitted.lag_s,
-        "std": fitted.sigma,
-        "p_value": fitted.p_value,
-        "trials": [
-            {"extras": list(trial.extras), "aic": trial.aic, "mdl": trial.mdl}
-            for trial in fitted.trials
-        ],
-        "frequency_hz": response.frequency_hz.tolist(),
-        "magnitude": abs(response.response).tolist(),
-        "std_noise": (response.variance_noise**0.5).tolist(),
-        "std_total": (response.variance**0.5).tolist(),
-        "coherence": response.coherence.tolist(),
-    }
-
-
-def _distortion(response: FrequencyResponse) -> str:
-    parts = [
-        f"{words} {float((d.level_nm**2).mean()) ** 0.5:.3g} (noise"
-        f" {float((d.noise_nm**2).mean()) ** 0.5:.2g})"
-        for words, d in (("even", response.even), ("odd", response.odd))
-        if len(d.level_nm)
-    ]
-    return (
-        f"{response.joint_name}: {len(response.frequency_hz)} lines from"
-        f" {response.frequency_hz[0]:.3g} to {response.frequency_hz[-1]:.3g} Hz; torque at lines"
-        f" that nobody excites [N m or N RMS]: {', '.join(parts)}"
+def _motion(data: RunData) -> MultisineMotion:
+    path = data.folder.file("motion.yaml")
+    motion = load_motion(path) if path.exists() else None
+    if isinstance(motion, MultisineMotion):
+        return motion
+    kind = "a recording from elsewhere" if motion is None else f"of a {motion.kind} motion"
+    raise ConfigError(
+        f"run {data.folder.run_id} is {kind}: record one by `rid-daq design --kind multisine`"
     )
+
+
+def _tell(console: Console, section: dict[str, Any]) -> None:
+    axes = section["axes"]
+    console.table(
+        ("axis", "gain", "± 2σ", "integral time [s]", "± 2σ", "delay + lag [ms]", "p", "white"),
+        [
+            (
+                axis["joint"],
+                f"{number(axis['gain'], 5)} {axis['unit']}",
+                number(2.0 * axis["std"]["gain"], 2),
+                number(axis["integral_time_s"], 4),
+                number(2.0 * axis["std"]["integral_time_s"], 2),
+                f"{1e3 * (axis['delay_s'] + axis['lag_s']):.2f}",
+                f"{axis['p_value']:.2g}",
+                f"{axis['whiteness']:.2g}",
+            )
+            for axis in axes
+        ],
+    )
+    console.table(
+        ("axis", "inertia", "velocity loop", "", "position loop", "", "largest K_v"),
+        [
+            (
+                axis["joint"],
+                f"{number(axis['inertia'], 3)} {axis['inertia_unit']}",
+                *_words(axis["velocity_margins"]),
+                *_words(axis["position_margins"]),
+                f"{number(axis['largest_position_gain_per_s'], 3)} 1/s",
+            )
+            for axis in axes
+        ],
+    )
+    for axis in axes:
+        response = axis["response"]
+        console.say(
+            f"{axis['joint']}: {len(response['frequency_hz'])} lines from"
+            f" {response['frequency_hz'][0]:.3g} to {response['frequency_hz'][-1]:.3g} Hz;"
+            f" {_distortion(axis)}."
+        )
+        for finding in axis["findings"]:
+            console.say(f"{axis['joint']}: {finding}.")
+    console.say(section["advice"])
+
+
+def _words(margins: dict[str, float | None]) -> tuple[str, str]:
+    phase, gain = margins["phase_deg"], margins["gain_db"]
+    return (
+        "no crossover" if phase is None else f"{phase:.0f}° at {margins['crossover_hz']:.2g} Hz",
+        "any gain" if gain is None else f"{gain:.1f} dB",
+    )
+
+
+def _distortion(axis: dict[str, Any]) -> str:
+    response = axis["response"]
+    parts = []
+    for kind in ("even", "odd"):
+        level, noise = response[kind]["level"], response[kind]["noise"]
+        if level:
+            found, floor = (_rms(values) for values in (level, noise))
+            parts.append(f"{kind} {found:.2g} (noise {floor:.2g})")
+    if not parts:
+        return "no line was left empty, so distortion is not told"
+    return f"distortion [{axis['unit']} RMS]: {', '.join(parts)}"
+
+
+def _rms(values: list[float]) -> float:
+    return float((sum(value**2 for value in values) / len(values)) ** 0.5)

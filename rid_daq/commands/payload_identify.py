@@ -21,6 +21,7 @@ from identification.payload_solution import Known
 from identification.payload_verdict import PayloadLimits
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode
+from rid_daq.flange import compared
 from rid_daq.payload_job import Weighing, weigh_runs
 from rid_daq.payload_section import payload_section, payload_verdict, tell_payload
 from rid_daq.result import write_result
@@ -152,6 +153,7 @@ def identify(
         write_payload(output, payload)
     result = result_of(first)
     section = payload_section(payload, repeats)
+    section["findings"] += compared(data, flags, payload)
     result["title"] = f"Payload on {first.robot.name}"
     result["payload"] = section
     result["verdict"] = payload_verdict(payload)

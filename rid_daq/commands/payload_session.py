@@ -16,9 +16,9 @@ from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, load_cell, load_motion, to_yaml
 from config.motion import FourierMotion
 from identification.estimate_file import read_estimate
-from identification.experiment_design import design_two_harmonic
 from identification.payload_file import write_payload
 from identification.payload_fit import HowToWeigh
+from identification.payload_motion import PayloadSearch, design_payload_motion
 from identification.payload_periodic import PeriodicRuns
 from identification.payload_verdict import PayloadLimits
 from rid_daq.cells import mountable_cell
@@ -27,6 +27,7 @@ from rid_daq.commands.payload_identify import PAYLOAD, known_quantity
 from rid_daq.commands.record import check_robot
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
+from rid_daq.flange import compared
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
 from rid_daq.payload_job import Weighing, weigh_runs
@@ -45,19 +46,16 @@ from rid_daq.sections import cell_section, motion_sentence, run_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, unfinished
 from rid_daq.versions import software_versions
 
-PERIOD_CYCLES = 600
-LIMIT_FRACTION = 0.4
-HIGHEST_HARMONIC = 6
-TRIES = 20
+PERIOD_S = 7.2
 
 
 def session(
     cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
     motion: Annotated[
         Path | None,
-        typer.Option(metavar="MOTION", help="A periodic motion; a two-harmonic one if not given."),
+        typer.Option(metavar="MOTION", help="A periodic motion; one is searched if not given."),
     ] = None,
-    periods: Annotated[int, typer.Option(min=2, help="Periods measured in each run at most.")] = 5,
+    periods: Annotated[int, typer.Option(min=2, help="Periods measured in each run at most.")] = 18,
     repeats: Annotated[int, typer.Option(min=1, max=20, help="Runs with the payload.")] = 1,
     model: Annotated[
         Path | None,
@@ -145,7 +143,8 @@ def session(
                     f"--payload is for a simulated cell that is started here, not for {cell}"
                 )
             _preflight(loaded, reachable, runs, console)
-            guide = _Guide(PayloadSteps(loaded, reachable, console, page), state, asked, label)
+            steps = PayloadSteps(loaded, reachable, console, simulated, page)
+            guide = _Guide(steps, state, asked, label)
             empty = ", no payload attached" if "unloaded" in wanted else ""
             clear = f"Nobody in cell {loaded.config.name}, emergency stop at hand{empty}?"
             require_yes(console, clear, yes or loaded.config.simulated)
@@ -236,16 +235,14 @@ def _begin(
         asked = load_motion(motion)
         check_robot(asked, loaded, motion)
     else:
-        asked = design_two_harmonic(
+        cycle_s = loaded.config.cycle_time_s
+        search = PayloadSearch(
             loaded.robot,
-            PERIOD_CYCLES * loaded.config.cycle_time_s,
-            loaded.config.cycle_time_s,
-            limit_fraction=LIMIT_FRACTION,
-            highest_harmonic=HIGHEST_HARMONIC,
-            tries=TRIES,
-            seed=seed,
-            periods=periods,
+            round(PERIOD_S / cycle_s) * cycle_s,
+            cycle_s,
+            workspace=loaded.config.workspace,
         )
+        asked = design_payload_motion(search, seed=seed, periods=periods)
     if not isinstance(asked, FourierMotion):
         raise ConfigError("a payload session needs a periodic (fourier) motion")
     if state is None:
@@ -304,6 +301,7 @@ def _finish(
     result = new_result(f"Payload session on {loaded.config.name}", loaded.robot.name)
     result["cell"] = cell_section(loaded.config)
     section = payload_section(judged, repeats)
+    section["findings"] += compared(data, [name != "unloaded" for name in names], judged)
     warm = state.facts.get("warm_up")
     if isinstance(warm, dict):
         section["findings"].append(

@@ -6,11 +6,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from pydantic import JsonValue
 
 from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.rehearsal import SLOWER, rehearsal
 from acquisition.run_folder import RunFolder
 from acquisition.termination import ignore_termination
 from compensation.feedforward_file import read_feedforward
+from config.cell import CellConfig
 from config.errors import ConfigError
 from config.faults import NO_SCRIPT
 from config.load import LoadedCell, load_cell, load_faults, load_motion, to_yaml
@@ -23,10 +26,11 @@ from config.motion import (
 )
 from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
 from rid_daq.accuracy_watch import AccuracyWatch
-from rid_daq.cells import reachable_cell
+from rid_daq.cells import mountable_cell
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
+from rid_daq.flange import note_flange
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
 from rid_daq.recording_job import RecordedRun, record_run
@@ -70,6 +74,13 @@ def record(
         Path | None,
         typer.Option(metavar="FILE", help="A fault script: what goes wrong in a simulated cell."),
     ] = None,
+    rehearse: Annotated[
+        bool,
+        typer.Option(
+            "--rehearse",
+            help="Drive it once at a quarter of its speed first, into a run of its own.",
+        ),
+    ] = False,
     cleared: Cleared = False,
     live: Live = False,
     listen: Listen = DEFAULT_LISTEN,
@@ -98,16 +109,21 @@ def record(
     script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
     with (
         live_page(console, live, listen, token, certificate) as page,
-        reachable_cell(
-            loaded, realtime=realtime, seed=seed, payload=payload, faults=script
-        ) as reachable,
+        mountable_cell(loaded, realtime=realtime, seed=seed, payload=payload, faults=script) as (
+            reachable,
+            simulated,
+        ),
     ):
-        folder = RunFolder.create(
-            runs, label or as_label(motion.stem), software=software_versions()
-        )
+        name = label or as_label(motion.stem)
+        if rehearse:
+            _rehearse(reachable, loaded, samples, runs, name, console)
+        folder = RunFolder.create(runs, name, software=software_versions())
         with unfinished(folder):
+            facts: dict[str, JsonValue] = {"robot": loaded.robot.name}
             for name, content in loaded.files.items():
                 folder.write(name, content)
+            if simulated is not None:
+                facts |= note_flange(folder, loaded, simulated.attached)
             whole = isinstance(asked, JointTableMotion)  # with the rows of the file that it names
             folder.write("motion.yaml", to_yaml(asked).encode() if whole else motion.read_bytes())
             if faults is not None:
@@ -129,13 +145,47 @@ def record(
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report
     report = write_result(folder, run.result)
-    folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
+    folder.finish(run.status, facts | {"rows": run.outcome.rows})
     _tell(console, run, asked, folder, report, accuracy)
     stop = run.outcome.stop
     if stop is not None:
         raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
     if accuracy is not None and not accuracy.reached:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _rehearse(
+    cell: CellConfig,
+    loaded: LoadedCell,
+    samples: MotionSamples,
+    runs: Path,
+    name: str,
+    console: Console,
+) -> None:
+    """Drive a motion slowly once; the command ends here where that is stopped."""
+    folder = RunFolder.create(runs, f"{name[:54]} rehearsal", software=software_versions())
+    with unfinished(folder):
+        for file, content in loaded.files.items():
+            folder.write(file, content)
+        run = record_run(
+            cell,
+            loaded.robot,
+            f"A rehearsal of {name} at 1/{SLOWER:g} of its speed.",
+            rehearsal(samples),
+            folder,
+            console,
+            role="rehearsal",
+            profile=loaded.amplifier_profile,
+            drive_profile=loaded.drive_profile,
+        )
+    write_result(folder, run.result)
+    folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
+    stop = run.outcome.stop
+    if stop is None:
+        console.say(f"Rehearsed at 1/{SLOWER:g} of the speed: {folder.path}")
+        return
+    console.verdict(False, f"{run.stop_sentence} That was the rehearsal; nothing else was driven.")
+    raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
 
 
 def with_feedforward(path: Path, motion: AnyMotion, samples: MotionSamples) -> MotionSamples:

@@ -8,6 +8,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from rid_daq.report.bode_figure import cascade_figure, controller_figure
 from rid_daq.report.figures import (
     friction_figure,
     histogram_figure,
@@ -95,6 +96,15 @@ def _figures(result: dict[str, Any]) -> dict[str, Any]:
         figures["friction"] = Markup(friction_figure(result["friction"]["joints"]))
     if "truth" in result:
         figures["truth"] = Markup(truth_figure(result["truth"]))
+    if "velocity_loops" in result:
+        axes = result["velocity_loops"]["axes"]
+        figures["controllers"] = [
+            Markup(controller_figure(axis["response"] | {"unit": axis["unit"]}, f"controller{k}"))
+            for k, axis in enumerate(axes)
+        ]
+        figures["cascades"] = [
+            Markup(cascade_figure(axis["cascade"], f"cascade{k}")) for k, axis in enumerate(axes)
+        ]
     if "tracking" in result:
         tracking = result["tracking"]
         figures["tracking"] = [

@@ -168,23 +168,31 @@ def test_a_motion_is_recorded_whole(
     assert_at_rest(simulated)
 
 
+@pytest.mark.fault(19)
+@pytest.mark.fault(20)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_five_interrupts_stop_the_motion_once_and_the_file_is_closed(
-    record: Record, long: MotionSamples, simulated: SimulatedCell
+    record: Record,
+    long: MotionSamples,
+    simulated: SimulatedCell,
+    number: signal.Signals,
+    measured: Callable[[str], None],
 ) -> None:
     sent: list[int] = []
 
     def interrupt() -> None:
         if len(sent) < 5:
             sent.append(1)
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), number)
 
     outcome = record(long, in_mid_motion(interrupt))
     assert sent
-    assert outcome.interrupted_by is signal.SIGINT
+    assert outcome.interrupted_by is number
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.INTERRUPTED
     assert read_journal(outcome.path).damage.notes == ()
     assert_at_rest(simulated)
+    measured(f"5 times {number.name}: at rest, file closed")
 
 
 @pytest.mark.fault(21)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -86,11 +87,13 @@ def healthy(
     return record(loaded, tmp_path_factory.mktemp("healthy"))
 
 
+Measured = Callable[[str], None]
 Healthy = tuple[RecordOutcome, Recording, PlateRows]
 
 
+@pytest.mark.fault(28)
 def test_row_28_overloads_are_flagged_and_no_saturated_sample_is_averaged(
-    loaded: LoadedCell, healthy: Healthy, tmp_path: Path
+    loaded: LoadedCell, healthy: Healthy, tmp_path: Path, measured: Measured
 ) -> None:
     begin = first_row_of(healthy[1], healthy[2], 3) + 600
     fault = LineFault(FaultKind.OVERLOAD, begin, duration_s=0.3, channel=4)
@@ -110,20 +113,24 @@ def test_row_28_overloads_are_flagged_and_no_saturated_sample_is_averaged(
     off = np.abs(average.reaction.channels_n - good.channels_n)
     level = off.mean(axis=0)
     assert (off - level).max() < 2.0, "5000 N in one sample of seven would show by 700 N"
+    measured(f"{saturated.sum()} saturated samples, all flagged, 0 averaged")
 
 
+@pytest.mark.fault(28)
 def test_row_28_more_than_three_overloaded_periods_stop_the_run(
-    loaded: LoadedCell, tmp_path: Path
+    loaded: LoadedCell, tmp_path: Path, measured: Measured
 ) -> None:
     fault = LineFault(FaultKind.OVERLOAD, 4000, duration_s=1e6, channel=0)
     outcome, _, _ = record(loaded, tmp_path, fault, periods=30)
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.PLATE_OVERLOAD
     assert any("fx12 was overloaded" in note and "larger" in note for note in outcome.notes)
+    measured("more than 3 periods: stopped, a larger range suggested")
 
 
+@pytest.mark.fault(29)
 def test_row_29_exactly_the_periods_of_drift_beyond_the_limit_are_left_out(
-    loaded: LoadedCell, healthy: Healthy, tmp_path: Path
+    loaded: LoadedCell, healthy: Healthy, tmp_path: Path, measured: Measured
 ) -> None:
     """1 N/s for two periods, 30 % into the second: 0.7, 1 and 0.3 N/s; 0.5 N/s is the limit."""
     begin = first_row_of(healthy[1], healthy[2], 2) + int(0.3 * PERIOD_S * RATE_HZ)
@@ -136,6 +143,7 @@ def test_row_29_exactly_the_periods_of_drift_beyond_the_limit_are_left_out(
         words = period.reason.split()
         assert period.reason.startswith("channel fz3 of the force plate drifted by")
         assert float(words[words.index("by") + 1]) == pytest.approx(rate, abs=0.1)
+    measured("2 of 2 periods beyond 0.5 N/s left out, no other")
 
 
 def test_row_29_the_plants_own_drift_costs_no_period(healthy: Healthy) -> None:
@@ -146,8 +154,9 @@ def test_row_29_the_plants_own_drift_costs_no_period(healthy: Healthy) -> None:
     assert np.abs(average.reaction.drift_n_s).max() > 0.03
 
 
+@pytest.mark.fault(30)
 def test_row_30_damage_costs_at_most_two_rows_more_than_it_hits(
-    loaded: LoadedCell, healthy: Healthy, tmp_path: Path
+    loaded: LoadedCell, healthy: Healthy, tmp_path: Path, measured: Measured
 ) -> None:
     faults = (
         LineFault(FaultKind.GARBAGE, 6000, 300),
@@ -171,15 +180,20 @@ def test_row_30_damage_costs_at_most_two_rows_more_than_it_hits(
     both = zip(rows.sequence.tolist(), rows.rows["counts"], strict=True)
     same = [np.array_equal(by_number[k], counts) for k, counts in both if k in by_number]
     assert all(same), "a row that came is the row that was sent"
+    measured(f"{len(lost)} rows lost, {sum(hit.values())} of them hit; 0 wrong")
 
 
-def test_row_30_an_unplugged_amplifier_stops_the_run(loaded: LoadedCell, tmp_path: Path) -> None:
+@pytest.mark.fault(30)
+def test_row_30_an_unplugged_amplifier_stops_the_run(
+    loaded: LoadedCell, tmp_path: Path, measured: Measured
+) -> None:
     fault = LineFault(FaultKind.UNPLUG, 7000, duration_s=1e6)
     outcome, recording, rows = record(loaded, tmp_path, fault, periods=30)
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.PLATE_LINE
     assert np.abs(np.diff(recording.position[-3:], axis=0)).max() < 1e-4
     assert len(rows.rows) <= 7000
+    measured("unplugged: stopped, at rest")
 
 
 def test_the_same_seed_gives_the_same_file_up_to_the_last_sync(

@@ -11,6 +11,7 @@ from config.cell import CellConfig
 from config.errors import (
     ConfigError,
     DeviceTimeoutError,
+    DriverError,
     LockedError,
     PreflightError,
     ProtocolError,
@@ -118,12 +119,21 @@ class TestRefusals:
         with pytest.raises(PreflightError, match=rf"shoulder \(node 2\): {name}.*{index:04X}h"):
             bench.axes.bring_up()
 
-    def test_a_drive_without_heartbeat_consumer(self, bench: Any) -> None:
+    @pytest.mark.fault(18)
+    def test_a_drive_without_heartbeat_consumer(
+        self, bench: Any, measured: Callable[[str], None]
+    ) -> None:
+        """What would keep running when the laptop dies cannot be enabled."""
         del bench.drives[2].objects[0x1016, 1]
         with pytest.raises(
             PreflightError, match=r"elbow \(node 3\).*1016h:01 is not in this drive"
         ):
             bench.axes.bring_up()
+        with pytest.raises(DriverError, match="bring_up"):
+            bench.axes.start()
+        with pytest.raises(DriverError, match="start first"):
+            bench.axes.enable()
+        measured("a drive without 1016h: cannot be started, cannot be enabled")
 
     def test_unless_the_cell_file_names_it(
         self, make_bench: Callable[[CellConfig], Any], cell: CellConfig

@@ -150,6 +150,17 @@ class Run:
         (cycle,) = {self.cycle(time_s) for time_s in stops.values()}
         return cycle
 
+    def assert_at_rest(self, moved_before_s: float = 5 * T) -> float:
+        """The axes moved, and do not any more; return how long after the quick stop [s]."""
+        stop_s = min(self.quick_stops().values())
+        moving = self.truth.velocity[self.truth.at(stop_s - moved_before_s)]
+        assert np.abs(moving).max() > 0.05, "nothing moved before the fault"
+        rest_s = self.truth.rest_s()
+        assert rest_s < stop_s + 0.3
+        assert not any(self.truth.powered[-1])
+        assert self.motion_frames_after(stop_s) == []
+        return rest_s - stop_s
+
     def motion_frames_after(self, time_s: float) -> list[Logged]:
         """Return what could move an axis after a time [s]."""
         return [f for f in self.frames if f.time_s > time_s and _is(f, ENABLE)]
@@ -227,6 +238,19 @@ class Rig:
         with open_cell(self.config, self._loaded.robot) as cell:
             yield cell
 
+    def let_pass(self, duration_s: float) -> None:
+        """Let simulated time pass, without a word; an adapter that is away is waited for."""
+        tick, tries = threading.Event(), 2000
+        while True:
+            try:
+                with self.session() as cell:
+                    cell.clock.sleep_until(cell.clock.now_s() + duration_s)
+                return
+            except TransportError:
+                tries -= 1
+                assert tries, "the bus does not come back"
+                tick.wait(0.01)
+
     def move(
         self,
         samples: MotionSamples,
@@ -248,8 +272,7 @@ class Rig:
                 ).run(PlannedMotion(samples))  # fmt: skip
         except RidDaqError as problem:
             error = problem
-        with contextlib.suppress(TransportError), self.session() as cell:
-            cell.clock.sleep_until(cell.clock.now_s() + 0.4)  # to see what the axes do afterwards
+        self.let_pass(0.4)  # to see what the axes do afterwards
         rows = np.frombuffer(ring.read(8192), dtype=row_dtype(3))
         return Run(reason, rows, control.notes, self.frames(), self.truth, error)
 

@@ -18,18 +18,6 @@ AT = 230
 Measured = Callable[[str], None]
 
 
-def assert_at_rest(run: Any, within_s: float = 0.3) -> float:
-    """The axes moved, and do not any more; return how long after the quick stop [s]."""
-    stop_s = min(run.quick_stops().values())
-    moving = run.truth.velocity[run.truth.at(stop_s - 5 * T)]
-    assert np.abs(moving).max() > 0.05, "nothing moved before the fault"
-    rest_s = float(run.truth.rest_s())
-    assert rest_s < stop_s + within_s
-    assert not any(run.truth.powered[-1])
-    assert run.motion_frames_after(stop_s) == []
-    return rest_s - stop_s
-
-
 def ramp_s(loaded: LoadedCell, speed: float) -> float:
     return speed / loaded.config.drive_safety.quick_stop_deceleration_rad_s2
 
@@ -46,7 +34,7 @@ def test_a_drive_that_resets_stops_the_others_and_stays_disabled(
     assert stop_s <= boot_s + 2 * T
     cycles = run.quick_stop_cycle() - AT + 1
     assert cycles <= 4
-    assert_at_rest(run)
+    run.assert_at_rest()
     when = "before" if stop_s < boot_s else "after"
     measured(f"{cycles} T after the reset, {abs(stop_s - boot_s) / T:.1f} T {when} its boot-up")
 
@@ -66,7 +54,7 @@ def test_an_emergency_message_stops_all_axes_and_is_told_in_words(
     (told_s,) = [f.time_s for f in run.frames if f.can_id == 0x083 and f.data[:2] == b"\x10\x43"]
     late = (max(run.quick_stops().values()) - told_s) / T
     assert late <= 2.0
-    assert_at_rest(run)
+    run.assert_at_rest()
     measured(f"{late:.2f} T after the message")
 
 
@@ -79,7 +67,7 @@ def test_a_fault_of_a_drive_stops_the_others(
     assert run.reason.code is StopCode.EMERGENCY
     cycles = run.quick_stop_cycle() - AT + 1
     assert cycles <= 2
-    assert_at_rest(run)
+    run.assert_at_rest()
     measured(f"a drive in fault: {cycles} T")
 
 
@@ -91,7 +79,7 @@ def test_a_flood_of_emergencies_is_one_stop_and_costs_no_cycle(
     run = serve(drives=[flood]).move(motion)
     assert run.reason.code is StopCode.EMERGENCY
     assert run.quick_stop_cycle() == AT
-    assert_at_rest(run)
+    run.assert_at_rest()
     came = sum(f.can_id == 0x082 for f in run.frames)
     assert came > 100
     assert len(run.notes) <= 3
@@ -111,7 +99,7 @@ def test_a_heartbeat_that_ends_stops_all_axes(
     last_s = max(f.time_s for f in run.frames if f.can_id == 0x701 and f.time_s < stop_s)
     allowed_s = loaded.config.drive_safety.drive_heartbeat_timeout_ms / 1000.0 + T
     assert stop_s - last_s <= allowed_s
-    assert_at_rest(run)
+    run.assert_at_rest()
     measured(f"{1e3 * (stop_s - last_s):.1f} ms after the last one, {1e3 * allowed_s:.0f} allowed")
 
 
@@ -188,7 +176,7 @@ def test_an_encoder_that_stands_still_stops_the_motion(
     assert (run.reason.code, run.reason.joint) == (StopCode.STUCK_ENCODER, "axis1")
     cycles = run.quick_stop_cycle() - AT + 1
     assert cycles <= 8
-    assert_at_rest(run)
+    run.assert_at_rest()
     measured(f"{cycles} T")
 
 
@@ -225,7 +213,7 @@ def test_an_axis_that_runs_the_wrong_way_does_not_get_far(
     travel = abs(run.truth.position[end][0] - run.truth.position[at][0])
     allowed = speed * 4 * T + 0.5 * speed * ramp_s(loaded, speed)
     assert travel <= allowed
-    assert_at_rest(run)
+    run.assert_at_rest()
     measured(f"{cycles} T beyond the line; travel {travel:.4f} rad, {allowed:.4f} allowed")
 
 
@@ -239,7 +227,7 @@ def test_an_axis_that_ignores_the_quick_stop_loses_its_power(
     run = serve(drives=[deaf, fault]).move(motion)
     assert run.reason.code is StopCode.EMERGENCY
     assert any("did not slow down axis1" in note for note in run.notes)
-    rest_s = assert_at_rest(run)
+    rest_s = run.assert_at_rest()
     assert rest_s < 0.2
     off = next(f for f in run.frames if f.can_id == 0x201 and f.word == 0 and f.time_s > 1.0)
     cycles = run.cycle(off.time_s) - AT

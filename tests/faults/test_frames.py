@@ -28,18 +28,6 @@ class Keep:
         self.axes = cell.axes
 
 
-def assert_at_rest(run: Any) -> float:
-    """The axes moved, and do not any more; return how long after the quick stop [s]."""
-    stop_s = min(run.quick_stops().values())
-    moving = run.truth.velocity[run.truth.at(stop_s - 0.002)]
-    assert np.abs(moving).max() > 0.05, "nothing moved before the fault"
-    rest_s = float(run.truth.rest_s())
-    assert rest_s < stop_s + 0.3
-    assert not any(run.truth.powered[-1])
-    assert run.motion_frames_after(stop_s) == []
-    return rest_s - stop_s
-
-
 @pytest.mark.fault(1)
 def test_one_lost_answer_is_one_marked_row_and_the_motion_goes_on(
     serve: Any, motion: MotionSamples, measured: Measured
@@ -67,7 +55,7 @@ def test_three_lost_answers_in_a_row_stop_all_axes(
     assert (run.reason.code, run.reason.joint) == (StopCode.MISSED_FRAMES, joint)
     cycles = run.quick_stop_cycle() - AT + 1
     assert cycles == 3
-    rest_s = assert_at_rest(run)
+    rest_s = run.assert_at_rest()
     measured(f"{cycles} T; at rest {1e3 * rest_s:.0f} ms later")
 
 
@@ -127,7 +115,7 @@ def test_the_third_cycle_with_late_answers_stops_the_motion(
     assert run.reason.code is StopCode.LATE_FRAMES
     cycles = run.quick_stop_cycle() - (AT + 20)
     assert cycles == after
-    assert_at_rest(run)
+    run.assert_at_rest()
     measured(f"third answer late by {delay:g} T: quick stop {cycles} T after its SYNC")
 
 
@@ -161,7 +149,7 @@ def test_a_flipped_bit_is_held_and_a_second_one_stops(
     assert (run.reason.code, run.reason.joint) == (StopCode.IMPLAUSIBLE_POSITION, "axis1")
     cycles = run.quick_stop_cycle() - AT + 1
     assert cycles == 2
-    assert_at_rest(run)
+    run.assert_at_rest()
     measured(f"2 in a row: {cycles} T")
 
 
@@ -173,7 +161,7 @@ def test_an_answer_of_the_wrong_length_stops_the_motion(
     run = serve(bus=[script]).move(motion)
     assert "5 bytes where 8 are mapped" in run.reason.text
     assert run.quick_stop_cycle() == AT
-    assert_at_rest(run)
+    run.assert_at_rest()
     measured("a short answer: quick stop in its cycle")
 
 

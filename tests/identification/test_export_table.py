@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,3 +62,11 @@ def test_json_says_where_the_values_come_from(estimate: Estimate) -> None:
     assert kinds == {"identified"}
     values = [row["value"] for row in document["parameters"]]
     np.testing.assert_array_equal(values, estimate.values)
+
+
+def test_no_text_is_a_formula_to_a_spreadsheet(estimate: Estimate) -> None:
+    words = ("-m2 + m3", "=cmd()", *estimate.base.words[2:])
+    hostile = replace(estimate, base=replace(estimate.base, words=words))
+    for row in csv.DictReader(io.StringIO(csv_table(hostile))):
+        for name in ("kind", "name", "words", "unit"):
+            assert not row[name].startswith(("=", "+", "-", "@"))

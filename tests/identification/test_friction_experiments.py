@@ -63,8 +63,9 @@ def recorded(
         a[rows] -= wobble * omega**2 * np.sin(angle)
     model, values = without_friction(robot)
     tau = torque(model, q, v, a, values)
-    moving = np.abs(v) > 1e-9
-    tau += np.where(moving, friction(v), 0.0)
+    motors = v if robot.coupling is None else v @ np.linalg.inv(np.array(robot.coupling)).T
+    moving = np.abs(motors) > 1e-9
+    tau += np.where(moving, friction(motors), 0.0)
     tau += noise_nm * np.random.default_rng(0).standard_normal(tau.shape)
     rows = len(samples)
     return Recording(
@@ -176,11 +177,37 @@ def test_a_recording_that_ended_before_is_refused() -> None:
         reversed_curves(replace(half, **parts), THERE_AND_BACK, IR361)
 
 
-def test_coupled_actuators_cannot_be_measured_alone() -> None:
-    coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.5, 1.0))
-    robot = IR361.model_copy(update={"coupling": coupling})
-    with pytest.raises(EstimationError, match="its actuators are coupled"):
-        constant_velocity_curves(recorded(STEADY), STEADY, robot)
+def coupled(turn: float = 0.8) -> RobotDescription:
+    """The arm with motor 2 turning joint 3 along; `turn` is what motor 2's own gear is worth."""
+    coupling = ((1.0, 0.0, 0.0), (0.0, 1.0 / turn, 0.0), (0.0, 0.5, 1.0))
+    return IR361.model_copy(update={"coupling": coupling})
+
+
+def test_a_coupled_wrist_shows_each_motors_friction_over_its_own_speed() -> None:
+    robot = coupled()
+    curves = constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)
+    np.testing.assert_allclose(curves[0].speed, STEADY.joints[0].speeds)
+    np.testing.assert_allclose(curves[1].speed, 0.8 * np.array(STEADY.joints[1].speeds))
+    for curve in curves:
+        truth = stribeck(curve.speed) - 1.5
+        assert np.abs(curve.odd - truth).max() < 0.15
+    both = reversed_curves(recorded(THERE_AND_BACK, robot=robot), THERE_AND_BACK, robot)
+    for curve in both:
+        fast = curve.speed > 0.1
+        assert np.abs(curve.odd - (stribeck(curve.speed) - 1.5))[fast].max() < 0.6
+
+
+def test_a_motor_that_turns_the_other_way_has_friction_of_the_same_sign() -> None:
+    robot = coupled(-0.8)
+    curve = constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)[1]
+    assert (curve.odd > 15.0).all()
+    assert np.abs(curve.odd - (stribeck(curve.speed) - 1.5)).max() < 0.15
+
+
+def test_a_motor_that_stands_still_while_its_joint_moves_alone_is_refused() -> None:
+    robot = coupled(0.1)
+    with pytest.raises(EstimationError, match=r"motor of axis2 turns by only 0\.1 .*kind reversed"):
+        constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)
 
 
 SPEED = np.geomspace(0.02, 1.5, 12)

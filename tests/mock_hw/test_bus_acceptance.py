@@ -45,6 +45,7 @@ CHANNELS = {
     "virtual": "accept",
 }
 SESSIONS = ["socketcan"] if SOCKETCAN else ["rid_sim", "udp_multicast", "slcan"]
+RECORDED = [name for name in SESSIONS if name != "rid_sim"]  # tests/acquisition records there
 
 MOVE_FOR_EVER = f"""
 import sys
@@ -195,6 +196,7 @@ def test_the_preflight_is_green_and_moves_nothing(served: Served, tmp_path: Path
     assert not served.simulated.axes().enabled.any()
 
 
+@pytest.mark.parametrize("served", RECORDED, indirect=True, scope="module")
 def test_a_short_motion_is_recorded_whole(served: Served, tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "runs", "accept")
     samples = motion(served.loaded)
@@ -205,6 +207,7 @@ def test_a_short_motion_is_recorded_whole(served: Served, tmp_path: Path) -> Non
     assert not served.simulated.axes().enabled.any()
 
 
+@pytest.mark.parametrize("served", RECORDED, indirect=True, scope="module")
 def test_a_drives_fault_stops_the_motion(served: Served, tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "runs", "fault")
     narrow = served.cell.drive_safety.model_copy(

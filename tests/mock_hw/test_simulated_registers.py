@@ -141,6 +141,7 @@ class TestTheDriverReadsThem:
         assert "unit 77" in problem
         assert why in problem
 
+    @pytest.mark.fault(31)
     def test_a_refusal_names_registers_and_reason(self, workshop: Workshop, kind: str) -> None:
         config = workshop.serve(kind, faults=RegisterFaults(at={0: "exception"}, exception=2))
         with open_modbus(config) as link:
@@ -148,6 +149,7 @@ class TestTheDriverReadsThem:
             with pytest.raises(ProtocolError, match=r"registers 100 to 103 .*exception 2: it has"):
                 link.read(1, read)
 
+    @pytest.mark.fault(31)
     def test_silence_is_a_timeout(self, workshop: Workshop, kind: str) -> None:
         config = workshop.serve(kind, faults=RegisterFaults(at={0: "silent"}))
         line = monitor(config, workshop)
@@ -156,6 +158,7 @@ class TestTheDriverReadsThem:
             line._link.read(1, read)
         assert line.read().problems == ()
 
+    @pytest.mark.fault(31)
     @pytest.mark.parametrize("fault", ["short", "wrong_unit", "garbage"])
     def test_a_damaged_answer_is_an_error_and_the_next_request_is_answered(
         self, workshop: Workshop, kind: str, fault: Any
@@ -166,6 +169,7 @@ class TestTheDriverReadsThem:
         assert first.temperature_k[1:].tolist() == pytest.approx([303.15, 373.15])
         assert second.problems == ()
 
+    @pytest.mark.fault(31)
     def test_a_late_answer_is_not_taken_for_the_next_ones(
         self, workshop: Workshop, kind: str
     ) -> None:

@@ -133,6 +133,7 @@ def test_franka_column_major_by_hand() -> None:
 
 def test_staubli_table_by_hand() -> None:
     text = load_data(TURNED_ABOUT_Z, LoadFormat.STAUBLI)
+    assert "NOT VERIFIED with a controller" in text
     assert last_lines(text, "//") == [
         "mass_kg = 4",
         "x_mm = 10",

@@ -16,6 +16,26 @@ def result() -> dict[str, Any]:
     def wave(i: int, k: int) -> float:
         return 90.0 * math.sin(0.13 * i + k) + 25.0 * math.copysign(1.0, math.sin(0.05 * i + k))
 
+    def drawn(deviation_m: float) -> dict[str, Any]:
+        turn = [2.0 * math.pi * i / 100 for i in range(100)]
+        return {
+            "time_s": [0.02 * i for i in range(100)],
+            "wanted_m": [
+                [0.5 + 0.2 * math.cos(angle) for angle in turn],
+                [0.2 * math.sin(angle) for angle in turn],
+                [-1.7 for _ in turn],
+            ],
+            "deviation_m": [
+                [deviation_m * math.cos(k * angle) for angle in turn] for k in (1, 2, 3)
+            ],
+            "distance_m": [deviation_m for _ in turn],
+            "joint": [[deviation_m * math.sin(angle + k) for angle in turn] for k in range(3)],
+        }
+
+    def size(deviation_m: float) -> dict[str, Any]:
+        peaks = [2.0 * deviation_m] * 3
+        return {"mean_m": deviation_m, "max_m": 2.0 * deviation_m, "joint_peak": peaks}
+
     frequency_hz = [0.1 * i for i in range(1, 200)]
     return {
         "schema": "rid-daq result 1",
@@ -118,6 +138,22 @@ def result() -> dict[str, Any]:
                     "samples": 3712,
                 }
                 for joint in joints
+            ],
+        },
+        "tracking": {
+            "sentence": "Distance between the tool point wanted and reached.",
+            "joints": [{"joint": joint, "unit": "rad"} for joint in joints],
+            "motions": [
+                {
+                    "sentence": f"Motion of {use}.",
+                    "use": use,
+                    "after": size(2e-5),
+                    "before": size(2e-3) if before else None,
+                    "mean_ratio": 100.0 if before else None,
+                    "max_ratio": 100.0 if before else None,
+                    "drawn": {"after": drawn(2e-5), "before": drawn(2e-3) if before else None},
+                }
+                for use, before in (("tuned on it", True), ("never used", False))
             ],
         },
         "curves": {

@@ -1,9 +1,12 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
+from acquisition.run_folder import RunFolder
+from rid_daq.app import run
 from rid_daq.console import Console
 
 
@@ -39,3 +42,37 @@ def test_progress_in_a_log_file_is_a_line_a_tenth(capsys: pytest.CaptureFixture[
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 9
     assert lines[0] == "recording: 2 of 20 periods  measuring"
+
+
+HOSTILE = "evil\x1b]0;title\x07\x9b2J\u202etxt"
+
+
+def test_text_of_files_and_devices_cannot_steer_the_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Console().say(HOSTILE)
+    Console().verdict(True, HOSTILE)
+    Console().table(("a", "b"), [(HOSTILE, "two\nlines"), ("x", "y")])
+    Console(as_json=True).document({"label": HOSTILE})
+    out = capsys.readouterr().out
+    assert all(c.isprintable() or c == "\n" for c in out)
+    assert "two\\nlines" in out
+    document = json.loads(out[out.index("{") :])
+    assert document == {"label": HOSTILE}
+
+
+def test_a_run_folder_from_elsewhere_cannot_steer_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = RunFolder.create(tmp_path, "fine")
+    manifest = folder.path / "manifest.json"
+    document = json.loads(manifest.read_text())
+    document |= {"label": HOSTILE, "kind": HOSTILE, "facts": {HOSTILE: HOSTILE}}
+    document["files"] = {"../../" + HOSTILE: {"sha256": "", "size_bytes": 0}}
+    manifest.write_text(json.dumps(document))
+    run(["runs", "--verify", "--runs", str(tmp_path)])
+    run(["recover", str(folder.path)])
+    told = capsys.readouterr()
+    for text in (told.out, told.err):
+        assert text
+        assert all(c.isprintable() or c == "\n" for c in text)

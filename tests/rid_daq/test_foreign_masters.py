@@ -67,7 +67,7 @@ def test_a_second_session_on_the_bus_is_refused_and_sends_nothing(
     cell.write_text(json.dumps(config))
     with hold_cell(logged.simulated.cell):
         second = subprocess.run(
-            [sys.executable, "-m", "rid_daq", "check", str(cell)],
+            [sys.executable, "-m", "rid_daq", "check", str(cell), "--i-have-cleared-the-cell"],
             capture_output=True,
             text=True,
             check=False,

@@ -85,7 +85,10 @@ def stream_some(served: Any) -> None:
             rows += len(amplifier.read(amplifier._link.clock.now_s() + 20.0).rows)
 
 
-def test_a_force_beyond_five_newtons_is_red_by_channel(serve_amplifier: Serve) -> None:
+@pytest.mark.fault(29)
+def test_a_force_beyond_five_newtons_is_red_by_channel(
+    serve_amplifier: Serve, measured: Callable[[str], None]
+) -> None:
     jump = (0.0, 0.0, 45.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     truth = SimulatedPlate(sensitivity_pc_n=SENSITIVITIES, zero_jump_pc=jump)
     served = serve_amplifier(truth=truth)
@@ -97,6 +100,7 @@ def test_a_force_beyond_five_newtons_is_red_by_channel(serve_amplifier: Serve) -
     assert (channel, float(newtons)) == ("fy14", pytest.approx(-6.0, abs=0.1))
     zero = PlateZero(offset_n=(0.0, 0.0, -6.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert red(lines_of(served, zero=zero)) == []
+    measured("6 N at zero: red")
 
 
 def test_an_overload_is_red_once_and_named(serve_amplifier: Serve) -> None:

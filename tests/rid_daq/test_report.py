@@ -11,6 +11,7 @@ import pytest
 
 from acquisition.run_folder import RunFolder
 from config.errors import RecordingError
+from rid_daq.report.path_figures import magnification
 from rid_daq.report.render import duration, number, render_report
 from rid_daq.result import check, new_result, read_result, verdict, write_result
 
@@ -77,14 +78,31 @@ def test_the_page_shows_what_the_issue_asks_for(result: dict[str, Any]) -> None:
         "rejected period",
         "7 samples are missing",
         "Loop timing",
+        "Paths followed",
+        "deviation drawn 10 times as large",
+        "deviation drawn 1000 times as large",
+        "2 mm of deviation",
+        "tuned on it",
         "rid-daq 0.1.0",
         "not an emergency stop",
     ):
         assert part in page
-    assert page.count("<svg") == 3 + 1 + 1 + 1
+    assert page.count("<svg") == 3 + 1 + 1 + 1 + 2 * 2
 
 
-@pytest.mark.parametrize("section", ["runs", "average", "estimate", "truth", "curves", "timing"])
+@pytest.mark.parametrize(
+    ("extent_m", "deviation_m", "times"),
+    [(0.4, 4.8e-3, 10.0), (0.4, 4.7e-4, 100.0), (0.4, 2.3e-4, 200.0), (0.4, 0.3, 1.0)],
+)
+def test_a_deviation_is_magnified_by_a_round_number(
+    extent_m: float, deviation_m: float, times: float
+) -> None:
+    assert magnification(extent_m, deviation_m) == times
+
+
+@pytest.mark.parametrize(
+    "section", ["runs", "average", "estimate", "truth", "tracking", "curves", "timing"]
+)
 def test_a_result_without_a_section_still_has_a_report(
     result: dict[str, Any], section: str
 ) -> None:
@@ -161,3 +179,9 @@ def test_a_verdict_without_checks_is_none_and_one_failure_fails_it() -> None:
     assert good["passed"]
     assert not bad["passed"]
     assert verdict([good, bad], "", "")["passed"] is False
+
+
+def test_a_motion_that_never_began_has_a_report(result: dict[str, Any]) -> None:
+    loop = result["timing"]["loops"][0]
+    loop["counts"] = [0] * len(loop["counts"])
+    assert "lateness of the cycle" in render_report(result)

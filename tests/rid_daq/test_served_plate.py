@@ -1,4 +1,4 @@
-"""A cell that `rid-daq mock` serves is joined with its plate at the port that was made for it."""
+"""A cell that `rid-daq mock` serves is joined with the serial ports that were made for it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from dataclasses import replace
 import pytest
 
 from config.load import load_cell
+from config.monitor import ModbusRtu
 from drivers.amplifier_serial import open_amplifier
 from mock_hw.cell import SimulatedCell
-from mock_hw.runtime_directory import plate_path, runtime_directory
+from mock_hw.runtime_directory import plate_path, registers_path, runtime_directory
 from rid_daq.cells import reachable_cell
+from rid_daq.monitor_check import monitor_lines
 
 
 def test_the_plate_of_a_served_cell_is_found(
@@ -41,3 +43,29 @@ def test_the_plate_of_a_served_cell_is_found(
         with open_amplifier(cell.plate.amplifier, loaded.amplifier_profile) as amplifier:
             assert "simulated" in amplifier.connect()
     assert not plate_path(can.channel).exists()
+
+
+def test_the_serial_line_of_a_served_cells_drives_is_found(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("run")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    loaded = load_cell("kr15")
+    assert loaded.plant is not None
+    assert loaded.config.monitor is not None
+    link = ModbusRtu(kind="rtu", address="/dev/ttyUSB0", baud_rate=19200, parity="even")
+    can = loaded.config.can.model_copy(update={"channel": f"served-{folder.name}"})
+    monitor = loaded.config.monitor.model_copy(update={"link": link})
+    config = loaded.config.model_copy(update={"can": can, "monitor": monitor})
+    loaded = replace(loaded, config=config)
+    with (
+        SimulatedCell(
+            config, loaded.robot, loaded.plant, realtime=True, seed=0, directory=runtime_directory()
+        ),
+        reachable_cell(loaded) as cell,
+    ):
+        assert cell.monitor is not None
+        assert isinstance(cell.monitor.link, ModbusRtu)
+        assert cell.monitor.link.address == str(registers_path(can.channel))
+        lines = monitor_lines(cell, loaded.robot, loaded.drive_profile)
+    assert [line.found for line in lines if line.what == "motor temperature [°C]"] == ["25.0"] * 6

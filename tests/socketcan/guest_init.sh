@@ -17,7 +17,7 @@ mount -t devpts -o ptmxmode=666 devpts /dev/pts
 mount -t tmpfs shm /dev/shm
 modules=/usr/lib/uml/modules/$(uname -r)/kernel
 for module in net/can/can net/can/can-raw drivers/net/can/dev/can-dev drivers/net/can/vcan \
-    drivers/net/can/slcan/slcan net/sched/sch_tbf; do
+    drivers/net/can/slcan/slcan net/sched/sch_plug; do
     busybox insmod "$modules/$module.ko" || echo "insmod $module failed"
 done
 ip link set lo up

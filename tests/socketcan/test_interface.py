@@ -10,6 +10,7 @@ import os
 import socket
 import struct
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -32,6 +33,7 @@ pytestmark = pytest.mark.skipif(not CHANNEL, reason="RID_DAQ_SOCKETCAN names no 
 
 FRAME = struct.Struct("=IB3x8s")
 PATIENCE_S = 30.0
+MOST_WAITING = 500  # more than a plain socket's buffer holds
 
 
 @pytest.fixture
@@ -176,34 +178,25 @@ def test_error_frames_that_are_no_bus_off_are_counted(raw: socket.socket) -> Non
 @pytest.fixture
 def blocked() -> Iterator[None]:
     """An interface whose frames do not go out, as without anybody who acknowledges."""
-    run(
-        "tc",
-        "qdisc",
-        "add",
-        "dev",
-        CHANNEL,
-        "root",
-        "tbf",
-        *["rate", "8bit", "burst", "1", "limit", "1mb"],
-    )
+    run("tc", "qdisc", "add", "dev", CHANNEL, "root", "plug", "limit", "1000000")
     yield
     subprocess.run(["tc", "qdisc", "del", "dev", CHANNEL, "root"], check=False)
 
 
-@pytest.mark.fault(12)
 def test_few_set_points_wait_for_a_dead_bus_and_none_survives_it(
-    link: CanLink, raw: socket.socket, blocked: None, measured: Callable[[str], None]
+    link: CanLink, raw: socket.socket, blocked: None
 ) -> None:
     taken, text = fill(link)
     assert "transmit queue is full" in text
-    assert 16 <= taken <= 48, "a cycle of sixteen axes fits, and little more"
+    assert 18 <= taken <= 32, "a cycle of sixteen axes fits, and little more"
     link.close()
     run("ip", "link", "set", CHANNEL, "down")  # as bus-off does: the carrier is gone
+    assert "backlog 0b 0p" in run("tc", "-s", "qdisc", "show", "dev", CHANNEL)
     set_points(raw)  # those that went out before
     run("tc", "qdisc", "del", "dev", CHANNEL, "root")
     run("ip", "link", "set", CHANNEL, "up")
     assert set_points(raw) == 0
-    measured(f"SocketCAN: {taken} frames wait at most; 0 go out when the bus is back")
+    sys.stdout.write(f"MEASURED {taken} frames wait at most, 0 go out when the bus is back\n")
 
 
 def test_the_preflight_looks_at_the_transmit_queue(loaded: LoadedCell) -> None:
@@ -217,14 +210,12 @@ def test_the_preflight_looks_at_the_transmit_queue(loaded: LoadedCell) -> None:
         run("ip", "link", "set", CHANNEL, "txqueuelen", str(before))
 
 
-@pytest.mark.fault(12)
 @pytest.mark.parametrize("fault", ["bus-off", "interface down"])
 def test_a_bus_that_dies_in_motion_is_an_error_and_nothing_follows(
     fault: str,
     simulated: SimulatedCell,
     loaded: LoadedCell,
     raw: socket.socket,
-    measured: Callable[[str], None],
 ) -> None:
     def kill() -> None:
         if fault == "bus-off":
@@ -245,7 +236,7 @@ def test_a_bus_that_dies_in_motion_is_an_error_and_nothing_follows(
     run("ip", "link", "set", CHANNEL, "down")
     run("ip", "link", "set", CHANNEL, "up")
     assert set_points(raw) == 0
-    measured(f"SocketCAN, {fault}: an error in the cycle it happened; 0 set-points afterwards")
+    sys.stdout.write(f"MEASURED {fault}: an error in the same cycle, 0 set-points afterwards\n")
 
 
 def die_in_motion(simulated: SimulatedCell, loaded: LoadedCell, kill: Callable[[], None]) -> None:
@@ -275,15 +266,16 @@ def set_points(raw: socket.socket, listen_s: float = 0.5) -> int:
     """Return how many set-points came, those that waited and those of half a second."""
     until_s = time.monotonic() + listen_s
     raw.settimeout(0.05)
-    count = 0
-    while True:
+    count = waiting = 0
+    while time.monotonic() < until_s or 0 < waiting < MOST_WAITING:
         try:
             count += 0x201 <= FRAME.unpack(raw.recv(16))[0] <= 0x203
+            waiting += time.monotonic() >= until_s
         except TimeoutError:
-            if time.monotonic() > until_s:
-                return count
+            waiting = 0
         except OSError:  # told once that the interface was down
             continue
+    return count
 
 
 def fill(link: CanLink) -> tuple[int, str]:

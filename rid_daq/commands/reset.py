@@ -1,0 +1,70 @@
+"""`rid-daq reset`: a person resets the faults of a cell's drives."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from config.errors import PreflightError
+from config.load import load_cell
+from drivers.cell import open_cell
+from drivers.device_text import printable
+from drivers.fault_reset import FaultReset
+from rid_daq.cells import reachable_cell
+from rid_daq.console import AsJson, Console
+
+
+def reset(
+    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    as_json: AsJson = False,
+) -> None:
+    """Reset the faults of a cell's drives, once you have found and removed their causes.
+
+    The program never does this by itself. No power is switched on and nothing moves; motion needs
+    the whole preflight again. Exit code 3 where a drive stays in fault.
+    """
+    console = Console(as_json)
+    loaded = load_cell(cell)
+    with (
+        reachable_cell(loaded) as reachable,
+        open_cell(reachable, loaded.robot) as opened,
+    ):
+        drives = opened.axes.reset_faults()
+    console.document(
+        {
+            "cell": loaded.config.name,
+            "drives": [
+                {
+                    "joint": drive.joint,
+                    "node": drive.node_id,
+                    "before": drive.before.words,
+                    "error": drive.error,
+                    "after": drive.after.words,
+                    "refusal": drive.refusal,
+                }
+                for drive in drives
+            ],
+        }
+    )
+    console.table(
+        ("drive", "was", "its error", "is"),
+        [(f"{d.joint}, node {d.node_id}", d.before.words, d.error, d.after.words) for d in drives],
+        red=[d.is_faulty or bool(d.refusal) for d in drives],
+    )
+    stuck = [drive for drive in drives if drive.is_faulty or drive.refusal]
+    if stuck:
+        console.verdict(False, f"Cell {loaded.config.name}: a fault remains.")
+        raise PreflightError(
+            "; ".join(_sentence(drive) for drive in stuck)
+            + ": remove the cause first, or see the drive's manual for how it is reset"
+        )
+    count = sum(drive.was_faulty for drive in drives)
+    what = "No drive was in fault." if not count else f"Reset: {count} of {len(drives)} drives."
+    console.verdict(True, f"{what} Nothing was switched on.")
+    console.say(f"Next: rid-daq check {cell}")
+
+
+def _sentence(drive: FaultReset) -> str:
+    why = f" ({printable(drive.refusal)})" if drive.refusal else ""
+    return f"{drive.joint} (node {drive.node_id}) is {drive.after.words}: {drive.error}{why}"

@@ -1,0 +1,139 @@
+"""What the preflight has to say of this computer: disk, clock, scheduling."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+from acquisition.experiment import FREE_BYTES
+from acquisition.realtime import SCHEDULER_PRIORITY
+from config.errors import RecordingError
+from rid_daq.check_line import CheckLine
+
+WRITE_BYTES = 4 << 20
+SLOWEST_BYTES_S = 1e6
+LONGEST_WRITE_S = 5.0
+FIRST_YEAR = 2025
+_SLEEPS = 50
+_SLEEP_S = 0.002
+_CLOCK_SOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
+
+
+def computer_lines(runs: Path) -> list[CheckLine]:
+    """Return the lines of this computer; a file is written into the runs' folder and removed."""
+    folder = next(path for path in (runs.absolute(), *runs.absolute().parents) if path.exists())
+    return [_room(runs, folder), _speed(runs, folder), *_clock(), *_privileges()]
+
+
+def _room(runs: Path, folder: Path) -> CheckLine:
+    free = shutil.disk_usage(folder).free
+    return CheckLine(
+        where=str(runs),
+        what="free disk",
+        required=f"≥ {FREE_BYTES >> 20} MB",
+        found=f"{free >> 20} MB",
+        verdict="ok" if free >= FREE_BYTES else "red",
+        next_action="make room, or choose another folder with --runs",
+    )
+
+
+def _speed(runs: Path, folder: Path) -> CheckLine:
+    """Write some megabytes and wait until they are on the disk."""
+    required = f"≥ {SLOWEST_BYTES_S / 1e6:.0f} MB/s, ≤ {LONGEST_WRITE_S:g} s"
+    action = "choose a faster disk with --runs: recording must never wait longer than its buffer"
+    try:
+        taken_s = write_seconds(folder, WRITE_BYTES)
+    except RecordingError as error:
+        return CheckLine(str(runs), "writing to disk", required, str(error), "red", action)
+    rate = WRITE_BYTES / taken_s
+    good = rate >= SLOWEST_BYTES_S and taken_s <= LONGEST_WRITE_S
+    return CheckLine(
+        where=str(runs),
+        what="writing to disk",
+        required=required,
+        found=f"{rate / 1e6:.0f} MB/s, {taken_s:.2f} s",
+        verdict="ok" if good else "red",
+        next_action="" if good else action,
+    )
+
+
+def write_seconds(folder: Path, size: int) -> float:
+    """Return how long it takes to write so many bytes to the disk behind a folder [s].
+
+    Raises
+    ------
+    RecordingError
+        They cannot be written there.
+    """
+    try:
+        with tempfile.NamedTemporaryFile(dir=folder, prefix=".rid-daq-speed-") as file:
+            block = os.urandom(1 << 16)
+            began_s = time.monotonic()
+            for _ in range(size // len(block)):
+                file.write(block)
+            file.flush()
+            os.fsync(file.fileno())
+            return max(time.monotonic() - began_s, 1e-6)
+    except OSError as error:
+        raise RecordingError(f"{folder}: cannot be written to: {error.strerror}") from None
+
+
+def _clock() -> list[CheckLine]:
+    year = time.gmtime().tm_year
+    set_right = year >= FIRST_YEAR
+    source = _CLOCK_SOURCE.read_text().strip() if _CLOCK_SOURCE.exists() else "unknown"
+    late_s = []
+    for _ in range(_SLEEPS):
+        due_s = time.monotonic() + _SLEEP_S
+        time.sleep(_SLEEP_S)
+        late_s.append(time.monotonic() - due_s)
+    late_s.sort()
+    return [
+        CheckLine(
+            where="this computer",
+            what="date",
+            required=f"{FIRST_YEAR} or later",
+            found=time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
+            verdict="ok" if set_right else "red",
+            next_action="" if set_right else "set the clock: runs would be named by a wrong date",
+        ),
+        CheckLine(
+            "this computer",
+            "clock source; a sleep ends late by, median and worst",
+            "",
+            f"{source}; {1e3 * late_s[_SLEEPS // 2]:.2f} ms, {1e3 * late_s[-1]:.2f} ms",
+            "shown",
+        ),
+    ]
+
+
+def _privileges() -> list[CheckLine]:
+    """Try what the cyclic task asks for, and give it back."""
+    return [
+        CheckLine("this computer", "real-time scheduling", "", _try_fifo(), "shown"),
+        CheckLine("this computer", "locked memory", "", _try_lock(), "shown"),
+    ]
+
+
+def _try_fifo() -> str:
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(SCHEDULER_PRIORITY))
+    except OSError:
+        return "refused: cycles may be late under load; raise the limit rtprio for this user"
+    os.sched_setscheduler(0, policy, parameters)
+    return "allowed"
+
+
+def _try_lock() -> str:
+    buffer = ctypes.create_string_buffer(1 << 20)
+    libc = ctypes.CDLL(None, use_errno=True)
+    size = ctypes.c_size_t(len(buffer))
+    if libc.mlock(buffer, size) != 0:
+        return "refused: raise the limit memlock for this user"
+    libc.munlock(buffer, size)
+    return "allowed"

@@ -1,0 +1,50 @@
+"""A fault is reset by a person alone, and motion needs the whole preflight afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from acquisition.motion_samples import MotionSamples
+from acquisition.stop_reason import StopCode
+from config.errors import PreflightError
+from drivers.cia402 import PowerState
+
+AT = 230
+
+
+@pytest.mark.fault(9)
+def test_a_drive_in_fault_is_refused_until_a_person_has_reset_it(
+    serve: Any, motion: MotionSamples, measured: Callable[[str], None]
+) -> None:
+    rig = serve(drives=[{"kind": "fault", "joint": "axis2", "at_cycle": AT, "code": 0x7121}])
+    assert rig.move(motion).reason.code is StopCode.EMERGENCY
+    refused = rig.move(motion)
+    assert isinstance(refused.error, PreflightError)
+    assert "axis2" in str(refused.error)
+    assert "motor blocked (7121h)" in str(refused.error)
+    with rig.session() as cell:
+        drives = cell.axes.reset_faults()
+    assert [drive.was_faulty for drive in drives] == [False, True, False]
+    assert drives[1].after is PowerState.SWITCH_ON_DISABLED
+    assert "7121h" in drives[1].error
+    stood = rig.truth.position[-1]
+    powered_before = sum(map(any, rig.truth.powered))
+    rig.let_pass(0.2)
+    assert sum(map(any, rig.truth.powered)) == powered_before, "a reset switches nothing on"
+    assert abs(rig.truth.position[-1] - stood).max() < 1e-6
+    again = rig.move(motion)
+    assert again.error is None
+    assert again.reason is None
+    measured("refused until reset by hand; then preflight and motion")
+
+
+def test_what_is_not_in_fault_is_sent_nothing(serve: Any) -> None:
+    rig = serve()
+    with rig.session() as cell:
+        drives = cell.axes.reset_faults()
+    assert not any(drive.was_faulty for drive in drives)
+    written = [f for f in rig.frames() if 0x601 <= f.can_id <= 0x603 and f.data[0] & 0xE0 == 0x20]
+    assert written == []

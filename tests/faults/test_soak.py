@@ -1,0 +1,29 @@
+"""Fault after fault in one cell and one program: the short version of `benchmarks.soak`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from benchmarks.soak import QUICK, soak
+
+EVERY_S = 16.0
+
+
+@pytest.mark.fault(36)
+def test_every_reaction_is_right_and_nothing_grows(
+    tmp_path: Path, measured: Callable[[str], None]
+) -> None:
+    faults = QUICK[1:3]
+    found = soak(len(faults) * EVERY_S / 3600.0, EVERY_S, 1, tmp_path, faults=faults)
+    assert found.wrong == []
+    assert found.faults == len(faults)
+    assert not any(tmp_path.iterdir())
+    assert max(whole for _, whole in found.growth().values()) < 5.0
+    assert not any(count > 0 for count in found.leaks().values())
+    measured(
+        f"{found.faults} faults in {3600.0 * found.hours[-1]:.0f} simulated s: all reactions right,"
+        " 0 descriptors leaked; hours of it: benchmarks.soak"
+    )

@@ -1,0 +1,189 @@
+"""A bus that is lost, set-points that cannot be meant, people who stop, a loop that is held up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.control_block import ControlBlock
+from acquisition.experiment import record_motion
+from acquisition.motion_samples import MotionSamples
+from acquisition.run_folder import RunFolder
+from acquisition.stop_reason import StopCode
+from config.cell import Supervision
+from config.errors import PreflightError
+from config.load import LoadedCell
+
+T = 0.008
+AT = 230
+Measured = Callable[[str], None]
+
+
+@pytest.mark.fault(12)
+@pytest.mark.parametrize("kind", ["bus_off", "unplugged"])
+def test_a_lost_adapter_is_silent_until_a_person_starts_again(
+    serve: Any, motion: MotionSamples, loaded: LoadedCell, kind: str, measured: Measured
+) -> None:
+    rig = serve(bus=[{"kind": kind, "at_cycle": AT, "duration_s": 0.6}])
+    run = rig.move(motion)
+    assert run.reason.code is StopCode.BUS
+    lost_s = run.syncs_s[AT - 2] + T
+    assert run.motion_frames_after(lost_s + T) == []
+    safety = loaded.config.drive_safety
+    speed = float(np.abs(run.truth.velocity[run.truth.at(lost_s)]).max())
+    assert speed > 0.05
+    allowed_s = 0.1 + 1.3 * speed / safety.quick_stop_deceleration_rad_s2 + 2 * T
+    rest_s = run.truth.rest_s() - lost_s
+    assert rest_s < allowed_s, "the drives stopped by themselves"
+    rig.let_pass(1.0)
+    assert [f for f in rig.frames() if f.time_s > lost_s + T and f.data[:2] == b"\x0f\0"] == []
+    ended_s = rig.truth.time_s[-1]
+    again = rig.move(motion)
+    assert again.error is None
+    assert again.reason is None
+    assert again.motion_frames_after(ended_s), "it moves again once it was started again"
+    measured(f"{kind}: 0 motion frames; at rest {1e3 * rest_s:.0f} ms later by the drives' watch")
+
+
+@pytest.mark.fault(12)
+def test_a_babbling_node_that_takes_the_bus_away_stops_the_motion(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    babble = {"identifier": 0x001, "count": 4000, "period_s": 1e-4, "at_cycle": AT}
+    run = serve(bus=[{"kind": "strange", **babble}]).move(motion)
+    assert run.reason is not None
+    lost_s = run.syncs_s[AT - 2] + T
+    assert run.truth.rest_s() < lost_s + 0.4
+    assert run.truth.speed_after(lost_s + 0.4) < 1e-3
+    rest_s = run.truth.rest_s() - lost_s
+    measured(f"babbling: {run.reason.code.name.lower()}, at rest {1e3 * rest_s:.0f} ms later")
+
+
+@pytest.mark.fault(16)
+@pytest.mark.parametrize("what", ["position", "velocity", "torque"])
+def test_a_motion_beyond_a_limit_is_refused_without_a_frame(
+    serve: Any,
+    motion: MotionSamples,
+    loaded: LoadedCell,
+    tmp_path: Any,
+    what: str,
+    measured: Measured,
+) -> None:
+    rig = serve()
+    if what == "torque":
+        wild = replace(motion, acceleration=motion.acceleration * 100.0)
+    elif what == "velocity":
+        wild = replace(motion, velocity=motion.velocity * 20.0)
+    else:
+        wild = replace(motion, position=motion.position * 30.0)
+    folder = RunFolder.create(tmp_path / "runs", "beyond")
+    with pytest.raises(PreflightError, match="nothing was moved"):
+        record_motion(rig.config, loaded.robot, wild, folder)
+    assert rig.frames() == [] or not any(f.can_id < 0x700 for f in rig.frames())
+    measured(f"{what}: refused, 0 frames")
+
+
+@pytest.mark.fault(17)
+@pytest.mark.parametrize(
+    ("name", "spoil"),
+    [
+        ("NaN", lambda row: math.nan),
+        ("infinity", lambda row: math.inf),
+        ("a jump of 0.3 rad", lambda row: row + 0.3),
+    ],
+    ids=["nan", "infinity", "jump"],
+)
+def test_a_set_point_that_cannot_be_meant_is_not_sent(
+    serve: Any,
+    motion: MotionSamples,
+    name: str,
+    spoil: Callable[[float], float],
+    measured: Measured,
+) -> None:
+    at = 100
+    position = motion.position.copy()
+    position[at, 1] = spoil(position[at, 1])
+    wild = replace(motion)
+    object.__setattr__(wild, "position", position)  # past the checks of a motion
+    run = serve().move(wild)
+    assert (run.reason.code, run.reason.joint) == (StopCode.SET_POINT, "axis2")
+    row = np.flatnonzero(run.rows["sample_index"] == at)
+    assert len(row) == 1
+    assert not run.rows["velocity_command"][row].any(), "nothing was sent with it"
+    assert np.abs(run.rows["velocity_command"]).max() < 1.1 * np.abs(motion.velocity).max()
+    assert run.motion_frames_after(run.rows["time_s"][row[0]]) == []
+    run.assert_at_rest()
+    measured(f"{name}: 0 bad frames, quick stop in its cycle")
+
+
+@pytest.mark.fault(19)
+def test_an_order_to_stop_is_a_quick_stop_within_two_cycles(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    """What a signal does in the program: it asks for a stop through the control block."""
+    rig = serve(bus=[{"kind": "strange", "identifier": 0x3F1, "at_cycle": AT}])
+    asked: list[float] = []
+
+    def when_seen(cell: Any, control: ControlBlock) -> None:
+        take, watch = cell.axes.take_events, cell.axes
+
+        def look() -> Any:
+            if watch.unexpected_frames and not asked:
+                asked.append(cell.clock.now_s())
+                for _ in range(5):  # five times Ctrl-C
+                    control.request_stop(StopCode.INTERRUPTED)
+            return take()
+
+        cell.axes.take_events = look
+
+    run = rig.move(motion, when_seen)
+    assert run.reason.code is StopCode.INTERRUPTED
+    cycles = run.quick_stop_cycle() - run.cycle(asked[0])
+    assert cycles <= 2
+    run.assert_at_rest()
+    measured(f"quick stop {cycles} T after it was asked for")
+
+
+STRICT = Supervision(stuck_encoder_velocity_rad_s=0.2)
+
+
+@pytest.mark.fault(27)
+@pytest.mark.parametrize(
+    ("held", "stops"),
+    [
+        ({"duration_s": 1.2 * T}, False),
+        ({"duration_s": 0.7 * T, "count": 3}, True),
+        ({"duration_s": 0.05}, True),
+        ({"duration_s": 0.2}, True),
+    ],
+    ids=["one cycle", "three cycles", "50 ms", "200 ms"],
+)
+def test_a_loop_that_is_held_up_counts_or_stops_before_it_goes_on(
+    serve: Any, motion: MotionSamples, held: dict[str, float], stops: bool, measured: Measured
+) -> None:
+    rig = serve(bus=[{"kind": "held_up", "at_cycle": AT, **held}])
+    strict = rig.config.model_copy(update={"supervision": STRICT})
+    run = rig.move(motion, config=strict)
+    commands = [f.time_s for f in run.frames if 0x201 <= f.can_id <= 0x203 and f.word == 0x000F]
+    gaps = np.diff(run.syncs_s)
+    words = f"{1e3 * held['duration_s']:.1f} ms" + (" x 3" if "count" in held else "")
+    if not stops:
+        assert run.reason is None
+        rows = run.rows
+        assert np.sum(np.diff(rows["cycle"].astype(int)) - 1) == 1
+        assert rows["lateness_s"].max() == pytest.approx(held["duration_s"])
+        assert len([g for g in gaps if g < 0.75 * T]) == 0
+        measured(f"{words}: 1 cycle skipped and counted, motion goes on")
+        return
+    assert run.reason.code is StopCode.LATE_CYCLE
+    stop_s = min(run.quick_stops().values())
+    assert [t for t in commands if t > stop_s] == []
+    late = np.argmax(np.diff(commands[: len(commands) // 3 * 3 : 3]) > 1.5 * T)
+    assert held.get("count") or late == 0, "no set-point after the pause"
+    run.assert_at_rest(held["duration_s"] + T)
+    measured(f"{words}: quick stop first, 0 set-points after it")

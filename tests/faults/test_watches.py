@@ -1,0 +1,64 @@
+"""The watches between drives and computer, let run out once before motion: rows 11 and 18."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from config.load import LoadedCell
+from drivers.cell import open_cell
+from drivers.watch_trial import try_watches
+from rid_daq.watch_check import watch_lines
+
+Measured = Callable[[str], None]
+
+
+@pytest.mark.fault(11)
+@pytest.mark.fault(18)
+@pytest.mark.parametrize("powered", [False, True])
+def test_each_side_acts_when_the_other_falls_silent(
+    serve: Any, loaded: LoadedCell, powered: bool, measured: Measured
+) -> None:
+    rig = serve()
+    safety = rig.config.drive_safety.model_copy(update={"trip_watchdog_with_power": powered})
+    config = rig.config.model_copy(update={"drive_safety": safety})
+    with open_cell(config, loaded.robot) as cell:
+        trials = try_watches(cell.axes, cell.clock, config)
+    rig.let_pass(0.1)
+    assert all(trial.acted_s <= 0.080 + 1e-3 for trial in trials)
+    assert all(trial.noticed_s <= 0.108 for trial in trials)
+    assert any(map(any, rig.truth.powered)) is powered
+    assert np.ptp(rig.truth.position, axis=0).max() < 0.01, "the brakes open, no more"
+    assert not any(rig.truth.powered[-1])
+    acted_ms = 1e3 * max(trial.acted_s for trial in trials)
+    noticed_ms = 1e3 * max(trial.noticed_s for trial in trials)
+    how = trials[0].how
+    measured(f"drives act after {acted_ms:.0f} ms ({how}), computer after {noticed_ms:.0f} ms")
+
+
+@pytest.mark.fault(18)
+def test_a_drive_that_only_says_that_it_watches_is_red(
+    serve: Any, loaded: LoadedCell, measured: Measured
+) -> None:
+    """All its settings read back right; only the trial shows that it would run on."""
+    rig = serve(drives=[{"kind": "watch_asleep", "joint": "axis2"}])
+    with open_cell(rig.config, loaded.robot) as cell:
+        cell.axes.bring_up()
+        assert {s.verdict for s in cell.axes.settings()} <= {"ok", "shown"}
+        lines = watch_lines(cell)
+    red = [(line.where, line.found) for line in lines if line.verdict == "red"]
+    assert red == [("axis2, node 2", "never")]
+    assert not any(rig.truth.powered[-1])
+    measured("settings right, watch asleep: red in the preflight")
+
+
+def test_a_trial_that_saw_nothing_says_never(serve: Any, loaded: LoadedCell) -> None:
+    rig = serve(drives=[{"kind": "watch_asleep"}])
+    with open_cell(rig.config, loaded.robot) as cell:
+        trials = try_watches(cell.axes, cell.clock, rig.config)
+    assert all(math.isnan(trial.acted_s) for trial in trials)
+    assert {trial.how for trial in trials} == {"operation enabled"}
