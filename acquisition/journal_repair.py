@@ -163,7 +163,7 @@ def _repair(raw: RawJournal) -> Repair:
         kept_rows=len(raw.payloads),
         lost_rows=raw.damage.rows_lost,
         kept_s=float(time_s[-1] - time_s[0]) + row_s if len(time_s) else 0.0,
-        lost_s=max(lost_s, 0.0),
+        lost_s=max(float(lost_s), 0.0),
         torn_rows=torn_rows,
         damage=raw.damage,
     )

@@ -73,7 +73,7 @@ class Fault:
     stops: tuple[StopCode, ...] = ()
 
 
-_BLOCKED = (StopCode.FOLLOWING_ERROR, StopCode.STUCK_ENCODER, StopCode.EMERGENCY)
+_BLOCKED = (StopCode.TORQUE_LIMIT, StopCode.FOLLOWING_ERROR, StopCode.STUCK_ENCODER)
 _POWERLESS = (StopCode.NOT_ENABLED, StopCode.EMERGENCY, StopCode.DRIVE_FAULT)
 _FAULT = (StopCode.EMERGENCY, StopCode.DRIVE_FAULT)
 _SILENT = {"kind": "heartbeat_stops", "joint": "axis1", "duration_s": 2.0}

@@ -166,7 +166,7 @@ class PlantConfig(ConfigModel):
     def _require_payload(self, name: str) -> None:
         if name not in self.payloads:
             known = ", ".join(self.payloads) or "none"
-            raise ValueError(f"attached: there is no payload {name!r}; there are: {known}")
+            raise ValueError(f"no payload {name!r}; there are: {known}")
 
     def with_payload(self, name: str | None) -> PlantConfig:
         """Return the same plant with a payload of `payloads` on its flange, or with none.

@@ -98,6 +98,7 @@ tests that ran.
 _LINE = re.compile(r"^\| (\d+) \|.*\| (.*) \|$")
 _ENTRY = re.compile(r"^(.*) \(`(tests/[^`]*)`\)$")
 _NOTHING = "open"
+_NOT_YET = "not measured yet"
 
 
 def read(text: str) -> dict[int, list[Entry]]:
@@ -137,6 +138,10 @@ def updated(
         for function in dict.fromkeys(entry.function for entry in told):
             figures = dict.fromkeys(e.figure for e in told if e.function == function)
             kept.setdefault(number, []).append(Entry(function, "; ".join(figures)))
+    for number, names in there.items():
+        told = kept.setdefault(number, [])
+        missing = names - {entry.function for entry in told}
+        told += [Entry(function, _NOT_YET) for function in sorted(missing)]
     return render(kept)
 
 

@@ -91,7 +91,9 @@ def _silent_computer(
     axes: CanServoAxes, clock: Clock, cell: CellConfig, *, powered: bool
 ) -> dict[str, tuple[float, str]]:
     """Withhold this computer's heartbeat; return when each drive acted [s], and how."""
-    acted = dict.fromkeys(axes.joint_names, (math.nan, "nothing"))
+    acted: dict[str, tuple[float, str]] = {}
+    for joint in axes.joint_names:
+        acted[joint] = (math.nan, "nothing")
     axes.bring_up()
     axes.start()
     due_s = axes.enable() if powered else clock.now_s()

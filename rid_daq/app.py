@@ -93,7 +93,7 @@ root = typer.Typer(
     pretty_exceptions_enable=False,
     no_args_is_help=True,
     help="Measure a robot's dynamics: drives, recordings, identification, validation, reports."
-    " CELL is a bundled name (ir361) or a path to a cell file. This program is not a safety"
+    " CELL is a bundled name (ir361, kr15) or a path to a cell file. This program is not a safety"
     " function: the cell's own emergency stop is required.",
 )
 

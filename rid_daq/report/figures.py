@@ -160,7 +160,8 @@ def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str
         panel = figure.subplots()
         bars = panel.bar(places, number, 0.9, color=PREDICTED)
         panel.bar_label(bars, [f"{count:.0f}" if count else "" for count in number], fontsize=7.5)
-        panel.set_yscale("log")
+        if number.any():  # a motion that was stopped before it began has no cycle
+            panel.set_yscale("log")
         panel.set_ylim(0.5, 4.0 * max(1.0, float(number.max(initial=0.0))))
         panel.set_xticks(places, labels, fontsize=7.5)
         panel.grid(visible=False, axis="x")

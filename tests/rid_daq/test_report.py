@@ -179,3 +179,9 @@ def test_a_verdict_without_checks_is_none_and_one_failure_fails_it() -> None:
     assert good["passed"]
     assert not bad["passed"]
     assert verdict([good, bad], "", "")["passed"] is False
+
+
+def test_a_motion_that_never_began_has_a_report(result: dict[str, Any]) -> None:
+    loop = result["timing"]["loops"][0]
+    loop["counts"] = [0] * len(loop["counts"])
+    assert "lateness of the cycle" in render_report(result)
