@@ -11,7 +11,7 @@ import termios
 import time
 from abc import abstractmethod
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, Protocol
 
@@ -104,7 +104,7 @@ class CanLink:
         else:
             self._port = PythonCanPort(bus, simulated=self.simulated)
         self._name = bus.channel_info
-        self._descriptor = bus.fileno if hasattr(bus, "fileno") else None
+        self._descriptor: Callable[[], int] | None = getattr(bus, "fileno", None)
         self.clock: Clock = (
             MonotonicClock()
             if simulated_clock is None
@@ -121,9 +121,9 @@ class CanLink:
         return int(getattr(self._port, "lost_frames", 0))
 
     def fileno(self) -> int:
-        """Return a descriptor to wait at, -1 where there is none; see `waiting`."""
+        """Return a descriptor to wait at, -1 where there is none."""
         try:
-            return -1 if self._descriptor is None else int(self._descriptor())
+            return -1 if self._descriptor is None else self._descriptor()
         except NotImplementedError:
             return -1
 
