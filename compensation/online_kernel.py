@@ -9,6 +9,9 @@ each velocity loop,
 with x the torque that the loop's integrator carries: it starts as the torque at rest, so that a
 resting robot is asked for nothing. Where e has to be limited, x follows the limited one, as the
 drive's own integrator does: nothing winds up.
+
+Numba's cache on disk notices a change in this file only: after one in `path_kernels` or in
+`dynamics.one_sample`, remove the cache (`compensation/__pycache__/*.nb*`).
 """
 
 from __future__ import annotations

@@ -8,8 +8,8 @@ points too (a Bezier curve stays within the hull of its control points).
 How fast the path may be driven so that it can still be stopped before its last known point comes
 from a pass backwards over the points, as in TOPP-RA (Pham and Pham 2018): with x the square of the
 rate, from x = 0 at the last point, the largest x at each point from which the next one's can be
-reached within the joints' accelerations. As long as that is 1, the path is driven as it is; where
-it is not, it is driven by the pass's own profile, down to rest on the path.
+reached within the joints' accelerations, everywhere on the segment between. As long as that is 1,
+the path is driven as it is; where it is not, it is driven by the pass's own profile, down to rest.
 """
 
 from __future__ import annotations
@@ -26,6 +26,9 @@ Q: Final = 0  # rows of a node: position, velocity, acceleration, torque at full
 V: Final = 1
 A: Final = 2
 TAU: Final = 3
+SWIFT: Final = 4  # of the segment that ends there: its largest speed,
+ALONG: Final = 5  # and its least acceleration along the motion, the worst either way at a turn
+NODE_ROWS: Final = 6
 
 # Rows of `axes`, a column a joint.
 LOW: Final = 0
@@ -95,7 +98,7 @@ def take_points(
         `SampleTorque.arrays`.
     axes : (5 or more, n) array
         Limits.
-    nodes : (nodes, 4, n) array
+    nodes : (nodes, 6, n) array
         The nodes, each in place (number modulo length).
     counts, pace : arrays
         See the words above.
@@ -216,18 +219,24 @@ def _judge(
             _refuse(counts, pace, POSITION, j, which, low, axes[LOW, j])
         if high > axes[HIGH, j] + slack:
             _refuse(counts, pace, POSITION, j, which, high, axes[HIGH, j])
-        speeds = (p2 - p1, p3 - p2, p4 - p3)
-        fastest = abs(end[V, j])
-        for speed in speeds:
-            fastest = max(fastest, abs(5.0 * speed / h))
-        if not fastest <= axes[SPEED, j]:
-            _refuse(counts, pace, FAST, j, which, fastest, axes[SPEED, j])
-        bends = (speeds[1] - speeds[0], speeds[2] - speeds[1])
-        largest = abs(end[A, j])
-        for bend in bends:
-            largest = max(largest, abs(20.0 * bend / (h * h)))
-        if not largest <= axes[ACCELERATION, j]:
-            _refuse(counts, pace, JERKED, j, which, largest, axes[ACCELERATION, j])
+        v1, v2, v3 = 5.0 * (p2 - p1) / h, 5.0 * (p3 - p2) / h, 5.0 * (p4 - p3) / h
+        slowest = min(begin[V, j], v1, v2, v3, end[V, j])
+        fastest = max(begin[V, j], v1, v2, v3, end[V, j])
+        swift = max(fastest, -slowest)
+        if not swift <= axes[SPEED, j]:
+            _refuse(counts, pace, FAST, j, which, swift, axes[SPEED, j])
+        a1, a2 = 4.0 * (v2 - v1) / h, 4.0 * (v3 - v2) / h
+        least = min(begin[A, j], a1, a2, end[A, j])
+        most = max(begin[A, j], a1, a2, end[A, j])
+        size = max(most, -least)
+        if not size <= axes[ACCELERATION, j]:
+            _refuse(counts, pace, JERKED, j, which, size, axes[ACCELERATION, j])
+        end[SWIFT, j] = swift
+        end[ALONG, j] = -size
+        if slowest >= 0.0:
+            end[ALONG, j] = least
+        elif fastest <= 0.0:
+            end[ALONG, j] = -most
 
 
 @kernel
@@ -250,19 +259,14 @@ def plan_stop(
     profile[last % length] = x
     twice = 2.0 * step_s
     for i in range(last - 1, counts[NODE] - 1, -1):
-        here, there = nodes[i % length], nodes[(i + 1) % length]
+        segment = nodes[(i + 1) % length]
         best = 1.0
         for j in range(n):
-            limit = axes[ACCELERATION, j]
-            speed, speed_there = here[V, j], there[V, j]
-            along = here[A, j] if speed > 0.0 else -here[A, j]
-            along_there = there[A, j] if speed_there > 0.0 else -there[A, j]
-            speed, speed_there = abs(speed), abs(speed_there)
-            falling = speed - twice * along
-            if falling > 0.0:
-                best = min(best, (speed * x + twice * limit) / falling)
-            if speed_there > 1e-12:
-                best = min(best, x + twice * (limit + along_there * x) / speed_there)
+            limit, swift, along = axes[ACCELERATION, j], segment[SWIFT, j], segment[ALONG, j]
+            if along < 0.0:  # worst where the rate is still high
+                best = min(best, (swift * x + twice * limit) / (swift - twice * along))
+            elif swift > 1e-12:
+                best = min(best, x + twice * (limit + along * x) / swift)
         x = max(best, 0.0)
         profile[i % length] = x
     safe = counts[NODE] - 1

@@ -22,8 +22,9 @@ WRITTEN: Final = 0  # counters, each in a cache line of its own
 READ: Final = 8
 TOTAL: Final = 16
 FAILED: Final = 24
-_WORDS, _TEXT_BYTES = 32, 1024
-_HEADER_BYTES = 8 * _WORDS + _TEXT_BYTES
+CONCLUDED: Final = 32
+_WORDS, _TEXT_BYTES = 40, 1024
+_HEADER_BYTES = 8 * _WORDS + 2 * _TEXT_BYTES
 
 
 class PointsFailed(IntEnum):
@@ -53,7 +54,8 @@ class PointRing:
         self.capacity = capacity
         view = memoryview(memory).cast("B")
         self.counters: IntArray = np.frombuffer(view, dtype=np.int64, count=_WORDS)
-        self._text = view[8 * _WORDS : _HEADER_BYTES]
+        self._text = view[8 * _WORDS : 8 * _WORDS + _TEXT_BYTES]
+        self._verdict = view[8 * _WORDS + _TEXT_BYTES : _HEADER_BYTES]
         rows = np.frombuffer(view, dtype=np.float64, offset=_HEADER_BYTES)
         self.rows: FloatArray = rows.reshape(capacity, joints)
 
@@ -104,7 +106,22 @@ class PointRing:
     @property
     def failure(self) -> str:
         """Why, in a sentence; empty where nothing failed."""
-        return bytes(self._text).split(b"\0", 1)[0].decode(errors="replace")
+        return _read(self._text)
+
+    @property
+    def taken(self) -> int:
+        """Points that the reader has taken out."""
+        return int(self.counters[READ])
+
+    @property
+    def concluded(self) -> bool:
+        """Whether the motion is over."""
+        return bool(self.counters[CONCLUDED])
+
+    @property
+    def verdict(self) -> str:
+        """Why the motion was over before its end; empty where it came to its end."""
+        return _read(self._verdict)
 
     def write(self, points: FloatArray) -> int:
         """Write as many points as fit, shape (points, joints); return how many did."""
@@ -126,7 +143,21 @@ class PointRing:
     def fail(self, why: PointsFailed, text: str) -> None:
         """Say that no more points will come although the path is not at its end."""
         if not self.closed:
-            clipped = text.encode().replace(b"\0", b"?")[: _TEXT_BYTES - 1]
-            clipped = clipped.decode(errors="ignore").encode()
-            self._text[: len(clipped)] = clipped
+            _write(self._text, text)
             self.counters[FAILED] = int(why)
+
+    def conclude(self, verdict: str) -> None:
+        """Say that the motion is over, and why where it did not come to its end."""
+        if not self.concluded:
+            _write(self._verdict, verdict)
+            self.counters[CONCLUDED] = 1
+
+
+def _write(place: memoryview, text: str) -> None:
+    clipped = text.encode().replace(b"\0", b"?")[: _TEXT_BYTES - 1]
+    clipped = clipped.decode(errors="ignore").encode()
+    place[: len(clipped)] = clipped
+
+
+def _read(place: memoryview) -> str:
+    return bytes(place).split(b"\0", 1)[0].decode(errors="replace")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -38,10 +39,13 @@ from compensation.path_kernels import (
     FAST,
     FOUND,
     HEAVY,
+    HIGH,
     HORIZON,
     JERKED,
     KNOWN,
+    LOW,
     NODE,
+    NODE_ROWS,
     NOT_FINITE,
     OPEN,
     POSITION,
@@ -51,6 +55,7 @@ from compensation.path_kernels import (
     STATE,
     TAKEN,
     TAU,
+    TORQUE,
     WHICH,
     WHOSE,
     WHY,
@@ -60,12 +65,12 @@ from compensation.path_kernels import (
 from compensation.point_ring import READ, PointRing, PointsFailed
 from config.errors import ConfigError, DriverError
 
-HORIZON_S: Final = 2.0
+BUFFER_S: Final = 1.0
 FEWEST_NODES: Final = 64
 MOST_NODES: Final = 2048
 FADE_S: Final = 0.1
 DOUBT_S: Final = 0.5
-PREFILL_PATIENCE_S: Final = 5.0
+PREFILL_PATIENCE_S: Final = 10.0
 STALL_PATIENCE_S: Final = 2.0
 PAUSE_S: Final = 0.0005
 LONGEST_STREAM_S: Final = 3600.0
@@ -92,6 +97,9 @@ class PointSource:
         `Phase` of each point; `Phase.MAIN` where none is given.
     samples_per_period : int, optional
         Where the points are of a periodic motion.
+    buffer_s : float
+        How much of the path is taken in ahead, at least 64 points; the robot has to come to rest
+        within that when nothing more comes [s].
     prefill_patience_s : float
         How long `prepare` waits for points to begin with [s, wall clock].
     stall_patience_s : float
@@ -106,6 +114,7 @@ class PointSource:
         compensated: bool = True,
         phase: PhaseArray | None = None,
         samples_per_period: int | None = None,
+        buffer_s: float = BUFFER_S,
         prefill_patience_s: float = PREFILL_PATIENCE_S,
         stall_patience_s: float = STALL_PATIENCE_S,
     ) -> None:
@@ -117,6 +126,7 @@ class PointSource:
         self._compensated = compensated
         self._phase = phase
         self._samples_per_period = samples_per_period
+        self._buffer = buffer_points(buffer_s, feedforward.cycle_time_s)
         self._prefill_patience_s = prefill_patience_s
         self._stall_patience_s = stall_patience_s
         self._row = -1
@@ -184,11 +194,11 @@ class PointSource:
         """
         forward, ring = self._feedforward, self._ring
         n, step_s = ring.joints, forward.cycle_time_s
-        nodes = min(max(round(HORIZON_S / step_s), FEWEST_NODES), MOST_NODES) + SPARE
+        nodes = self._buffer + SPARE
         places = forward.delay_cycles + 2
         self._counts = np.zeros(COUNTS, dtype=np.int64)
         self._pace = np.zeros(PACE)
-        self._nodes = np.zeros((nodes, 4, n))
+        self._nodes = np.zeros((nodes, NODE_ROWS, n))
         self._profiles = np.zeros((2, nodes))
         self._line = np.zeros((places, 4, n))
         self._state = np.zeros((3, n))
@@ -316,3 +326,35 @@ class PointSource:
             )
         at = "" if counts[RESTED] < 0 else " The robot was brought to rest on its path before it."
         return StopReason(StopCode.POINTS_REFUSED, f"{text}.{at}", **limits)
+
+
+def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
+    """Return how many points are kept ahead for a time [s].
+
+    Raises
+    ------
+    ConfigError
+        They would be more than can be kept.
+    """
+    points = max(round(buffer_s / cycle_time_s), FEWEST_NODES)
+    if points > MOST_NODES:
+        raise ConfigError(
+            f"a buffer of {buffer_s:g} s is {points} points, {MOST_NODES} are the most: give less"
+        )
+    return points
+
+
+def compile_stage(feedforward: OnlineFeedforward) -> None:
+    """Compile what the task will run, or load it: in the program, so that the task starts at once.
+
+    Parameters
+    ----------
+    feedforward : OnlineFeedforward
+        Of any robot.
+    """
+    axes = np.array(feedforward.axes)
+    axes[TORQUE] = np.inf
+    ring = PointRing.create(axes.shape[1], FEWEST_NODES)
+    ring.write(np.tile(0.5 * (axes[LOW] + axes[HIGH]), (FEWEST_NODES, 1)))
+    ring.end()
+    PointSource(replace(feedforward, axes=axes), ring).prepare()

@@ -47,10 +47,11 @@ NO_REGISTER_FAULTS: Final = RegisterFaults()
 
 def script_register_faults(script: FaultScript) -> RegisterFaults:
     """Return what a fault script says of the registers."""
-    at: dict[int, Fault] = {
-        fault.at_request: fault.kind for fault in script.registers if fault.at_request is not None
-    }
-    always = [fault.kind for fault in script.registers if fault.at_request is None]
+    at: dict[int, Fault] = {}
+    for each in script.registers:
+        if each.at_request is not None:
+            at[each.at_request] = each.kind
+    always: list[Fault] = [fault.kind for fault in script.registers if fault.at_request is None]
     codes = [fault.code for fault in script.registers if fault.kind == "exception"]
     return RegisterFaults(
         at, always[0] if always else None, codes[0] if codes else 4, late_with_next=True

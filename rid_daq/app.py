@@ -44,6 +44,7 @@ COMMANDS: dict[str, str] = {
     "loop": "the drives' velocity loops, out of a multisine run",
     "compensate": "the feedforward that makes a motion accurate, from model and loops",
     "refine": "the next feedforward, from what the robot missed with this one",
+    "stream": "follow a path more closely, live: from a file or from another program",
     "tracking": "how far the robot was from where it should have been",
     "export": "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV, Parquet, MAT, MDF4",
     "report": "write a run's report again from its results",

@@ -117,10 +117,11 @@ class Console:
             self.say("  ".join(cells).rstrip())
 
     @contextmanager
-    def progress(self, title: str, total: float, unit: str) -> Iterator[Progress]:
+    def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
         """Show how far a long step is, with the time that is left.
 
-        On a terminal a moving bar; elsewhere a line a tenth; with `--json` nothing.
+        On a terminal a moving bar; elsewhere a line a tenth; with `--json` nothing. `total` is None
+        where nobody knows how long it is.
         """
         if self.as_json:
             yield _Silent()
@@ -139,11 +140,13 @@ class _Silent:
 class _Lines:
     """A line for each tenth that is done."""
 
-    def __init__(self, title: str, total: float, unit: str) -> None:
+    def __init__(self, title: str, total: float | None, unit: str) -> None:
         self._title, self._total, self._unit = title, total, unit
         self._shown = 0
 
     def update(self, done: float, line: str) -> None:
+        if self._total is None:
+            return
         tenth = int(10.0 * done / self._total) if self._total > 0 else 10
         if tenth > self._shown:
             self._shown = tenth
@@ -153,7 +156,7 @@ class _Lines:
 
 
 @contextmanager
-def _bar(title: str, total: float, unit: str) -> Iterator[Progress]:
+def _bar(title: str, total: float | None, unit: str) -> Iterator[Progress]:
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as RichProgress
 
@@ -169,7 +172,8 @@ def _bar(title: str, total: float, unit: str) -> Iterator[Progress]:
 
         class Bar:
             def update(self, done: float, line: str) -> None:
-                count = f"{_count(done)}/{_count(total)} {unit}"
+                of = "" if total is None else f"/{_count(total)}"
+                count = f"{_count(done)}{of} {unit}"
                 display.update(task, completed=done, count=count, line=line)
 
         yield Bar()

@@ -58,6 +58,7 @@ _BY_STOP: dict[StopCode, ExitCode] = {
     StopCode.RECORDER: ExitCode.STORAGE,
     StopCode.PLATE_LINE: ExitCode.COMMUNICATION,
     StopCode.PLATE_OVERLOAD: ExitCode.DATA_QUALITY,
+    StopCode.POINTS_LOST: ExitCode.COMMUNICATION,
 }
 """Every other stop is a limit or a safety stop."""
 

@@ -14,10 +14,12 @@ from acquisition.journal import read_journal
 from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.recording import Recording
 from acquisition.run_folder import RunFolder, RunStatus
+from acquisition.set_points import SetPointSource
 from acquisition.stop_reason import StopCode
 from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
+from config.errors import ConfigError
 from config.motion import AnyMotion
 from config.robot import RobotDescription
 from rid_daq.accuracy_watch import AccuracyWatch
@@ -37,6 +39,8 @@ _WHAT_TO_DO = {
     StopCode.MISSED_FRAMES: "Check cable and bus load, then run `rid-daq check`.",
     StopCode.PLATE_LINE: "Check the amplifier's cable and adapter, then run `rid-daq check`.",
     StopCode.PLATE_OVERLOAD: "Choose a larger plate.amplifier.range_n, and zero the plate again.",
+    StopCode.POINTS_LOST: "See that the program that sends points keeps up, then start it again.",
+    StopCode.POINTS_REFUSED: "Correct the path that is sent, then start again.",
     StopCode.LATE_CYCLE: "Take load off this computer, or allow real-time scheduling; then start"
     " again.",
 }
@@ -92,19 +96,21 @@ def record_run(
     cell: CellConfig,
     robot: RobotDescription,
     motion: AnyMotion | str,
-    samples: MotionSamples,
+    samples: MotionSamples | None,
     folder: RunFolder,
     console: Console,
     *,
+    source: SetPointSource | None = None,
     role: str = "recording",
     accuracy: AccuracyWatch | None = None,
     profile: AmplifierProfile | None = None,
     drive_profile: DriveProfile | None = None,
     page: LivePage | None = None,
 ) -> RecordedRun:
-    """Record a planned motion into a run folder, showing how far it is.
+    """Record a motion into a run folder, showing how far it is.
 
-    `motion` is what was planned, or a sentence that says it.
+    `motion` is what was planned, or a sentence that says it; `source` hands out its set-points
+    where they are not the planned rows alone, and then nothing needs to be planned.
     With `accuracy` the progress tells the running estimate, and the motion ends after the period in
     which its goals, if it has any, are reached; with
     `profile`, what its amplifier speaks, the cell's force plate is recorded too. A live `page`
@@ -115,17 +121,22 @@ def record_run(
     PreflightError, DriverError, RecordingError
         Nothing was moved, or nothing was recorded (`record_motion`).
     """
-    total, unit = _total(samples)
+    driven = source or samples
+    if driven is None:
+        raise ConfigError("there is nothing to drive: give a motion or a source of set-points")
+    total, unit = (None, "points") if samples is None else _total(samples)
     sentence = motion if isinstance(motion, str) else motion_sentence(motion)
-    onlooker = None if page is None else page.onlooker(sentence, samples, cell, robot)
+    onlooker = None
+    if page is not None and samples is not None:
+        onlooker = page.onlooker(sentence, samples, cell, robot)
     started_s = time.monotonic()
     with console.progress(role, total, unit) as display:
         outcome = record_motion(
             cell,
             robot,
-            samples,
+            driven,
             folder,
-            on_progress=progress_shown(samples, display.update, accuracy),
+            on_progress=progress_shown(samples, display.update, accuracy, robot.joint_names),
             enough=None if accuracy is None else accuracy.enough,
             profile=profile,
             drive_profile=drive_profile,
@@ -155,21 +166,27 @@ def record_run(
 
 
 def progress_shown(
-    samples: MotionSamples,
+    samples: MotionSamples | None,
     show: Callable[[float, str], None],
     accuracy: AccuracyWatch | None = None,
+    joint_names: Sequence[str] = (),
 ) -> Callable[[Progress], None]:
-    """Return what turns the task's progress into periods done (seconds, if not periodic)."""
+    """Return what turns the task's progress into periods done (seconds, if not periodic).
+
+    Where no rows are planned, it counts the points.
+    """
     done = 0.0
+    names = joint_names if samples is None else samples.joint_names
 
     def update(progress: Progress) -> None:
         nonlocal done
         if progress.sample_index >= 0:
-            done = _done(samples, progress.sample_index)
+            row = progress.sample_index
+            done = float(row) if samples is None else _done(samples, row)
         moving = progress.state is TaskState.MOVING
         line = motion_words(progress)
         if moving and progress.joints is not None:
-            line += f"; {load_words(progress.joints, samples.joint_names)}"
+            line += f"; {load_words(progress.joints, names)}"
         if moving and accuracy is not None and accuracy.line():
             line += f"; {accuracy.line()}"
         show(done, line)

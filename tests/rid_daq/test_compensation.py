@@ -4,13 +4,33 @@ from __future__ import annotations
 
 import json
 import shutil
+import socket
+import struct
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from config.load import load_cell, to_yaml
+from acquisition.experiment import record_motion
+from acquisition.journal import read_journal
+from acquisition.motion_samples import Phase, plan_motion
+from acquisition.run_folder import RunFolder
+from acquisition.stop_reason import StopCode
+from compensation.loop_file import read_loops
+from compensation.online import OnlineFeedforward
+from compensation.point_codec import PROTOCOL
+from compensation.stream import stream_points
+from compensation.tracking_error import tracking_error
+from config.load import load_cell, load_robot, to_yaml
+from config.motion import MultipointMotion
+from dynamics.kinematics import Chain
+from identification.estimate_file import read_estimate
 from rid_daq.app import run
+from rid_daq.cells import reachable_cell
 
 # One cell is held by one session at a time, so these tests share a worker.
 CIRCLE = """
@@ -186,3 +206,188 @@ def test_what_cannot_be_meant_is_one_clear_message(
     more = ["-o", "x.json"] if words[0] in ("compensate", "refine") else []
     assert run([*words, *more, *(["--runs", "runs"] if words[0] != "compensate" else [])]) == 2
     assert message in capsys.readouterr().err
+
+
+class TestStream:
+    """On line: from a file, from another program, and from programs that misbehave."""
+
+    def test_the_circle_comes_as_close_on_line(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        words = [
+            "stream",
+            str(workshop / "arm.yaml"),
+            str(workshop / "circle.yaml"),
+            "--label",
+            "live",
+        ]
+        assert run([*words, *model_of(workshop)]) == 0
+        capsys.readouterr()
+        runs = ["--runs", str(workshop / "runs")]
+        assert run(["tracking", "live", "--against", "circle", "--json", *runs]) == 0
+        (motion,) = document(capsys)["motions"]
+        assert motion["mean_ratio"] > 8.0
+        assert motion["max_ratio"] > 5.0
+
+    def test_another_program_sends_a_path_never_seen(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        path = joint_path()
+        code, answer, told = streamed(workshop, capsys, [path[:100], path[100:]])
+        assert code == 0
+        assert answer == {"points": len(path), "error": None}
+        rows = read_journal(Path(told["folder"]) / "recording.mcap").rows
+        main = rows[rows["phase"] == Phase.MAIN]
+        assert main["sample_index"].max() == len(path) - 1
+        error = tracking_error(CHAIN, main["target_position"], main["position"])
+        assert error.mean_m < 0.25e-3
+        assert error.max_m < 1e-3
+
+    def test_a_client_that_dies_is_a_stop_on_the_path(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        path = joint_path()
+        code, answer, told = streamed(workshop, capsys, [path[:400]], end=False)
+        assert code == 4
+        assert answer is None
+        assert told["stop"]["code"] == "POINTS_LOST"
+        assert "hung up before the end" in told["stop"]["text"]
+        stopped_on(path[:400], told)
+
+    def test_a_bad_point_is_a_stop_before_it_and_the_client_hears_why(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        path = joint_path()
+        path[400, 1] = np.nan
+        code, answer, told = streamed(workshop, capsys, [path])
+        assert code == 5
+        assert answer is not None
+        assert "point 400, joint axis2: the position is not a number" in answer["error"]
+        stopped_on(path[:400], told)
+
+    def test_points_from_an_iterator(self, workshop: Path) -> None:
+        cell = load_cell(str(workshop / "arm.yaml"))
+        forward = OnlineFeedforward.identified(
+            cell.config,
+            cell.robot,
+            read_estimate(workshop / "model.json"),
+            read_loops(workshop / "loops.json")[1],
+        )
+        path = joint_path()
+
+        def points() -> Iterator[NDArray[np.float64]]:
+            yield path[:1]
+            yield from path[1:450]
+            raise ValueError("the planner lost its way")
+
+        folder = RunFolder.create(workshop / "runs", "iterator", software={})
+        with reachable_cell(cell) as reachable:
+            outcome = stream_points(
+                reachable, forward, points(),
+                lambda source: record_motion(reachable, cell.robot, source, folder),
+            )  # fmt: skip
+        assert outcome.stop is not None
+        assert outcome.stop.code is StopCode.POINTS_LOST
+        assert "the planner lost its way" in outcome.stop.text
+
+    def test_what_cannot_be_meant_moves_nothing(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        given = model_of(workshop)
+        both = [
+            "stream",
+            str(workshop / "arm.yaml"),
+            str(workshop / "circle.yaml"),
+            "--socket",
+            "/tmp/x",
+            *given,
+        ]
+        assert run(both) == 2
+        assert "give one of them" in capsys.readouterr().err
+        path = str(workshop / "points")
+        assert (
+            run(["stream", str(workshop / "arm.yaml"), "--socket", path, "--wait", "0.1", *given])
+            == 4
+        )
+        assert "no client sent points within 0.1 s" in capsys.readouterr().err
+
+
+LIMITS = [joint.limits for joint in load_robot("ir361").joints]
+CHAIN = Chain.from_description(load_robot("ir361"))
+
+
+def joint_path() -> NDArray[np.float64]:
+    """Return a spline through random poses, with which nothing was tuned."""
+    motion = MultipointMotion(kind="multipoint", robot="ir361", points=4, seed=11)
+    return np.array(plan_motion(motion, load_robot("ir361"), 0.008).position)
+
+
+def model_of(workshop: Path) -> list[str]:
+    return [*by(workshop), "--runs", str(workshop / "runs")]
+
+
+def streamed(
+    workshop: Path,
+    capsys: pytest.CaptureFixture[str],
+    batches: list[NDArray[np.float64]],
+    *,
+    end: bool = True,
+) -> tuple[int, dict[str, Any] | None, dict[str, Any]]:
+    """Let a client send batches; return exit code, what it hears, and what the command tells."""
+    path = workshop / "points"
+    heard: list[dict[str, Any]] = []
+
+    def send() -> None:
+        with socket.socket(socket.AF_UNIX) as robot:
+            robot.settimeout(60.0)
+            connect(robot, path)
+            lines = robot.makefile("rb")
+            lines.readline()
+            robot.sendall(json.dumps({"protocol": PROTOCOL}).encode() + b"\n")
+            for batch in batches:
+                robot.sendall(struct.pack("<I", len(batch)) + batch.astype("<f8").tobytes())
+            if not end:
+                lines.close()
+                return
+            robot.sendall(struct.pack("<I", 0))
+            heard.append(json.loads(lines.readline()))
+            lines.close()
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    capsys.readouterr()
+    words = ["stream", str(workshop / "arm.yaml"), "--socket", str(path), "--json"]
+    code = run([*words, *model_of(workshop)])
+    sender.join(60.0)
+    assert not sender.is_alive()
+    return code, heard[0] if heard else None, document(capsys)
+
+
+def connect(client: socket.socket, path: Path) -> None:
+    """Connect as soon as somebody listens."""
+    waiting = threading.Event()
+    for _ in range(6000):
+        try:
+            client.connect(str(path))
+        except OSError:
+            waiting.wait(0.01)
+        else:
+            return
+    raise AssertionError("nobody listens")
+
+
+def stopped_on(path: NDArray[np.float64], told: dict[str, Any]) -> None:
+    """Hold that the robot came to rest on a path, within its limits, without a jump."""
+    rows = read_journal(Path(told["folder"]) / "recording.mcap").rows
+    moving = rows[rows["sample_index"] >= 0]
+    target = moving["target_position"]
+    off = np.abs(target[:, np.newaxis] - path[np.newaxis]).max(axis=2).min(axis=1)
+    assert off.max() < 1.1 * np.abs(np.diff(path, axis=0)).max()
+    bend = np.abs(np.diff(target, n=2, axis=0)) / 0.008**2
+    assert (bend <= 1.02 * np.array([limit.acceleration for limit in LIMITS])).all()
+    assert not np.diff(target[-5:], axis=0).any()
+    speed = np.abs(np.diff(rows["position"], axis=0)) / 0.008
+    assert (speed <= 1.1 * np.array([limit.velocity for limit in LIMITS])).all()
+    assert speed[-5:].max() < 0.01
+    torque = np.abs(moving["torque_nm"])
+    assert (torque <= np.array([limit.torque for limit in LIMITS])).all()

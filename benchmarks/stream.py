@@ -1,0 +1,219 @@
+"""Processor time of the on-line compensation, beside a Pinocchio-based loop in Python.
+
+Six axes: the compiled stage takes points in, judges them, paces the path, computes the model's
+torque and the speeds to send. The peer does the same in Python with numpy and Pinocchio's `rnea`:
+five-point differences, limits, torque, inverse of the velocity loops, look-ahead. Both follow the
+same path. Then three axes at 1 kHz: stage, position loop, supervisor and the exchange with drives
+that are played by another process, as a share of one core.
+
+Run it with ``python -m benchmarks.stream [--quick]``.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import multiprocessing
+import socket
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from acquisition.position_loop import PositionLoop
+from acquisition.supervisor import Supervisor
+from benchmarks.cyclic_exchange import SocketBus, driver_cycle, play_drives
+from compensation.online import REST_RAD_S, OnlineFeedforward
+from compensation.point_ring import PointRing
+from compensation.point_source import PointSource
+from compensation.velocity_loop import VelocityLoop
+from config.load import LoadedCell, load_cell
+from dynamics.one_sample import SampleTorque
+from dynamics.robot_model import RobotModel
+
+GAIN, INTEGRAL_S, DELAY_S = 500.0, 0.1, 5e-4
+LARGEST_SHARE = 0.10
+ENABLED = 0x27
+Points = NDArray[np.float64]
+
+
+def feedforward_of(cell: LoadedCell) -> OnlineFeedforward:
+    """Return model and loops for a robot, with invented numbers of a likely size."""
+    model = RobotModel.from_description(cell.robot)
+    parameters = np.random.default_rng(1).uniform(0.01, 0.02, len(model.parameter_names))
+    parameters[33:36] = 5e-4
+    loops = [
+        VelocityLoop(
+            joint_name=name,
+            gain=GAIN,
+            integral_time_s=INTEGRAL_S,
+            delay_s=DELAY_S,
+            lag_s=0.0,
+            names=("gain",),
+            covariance=np.zeros((1, 1)),
+            p_value=1.0,
+            trials=(),
+        )
+        for name in cell.robot.joint_names
+    ]
+    torque = SampleTorque.of(model, parameters, least_smoothing_rad_s=REST_RAD_S)
+    return OnlineFeedforward.of(cell.config, cell.robot, torque, loops)
+
+
+def path_of(cell: LoadedCell, count: int) -> Points:
+    """Return a smooth joint path from rest, within all limits."""
+    n, time_s = len(cell.robot.joints), np.arange(count)[:, np.newaxis] * cell.config.cycle_time_s
+    rise = np.clip(time_s, 0.0, 1.0)
+    rise = rise**3 * (10.0 - 15.0 * rise + 6.0 * rise**2)
+    limits = [joint.limits for joint in cell.robot.joints]
+    middle = np.array([0.5 * (limit.position_min + limit.position_max) for limit in limits])
+    return np.asarray(middle + 0.02 * rise * np.sin((2.0 + 0.3 * np.arange(n)) * time_s))
+
+
+def stage_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
+    """Return the stage, which answers with the set-point of a row."""
+    ring = PointRing.create(points.shape[1], len(points))
+    ring.write(points)
+    source = PointSource(feedforward_of(cell), ring)
+    source.prepare()
+    source.begin(lockstep=False)
+    return source.at
+
+
+def peer_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
+    """Return the same in Python, with Pinocchio for the torque."""
+    n, step_s = points.shape[1], cell.config.cycle_time_s
+    model = pin.Model()
+    for j in range(n):
+        placement = pin.SE3(pin.rpy.rpyToMatrix(0.3 * j, 0.1, 0.0), np.array([0.2, 0.0, 0.1]))
+        added = model.addJoint(j, pin.JointModelRZ(), placement, f"joint{j}")
+        model.appendBodyToJoint(added, pin.Inertia.Random(), pin.SE3.Identity())
+    model.armature = np.full(n, 5.0)
+    data = model.createData()
+    limits = [joint.limits for joint in cell.robot.joints]
+    low, high = (np.array([getattr(x, f"position_{s}") for x in limits]) for s in ("min", "max"))
+    speed, bend, most = (
+        np.array([getattr(x, name) for x in limits])
+        for name in ("velocity", "acceleration", "torque")
+    )
+    decay = np.exp(-step_s / INTEGRAL_S)
+    share = (1.0 - decay) / (step_s / INTEGRAL_S)
+    old, new = share - decay, 1.0 - share
+    carried, latest = np.zeros(n), np.zeros(n)
+    line: list[tuple[Points, Points, Points]] = []
+    late = 2 + int(DELAY_S / step_s)
+    fraction = DELAY_S / step_s - int(DELAY_S / step_s)
+
+    def at(row: int) -> object:
+        nonlocal carried, latest
+        k = row + 2
+        a2, a1, q, b1, b2 = points[k - 2 : k + 3]
+        v = (8.0 * (b1 - a1) - (b2 - a2)) / (12.0 * step_s)
+        a = (16.0 * (b1 + a1) - 30.0 * q - (b2 + a2)) / (12.0 * step_s * step_s)
+        good = np.isfinite(q).all() and (q >= low).all() and (q <= high).all()
+        good = good and (np.abs(v) <= speed).all() and (np.abs(a) <= bend).all()
+        torque = pin.rnea(model, data, q, v, a) + 10.0 * np.tanh(v / REST_RAD_S) + 20.0 * v
+        torque = np.clip(torque, -most, most)
+        carried = decay * carried + old * latest + new * torque
+        latest = torque
+        error = np.clip((torque - carried) / GAIN, -0.25 * speed, 0.25 * speed)
+        line.append((q, v, v + error if good else v))
+        if len(line) <= late + 1:
+            return None
+        own = line.pop(0)
+        wanted = (1.0 - fraction) * line[late - 1][2] + fraction * line[late][2]
+        ahead = np.clip(own[1] + (wanted - own[1]), -speed, speed)
+        return own[0].tolist(), own[1].tolist(), ahead.tolist()
+
+    return at
+
+
+def cpu_us(at: Callable[[int], object], rows: int) -> float:
+    """Return the least processor time a cycle took, averaged over a round, of five [us]."""
+    rounds, size = [], rows // 5
+    for part in range(5):
+        began_s = time.process_time()
+        for row in range(part * size, (part + 1) * size):
+            at(row)
+        rounds.append((time.process_time() - began_s) / size * 1e6)
+    return min(rounds)
+
+
+def share_of_core(cycles: int) -> tuple[float, float]:
+    """Return the share of a core at 1 kHz of three axes with their bus, and the stage's alone."""
+    cell = load_cell("ir361")
+    cell = LoadedCell(
+        cell.config.model_copy(update={"cycle_time_ms": 1}), cell.robot, cell.plant, cell.files
+    )
+    points = path_of(cell, cycles + 10)
+    at = stage_of(cell, points)
+    loop, supervisor = PositionLoop.of_cell(cell.config, cell.robot), None
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    drives = multiprocessing.get_context("spawn").Process(
+        target=play_drives, args=(theirs,), daemon=True
+    )
+    drives.start()
+    theirs.close()
+    bus = SocketBus(ours)
+    exchange = driver_cycle(bus)
+    supervisor = Supervisor(cell.config, cell.robot)
+    supervisor.begin(points[0].tolist())
+    received, torque, words = [True] * 3, [0.0] * 3, [ENABLED] * 3
+
+    def whole(row: int) -> object:
+        target = at(row)
+        assert target is not None
+        position, velocity, ahead = target.position, target.velocity, target.feedforward  # type: ignore[attr-defined]
+        stop = supervisor.check_measured(received, position, torque, words, position, velocity)
+        command = loop.velocity_command(position, ahead, position)
+        stop = stop or supervisor.check_set_point(position, velocity, command)
+        assert stop is None, stop
+        exchange()
+        return None
+
+    value = cpu_us(whole, cycles)
+    bus.shutdown()
+    ours.close()
+    drives.join(10.0)
+    alone = cpu_us(stage_of(cell, points), cycles)
+    return value * 1e-3, alone * 1e-3
+
+
+def main() -> int:
+    """Measure and print; the last line is one JSON object."""
+    quick = "--quick" in sys.argv
+    rows = 5_000 if quick else 40_000
+    cell = load_cell("kr15")
+    points = path_of(cell, rows + 10)
+    stage, peer = stage_of(cell, points), peer_of(cell, points)
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    value, theirs = cpu_us(stage, rows), cpu_us(peer, rows)
+    share, alone = share_of_core(2_000 if quick else 10_000)
+    print(f"six axes: {value:.1f} us a cycle, {1e6 / value:.0f} cycles a second")
+    print(f"Pinocchio in Python: {theirs:.1f} us a cycle")
+    print(f"three axes at 1 kHz with their bus: {share:.1%} of a core, the stage alone {alone:.1%}")
+    holds = share <= LARGEST_SHARE and value < theirs
+    result = {
+        "name": "stream",
+        "value": round(value, 2),
+        "unit": "us CPU per cycle of six axes",
+        "ratios": {
+            "Pinocchio loop in Python": round(theirs / value, 2),
+            "cycles per second": round(1e6 / value),
+            "share of a core, three axes at 1 kHz with bus": round(share, 4),
+            "share of a core, the stage alone": round(alone, 4),
+        },
+        "bar": f"faster than the peer, and at most {LARGEST_SHARE:.0%} of a core at 1 kHz",
+        "holds": holds,
+    }
+    print(json.dumps(result))
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

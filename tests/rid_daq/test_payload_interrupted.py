@@ -1,0 +1,100 @@
+"""Ctrl-C in a payload session, `--resume` after it, `--repeats` and `--until-mass`."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.journal import read_journal
+from acquisition.run_folder import RECORDING
+from config.errors import RidDaqError
+from config.load import load_cell, to_yaml
+from identification.experiment_design import design_two_harmonic
+from rid_daq.app import run
+
+PATIENCE_S = 300.0
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    cell = load_cell("kr15")
+    asked = design_two_harmonic(
+        cell.robot,
+        4.8,
+        cell.config.cycle_time_s,
+        highest_harmonic=4,
+        limit_fraction=0.35,
+        tries=8,
+        seed=3,
+        periods=8,
+    )
+    path = tmp_path_factory.mktemp("motion") / "motion.yaml"
+    path.write_text(to_yaml(asked), encoding="utf-8")
+    return path
+
+
+def moving(runs: Path) -> bool:
+    """Return whether some run in a folder has recorded a while."""
+    for file in runs.glob(f"*/{RECORDING}"):
+        try:
+            if len(read_journal(file).rows) > 100:
+                return True
+        except RidDaqError:  # nothing readable yet
+            continue
+    return False
+
+
+def interrupt_when_moving(runs: Path) -> threading.Thread:
+    def wait() -> None:
+        until_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until_s and not moving(runs):
+            time.sleep(0.02)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    return thread
+
+
+def test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_sure(
+    motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = tmp_path / "runs"
+    words = [
+        "payload", "kr15", "--motion", str(motion), "--runs", str(runs), "--yes",
+        "--payload", "large", "--rehearsal", "0", "--warm-up", "0", "--centre-limit", "50",
+        "--repeats", "2", "--until-mass", "5",
+    ]  # fmt: skip
+    thread = interrupt_when_moving(runs)
+    code = run(words)
+    thread.join()
+    said = capsys.readouterr().out
+    assert code == 130
+    assert "Stopped in step unloaded" in said
+    (state_file,) = runs.glob("*/session.json")
+    session = state_file.parent.name
+    assert f"--resume {session}" in said
+    assert json.loads(state_file.read_text(encoding="utf-8"))["done"] == {}
+
+    assert run([*words, "--resume", session, "--json"]) in (0, 1)
+    document: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert document["session"] == session
+    assert list(document["done"]) == ["unloaded", "loaded 1", "loaded 2"]
+    lengths = {
+        name: len(read_journal(runs / run_id / RECORDING).rows)
+        for name, run_id in document["done"].items()
+    }
+    # 5 kg are sure after the three periods that are judged first: of eight, half are not driven.
+    assert lengths["loaded 1"] < 0.7 * lengths["unloaded"]
+    assert lengths["loaded 2"] < 0.7 * lengths["unloaded"]
+    repeats = document["payload"]["repeats"]
+    assert repeats["runs"] == 2
+    assert repeats["ratio"] > 0.0
+    assert "Simulated: large was on the flange." in document["payload"]["findings"][-1]
