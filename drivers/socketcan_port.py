@@ -32,6 +32,7 @@ _SOL_CAN_RAW, _CAN_RAW_ERR_FILTER = 101, 2
 _ERROR_CLASSES = 0x1FFF_FFFF
 _CONTROLLER, _CONTROLLER_OVERFLOW = 0x004, 0x01
 _ANCILLARY_BYTES = socket.CMSG_SPACE(_TIME.size) + socket.CMSG_SPACE(_COUNT.size)
+_OLDEST_NS = 1_000_000_000
 _MOST_FRAMES = 1024
 _QUEUE_FULL = (errno.EAGAIN, errno.ENOBUFS)
 
@@ -124,27 +125,29 @@ class SocketCanPort:
         """Return all that has arrived; see `FramePort`."""
         if not select.select([self._socket], [], [], max(timeout_s, 0.0))[0]:
             return None
-        epoch_ns = time.time_ns() - time.monotonic_ns()
+        now_ns = (time.time_ns(), time.monotonic_ns())
         arrived: list[Arrival] = []
         receive = self._socket.recvmsg
         with contextlib.suppress(BlockingIOError):
             for _ in range(_MOST_FRAMES):
                 data, ancillary, _, _ = receive(_FRAME.size, _ANCILLARY_BYTES)
                 can_id, length, payload = _FRAME.unpack(data)
-                time_s = self._note(ancillary, epoch_ns)
+                time_s = self._note(ancillary, now_ns)
                 if can_id < 0x800:
                     arrived.append(Arrival(can_id, payload[:length], time_s))
                 elif can_id & ERROR_FLAG:
                     self._error_frame(can_id, payload)
         return arrived
 
-    def _note(self, ancillary: list[tuple[int, int, bytes]], epoch_ns: int) -> float | None:
+    def _note(
+        self, ancillary: list[tuple[int, int, bytes]], now_ns: tuple[int, int]
+    ) -> float | None:
         """Take the kernel's drop counter; return its time stamp on CLOCK_MONOTONIC [s]."""
         time_s = None
         for _, kind, value in ancillary:
             if kind == _SO_TIMESTAMPNS:
                 seconds, nanoseconds = _TIME.unpack(value)
-                time_s = (seconds * 1_000_000_000 + nanoseconds - epoch_ns) * 1e-9
+                time_s = on_monotonic(seconds * 1_000_000_000 + nanoseconds, *now_ns)
             elif kind == _SO_RXQ_OVFL:
                 (dropped,) = _COUNT.unpack(value)
                 self.lost_frames += (dropped - self._dropped) & 0xFFFF_FFFF
@@ -160,6 +163,18 @@ class SocketCanPort:
     def shutdown(self) -> None:
         """Close the socket."""
         self._socket.close()
+
+
+def on_monotonic(stamp_ns: int, date_ns: int, now_ns: int) -> float:
+    """Return a kernel's time stamp on CLOCK_MONOTONIC [s].
+
+    The kernel stamps with the date. A stamp that is not of the second before `date_ns` tells that
+    the date was set meanwhile: then the frame's time is when it was read, `now_ns`.
+    """
+    age_ns = date_ns - stamp_ns
+    if not 0 <= age_ns <= _OLDEST_NS:
+        age_ns = 0
+    return (now_ns - age_ns) * 1e-9
 
 
 def transmit_queue_frames(channel: str) -> int | None:
