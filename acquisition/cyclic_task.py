@@ -23,6 +23,7 @@ from acquisition.position_loop import PositionLoop
 from acquisition.ring import Ring
 from acquisition.set_points import SetPoint, SetPointSource
 from acquisition.stop_reason import StopCode, StopReason
+from acquisition.stop_sequence import StopSequence
 from acquisition.supervisor import Supervisor
 from config.cell import CellConfig
 from config.errors import DriverError, SafetyStop
@@ -34,10 +35,6 @@ from dynamics.clearances import Clearances
 COLLECT_FRACTION = 0.6
 HOLD_S = 0.2
 RING_LIMIT = 0.8
-STOP_MARGIN_S = 0.5
-REST_VELOCITY = 0.01
-REST_CYCLES = 5
-OBEY_CYCLES = 8
 RECORDER_PATIENCE_S = 30.0
 PAUSE_S = 0.001
 JUDGE_PATIENCE_S = 60.0
@@ -97,6 +94,7 @@ class CyclicTask:
         self._period_s = cell.cycle_time_s
         self._loop = PositionLoop.of_cell(cell, robot)
         self._supervisor = Supervisor(cell, robot)
+        self._ending = StopSequence(axes, clock, cell, robot, control)
         self._velocity = np.zeros(len(robot.joints))
         self._rest = [0.0] * len(robot.joints)
         self._origin_s = 0.0
@@ -157,7 +155,7 @@ class CyclicTask:
             self._stop()
         for note in source.notes:
             control.add_note(note)
-        self._disable()
+        self._ending.disable()
         return reason
 
     def _refuse_collision(self, start: FloatArray) -> None:
@@ -351,86 +349,22 @@ class CyclicTask:
         return failed or control.stop_code == StopCode.RECORDER
 
     def _stop(self) -> None:
-        """Quick stop, by set-point frames alone, and watch until everything rests.
+        position = self._axes.position.tolist()
+        here = SetPoint(position, self._rest, self._rest, -1, Phase.HOLD)
+        self._ending.come_to_rest(lambda: self._stop_cycle(here))
 
-        An axis that is told to and does not slow down is not waited for: power off is next.
-        """
+    def _stop_cycle(self, here: SetPoint) -> tuple[float, int]:
+        """Do a cycle of a quick stop; return the time of SYNC [s] and how many periods passed."""
         axes = self._axes
-        fastest_s = max(joint.limits.velocity for joint in self._robot.joints)
-        ramp_s = fastest_s / self._cell.drive_safety.quick_stop_deceleration_rad_s2
-        cycles = math.ceil((ramp_s + STOP_MARGIN_S) / self._period_s)
-        before = axes.position.tolist()
-        target = SetPoint(before, self._rest, self._rest, -1, Phase.HOLD)
-        resting = 0
-        first: list[float] = []
-        began_s = self._clock.now_s()
-        try:
-            axes.quick_stop()
-            for cycle in range(cycles):
-                lateness_s, periods = self._wake()
-                time_s, exchange_s = self._exchange()
-                axes.quick_stop()
-                axes.beat(self._clock.now_s())
-                received = axes.received.tolist()
-                self._write(
-                    target, time_s, lateness_s, exchange_s, self._rest, [int(r) for r in received]
-                )
-                self._control.set_progress(-1, Phase.HOLD, self._cycle)
-                self._cycle += 1
-                position = axes.position.tolist()
-                most = REST_VELOCITY * self._period_s * periods
-                rest = all(received) and all(
-                    abs(now - then) <= most for now, then in zip(position, before, strict=True)
-                )
-                speed = [
-                    abs(now - then) / (self._period_s * periods)
-                    for now, then in zip(position, before, strict=True)
-                ]
-                before = position
-                resting = resting + 1 if rest else 0
-                if resting >= REST_CYCLES:
-                    self._control.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
-                    return
-                first = first or speed
-                if cycle == OBEY_CYCLES and (deaf := self._disobedient(first, speed, received)):
-                    self._control.add_note(
-                        f"the quick stop did not slow down {', '.join(deaf)}: the power was taken"
-                        " away at once"
-                    )
-                    return
-        except (DriverError, SafetyStop) as error:
-            self._control.add_note(f"while stopping: {error}")
-            return
-        self._control.add_note(
-            "standstill could not be seen within the time that the ramp takes; the drives were"
-            " disabled all the same"
-        )
-
-    def _disobedient(
-        self, first: list[float], speed: list[float], received: list[bool]
-    ) -> list[str]:
-        """Return the axes that have slowed down by less than half of what the quick stop asks."""
-        deceleration = self._cell.drive_safety.quick_stop_deceleration_rad_s2
-        slower = 0.5 * deceleration * (OBEY_CYCLES - 2) * self._period_s
-        return [
-            name
-            for name, then, now, answered in zip(
-                self._axes.joint_names, first, speed, received, strict=True
-            )
-            if answered and now > max(10.0 * REST_VELOCITY, then - slower)
-        ]
-
-    def _disable(self) -> None:
-        try:
-            unconfirmed = self._axes.disable()
-        except DriverError as error:
-            self._control.add_note(f"while disabling: {error}")
-            return
-        if unconfirmed:
-            self._control.add_note(
-                f"the drives of {', '.join(unconfirmed)} did not confirm being disabled: check them"
-                " before going near the robot"
-            )
+        lateness_s, periods = self._wake()
+        time_s, exchange_s = self._exchange()
+        axes.quick_stop()
+        axes.beat(self._clock.now_s())
+        valid = [int(received) for received in axes.received.tolist()]
+        self._write(here, time_s, lateness_s, exchange_s, self._rest, valid)
+        self._control.set_progress(-1, Phase.HOLD, self._cycle)
+        self._cycle += 1
+        return time_s, periods
 
 
 def _on_the_way(way: MotionSamples, row: int) -> SetPoint:

@@ -46,10 +46,12 @@ class SetPointSource(Protocol):
     @property
     def rows_expected(self) -> int:
         """How many rows there may be, to see that there is room to record them."""
+        ...
 
     @property
     def period_ends(self) -> Mapping[int, int]:
         """Rows at which so many periods are over; see `period_ends`. Empty if not periodic."""
+        ...
 
     @property
     def stop(self) -> StopReason | None:
@@ -58,6 +60,7 @@ class SetPointSource(Protocol):
     @property
     def notes(self) -> Sequence[str]:
         """What a person should know once the motion is over, one sentence each."""
+        ...
 
     def prepare(self) -> None:
         """Get ready, in the task's process and before the drives are spoken to: may take its time.
@@ -76,6 +79,7 @@ class SetPointSource(Protocol):
         lockstep : bool
             Whether time stands still while the task works.
         """
+        ...
 
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a row; None once the motion is over and the robot may rest.

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from acquisition.stop_reason import StopCode, StopReason
+from acquisition.stuck_encoders import StuckEncoders
 from config.cell import CellConfig
 from config.robot import RobotDescription
 from drivers.interfaces import DriveEvent, EventKind
@@ -18,7 +19,6 @@ from drivers.wrist_coupling import WristCoupling
 LATE_FRACTION = 0.5
 PLAUSIBLE_FACTOR = 1.5
 IMPLAUSIBLE_LIMIT = 2
-STUCK_FRACTION = 0.02
 LATE_ANSWERS_WINDOW = 100
 
 _STATE_MASK, _OPERATION_ENABLED, _FAULT = 0x6F, 0x27, 0x08
@@ -65,7 +65,7 @@ class Supervisor:
         self._high = [each.position_max + rules.following_error_min_rad for each in limits]
         self._velocity_limit = [each.velocity * margin for each in limits]
         self._torque_limit = [each.torque * margin for each in limits]
-        self._stuck_torque = [each.torque * rules.stuck_encoder_torque_fraction for each in limits]
+        self._encoders = StuckEncoders(rules, robot)
         self._coupling = WristCoupling.of_robot(robot)
         self._partners: list[tuple[int, ...]] = [()] * n  # whose answers a joint needs besides
         if self._coupling is not None:
@@ -87,8 +87,7 @@ class Supervisor:
         self._late_answers.clear()
         self._missed = [0] * n
         self._implausible = [0] * n
-        self._stuck = [0] * n
-        self._stuck_from = [0.0] * n  # torques at which they began to stand
+        self._encoders.begin()
         self._velocity = [0.0] * n  # last plausible ones
         self._since = [0] * n  # periods since the last plausible position
         self._command = [0.0] * n
@@ -211,10 +210,10 @@ class Supervisor:
             )
             if not -allowed <= error <= allowed:
                 return self._following_error(i, error, allowed)
-            if self._coupling is None and self._stands_still(
-                i, self._command[i], velocity, torque_nm[i], periods
-            ):
-                return self._stuck_encoder(i)
+            if self._coupling is None:
+                reason = self._encoders.check(i, self._command[i], velocity, torque_nm[i], periods)
+                if reason is not None:
+                    return reason
         if self._coupling is None:
             return None
         return self._check_motors(self._coupling, torque_nm, periods)
@@ -232,30 +231,10 @@ class Supervisor:
             if not -limit <= velocity <= limit:
                 what = "motor's velocity, over its gear ratio,"
                 return self._limit(i, StopCode.VELOCITY_LIMIT, what, velocity, limit, "rad/s")
-            if self._stands_still(i, command, velocity, torque_nm[i], periods):
-                return self._stuck_encoder(i)
+            reason = self._encoders.check(i, command, velocity, torque_nm[i], periods)
+            if reason is not None:
+                return reason
         return None
-
-    def _stands_still(
-        self, i: int, command: float, velocity: float, torque_nm: float, periods: int
-    ) -> bool:
-        """Count how long an encoder stands while it is told to move; True where it is too long.
-
-        A slow command may leave a joint in stiction. What tells a stuck encoder from it is the
-        torque: the velocity loop goes on raising it.
-        """
-        rules = self._rules
-        command = abs(command)
-        if command == 0.0 or abs(velocity) >= STUCK_FRACTION * command:
-            self._stuck[i] = 0
-            self._stuck_from[i] = torque_nm
-            return False
-        strains = abs(torque_nm - self._stuck_from[i]) > self._stuck_torque[i]
-        if command <= rules.stuck_encoder_velocity_rad_s and not strains:
-            self._stuck[i] = 0
-            return False
-        self._stuck[i] += periods
-        return self._stuck[i] >= rules.stuck_encoder_cycles
 
     def check_target(
         self,
@@ -381,20 +360,6 @@ class Supervisor:
             joint=self._names[i],
             value=error,
             limit=allowed,
-        )
-
-    def _stuck_encoder(self, i: int) -> StopReason:
-        command = self._command
-        if self._coupling is not None:
-            command = self._coupling.to_motors(command).tolist()
-        return StopReason(
-            StopCode.STUCK_ENCODER,
-            f"joint {self._names[i]}: its position stands still for {self._stuck[i]} cycles while"
-            f" {abs(command[i]):.4g} rad/s are commanded or its torque rises. Check encoder,"
-            " coupling and brake",
-            joint=self._names[i],
-            value=float(self._stuck[i]),
-            limit=float(self._rules.stuck_encoder_cycles),
         )
 
     def _set_point(self, i: int, what: str, value: float, limit: float) -> StopReason:

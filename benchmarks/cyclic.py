@@ -36,6 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.realtime import SCHEDULER_PRIORITY, become_realtime, freeze_garbage
+from benchmarks.bare_loop import compiled
 from config.cell import CanBusConfig, DriveSafety
 from drivers.canopen.bus_load import cyclic_load
 from drivers.canopen.frames import (
@@ -61,32 +62,6 @@ STATUS_ENABLED = 0x1637
 KINDS = {0x6040: 6, 0x6041: 6, 0x6064: 4, 0x6077: 3, 0x60FF: 4, 0x60B2: 3}  # CiA 301 data types
 FULL, TRIMMED = struct.Struct("<Hih"), struct.Struct("<ih")
 Times = NDArray[np.float64]
-
-BARE_LOOP = """
-#define _GNU_SOURCE
-#include <sched.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <sys/mman.h>
-#include <time.h>
-int main(int n, char **a) {
-    long period = atol(a[1]), cycles = atol(a[2]), next = atol(a[3]), *late;
-    struct sched_param p = {.sched_priority = atoi(a[4])};
-    struct timespec t;
-    late = calloc(cycles, sizeof *late);
-    mlockall(MCL_CURRENT | MCL_FUTURE);
-    sched_setscheduler(0, SCHED_FIFO, &p);
-    for (long i = 0; i < cycles; i++, next += period) {
-        t.tv_sec = next / 1000000000; t.tv_nsec = next % 1000000000;
-        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, 0);
-        clock_gettime(CLOCK_MONOTONIC, &t);
-        late[i] = t.tv_sec * 1000000000 + t.tv_nsec - next;
-        if (late[i] > period) next += late[i] / period * period;
-    }
-    for (long i = 0; i < cycles; i++) printf("%ld\\n", late[i]);
-    return 0;
-}
-"""
 
 
 @dataclass(frozen=True)
@@ -362,18 +337,6 @@ def measure(
     one_before = scenario.axes  # a cycle before the clock started
     lost = outcome.sent + one_before - set_points + (syncs - 1) * scenario.axes - outcome.received
     return outcome, lost, late
-
-
-def compiled() -> Path | None:
-    """Return the bare loop, compiled; None where there is no C compiler."""
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None:
-        return None
-    folder = Path(tempfile.mkdtemp(prefix="bare-loop-"))
-    source = folder / "loop.c"
-    source.write_text(BARE_LOOP)
-    subprocess.run([compiler, "-O2", "-o", str(folder / "loop"), str(source)], check=True)
-    return folder / "loop"
 
 
 def percentiles(times_s: Times) -> str:

@@ -20,7 +20,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-import pinocchio as pin
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
 from acquisition.position_loop import PositionLoop

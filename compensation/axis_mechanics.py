@@ -64,9 +64,8 @@ class AxisMechanics:
 
     def response(self, frequency_hz: FloatArray) -> NDArray[np.complex128]:
         """Return velocity over torque at frequencies [Hz]."""
-        return np.asarray(
-            1.0 / (2j * math.pi * np.asarray(frequency_hz) * self.inertia + self.damping)
-        )
+        s = 2j * math.pi * np.asarray(frequency_hz, dtype=float)
+        return np.asarray(1.0 / (s * self.inertia + self.damping), dtype=np.complex128)
 
 
 def fit_axis_mechanics(measured: FrequencyResponse) -> AxisMechanics:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from acquisition.arrays import FloatArray
 from acquisition.motion_samples import MotionSamples
 from compensation.feedforward import (
     FeedforwardTuning,
@@ -14,6 +15,8 @@ from compensation.feedforward import (
 from compensation.online import in_order
 from compensation.period_blend import turning_rows, with_period
 from compensation.velocity_loop import VelocityLoop
+from config.robot import RobotDescription
+from drivers.wrist_coupling import WristCoupling
 from identification.estimate import Estimate, predict
 
 
@@ -46,14 +49,47 @@ def compensated_motion(
     """
     ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
     torque = predict(estimate, samples.position, samples.velocity, samples.acceleration)
-    step_s = samples.sample_period_s
-    ahead = rest_to_rest_feedforward(ordered, samples.velocity, torque, step_s, tuning=tuning)
+    return with_feedforward(samples, estimate.robot, ordered, torque, tuning)
+
+
+def with_feedforward(
+    samples: MotionSamples,
+    robot: RobotDescription,
+    loops: Sequence[VelocityLoop],
+    torque_nm: FloatArray,
+    tuning: FeedforwardTuning | None = None,
+) -> MotionSamples:
+    """Return the motion with the feedforward that its torque takes.
+
+    With a coupled wrist, loops and torques are the motors', and so is what is corrected; the
+    feedforward is the joints' again, as the drives' driver takes it (5.18).
+
+    Parameters
+    ----------
+    samples : MotionSamples
+        The motion.
+    robot : RobotDescription
+        Whose motors they are.
+    loops : sequence of VelocityLoop
+        One a joint, in the joints' order.
+    torque_nm : ndarray, shape (samples, n)
+        The motors' torques, link side [N m or N].
+    tuning : FeedforwardTuning, optional
+        Correction from a reference run.
+    """
+    coupling = WristCoupling.of_robot(robot)
+    velocity, step_s = samples.velocity, samples.sample_period_s
+    if coupling is not None:
+        velocity = coupling.to_motors(velocity)
+    ahead = rest_to_rest_feedforward(loops, velocity, torque_nm, step_s, tuning=tuning)
+    if coupling is not None:
+        ahead = ahead @ coupling.joints_by_motors.T
     rows = samples.samples_per_period
     if rows is None:
         return replace(samples, feedforward=ahead)
     last = turning_rows(samples)[1]
     period = slice(last - rows, last)
-    own = periodic_feedforward(
-        ordered, samples.velocity[period], torque[period], step_s, tuning=tuning
-    )
+    own = periodic_feedforward(loops, velocity[period], torque_nm[period], step_s, tuning=tuning)
+    if coupling is not None:
+        own = own @ coupling.joints_by_motors.T
     return replace(samples, feedforward=with_period(samples, ahead, own))

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from acquisition.arrays import FloatArray
+from compensation.coupled_wrist import refuse_coupled_wrist
 from compensation.feedforward import CYCLES_TO_ACT, FeedforwardTuning
 from compensation.online_kernel import (
     AXES_ROWS,
@@ -109,8 +110,10 @@ class OnlineFeedforward:
         Raises
         ------
         ConfigError
-            The tuning is of other joints, or a loop reacts too late to be led.
+            The robot's wrist is coupled, the tuning is of other joints, or a loop reacts too late
+            to be led.
         """
+        refuse_coupled_wrist(robot, "feedforward on line")
         n = len(robot.joints)
         tuning = tuning or FeedforwardTuning.none(n)
         if len(tuning.scale) != n:

@@ -341,7 +341,7 @@ def _follow(counts: IntArray, profile: FloatArray, pace: FloatArray, step_s: flo
         if i >= last:
             counts[STATE] = STOPPED
             return 0.0
-        x, x_there = profile[i % length], profile[(i + 1) % length]
+        x, x_there = float(profile[i % length]), float(profile[(i + 1) % length])
         change = (x_there - x) / (2.0 * step_s)
         rate_there = math.sqrt(x_there)
         both = pace[RATE] + rate_there

@@ -29,6 +29,7 @@ from acquisition.arrays import FloatArray
 from acquisition.motion_samples import MotionSamples
 from acquisition.spectrum import from_bins, to_bins
 from compensation.command_path import interpolation_response
+from compensation.coupled_wrist import refuse_coupled_wrist
 from compensation.feedforward import inverse_response
 from compensation.repeated_error import RepeatedError
 from compensation.rest_to_rest import returned
@@ -125,9 +126,12 @@ def refinement(
 
     Raises
     ------
+    ConfigError
+        The robot's wrist is coupled.
     DataQualityError
         The loops are known too badly for any refinement to be safe.
     """
+    refuse_coupled_wrist(estimate.robot, "refinement")
     step_s = samples.sample_period_s
     smooth = without_jumps(estimate)
     bound = stability_bound(samples, smooth, loops, gain_per_s)

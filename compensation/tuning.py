@@ -22,6 +22,7 @@ from acquisition.arrays import FloatArray, read_only
 from acquisition.motion_samples import MotionSamples
 from acquisition.spectrum import differentiate_on_bins, to_bins
 from compensation.command_path import interpolation_response
+from compensation.coupled_wrist import refuse_coupled_wrist
 from compensation.feedforward import FeedforwardTuning, inverse_response
 from compensation.repeated_error import RepeatedError
 from compensation.velocity_loop import VelocityLoop
@@ -91,10 +92,13 @@ def tune(
 
     Raises
     ------
+    ConfigError
+        The robot's wrist is coupled.
     DataQualityError
         The motion is not periodic, is too short to show anything, or shows that the model or the
         loops are of something else.
     """
+    refuse_coupled_wrist(estimate.robot, "tuning by a reference run")
     if not measured.periodic:
         raise DataQualityError(
             "the reference run is not of a periodic motion, so there is nothing to average: record"

@@ -39,7 +39,8 @@ ROWS: dict[int, Row] = {
     4: Row("an answer twice", "the second is ignored", "0 rows more"),
     5: Row(
         "answers later than their cycle",
-        "kept for the cycle they belong to; quick stop at the third late cycle in 100",
+        "counted as late and not used: the last value is held, the row marked; quick stop at the"
+        " third late cycle in 100",
         "count exact",
     ),
     6: Row("a flipped bit that the checksum missed", "implausible: held; two: quick stop", "≤ 3 T"),

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from config.errors import DeviceFaultError
 from drivers.cia402 import PowerState, state_of
@@ -26,6 +29,16 @@ class AxisAnswer(NamedTuple):
         if not self.received:
             return f"{self.joint} is silent"
         return f"{self.joint} is {self.state.words} (6041h={self.status:04X}h)"
+
+
+def answers_of(
+    joints: Sequence[str], received: NDArray[np.bool_], statusword: NDArray[np.uint16]
+) -> list[AxisAnswer]:
+    """Return the answers of a cycle, axis by axis; `received` and `statusword` are (axes,)."""
+    return [
+        AxisAnswer(joint, bool(came), status)
+        for joint, came, status in zip(joints, received, statusword.tolist(), strict=True)
+    ]
 
 
 def refuse_fault(answers: Iterable[AxisAnswer], enabled: set[str]) -> None:

@@ -16,29 +16,16 @@ from numpy.typing import NDArray
 from config.cell import CellConfig
 from config.errors import DeviceFaultError, DeviceTimeoutError, DriverError, SafetyStop
 from config.robot import RobotDescription
-from drivers.axis_answer import AxisAnswer, refuse_fault
-from drivers.bring_up import (
-    axes_in_joint_order,
-    check_bus_load,
-    listen_for_masters,
-    refuse_red,
-    wait_for_boot_up,
-)
+from drivers.axis_answer import AxisAnswer, answers_of, refuse_fault
+from drivers.bring_up import axes_in_joint_order, check_bus_load, refuse_red, wait_for_boot_up
 from drivers.canopen.heartbeat import HeartbeatProducer, heartbeat_frame
 from drivers.canopen.nmt import NmtCommand, NmtState, nmt_frame
-from drivers.cia402 import (
-    FOLLOWS_COMMAND,
-    ControlWord,
-    PowerState,
-    next_controlword,
-    state_of,
-)
+from drivers.cia402 import FOLLOWS_COMMAND, ControlWord, PowerState, next_controlword
 from drivers.cyclic_exchange import CyclicExchange
+from drivers.drive_service import DriveService
 from drivers.drive_setup import DriveSetup, SetupResult
 from drivers.drive_watch import DriveWatch
-from drivers.fault_reset import FaultReset, reset_fault
 from drivers.interfaces import DriveEvent, DriveSetting
-from drivers.sdo_port import SdoPort
 from drivers.transport import CanLink
 from drivers.wrist_coupling import WristCoupling
 
@@ -77,6 +64,8 @@ class CanServoAxes:
 
     Attributes
     ----------
+    service : DriveService
+        What is asked of the drives one by one, outside the cyclic exchange.
     last_beat_s
         When this computer's heartbeat was last sent, on the link's clock [s].
 
@@ -112,6 +101,7 @@ class CanServoAxes:
         self.position_counts = self._exchange.position_counts
         self.torque_raw = self._exchange.torque_raw
         self.statusword = self._exchange.statusword
+        self.service = DriveService(link, cell, self._axes, self._watch)
         self._setups: tuple[SetupResult, ...] = ()
         self._phase = _Phase.CLOSED
         self.last_beat_s = -math.inf
@@ -145,44 +135,6 @@ class CanServoAxes:
         refuse_red(self.settings())
         self._exchange.use_units(setup.units for setup in self._setups if setup.units is not None)
         self._phase = _Phase.CONFIGURED
-
-    def reset_faults(self) -> tuple[FaultReset, ...]:
-        """Reset the drives that are in fault, as a person has asked; no power, no motion.
-
-        Raises
-        ------
-        LockedError
-            Another master is active on the bus.
-        DeviceTimeoutError
-            A drive does not answer.
-        TransportError
-            The bus is gone.
-        """
-        listen_for_masters(self._link, self._cell, self._watch)
-        return tuple(reset_fault(self._link, axis, self._watch.handle) for axis in self._axes)
-
-    def power_states(self) -> tuple[PowerState, ...]:
-        """Ask every drive for its state by SDO, outside the cyclic exchange.
-
-        Raises
-        ------
-        DeviceTimeoutError, TransportError
-            A drive does not answer, or the bus is gone.
-        """
-        ports = [SdoPort(self._link, axis.node_id, self._watch.handle) for axis in self._axes]
-        return tuple(state_of(port.read_int(0x6041, 0)) for port in ports)
-
-    def silence_drives(self) -> None:
-        """Switch the drives' own heartbeats off until the next `bring_up`: a trial of our watch.
-
-        Raises
-        ------
-        DeviceTimeoutError, TransportError
-            A drive does not answer, or the bus is gone.
-        """
-        for axis in self._axes:
-            port = SdoPort(self._link, axis.node_id, self._watch.handle)
-            port.write(0x1017, 0, bytes(2))
 
     def settings(self) -> tuple[DriveSetting, ...]:
         """Return what the last `bring_up` required and read back, also when it failed."""
@@ -435,12 +387,7 @@ class CanServoAxes:
             self._link.send(nmt_frame(command, axis.node_id))
 
     def _answers(self) -> list[AxisAnswer]:
-        return [
-            AxisAnswer(joint, bool(received), status)
-            for joint, received, status in zip(
-                self.joint_names, self.received, self.statusword.tolist(), strict=True
-            )
-        ]
+        return answers_of(self.joint_names, self.received, self.statusword)
 
     def _expect(self, phase: _Phase, verb: str, before: str) -> None:
         if self._phase is not phase:

@@ -74,7 +74,7 @@ def _silent_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[s
     axes.bring_up()
     axes.start()
     since_s = clock.now_s()
-    axes.silence_drives()
+    axes.service.silence_drives()
     patience_s = 3e-3 * cell.drive_safety.drive_heartbeat_timeout_ms
     due_s = clock.now_s()
     while clock.now_s() < since_s + patience_s and any(map(math.isnan, noticed.values())):
@@ -111,7 +111,7 @@ def _silent_computer(
                 _note(acted, event.joint, event.time_s - since_s, "emergency 8130h")
     if powered:
         axes.quick_stop()
-        for joint, state in zip(axes.joint_names, axes.power_states(), strict=True):
+        for joint, state in zip(axes.joint_names, axes.service.power_states(), strict=True):
             still = state is PowerState.OPERATION_ENABLED
             acted[joint] = (math.nan if still else acted[joint][0], state.words)
         axes.disable()

@@ -119,7 +119,7 @@ class SampleTorque:
                 np.ascontiguousarray(model.chain.prismatic),
                 bodies,
                 table,
-                np.array([coupling, np.linalg.inv(coupling)]),
+                np.array([coupling, np.linalg.inv(coupling)], dtype=float),
                 np.zeros((n + 4, max(21, n, 6 * (n + 1)))),
             ),
         )

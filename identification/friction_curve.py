@@ -92,7 +92,7 @@ def joined(curves: Sequence[FrictionCurve]) -> FrictionCurve:
         for block in covariances:
             covariance[start : start + len(block), start : start + len(block)] = block
             start += len(block)
-        covariance = covariance[np.ix_(order, order)]
+        covariance = covariance[order[:, np.newaxis], order]
     return FrictionCurve(
         joint=curves[0].joint,
         speed=speed[order],

@@ -195,7 +195,7 @@ def _determinant_ratio(
 ) -> float:
     if len(rows) == 0:
         return 1.0
-    pick = np.ix_(rows, rows)
+    pick = (rows[:, np.newaxis], rows)
     scale = np.sqrt(np.outer(np.diagonal(after)[rows], np.diagonal(after)[rows]))
     logs = [np.linalg.slogdet(c[pick] / scale)[1] for c in (before, after)]
     return float(np.exp(logs[0] - logs[1]))

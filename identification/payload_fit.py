@@ -209,8 +209,9 @@ def equations_apart(with_payload: Estimate, alone: Estimate) -> PayloadEquations
     seen = np.flatnonzero(np.linalg.norm(columns, axis=1) > 0.0)
     columns = columns[seen]
     difference = (with_payload.values - alone.values)[places[seen]]
+    pick = places[seen]
     covariance = sum(
-        _covariance(e)[np.ix_(places[seen], places[seen])] for e in (with_payload, alone)
+        _covariance(estimate)[pick[:, np.newaxis], pick] for estimate in (with_payload, alone)
     )
     scale = np.sqrt(np.diagonal(covariance))
     lower = np.linalg.cholesky(covariance / np.outer(scale, scale))

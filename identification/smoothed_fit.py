@@ -169,7 +169,7 @@ class SmoothedProblem:
                     if self.weighting == "huber":
                         weights *= huber_weights(misfit)
                     weighted = (matrix * weights[:, np.newaxis]).T
-                    gram[np.ix_(columns, columns)] += weighted @ matrix
+                    gram[columns[:, np.newaxis], columns] += weighted @ matrix
                     score[columns] += weighted @ misfit
         yield Cluster(gram, score)
 

@@ -30,7 +30,7 @@ def reset(
         reachable_cell(loaded) as reachable,
         open_cell(reachable, loaded.robot) as opened,
     ):
-        drives = opened.axes.reset_faults()
+        drives = opened.axes.service.reset_faults()
     console.document(
         {
             "cell": loaded.config.name,

@@ -2,145 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from acquisition.motion_samples import MotionSamples, Phase, plan_motion
-from acquisition.set_points import SetPoint
+from acquisition.motion_samples import Phase
 from acquisition.stop_reason import StopCode
 from compensation.feedforward import CYCLES_TO_ACT, feedforward
-from compensation.online import LARGEST_CORRECTION, REST_RAD_S, OnlineFeedforward
+from compensation.online import OnlineFeedforward
 from compensation.path_kernels import ARRIVED, STATE
 from compensation.point_ring import PointRing, PointsFailed
 from compensation.point_source import PointSource
-from compensation.velocity_loop import VelocityLoop
 from config.errors import ConfigError, DriverError
-from config.load import LoadedCell, load_cell
-from config.motion import MultipointMotion
 from dynamics.one_sample import SampleTorque
-from dynamics.robot_model import RobotModel, torque
-from rid_daq.truth import true_parameters
-
-CELL = load_cell("ir361")
-T = CELL.config.cycle_time_s
-LIMITS = [joint.limits for joint in CELL.robot.joints]
-SPEED = np.array([limit.velocity for limit in LIMITS])
-ACCELERATION = np.array([limit.acceleration for limit in LIMITS])
-LOW = np.array([limit.position_min for limit in LIMITS])
-HIGH = np.array([limit.position_max for limit in LIMITS])
-ROUNDING = 1.02  # 1 % is the stage's own; the rest is the difference quotient's
-
-Points = NDArray[np.float64]
-
-
-def loops_of(cell: LoadedCell) -> list[VelocityLoop]:
-    assert cell.plant is not None
-    return [
-        VelocityLoop(
-            joint_name=joint.name,
-            gain=axis.velocity_gain_nm_s,
-            integral_time_s=axis.velocity_integral_time_s,
-            delay_s=0.0005,
-            lag_s=0.0,
-            names=("gain", "integral_time_s"),
-            covariance=np.zeros((2, 2)),
-            p_value=1.0,
-            trials=(),
-        )
-        for joint, axis in zip(cell.robot.joints, cell.plant.axes, strict=True)
-    ]
-
-
-def true_model(cell: LoadedCell) -> tuple[RobotModel, Points]:
-    assert cell.plant is not None
-    model = RobotModel.from_description(cell.robot)
-    return model, true_parameters(model, cell.robot, cell.plant)
-
-
-FORWARD = OnlineFeedforward.of(
-    CELL.config,
-    CELL.robot,
-    SampleTorque.of(*true_model(CELL), least_smoothing_rad_s=REST_RAD_S),
-    loops_of(CELL),
+from dynamics.robot_model import torque
+from tests.compensation.point_streams import (
+    ACCELERATION,
+    CELL,
+    FORWARD,
+    ROUNDING,
+    SPEED,
+    Points,
+    T,
+    arrays,
+    drive,
+    held_limits,
+    loops_of,
+    planned,
+    source_of,
+    true_model,
+    waves,
 )
 
 
 @pytest.fixture
 def forward() -> OnlineFeedforward:
     return FORWARD
-
-
-def source_of(
-    forward: OnlineFeedforward, points: Points, *, end: bool = True, capacity: int | None = None
-) -> PointSource:
-    """A source in real time: what is not there when a cycle comes is not waited for."""
-    ring = PointRing.create(points.shape[1], capacity or len(points))
-    ring.write(points)
-    if end:
-        ring.end()
-    source = PointSource(forward, ring, prefill_patience_s=0.0)
-    source.prepare()
-    source.begin(lockstep=False)
-    return source
-
-
-def drive(source: PointSource, rows: Iterable[int] | None = None) -> list[SetPoint]:
-    out = []
-    for row in range(100_000) if rows is None else rows:
-        point = source.at(row)
-        if point is None:
-            return out
-        out.append(point)
-    raise AssertionError("it never came to rest")
-
-
-def waves(seed: int, count: int, size: float = 0.5) -> Points:
-    """Return a smooth path within all limits, from rest; it does not end at rest."""
-    rng = np.random.default_rng(seed)
-    time_s = np.arange(count)[:, np.newaxis] * T
-    rise = np.clip(time_s / 1.0, 0.0, 1.0)
-    rise = rise**3 * (10.0 - 15.0 * rise + 6.0 * rise**2)
-    pulse = rng.uniform(1.0, 4.0, 3)
-    bound = 0.4 * size * np.minimum(ACCELERATION / (pulse + 6.0) ** 2, SPEED / (pulse + 2.0))
-    middle = 0.5 * (LOW + HIGH)
-    return np.asarray(middle + rise * bound * np.sin(pulse * time_s + rng.uniform(0.0, 6.0, 3)))
-
-
-def planned(seed: int = 1) -> MotionSamples:
-    motion = MultipointMotion(kind="multipoint", robot="ir361", points=3, seed=seed)
-    return plan_motion(motion, CELL.robot, T)
-
-
-def arrays(points: list[SetPoint]) -> tuple[Points, Points, Points]:
-    return (
-        np.array([p.position for p in points]),
-        np.array([p.velocity for p in points]),
-        np.array([p.feedforward for p in points]),
-    )
-
-
-def held_limits(points: list[SetPoint]) -> None:
-    """Nothing beyond position, speed, acceleration; no jump; rest at the end."""
-    position, velocity, ahead = arrays(points)
-    assert np.isfinite(position).all()
-    assert np.isfinite(velocity).all()
-    assert np.isfinite(ahead).all()
-    assert (position >= LOW - 1e-6).all()
-    assert (position <= HIGH + 1e-6).all()
-    assert (np.abs(velocity) <= ROUNDING * SPEED).all()
-    assert (np.abs(ahead) <= ROUNDING * SPEED).all()
-    assert (np.abs(np.diff(velocity, axis=0)) <= ROUNDING * ACCELERATION * T).all()
-    steps = np.diff(position, axis=0) - 0.5 * T * (velocity[1:] + velocity[:-1])
-    assert (np.abs(steps) <= ROUNDING * ACCELERATION * T**2).all(), "positions go with velocities"
-    assert (np.abs(ahead - velocity) <= 1.3 * LARGEST_CORRECTION * SPEED).all()
-    assert not velocity[-1].any()
-    assert not ahead[-1].any()
 
 
 class TestGoodPoints:

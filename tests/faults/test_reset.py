@@ -26,7 +26,7 @@ def test_a_drive_in_fault_is_refused_until_a_person_has_reset_it(
     assert "axis2" in str(refused.error)
     assert "motor blocked (7121h)" in str(refused.error)
     with rig.session() as cell:
-        drives = cell.axes.reset_faults()
+        drives = cell.axes.service.reset_faults()
     assert [drive.was_faulty for drive in drives] == [False, True, False]
     assert drives[1].after is PowerState.SWITCH_ON_DISABLED
     assert "7121h" in drives[1].error
@@ -44,7 +44,7 @@ def test_a_drive_in_fault_is_refused_until_a_person_has_reset_it(
 def test_what_is_not_in_fault_is_sent_nothing(serve: Any) -> None:
     rig = serve()
     with rig.session() as cell:
-        drives = cell.axes.reset_faults()
+        drives = cell.axes.service.reset_faults()
     assert not any(drive.was_faulty for drive in drives)
     written = [f for f in rig.frames() if 0x601 <= f.can_id <= 0x603 and f.data[0] & 0xE0 == 0x20]
     assert written == []
