@@ -49,8 +49,9 @@ from drivers.cia402 import AxisUnits
 from drivers.cyclic_exchange import CyclicExchange
 from drivers.drive_watch import DriveWatch
 from drivers.transport import open_can
+from mock_hw.device_process import keep_pace
 from mock_hw.hub_client import HubClient
-from mock_hw.hub_process import HubSettings, keep_pace, serve_hub
+from mock_hw.hub_process import HubSettings, serve_hub
 from mock_hw.hub_protocol import Role
 
 BITRATE = 1_000_000

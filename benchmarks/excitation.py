@@ -29,7 +29,8 @@ from config.motion import FourierMotion
 from dynamics.cad import cad_parameters
 from dynamics.robot_model import regressor
 from identification.design_criteria import Condition
-from identification.excitation_problem import ExcitationProblem, design_model
+from identification.design_model import design_model
+from identification.excitation_problem import ExcitationProblem
 from identification.experiment_design import two_harmonic_draws
 from identification.optimal_design import Candidate, candidates
 

@@ -16,8 +16,8 @@ from config.robot import RobotDescription
 from dynamics.cad import cad_parameters
 from dynamics.clearances import Clearances
 from dynamics.robot_model import torque
+from identification.design_model import design_model
 from identification.estimate import Estimate, predict
-from identification.excitation_problem import design_model
 
 PERIOD_S: Final = 8.0
 LOWEST_HZ: Final = 0.5

@@ -23,9 +23,10 @@ from dynamics.base_wrench import base_wrench, base_wrench_gradient
 from dynamics.clearances import Clearances
 from dynamics.inverse_dynamics import regressor_gradient
 from dynamics.robot_model import RobotModel, regressor
-from dynamics.transmission import Transmission
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.design_criteria import Criterion
+from identification.design_model import design_model
+from identification.fourier_basis import fourier_basis
 
 POINTS_PER_HARMONIC = 8
 LIMIT_POINTS_PER_HARMONIC = 24
@@ -161,25 +162,13 @@ class ExcitationProblem:
         limits = [joint.limits for joint in self.robot.joints]
         return np.array([(each.position_max + each.position_min) / 2.0 for each in limits])
 
-    def _basis(self, points: int) -> FloatArray:
-        """Return offset, sines and cosines and their derivatives, (3, points, 2 N + 1)."""
-        omega = 2.0 * math.pi / self.period_s * np.arange(1, self.harmonics + 1)
-        angle = np.outer(np.arange(points) / points * self.period_s, omega)
-        one, sine, cosine = np.ones((points, 1)), np.sin(angle), np.cos(angle)
-        rows = [
-            np.hstack([one, sine, cosine]),
-            np.hstack([0.0 * one, omega * cosine, -omega * sine]),
-            np.hstack([0.0 * one, -(omega**2) * sine, -(omega**2) * cosine]),
-        ]
-        return np.asarray(rows, dtype=float)
-
     @cached_property
     def _coarse(self) -> FloatArray:
-        return self._basis(POINTS_PER_HARMONIC * self.harmonics)
+        return fourier_basis(self.period_s, self.harmonics, POINTS_PER_HARMONIC)
 
     @cached_property
     def _fine(self) -> FloatArray:
-        return self._basis(LIMIT_POINTS_PER_HARMONIC * self.harmonics)
+        return fourier_basis(self.period_s, self.harmonics, LIMIT_POINTS_PER_HARMONIC)
 
     def motion(self, x: FloatArray, basis: FloatArray) -> FloatArray:
         """Return q, v, a, (3, points, n), of variables of shape (size,)."""
@@ -389,20 +378,3 @@ class ExcitationProblem:
     @cached_property
     def _torques(self) -> FloatArray:
         return np.array([joint.limits.torque for joint in self.robot.joints])
-
-
-def design_model(robot: RobotDescription, sign_smoothing_rad_s: float = 0.0) -> RobotModel:
-    """Return the model whose columns count in a design: those that the motion has a say in.
-
-    Friction's dependence on temperature and the gears' losses are left out.
-    """
-    joints = tuple(
-        joint.model_copy(
-            update={"friction": tuple(t for t in joint.friction if t != "temperature")}
-        )
-        for joint in robot.joints
-    )
-    model = RobotModel.from_description(
-        robot.model_copy(update={"joints": joints}), sign_smoothing_rad_s=sign_smoothing_rad_s
-    )
-    return replace(model, transmission=Transmission())

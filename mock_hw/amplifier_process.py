@@ -14,19 +14,22 @@ import signal
 import time
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from config.errors import RidDaqError, TransportError
+from config.errors import RidDaqError
 from mock_hw.amplifier_port import AmplifierPort, PlateSettings
-from mock_hw.hub_process import catch_terminate, keep_pace, leave_interrupts_to_parent
+from mock_hw.device_process import (
+    DeviceProcess,
+    catch_terminate,
+    keep_pace,
+    leave_signals_to_parent,
+    wait_until_ready,
+)
 
 STEP_S = 0.002
-_START_TIMEOUT_S = 120.0
-_END_TIMEOUT_S = 5.0
 
 Wrench = tuple[float, float, float, float, float, float]
 
@@ -67,25 +70,16 @@ class ServedAmplifier:
     def __init__(self, settings: PlateSettings, load: SwingingLoad | None = None) -> None:
         self._settings = settings
         self._load = load or SwingingLoad()
-        self._process: BaseProcess | None = None
+        self._process: DeviceProcess | None = None
 
     def __enter__(self) -> str:
         """Start the process; return the port's path."""
-        context = multiprocessing.get_context("spawn")
-        ours, theirs = context.Pipe()
-        arguments = (self._settings, self._load, theirs)
-        self._process = context.Process(target=serve_amplifier, args=arguments, daemon=True)
-        self._process.start()
-        theirs.close()
+        self._process = DeviceProcess(serve_amplifier, self._settings, self._load)
         try:
-            problem = ours.recv() if ours.poll(_START_TIMEOUT_S) else "no answer"
-        except (EOFError, OSError):
-            problem = "the process ended"
-        finally:
-            ours.close()
-        if problem is not None:
+            wait_until_ready("amplifier", self._process.pipe)
+        except BaseException:
             self._end()
-            raise TransportError(f"the simulated amplifier did not start: {problem}")
+            raise
         return str(self._settings.path)
 
     def __exit__(
@@ -98,14 +92,8 @@ class ServedAmplifier:
         self._end()
 
     def _end(self) -> None:
-        if self._process is None:
-            return
-        self._process.terminate()
-        self._process.join(_END_TIMEOUT_S)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
-        self._process.close()
+        if self._process is not None:
+            self._process.end()
         self._process = None
 
 
@@ -114,7 +102,7 @@ def serve_amplifier(settings: PlateSettings, load: SwingingLoad, ready: Connecti
 
     Sends None through `ready` once it can be talked to, or the text of what went wrong.
     """
-    leave_interrupts_to_parent()
+    leave_signals_to_parent()
     stop_fd = catch_terminate()
     keep_pace(True)
     try:

@@ -7,12 +7,9 @@ import multiprocessing
 import shutil
 import tempfile
 import threading
-from collections.abc import Callable
 from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from config.amplifier_profile import AmplifierProfile
 from config.cell import CanBusConfig, CellConfig
@@ -26,6 +23,7 @@ from config.plate import PlateConfig
 from config.robot import RobotDescription
 from mock_hw.amplifier_port import PlateSettings
 from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
+from mock_hw.device_process import DeviceProcess, wait_until_ready
 from mock_hw.drives_process import DrivesSettings, serve_drives, serve_until
 from mock_hw.fault_clock import refuse_unknown_joints
 from mock_hw.hub_process import HubSettings, serve_hub
@@ -43,9 +41,6 @@ from mock_hw.simulated_registers import (
     RegisterFaults,
     script_register_faults,
 )
-
-_START_TIMEOUT_S = 120.0  # the plant's kernels may have to be compiled
-_END_TIMEOUT_S = 5.0
 
 
 class SimulatedCell:
@@ -245,12 +240,16 @@ class SimulatedCell:
         if bus is not None and bus.interface == ONE_PROCESS:
             drives_pipe = _launch_thread(stack, drives)
         else:
-            hub_pipe = None if bus is not None else _launch(stack, serve_hub, self._hub(socket))
-            drives_pipe = _launch(stack, serve_drives, drives)
-            if hub_pipe is not None:
-                _wait_until_ready("hub", hub_pipe)
+            hub = None if bus is not None else DeviceProcess(serve_hub, self._hub(socket))
+            if hub is not None:
+                stack.callback(hub.end)
+            process = DeviceProcess(serve_drives, drives)
+            stack.callback(process.end)
+            drives_pipe = process.pipe
+            if hub is not None:
+                wait_until_ready("cell's hub", hub.pipe)
         drives_pipe.send(None)
-        port = _wait_until_ready("drives", drives_pipe)
+        port = wait_until_ready("cell's drives", drives_pipe)
         self._snapshots = stack.enter_context(SnapshotReader(snapshot))
         self._channel = str(socket) if bus is None else bus.channel
         self._address = "" if drives.plate is None else str(drives.plate.path)
@@ -364,20 +363,6 @@ def _as_described(plate: PlateConfig) -> SimulatedPlate:
     )
 
 
-def _launch(
-    stack: contextlib.ExitStack, target: Callable[[Any, Connection], None], settings: object
-) -> Connection:
-    """Start a process that the stack will end; return the pipe to it."""
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    stack.callback(ours.close)
-    process = context.Process(target=target, args=(settings, theirs), daemon=True)
-    process.start()
-    theirs.close()
-    stack.callback(_end, process)
-    return ours
-
-
 def _launch_thread(stack: contextlib.ExitStack, settings: DrivesSettings) -> Connection:
     """Start the drives in this process, on the only bus that does not leave it."""
     ours, theirs = multiprocessing.Pipe()
@@ -394,24 +379,3 @@ def _launch_thread(stack: contextlib.ExitStack, settings: DrivesSettings) -> Con
     stack.callback(thread.join)
     stack.callback(ended.set)
     return ours
-
-
-def _wait_until_ready(what: str, pipe: Connection) -> int | None:
-    """Wait for a process's word that it serves: a port of its, or nothing; a text is a problem."""
-    try:
-        word: str | int | None = pipe.recv() if pipe.poll(_START_TIMEOUT_S) else "no answer"
-    except (EOFError, OSError):
-        word = "the process ended"
-    if isinstance(word, str):
-        raise TransportError(f"the simulated cell's {what} did not start: {word}")
-    return word
-
-
-def _end(process: BaseProcess) -> None:
-    """End a process, gently first."""
-    process.terminate()
-    process.join(_END_TIMEOUT_S)
-    if process.is_alive():
-        process.kill()
-        process.join()
-    process.close()

@@ -224,7 +224,7 @@ class DriveRack:
             self._payload = snapshots.payload
             self._plant.attach(self._payloads[self._payload])
         for number, drive in enumerate(self.drives):
-            motion = drive.motion(self.time_s, end_s)
+            motion = drive.axis.motion(self.time_s, end_s)
             self._start[number], self._end[number], self._powered[number], limit = motion
             self._limit[number] = limit
         factors, braked = self._command_factors, ~self._powered
@@ -242,7 +242,7 @@ class DriveRack:
         self.time_s = end_s
         self._measure()
         for drive in self.drives:
-            drive.observe(end_s)
+            drive.axis.observe(end_s)
 
     def _measure(self) -> None:
         plant, measured = self._plant, self._measured

@@ -23,9 +23,10 @@ from drivers.transport import CanLink, open_can
 from mock_hw.amplifier_port import AmplifierPort, PlateSettings
 from mock_hw.axis_snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.bus_client import BusClient
+from mock_hw.device_process import keep_pace, leave_signals_to_parent
 from mock_hw.drive_rack import DriveRack
 from mock_hw.hub_client import HubClient
-from mock_hw.hub_process import LINGER_NS, keep_pace, leave_interrupts_to_parent
+from mock_hw.hub_process import LINGER_NS
 from mock_hw.hub_protocol import Role
 from mock_hw.lawicel_port import LawicelPort
 from mock_hw.plate_service import PlateService
@@ -68,7 +69,7 @@ def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
     Waits at `pipe` until the hub is there; sends the TCP port of the drives' registers (0 for none)
     once the drives are on the bus, or the text of what went wrong.
     """
-    leave_interrupts_to_parent()
+    leave_signals_to_parent()
     signal.signal(signal.SIGTERM, _exit)
     with contextlib.ExitStack() as stack:
         if settings.private_folder:

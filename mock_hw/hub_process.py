@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import fcntl
 import multiprocessing
 import os
 import shutil
-import signal
 import socket
 import time
 from collections.abc import Iterator, Mapping
@@ -20,14 +18,10 @@ from config.errors import RidDaqError, TransportError
 from config.faults import NO_SCRIPT, FaultScript
 from mock_hw.bus_faults import BusFaults
 from mock_hw.can_hub import CanHub
+from mock_hw.device_process import catch_terminate, keep_pace, leave_signals_to_parent
 
 LINGER_NS = 3_000_000_000
 """How long the hub outlives the process that started it, so that the drives can stop."""
-
-SCHEDULER_PRIORITY = 10
-"""Below the cyclic task's own."""
-
-_PR_SET_TIMERSLACK = 29
 
 
 @dataclass(frozen=True)
@@ -72,7 +66,7 @@ def serve_hub(settings: HubSettings, ready: Connection) -> None:
 
     Sends None through `ready` once clients can connect, or the text of what went wrong.
     """
-    leave_interrupts_to_parent()
+    leave_signals_to_parent()
     stop_fd = catch_terminate()
     keep_pace(settings.realtime)
     try:
@@ -116,32 +110,6 @@ def _run(hub: CanHub, stop_fd: int) -> None:
         hub.run([stop_fd], time.monotonic_ns() + LINGER_NS)
     else:
         hub.run([stop_fd])
-
-
-def leave_interrupts_to_parent() -> None:
-    """Ignore Ctrl-C and the terminal's end: the parent stops the robot first, and then this."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
-
-
-def keep_pace(realtime: bool) -> None:
-    """Ask for exact timers and, in real time, to be scheduled before ordinary programs.
-
-    A real bus and real drives do not wait for a loaded computer. Where the system refuses, the
-    simulation is as punctual as it can be; the answers' times tell.
-    """
-    ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    if realtime:
-        with contextlib.suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(SCHEDULER_PRIORITY))
-
-
-def catch_terminate() -> int:
-    """Return a descriptor that is readable after SIGTERM."""
-    readable, writable = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-    signal.signal(signal.SIGTERM, lambda _number, _frame: None)
-    signal.set_wakeup_fd(writable, warn_on_full_buffer=False)
-    return readable
 
 
 @contextlib.contextmanager

@@ -7,7 +7,6 @@ it sends are taken from it, and what it can feel of its axis comes through an `A
 from __future__ import annotations
 
 import math
-import struct
 
 from drivers.canopen.emcy import Emergency, emcy_frame
 from drivers.canopen.frames import (
@@ -22,7 +21,7 @@ from drivers.canopen.nmt import NmtCommand, NmtState, next_nmt_state, parse_nmt
 from drivers.canopen.sdo_server import SdoServer
 from drivers.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, ControlWord, PowerState
 from mock_hw import drive_objects as od
-from mock_hw.axis_port import AxisPort, Motion
+from mock_hw.axis_port import AxisPort
 from mock_hw.drive_errors import (
     FOLLOWING_ERROR,
     HEARTBEAT_LOST,
@@ -32,7 +31,7 @@ from mock_hw.drive_errors import (
     ErrorLog,
 )
 from mock_hw.drive_pdos import DrivePdo, PdoTable
-from mock_hw.following_error import FollowingError
+from mock_hw.driven_axis import DrivenAxis
 from mock_hw.object_dictionary import Key, ObjectDictionary
 from mock_hw.power_stage import PowerStage
 
@@ -43,16 +42,14 @@ SYNC_ANSWER_S = 100e-6
 SDO_ANSWER_S = 300e-6
 
 _SYNC_PATIENCE = 1.5  # periods of 1006h without SYNC, as CANopenNode has it
-_INT16_MAX = 2**15 - 1
-_INT32_MAX = 2**31 - 1
 
 
 class SimulatedDrive:
     """A servo drive.
 
     What it does by itself is due at `next_s`. Whoever runs it calls `tick` then, `receive` for
-    every frame and `observe` whenever its axis has moved, all in the order of time, and sends what
-    `take_frames` returns.
+    every frame and `axis.observe` whenever its axis has moved, all in the order of time, and sends
+    what `take_frames` returns.
 
     Parameters
     ----------
@@ -69,6 +66,8 @@ class SimulatedDrive:
         Its object dictionary.
     power
         Its CiA 402 half.
+    axis
+        What it tells its motor and sees of it.
     nmt
         Its NMT state.
     beats
@@ -81,18 +80,16 @@ class SimulatedDrive:
 
     def __init__(self, identity: od.DriveIdentity, port: AxisPort, now_s: float = 0.0) -> None:
         self.node_id = identity.node_id
-        self._counts_per_unit = identity.counts_per_velocity_unit
-        self._port = port
         self._now_s = now_s
-        self._moved_s = now_s
         self.objects = ObjectDictionary(od.drive_entries(identity))
         self.power = PowerStage(self.objects)
+        counts_per_unit = identity.counts_per_velocity_unit
+        self.axis = DrivenAxis(self.objects, self.power, port, counts_per_unit, now_s)
         self.nmt = NmtState.INITIALISING
         self._sdo_cob_id = sdo_request_cob_id(identity.node_id)
         self._sdo = SdoServer(identity.node_id, self._read, self._write)
         self._pdos = PdoTable(self.objects)
         self._errors = ErrorLog(self.objects)
-        self._following = FollowingError(self.objects)
         self._outbox: list[tuple[float, Frame]] = []
         self._boot_s = now_s + BOOT_S
         self._beat_s = math.inf
@@ -112,7 +109,7 @@ class SimulatedDrive:
             self._boot_s,
             self._beat_s,
             self.power.next_s,
-            self._following.due_s,
+            self.axis.following.due_s,
             self._sync_deadline_s,
             *self._silent_s.values(),
         )
@@ -133,8 +130,8 @@ class SimulatedDrive:
         for node_id in [node for node, due_s in self._silent_s.items() if now_s >= due_s]:
             del self._silent_s[node_id]
             self._lose_master(HEARTBEAT_LOST)
-        if now_s >= self._following.due_s:
-            self._following.due_s = math.inf
+        if now_s >= self.axis.following.due_s:
+            self.axis.following.due_s = math.inf
             self._fault(FOLLOWING_ERROR)
         if now_s >= self._sync_deadline_s:
             self._sync_deadline_s = math.inf
@@ -145,30 +142,9 @@ class SimulatedDrive:
                 if pdo.receives:
                     self._lose_master(RPDO_TIMEOUT)
                 else:
-                    self._refresh()
+                    self.axis.refresh()
                     self._send(pdo.frame(pdo.pack(self.objects), now_s))
         self._send_changes()
-
-    def motion(self, start_s: float, end_s: float) -> Motion:
-        """Return what the motor is told between two times [s] with nothing due in between."""
-        power = self.power
-        return Motion(
-            power.velocity_at(start_s) * self._counts_per_unit,
-            power.velocity_at(end_s) * self._counts_per_unit,
-            power.powered,
-            self.objects[od.TORQUE_LIMIT] * 1e-3,
-        )
-
-    def observe(self, now_s: float) -> None:
-        """Take notice of where the axis is at `now_s` [s], after it has moved."""
-        power = self.power
-        if power.powered:
-            velocity = 0.5 * (power.velocity_at(self._moved_s) + power.velocity_at(now_s))
-            moved = velocity * self._counts_per_unit * (now_s - self._moved_s)
-            self._following.follow(moved, self._port.position_counts(), now_s)
-        else:
-            self._following.start(self._port.position_counts())
-        self._moved_s = now_s
 
     # ---- frames ---------------------------------------------------------------------------
 
@@ -197,7 +173,7 @@ class SimulatedDrive:
         elif cob_id > HEARTBEAT_BASE:
             self._hear(cob_id - HEARTBEAT_BASE)
         elif cob_id == self._sdo_cob_id and self.nmt is not NmtState.STOPPED:
-            self._refresh()
+            self.axis.refresh()
             for answer in self._sdo.handle(frame, now_s):
                 self._send(answer, SDO_ANSWER_S)
         elif self.nmt is NmtState.OPERATIONAL:
@@ -317,7 +293,7 @@ class SimulatedDrive:
         """Answer with what is true now, then take up what was received since the last SYNC."""
         period_s = self.objects[od.SYNC_PERIOD_US] * 1e-6
         self._sync_deadline_s = self._now_s + _SYNC_PATIENCE * period_s if period_s else math.inf
-        self._refresh()
+        self.axis.refresh()
         for pdo in self._pdos.transmitted:
             if pdo.synchronous:
                 data = pdo.pack(self.objects)
@@ -358,7 +334,7 @@ class SimulatedDrive:
     def _send_changes(self) -> None:
         """Let event-driven TPDOs be due whose objects have changed."""
         if self._pdos.event_driven:
-            self._refresh()
+            self.axis.refresh()
             for pdo in self._pdos.event_driven:
                 if pdo.pack(self.objects) != pdo.last_data:
                     pdo.deadline_s = min(pdo.deadline_s, pdo.allowed_s(self._now_s))
@@ -376,16 +352,6 @@ class SimulatedDrive:
         if objects[od.MODE] == CYCLIC_SYNCHRONOUS_VELOCITY:
             period_s = objects[od.INTERPOLATION_PERIOD] * 10.0 ** objects[od.INTERPOLATION_INDEX]
             self.power.set_target(objects[od.TARGET_VELOCITY], self._now_s, period_s)
-
-    def _refresh(self) -> None:
-        objects, port = self.objects, self._port
-        objects[od.STATUSWORD] = self.power.statusword()
-        objects[od.MODE_DISPLAY] = objects[od.MODE]
-        objects[od.POSITION] = _wrap(port.position_counts())
-        velocity = round(port.velocity_counts_s() / self._counts_per_unit)
-        objects[od.VELOCITY] = _clip(velocity, _INT32_MAX)
-        objects[od.TORQUE] = _clip(port.torque_permille(), _INT16_MAX)
-        objects[od.FOLLOWING_ERROR] = _clip(round(self._following.counts), _INT32_MAX)
 
     def _read(self, index: int, subindex: int) -> bytes:
         return self.objects.read(index, subindex)
@@ -417,13 +383,3 @@ class SimulatedDrive:
 def _is_quick_stop(keys: tuple[Key, ...], values: tuple[int, ...]) -> bool:
     words = [value for key, value in zip(keys, values, strict=True) if key == od.CONTROLWORD]
     return any(word & 0x06 == ControlWord.QUICK_STOP for word in words)
-
-
-def _wrap(counts: int) -> int:
-    """Return a count as a 32-bit counter shows it."""
-    (wrapped,) = struct.unpack("<i", struct.pack("<I", counts & 0xFFFF_FFFF))
-    return int(wrapped)
-
-
-def _clip(value: int, largest: int) -> int:
-    return max(-largest, min(largest, value))

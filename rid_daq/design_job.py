@@ -23,8 +23,9 @@ from dynamics.robot_model import RobotModel, regressor
 from identification.base_load import base_limits, weighed
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.design_criteria import Condition, Criterion, DOptimal, Goals
+from identification.design_model import design_model
 from identification.estimate import Estimate
-from identification.excitation_problem import ExcitationProblem, design_model
+from identification.excitation_problem import ExcitationProblem
 from identification.optimal_design import Candidate, candidates
 from rid_daq.console import Console
 from rid_daq.exit_codes import exit_code_of_stop

@@ -13,7 +13,8 @@ from config.load import load_robot
 from dynamics.cad import cad_parameters
 from dynamics.robot_model import regressor
 from identification.design_criteria import Condition, DOptimal
-from identification.excitation_problem import ExcitationProblem, design_model
+from identification.design_model import design_model
+from identification.excitation_problem import ExcitationProblem
 
 WORKSPACE = Workspace(
     planes=(Plane(name="the floor", normal=(0.0, 0.0, 1.0), offset_m=-0.2),),

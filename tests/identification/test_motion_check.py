@@ -13,7 +13,8 @@ from config.load import load_robot
 from config.motion import FourierMotion
 from dynamics.cad import cad_parameters
 from identification.design_criteria import Condition
-from identification.excitation_problem import ExcitationProblem, design_model
+from identification.design_model import design_model
+from identification.excitation_problem import ExcitationProblem
 from identification.experiment_design import condition_number
 from identification.motion_check import MotionCheck, check_motion
 

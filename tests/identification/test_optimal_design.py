@@ -15,7 +15,8 @@ from config.load import load_robot
 from config.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
 from dynamics.cad import cad_parameters
 from identification.design_criteria import Condition, DOptimal, Goals
-from identification.excitation_problem import ExcitationProblem, design_model
+from identification.design_model import design_model
+from identification.excitation_problem import ExcitationProblem
 from identification.experiment_design import condition_number, design_two_harmonic
 from identification.motion_check import check_motion
 from identification.optimal_design import candidates, refine

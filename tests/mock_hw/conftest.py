@@ -110,13 +110,13 @@ class Bench:
             due_s = max(self.now_s, min(self.drive.next_s, time_s))
             while self.now_s < due_s:
                 end_s = min(due_s, self.now_s + self.STEP_S)
-                motion = self.drive.motion(self.now_s, end_s)
+                motion = self.drive.axis.motion(self.now_s, end_s)
                 mean = 0.5 * (motion.velocity_start + motion.velocity_end)
                 moves = motion.powered and not self.axis.blocked
                 self.axis.rate = motion.velocity_end if moves else 0.0
                 self.axis.counts += mean * (end_s - self.now_s) if moves else 0.0
                 self.now_s = end_s
-                self.drive.observe(end_s)
+                self.drive.axis.observe(end_s)
             if self.drive.next_s > self.now_s:
                 self._collect()
                 if self.now_s >= time_s:

@@ -22,9 +22,9 @@ from config.motion import FourierMotion
 from dynamics.robot_model import torque
 from identification.base_parameters import base_parameters
 from identification.design_criteria import Condition, DOptimal, Goals
+from identification.design_model import design_model
 from identification.estimate import Estimate
 from identification.estimate_file import write_estimate
-from identification.excitation_problem import design_model
 from identification.model_options import ModelOptions
 from identification.motion_check import check_motion
 from identification.optimal_design import refine
