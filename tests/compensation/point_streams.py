@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from acquisition.motion_samples import MotionSamples, plan_motion
@@ -128,3 +129,40 @@ def held_limits(points: list[SetPoint]) -> None:
     assert (np.abs(ahead - velocity) <= 1.3 * LARGEST_CORRECTION * SPEED).all()
     assert not velocity[-1].any()
     assert not ahead[-1].any()
+
+
+Spoiler = st.sampled_from(["no", "nan", "inf", "jump", "step", "noise", "huge", "freeze", "back"])
+
+
+@st.composite
+def streams(draw: st.DrawFn) -> tuple[Points, list[int], bool, list[int]]:
+    """Return points, good or bad, how many come in each cycle, the end, and cycles left out."""
+    path = waves(draw(st.integers(0, 50)), draw(st.integers(1, 500)), draw(st.floats(0.05, 3.0)))
+    at = draw(st.integers(0, len(path) - 1))
+    joint, size = draw(st.integers(0, 2)), draw(st.floats(-3.0, 3.0))
+    match draw(Spoiler):
+        case "nan":
+            path[at, joint] = np.nan
+        case "inf":
+            path[at, joint] = np.copysign(np.inf, size)
+        case "jump":
+            path[at, joint] += size
+        case "step":
+            path[at:, joint] += size
+        case "noise":
+            noise = np.random.default_rng(at).standard_normal(path[at:].shape)
+            path[at:] += 10.0 ** (2.0 * size - 4.0) * noise
+        case "huge":
+            path[at] *= 1e300
+        case "freeze":
+            path[at:] = path[at]
+        case "back":
+            path[at:] = path[at::-1][: len(path) - at].copy() if at > len(path) // 2 else path[at:]
+        case _:
+            pass
+    path = np.array(path)
+    if draw(st.booleans()):
+        path = np.concatenate([path, np.tile(path[-1], (10, 1))])
+    pace = draw(st.lists(st.integers(0, 6), max_size=40))
+    late = draw(st.lists(st.integers(1, 300), max_size=5))
+    return path, pace, draw(st.booleans()), late

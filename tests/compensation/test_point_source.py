@@ -34,6 +34,7 @@ from tests.compensation.point_streams import (
     loops_of,
     planned,
     source_of,
+    streams,
     true_model,
     waves,
 )
@@ -262,43 +263,6 @@ class TestDoubt:
         points = drive(source)
         held_limits(points)
         assert "correction too large" in " ".join(source.notes)
-
-
-Spoiler = st.sampled_from(["no", "nan", "inf", "jump", "step", "noise", "huge", "freeze", "back"])
-
-
-@st.composite
-def streams(draw: st.DrawFn) -> tuple[Points, list[int], bool, list[int]]:
-    """Return points, good or bad, how many come in each cycle, the end, and cycles left out."""
-    path = waves(draw(st.integers(0, 50)), draw(st.integers(1, 500)), draw(st.floats(0.05, 3.0)))
-    at = draw(st.integers(0, len(path) - 1))
-    joint, size = draw(st.integers(0, 2)), draw(st.floats(-3.0, 3.0))
-    match draw(Spoiler):
-        case "nan":
-            path[at, joint] = np.nan
-        case "inf":
-            path[at, joint] = np.copysign(np.inf, size)
-        case "jump":
-            path[at, joint] += size
-        case "step":
-            path[at:, joint] += size
-        case "noise":
-            noise = np.random.default_rng(at).standard_normal(path[at:].shape)
-            path[at:] += 10.0 ** (2.0 * size - 4.0) * noise
-        case "huge":
-            path[at] *= 1e300
-        case "freeze":
-            path[at:] = path[at]
-        case "back":
-            path[at:] = path[at::-1][: len(path) - at].copy() if at > len(path) // 2 else path[at:]
-        case _:
-            pass
-    path = np.array(path)
-    if draw(st.booleans()):
-        path = np.concatenate([path, np.tile(path[-1], (10, 1))])
-    pace = draw(st.lists(st.integers(0, 6), max_size=40))
-    late = draw(st.lists(st.integers(1, 300), max_size=5))
-    return path, pace, draw(st.booleans()), late
 
 
 @settings(deadline=None, max_examples=600)
