@@ -216,7 +216,7 @@ def test_ctrl_c_leaves_the_drives_disabled_and_nothing_written(
     assert not axes.enabled.any()
     assert np.abs(axes.velocity).max() < 1e-6
     assert cell.read_bytes() == before
-    assert "Stopped:" in capsys.readouterr().out
+    assert "Stopped by the operator" in capsys.readouterr().out
 
 
 def test_without_write_the_lines_are_printed_and_the_file_is_left_alone(
