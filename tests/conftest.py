@@ -26,7 +26,7 @@ from mock_hw.line_faults import NO_FAULTS, LineFault, LineFaults
 
 STEP_S = 0.02
 atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True)
-PROGRAM_TESTS = Path(__file__).parent / "rid_daq"
+LONG_TESTS = [Path(__file__).parent / folder for folder in ("socketcan", "rid_daq")]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -44,7 +44,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the longest first, so that the workers end at about the same time."""
-    items.sort(key=lambda item: PROGRAM_TESTS not in item.path.parents)
+    items.sort(key=lambda item: [folder not in item.path.parents for folder in LONG_TESTS])
     for item in items:
         rows = [row for mark in item.iter_markers("fault") for row in mark.args]
         item.user_properties += [("fault", row) for row in rows]
