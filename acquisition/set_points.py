@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -40,28 +41,31 @@ class SetPointSource(Protocol):
     """A motion that the cyclic task asks for row by row; it is handed to the task's process."""
 
     @property
+    @abstractmethod
     def samples_per_period(self) -> int | None:
         """Rows of one period where the motion is periodic."""
 
     @property
+    @abstractmethod
     def rows_expected(self) -> int:
         """How many rows there may be, to see that there is room to record them."""
-        ...
 
     @property
+    @abstractmethod
     def period_ends(self) -> Mapping[int, int]:
         """Rows at which so many periods are over; see `period_ends`. Empty if not periodic."""
-        ...
 
     @property
+    @abstractmethod
     def stop(self) -> StopReason | None:
         """Why the motion was over before its end; None where it came to its end."""
 
     @property
+    @abstractmethod
     def notes(self) -> Sequence[str]:
         """What a person should know once the motion is over, one sentence each."""
-        ...
 
+    @abstractmethod
     def prepare(self) -> None:
         """Get ready, in the task's process and before the drives are spoken to: may take its time.
 
@@ -71,6 +75,7 @@ class SetPointSource(Protocol):
             There is nothing to drive.
         """
 
+    @abstractmethod
     def begin(self, lockstep: bool) -> FloatArray:
         """Return the pose to begin at, at rest; called before power, and quick.
 
@@ -79,8 +84,8 @@ class SetPointSource(Protocol):
         lockstep : bool
             Whether time stands still while the task works.
         """
-        ...
 
+    @abstractmethod
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a row; None once the motion is over and the robot may rest.
 

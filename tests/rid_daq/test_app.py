@@ -14,7 +14,6 @@ from rid_daq import app
 from rid_daq.app import COMMANDS, printable, run
 from rid_daq.exit_codes import ExitCode, exit_code_of
 
-# One cell is held by one session at a time, so these tests share a worker.
 CODES = {
     errors.ConfigError: 2,
     errors.PreflightError: 3,

@@ -12,7 +12,6 @@ from config.load import load_cell
 from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
 
-# One cell is held by one session at a time, so these tests share a worker.
 MOTION = """\
 kind: fourier
 robot: ir361

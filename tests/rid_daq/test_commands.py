@@ -23,7 +23,6 @@ from config.errors import ConfigError
 from rid_daq.app import run
 
 
-# One cell is held by one session at a time, so these tests share a worker.
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder made by init, with an excitation run and a validation run in it."""

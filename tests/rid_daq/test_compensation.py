@@ -32,7 +32,6 @@ from identification.estimate_file import read_estimate
 from rid_daq.app import run
 from rid_daq.cells import reachable_cell
 
-# One cell is held by one session at a time, so these tests share a worker.
 CIRCLE = """
 kind: circle
 robot: ir361

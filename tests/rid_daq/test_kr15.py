@@ -43,7 +43,6 @@ from rid_daq.app import run
 from rid_daq.run_data import read_run
 from rid_daq.truth import true_parameters
 
-# One cell is held by one session at a time, so these tests share a worker.
 HARMONICS: dict[str, tuple[float, list[float], list[float]]] = {
     "axis1": (
         0.0,

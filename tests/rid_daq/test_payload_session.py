@@ -19,7 +19,6 @@ from rid_daq.app import run
 from rid_daq.payload_watch import WarmUpWatch, period_powers
 
 
-# One cell is held by one session at a time, so these tests share a worker.
 @pytest.fixture(scope="module")
 def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cell = load_cell("kr15")

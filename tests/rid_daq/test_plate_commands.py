@@ -27,7 +27,6 @@ from drivers.interfaces import PlateRead
 from mock_hw.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
 
-# One cell is held by one session at a time, so these tests share a worker.
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 200.0]}\n"
 
