@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from config.cell import CellConfig
 from config.errors import ConfigError, TransportError
@@ -14,6 +16,19 @@ from rid_daq.session import hold_cell
 
 if TYPE_CHECKING:
     from mock_hw.cell import SimulatedCell
+
+
+CellName = Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")]
+"""The argument of every command that works on a cell."""
+
+Realtime = Annotated[
+    bool,
+    typer.Option("--realtime", help="A simulated cell at the clock's pace, not as fast as it can."),
+]
+"""An option of the commands that move a cell."""
+
+Seed = Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")]
+"""An option of the commands that move a cell."""
 
 
 @contextlib.contextmanager

@@ -20,7 +20,7 @@ from drivers.cell import Cell, open_cell
 from drivers.interfaces import DriveSetting
 from drivers.servo_can import COLLECT_FRACTION
 from rid_daq.bus_check import bus_lines
-from rid_daq.cells import reachable_cell
+from rid_daq.cells import CellName, reachable_cell
 from rid_daq.check_line import CheckLine
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.computer_check import computer_lines
@@ -46,7 +46,7 @@ _NEXT_OTHERWISE = "the drive did not take this setting: see its manual, or set i
 
 
 def check(
-    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    cell: CellName,
     seconds: Annotated[
         float, typer.Option(min=0.1, max=600.0, help="How long answers are counted.")
     ] = 5.0,

@@ -24,6 +24,7 @@ from config.load import load_cell, load_motion
 from config.motion import AnyMotion
 from identification.estimate import Estimate
 from identification.estimate_file import read_estimate
+from rid_daq.cells import CellName
 from rid_daq.commands.record import check_robot
 from rid_daq.console import AsJson, Console
 from rid_daq.motion_runs import MotionRun, read_motion_run, sha256_of
@@ -31,7 +32,7 @@ from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 
 def compensate(
-    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    cell: CellName,
     motion: Annotated[Path, typer.Argument(metavar="MOTION", help="A motion file.")],
     model: Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")],
     loop: Annotated[Path, typer.Option(metavar="LOOPS", help="Velocity loops by `loop`.")],

@@ -20,6 +20,7 @@ from config.whole_file import write_whole
 from identification.estimate_file import read_estimate
 from identification.experiment_design import condition_number, design_two_harmonic
 from identification.friction_motion import constant_velocity_motion, reversed_motion
+from rid_daq.cells import CellName
 from rid_daq.console import AsJson, Console
 from rid_daq.design_job import Search, chosen_criterion, excitation_problem, search
 from rid_daq.exit_codes import ExitCode
@@ -55,7 +56,7 @@ class CriterionName(StrEnum):
 
 
 def design(
-    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    cell: CellName,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="MOTION", help="The motion file to write.")
     ],

@@ -21,7 +21,7 @@ from identification.payload_fit import HowToWeigh
 from identification.payload_motion import PayloadSearch, design_payload_motion
 from identification.payload_periodic import PeriodicRuns
 from identification.payload_verdict import PayloadLimits
-from rid_daq.cells import mountable_cell
+from rid_daq.cells import CellName, mountable_cell
 from rid_daq.commands.check import preflight
 from rid_daq.commands.payload_identify import PAYLOAD, known_quantity
 from rid_daq.commands.record import check_robot
@@ -50,7 +50,7 @@ PERIOD_S = 7.2
 
 
 def session(
-    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    cell: CellName,
     motion: Annotated[
         Path | None,
         typer.Option(metavar="MOTION", help="A periodic motion; one is searched if not given."),

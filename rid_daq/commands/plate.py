@@ -29,7 +29,7 @@ from config.errors import ConfigError, DataQualityError
 from config.load import LoadedCell, bundled_names, load_cell
 from config.plate import PlateConfig
 from config.zero_lines import write_zero, zero_lines
-from rid_daq.cells import reachable_cell
+from rid_daq.cells import CellName, Realtime, Seed, reachable_cell
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
@@ -57,7 +57,7 @@ def _plate() -> None:
 
 @plate.command("zero")
 def zero(
-    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    cell: CellName,
     pose: Annotated[
         str | None,
         typer.Option(
@@ -78,13 +78,8 @@ def zero(
         ),
     ] = False,
     label: Annotated[str, typer.Option(help="What to call the run.")] = "plate zero",
-    realtime: Annotated[
-        bool,
-        typer.Option(
-            "--realtime", help="A simulated cell at the clock's pace, not as fast as it can."
-        ),
-    ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")] = 0,
+    realtime: Realtime = False,
+    seed: Seed = 0,
     cleared: Cleared = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,

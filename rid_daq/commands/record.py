@@ -26,7 +26,7 @@ from config.motion import (
 )
 from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
 from rid_daq.accuracy_watch import AccuracyWatch
-from rid_daq.cells import mountable_cell
+from rid_daq.cells import CellName, Realtime, Seed, mountable_cell
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
@@ -40,7 +40,7 @@ from rid_daq.versions import software_versions
 
 
 def record(
-    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    cell: CellName,
     motion: Annotated[Path, typer.Argument(metavar="MOTION", help="A motion file.")],
     until: Annotated[
         list[str] | None,
@@ -59,13 +59,8 @@ def record(
     label: Annotated[
         str | None, typer.Option(help="What to call the run; the motion file's name if not given.")
     ] = None,
-    realtime: Annotated[
-        bool,
-        typer.Option(
-            "--realtime", help="A simulated cell at the clock's pace, not as fast as it can."
-        ),
-    ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")] = 0,
+    realtime: Realtime = False,
+    seed: Seed = 0,
     payload: Annotated[
         str | None,
         typer.Option(help="What a simulated robot carries, by its name in the plant file."),

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 from config.errors import PreflightError
 from config.load import load_cell
 from drivers.cell import open_cell
 from drivers.device_text import printable
 from drivers.fault_reset import FaultReset
-from rid_daq.cells import reachable_cell
+from rid_daq.cells import CellName, reachable_cell
 from rid_daq.console import AsJson, Console
 
 
 def reset(
-    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    cell: CellName,
     as_json: AsJson = False,
 ) -> None:
     """Reset the faults of a cell's drives, once you have found and removed their causes.

@@ -28,7 +28,7 @@ from config.load import LoadedCell, load_cell, load_motion, to_yaml
 from config.motion import AnyMotion
 from config.path_motion import JointTableMotion
 from identification.estimate_file import read_estimate
-from rid_daq.cells import reachable_cell
+from rid_daq.cells import CellName, Realtime, Seed, reachable_cell
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.commands.record import check_robot
 from rid_daq.console import AsJson, Console
@@ -40,7 +40,7 @@ from rid_daq.versions import software_versions
 
 
 def stream(
-    cell: Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")],
+    cell: CellName,
     model: Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")],
     loop: Annotated[Path, typer.Option(metavar="LOOPS", help="Velocity loops by `loop`.")],
     motion: Annotated[
@@ -74,13 +74,8 @@ def stream(
     label: Annotated[
         str | None, typer.Option(help="What to call the run; the motion file's name if not given.")
     ] = None,
-    realtime: Annotated[
-        bool,
-        typer.Option(
-            "--realtime", help="A simulated cell at the clock's pace, not as fast as it can."
-        ),
-    ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")] = 0,
+    realtime: Realtime = False,
+    seed: Seed = 0,
     cleared: Cleared = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
