@@ -12,7 +12,6 @@ from acquisition.journal_chunks import read_raw_journal
 from acquisition.journal_header import first_header
 from acquisition.monitor_row import MONITOR, MonitorHeader, monitor_dtype
 from acquisition.recording import Recording
-from acquisition.run_folder import RunFolder
 from config.errors import RecordingError
 from config.robot import RobotDescription
 
@@ -98,8 +97,27 @@ def read_monitor(path: Path) -> MonitorStream:
     )
 
 
-def with_temperatures(recording: Recording, folder: RunFolder) -> tuple[Recording, tuple[str, ...]]:
+def as_warm_as_measured(
+    recording: Recording, folder: Path, robot: RobotDescription
+) -> tuple[Recording, tuple[str, ...]]:
+    """Return a run's recording as estimators take it: with temperatures, and torques by them.
+
+    Arguments, notes and errors as those of `with_temperatures`; torques as in
+    `with_warm_torque_constants`.
+    """
+    recording, notes = with_temperatures(recording, folder)
+    return with_warm_torque_constants(recording, robot), notes
+
+
+def with_temperatures(recording: Recording, folder: Path) -> tuple[Recording, tuple[str, ...]]:
     """Return a run's recording with the temperatures of its motors, where they were monitored.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was recorded, or what of it there is until now.
+    folder : Path
+        The run's folder.
 
     Returns
     -------
@@ -113,7 +131,7 @@ def with_temperatures(recording: Recording, folder: RunFolder) -> tuple[Recordin
     RecordingError
         The monitor was of another robot.
     """
-    path = folder.file(MONITOR)
+    path = folder / MONITOR
     if not path.exists():
         return recording, ()
     try:

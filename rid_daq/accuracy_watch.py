@@ -7,6 +7,7 @@ from pathlib import Path
 
 from acquisition.arrays import FloatArray
 from acquisition.journal import read_journal
+from acquisition.monitor_stream import as_warm_as_measured
 from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.periods import average_periods
 from acquisition.recording import Recording
@@ -88,7 +89,8 @@ class AccuracyWatch:
         What cannot be estimated yet is not enough; the reason is kept in `trouble`.
         """
         try:
-            recording = read_journal(journal).recording()
+            raw = read_journal(journal).recording()
+            recording, _ = as_warm_as_measured(raw, journal.parent, self._robot)
             self._follow(recording, periods)
             if not self.goals:
                 return False

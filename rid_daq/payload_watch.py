@@ -10,6 +10,7 @@ import numpy as np
 
 from acquisition.arrays import FloatArray
 from acquisition.journal import read_journal
+from acquisition.monitor_stream import as_warm_as_measured
 from acquisition.motion_samples import Phase
 from acquisition.periods import PeriodAverage, average_periods, cut_periods
 from acquisition.recording import Recording
@@ -127,8 +128,9 @@ class MassWatch:
     def enough(self, journal: Path, periods: int) -> bool:
         """Estimate from the periods so far."""
         try:
-            average = average_periods(read_journal(journal).recording())
-            runs = self._runs(average)
+            raw = read_journal(journal).recording()
+            recording, _ = as_warm_as_measured(raw, journal.parent, self._robot)
+            runs = self._runs(average_periods(recording))
             estimate = weigh(self._robot, runs, self._weighing.how)
         except (DataQualityError, EstimationError) as error:
             self._said = str(error)

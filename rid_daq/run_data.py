@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from acquisition.import_csv import import_csv
 from acquisition.import_report import ImportReport
 from acquisition.journal import read_journal
-from acquisition.monitor_stream import with_temperatures, with_warm_torque_constants
+from acquisition.monitor_stream import as_warm_as_measured
 from acquisition.plate_alignment import with_plate
 from acquisition.plate_journal import PLATE_RECORDING, read_plate_journal
 from acquisition.recording import Recording
@@ -75,8 +75,8 @@ def read_run(folder: RunFolder) -> RunData:
     robot = load_robot(str(folder.file(ROBOT)))
     if folder.file(RECORDING).exists():
         journal = read_journal(folder.file(RECORDING))
-        recording, cold = with_temperatures(journal.recording(), folder)
-        recording, notes = _with_plate(folder, with_warm_torque_constants(recording, robot))
+        recording, cold = as_warm_as_measured(journal.recording(), folder.path, robot)
+        recording, notes = _with_plate(folder, recording)
         notes = (*cold, *notes)
         return RunData(folder, recording, robot, damage=(*journal.damage.notes, *notes))
     import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)

@@ -1,9 +1,37 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
+
+from config.load import load_cell, to_yaml
+from identification.experiment_design import design_two_harmonic
+
+
+@pytest.fixture(scope="session")
+def six_axis_motion(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Path]:
+    """Return what writes a short motion of the six-axis cell, of so many periods, to a file."""
+
+    def written(periods: int) -> Path:
+        cell = load_cell("kr15")
+        asked = design_two_harmonic(
+            cell.robot,
+            4.8,
+            cell.config.cycle_time_s,
+            highest_harmonic=4,
+            limit_fraction=0.35,
+            tries=8,
+            seed=3,
+            periods=periods,
+        )
+        path = tmp_path_factory.mktemp("motion") / "motion.yaml"
+        path.write_text(to_yaml(asked), encoding="utf-8")
+        return path
+
+    return written
 
 
 @pytest.fixture

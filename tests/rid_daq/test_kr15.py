@@ -144,7 +144,7 @@ def excited(
     ) as simulated:
         path = tmp_path_factory.mktemp("runs")
         outcome, folder = record(replace(loaded, robot=wrist), simulated.cell, motion(4), path)
-    recording, notes = with_temperatures(read_journal(outcome.path).recording(), folder)
+    recording, notes = with_temperatures(read_journal(outcome.path).recording(), folder.path)
     assert notes == ()
     return outcome, recording, read_monitor(folder.file(MONITOR))
 

@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,29 +16,14 @@ import pytest
 from acquisition.journal import read_journal
 from acquisition.run_folder import RECORDING
 from config.errors import RidDaqError
-from config.load import load_cell, to_yaml
-from identification.experiment_design import design_two_harmonic
 from rid_daq.app import run
 
 PATIENCE_S = 300.0
 
 
 @pytest.fixture(scope="module")
-def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    cell = load_cell("kr15")
-    asked = design_two_harmonic(
-        cell.robot,
-        4.8,
-        cell.config.cycle_time_s,
-        highest_harmonic=4,
-        limit_fraction=0.35,
-        tries=8,
-        seed=3,
-        periods=8,
-    )
-    path = tmp_path_factory.mktemp("motion") / "motion.yaml"
-    path.write_text(to_yaml(asked), encoding="utf-8")
-    return path
+def motion(six_axis_motion: Callable[[int], Path]) -> Path:
+    return six_axis_motion(8)
 
 
 def moving(runs: Path) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,28 +14,17 @@ import pytest
 
 from acquisition.motion_samples import Phase
 from acquisition.recording import Recording
-from config.load import load_cell, to_yaml
-from identification.experiment_design import design_two_harmonic
+from acquisition.run_folder import RECORDING, RunFolder
+from identification.payload_periodic import PeriodicRuns
 from rid_daq.app import run
-from rid_daq.payload_watch import WarmUpWatch, period_powers
+from rid_daq.payload_job import Weighing, payload_runs
+from rid_daq.payload_watch import MassWatch, WarmUpWatch, period_powers
+from rid_daq.run_data import read_run
 
 
 @pytest.fixture(scope="module")
-def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    cell = load_cell("kr15")
-    asked = design_two_harmonic(
-        cell.robot,
-        4.8,
-        cell.config.cycle_time_s,
-        highest_harmonic=4,
-        limit_fraction=0.35,
-        tries=8,
-        seed=3,
-        periods=3,
-    )
-    path = tmp_path_factory.mktemp("motion") / "motion.yaml"
-    path.write_text(to_yaml(asked), encoding="utf-8")
-    return path
+def motion(six_axis_motion: Callable[[int], Path]) -> Path:
+    return six_axis_motion(3)
 
 
 def session(motion: Path, runs: Path, *words: str) -> list[str]:
@@ -72,6 +62,20 @@ def test_a_session_weighs_the_payload_unattended(
     report = Path(document["report"]).read_text(encoding="utf-8")
     assert "Payload session on kr15" in report
     assert Path(document["file"]).exists()
+
+
+def test_the_mass_that_is_followed_is_the_one_that_is_reported(
+    weighed: tuple[Path, dict[str, Any], int],
+) -> None:
+    runs, document, _ = weighed
+    weighing = Weighing()
+    unloaded = read_run(RunFolder.open(runs / document["done"]["unloaded"]))
+    before = payload_runs([unloaded], [False], weighing.band_hz, weighing.standstill_rad_s)
+    assert isinstance(before, PeriodicRuns)
+    watch = MassWatch(unloaded.robot, before, weighing, None)
+    assert not watch.enough(runs / document["done"]["loaded 1"] / RECORDING, 3)
+    mass = document["payload"]["parameters"][0]["value"]
+    assert watch.line().startswith(f"3 periods: {mass:.3f} \u00b1 ")
 
 
 def test_a_session_that_was_interrupted_goes_on_where_it_was(
