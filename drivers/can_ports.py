@@ -6,6 +6,7 @@ are: whole batches of plain tuples cost a tenth of python-can's messages.
 
 from __future__ import annotations
 
+import time
 from abc import abstractmethod
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -21,12 +22,12 @@ RESTARTED = 0x100
 class Arrival(NamedTuple):
     """A classic data frame with an 11-bit identifier, and when it arrived on the link's clock [s].
 
-    `time_s` is None where the bus does not tell.
+    Where the bus does not tell, that is when it was read.
     """
 
     cob_id: int
     data: bytes
-    time_s: float | None
+    time_s: float
 
 
 @runtime_checkable
@@ -103,7 +104,7 @@ class PythonCanPort:
             return ()
         if message.is_extended_id or message.is_remote_frame or message.is_fd:
             return ()
-        time_s = message.timestamp if self._simulated else None
+        time_s = message.timestamp if self._simulated else time.monotonic()
         return (Arrival(message.arbitration_id, bytes(message.data), time_s),)
 
 

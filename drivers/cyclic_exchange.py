@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config.errors import TransportError
+from drivers.can_ports import Arrival
 from drivers.canopen.frames import SYNC, Frame, tpdo_cob_id
 from drivers.cia402 import AxisUnits, PowerState
 from drivers.command_frames import Frames, FullCommands, TrimmedCommands
@@ -144,16 +145,15 @@ class CyclicExchange:
         return self.sync_time_s
 
     def _read_waiting(self) -> None:
-        receive = self._link.receive
-        for _ in range(MOST_FRAMES):
-            frame = receive(-math.inf)
-            if frame is None:
-                return
-            axis = self._slots.get(frame.cob_id)
-            if axis is not None:
-                self._count_surplus(axis)
-            else:
-                self._other_frame(frame)
+        taken = 0
+        while taken < MOST_FRAMES and (arrived := self._link.receive_all(-math.inf)):
+            taken += len(arrived)
+            for arrival in arrived:
+                axis = self._slots.get(arrival.cob_id)
+                if axis is not None:
+                    self._count_surplus(axis)
+                else:
+                    self._other_frame(arrival)
 
     def _count_surplus(self, axis: int) -> None:
         """Count an answer too many: that of an earlier cycle that lacks one, or a copy."""
@@ -173,28 +173,26 @@ class CyclicExchange:
         link = self._link
         if self._burst_s:
             link.clock.sleep_until(min(self.sync_time_s + self._expected_s, deadline_s))
-        missing = len(received)
-        receive = link.receive
-        slots = self._slots
-        for _ in range(MOST_FRAMES):
-            frame = receive(deadline_s)
-            if frame is None:
-                break
-            cob_id, data = frame
-            axis = slots.get(cob_id)
-            if axis is None:
-                self._other_frame(frame)
-            elif len(data) != self._answer_bytes:
-                self._watch.wrong_length(axis, len(data), link.last_time_s, self._answer_bytes)
-            elif received[axis] or link.last_time_s < self.sync_time_s:
-                self._count_surplus(axis)
-            else:
-                received[axis] = True
-                self._take_answer(axis, data)
-                missing -= 1
-                if not missing:
-                    self._learn(link.last_time_s - self.sync_time_s)
-                    break
+        missing, taken = len(received), 0
+        slots, sync_s, size = self._slots, self.sync_time_s, self._answer_bytes
+        while missing and taken < MOST_FRAMES and (arrived := link.receive_all(deadline_s)):
+            taken += len(arrived)
+            for arrival in arrived:
+                cob_id, data, time_s = arrival
+                axis = slots.get(cob_id)
+                if axis is None:
+                    self._other_frame(arrival)
+                elif len(data) != size:
+                    self._watch.wrong_length(axis, len(data), time_s, size)
+                elif received[axis] or time_s < sync_s:
+                    self._count_surplus(axis)
+                else:
+                    received[axis] = True
+                    self._take_answer(axis, data)
+                    missing -= 1
+                    last_s = time_s
+        if not missing:
+            self._learn(last_s - sync_s)
         if self._coupling is not None:
             self._coupling.to_joints(self._motor_position, self.position)
         self._watch.check(self.sync_time_s)
@@ -223,15 +221,16 @@ class CyclicExchange:
         if status & 0x6F != PowerState.OPERATION_ENABLED:
             self.left_enabled = True
 
-    def _other_frame(self, frame: Frame) -> None:
+    def _other_frame(self, arrival: Arrival) -> None:
         """Take a frame that is no answer to SYNC: a statusword by itself, or for the watch."""
-        axis = self._status_slots.get(frame.cob_id)
+        cob_id, data, time_s = arrival
+        axis = self._status_slots.get(cob_id)
         if axis is None:
-            self._watch.handle(frame, self._link.last_time_s)
-        elif len(frame.data) == _STATUS.size:
-            self._take_status(axis, *_STATUS.unpack(frame.data))
+            self._watch.handle(Frame(cob_id, data), time_s)
+        elif len(data) == _STATUS.size:
+            self._take_status(axis, *_STATUS.unpack(data))
         else:
-            self._watch.wrong_length(axis, len(frame.data), self._link.last_time_s, _STATUS.size)
+            self._watch.wrong_length(axis, len(data), time_s, _STATUS.size)
 
     def send_velocities(self, velocity: NDArray[np.float64]) -> None:
         """Send set-points [rad/s or m/s, joint side] with Enable Operation; all of them or none.

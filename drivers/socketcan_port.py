@@ -139,11 +139,9 @@ class SocketCanPort:
                     self._error_frame(can_id, payload)
         return arrived
 
-    def _note(
-        self, ancillary: list[tuple[int, int, bytes]], now_ns: tuple[int, int]
-    ) -> float | None:
+    def _note(self, ancillary: list[tuple[int, int, bytes]], now_ns: tuple[int, int]) -> float:
         """Take the kernel's drop counter; return its time stamp on CLOCK_MONOTONIC [s]."""
-        time_s = None
+        time_s = now_ns[1] * 1e-9
         for _, kind, value in ancillary:
             if kind == _SO_TIMESTAMPNS:
                 seconds, nanoseconds = _TIME.unpack(value)

@@ -159,13 +159,23 @@ class CanLink:
         TransportError
             The adapter is gone, or reports bus-off.
         """
-        arrived = self._arrived
+        if not self._arrived:
+            self._arrived.extend(self.receive_all(until_s))
+        if not self._arrived:
+            return None
+        cob_id, data, self.last_time_s = self._arrived.popleft()
+        return Frame(cob_id, data)
+
+    def receive_all(self, until_s: float) -> Sequence[Arrival]:
+        """Return all classic data frames that have come, oldest first.
+
+        Waits for one as `receive` does; empty when `until_s` [s] comes first.
+        """
+        if self._arrived:
+            arrived = (*self._arrived,)
+            self._arrived.clear()
+            return arrived
         while True:
-            while arrived:
-                cob_id, data, time_s = arrived.popleft()
-                if self._echoes is None or not self._is_echo((cob_id, data)):
-                    self.last_time_s = self.clock.now_s() if time_s is None else time_s
-                    return Frame(cob_id, data)
             timeout_s = until_s - self.clock.now_s()
             try:
                 frames = self._port.receive_frames(timeout_s if timeout_s > 0.0 else 0.0)
@@ -175,8 +185,11 @@ class CanLink:
                     " check the adapter and its cable"
                 ) from error
             if frames is None:
-                return None
-            arrived.extend(frames)
+                return ()
+            if self._echoes is not None:
+                frames = [frame for frame in frames if not self._is_echo(frame[:2])]
+            if frames:
+                return frames
 
     def _is_echo(self, frame: tuple[int, bytes]) -> bool:
         """Return whether a frame is one that was sent here and has come back."""
