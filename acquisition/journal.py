@@ -43,12 +43,13 @@ class Journal:
             The rows do not make one (time stamps that do not increase).
         """
         rows, header = self.rows, self.header
+        answered = rows["valid"] != 0
         return Recording(
             joint_names=header.joint_names,
             time_s=rows["time_s"],
             position=rows["position"],
             torque_nm=rows["torque_nm"],
-            valid=np.all(rows["valid"] != 0, axis=1),
+            valid=answered.all(axis=1),
             phase=rows["phase"],
             sample_index=rows["sample_index"],
             target_position=rows["target_position"],
@@ -56,6 +57,7 @@ class Journal:
             sample_period_s=header.sample_period_s,
             samples_per_period=header.samples_per_period,
             torque_filter=header.torque_filter,
+            answered=answered,
             source="cell",
             cell_name=header.cell_name,
             robot_name=header.robot_name,

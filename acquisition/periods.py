@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.arrays import BoolArray, FloatArray, read_only
+from acquisition.arrays import BoolArray, FloatArray, IntArray, read_only
 from acquisition.motion_samples import Phase
 from acquisition.reaction_average import ReactionAverage, ReactionPeriods, cut_reaction
 from acquisition.recording import Recording
@@ -116,10 +116,10 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
 
     Rows are put in their place by `sample_index`, so that a lost row shifts nothing. Run-in,
     transient periods and run-out are left out. A period is rejected where it is incomplete, misses
-    more than 2 % of its rows or more than 3 in sequence, or is out of family: its deviation from
-    the median period (RMS or peak, any channel) is more than twice, and 6 robust standard
-    deviations above, what is common among the periods. A single missing row of a good period is
-    left out of the mean at its place.
+    more than 2 % of a joint's rows or more than 3 in sequence, or is out of family: its deviation
+    from the median period (RMS or peak, any channel) is more than twice, and 6 robust standard
+    deviations above, what is common among the periods. A single row of a good period that any joint
+    misses is left out of the mean at its place.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     Raises
     ------
     DataQualityError
-        The recording is not periodic, misses more than 2 % of all rows, has too many rejected
+        The recording is not periodic, misses more than 2 % of a joint's rows, has too many rejected
         periods or fewer than two good ones.
     """
     if recording.samples_per_period is None or recording.sample_period_s is None:
@@ -139,8 +139,9 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
             "the recording is not periodic, so there are no periods to average: smooth it instead"
         )
     samples = recording.samples_per_period
-    values, present = cut_periods(recording, samples)
-    rejected = _incomplete(present)
+    values, there = cut_periods(recording, samples)
+    rejected = _lost(there, recording)
+    present = there.all(axis=2)
     good = np.array([index not in rejected for index in range(len(present))])
     n = len(recording.joint_names)
     channels = [
@@ -259,33 +260,50 @@ def cut_periods(recording: Recording, samples: int) -> tuple[FloatArray, BoolArr
     -------
     values : ndarray, shape (periods, K, 2 n)
         Positions, then torques; zero where a row is not there.
-    present : ndarray of bool, shape (periods, K)
-        Which rows are.
+    present : ndarray of bool, shape (periods, K, n)
+        Which rows of which joints are.
 
     Raises
     ------
     DataQualityError
-        More than 2 % of all rows are missing, or where a period starts is not known.
+        More than 2 % of a joint's rows are missing, or where a period starts is not known.
     """
     main = (recording.phase == Phase.MAIN) & (recording.sample_index >= 0)
     start = _first_main_index(recording, main, samples)
     place = recording.sample_index[main] - start
     periods = int(place.max()) // samples + 1
-    usable = recording.valid[main]
+    there = recording.valid_of_joints[main]
     n = len(recording.joint_names)
     values = np.zeros((periods * samples, 2 * n))
-    present = np.zeros(periods * samples, dtype=np.bool_)
-    measured = np.concatenate([recording.position[main], recording.torque_nm[main]], axis=1)
-    values[place[usable]] = measured[usable]
-    present[place[usable]] = True
+    present = np.zeros((periods * samples, n), dtype=np.bool_)
+    row, joint = np.nonzero(there)
+    values[place[row], joint] = recording.position[main][row, joint]
+    values[place[row], n + joint] = recording.torque_nm[main][row, joint]
+    present[place[row], joint] = True
     reached = int(place.max()) + 1
-    missing = reached - int(present.sum())
-    if missing > MISSING_FRACTION_LIMIT * reached:
+    missing = reached - present.sum(axis=0)
+    worst = int(missing.argmax())
+    if missing[worst] > MISSING_FRACTION_LIMIT * reached:
+        misses = samples - present[:, worst].reshape(periods, samples).sum(axis=1)
+        where = np.flatnonzero(misses > MISSING_FRACTION_LIMIT * samples)
         raise DataQualityError(
-            f"{missing} of {reached} rows of the main periods are missing or not valid; more than"
-            f" {MISSING_FRACTION_LIMIT:.0%} is too much: look for lost frames on the bus"
+            f"{_of_joint(recording, worst)}{missing[worst]} of {reached} rows of the main periods"
+            f" are missing or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much (it is"
+            f" more in {_listed(where)}): look for lost frames on the bus"
         )
-    return values.reshape(periods, samples, 2 * n), present.reshape(periods, samples)
+    return values.reshape(periods, samples, 2 * n), present.reshape(periods, samples, n)
+
+
+def _of_joint(recording: Recording, joint: int) -> str:
+    """Return whose rows are spoken of, where joints have rows of their own."""
+    return "" if recording.answered is None else f"joint {recording.joint_names[joint]!r}: "
+
+
+def _listed(periods: IntArray) -> str:
+    """Name periods, those in sequence together."""
+    runs = np.split(periods, np.flatnonzero(np.diff(periods) > 1) + 1)
+    words = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
+    return ("periods " if len(periods) > 1 else "period ") + ", ".join(words)
 
 
 def _first_main_index(recording: Recording, main: BoolArray, samples: int) -> int:
@@ -310,8 +328,17 @@ def _first_main_index(recording: Recording, main: BoolArray, samples: int) -> in
     return latest
 
 
+def _lost(present: BoolArray, recording: Recording) -> dict[int, str]:
+    """Return the periods that miss too much of any joint, (periods, K, n), with the reason."""
+    rejected = _incomplete(present.any(axis=2))
+    for joint in range(present.shape[2]):
+        for period, reason in _incomplete(present[:, :, joint]).items():
+            rejected.setdefault(period, _of_joint(recording, joint) + reason)
+    return rejected
+
+
 def _incomplete(present: BoolArray) -> dict[int, str]:
-    """Return the periods that miss too much, with the reason."""
+    """Return the periods that miss too much, (periods, K), with the reason."""
     rejected = {}
     periods, samples = present.shape
     for period in range(periods):

@@ -45,6 +45,8 @@ class Recording:
         Temperature of each joint's drive [K].
     reaction : Reaction or None
         What a force plate under the robot measured at the same times.
+    answered : ndarray of bool, shape (samples, joints), or None
+        Which joints' drives delivered; None where `valid` says it of all of them.
     source : "cell" or "import"
         Measured by this program, or read from a file.
     cell_name, robot_name, run_id : str
@@ -66,6 +68,7 @@ class Recording:
     torque_filter: ButterworthFilter | None = None
     temperature_k: FloatArray | None = None
     reaction: Reaction | None = None
+    answered: BoolArray | None = None
     cell_name: str = ""
     robot_name: str = ""
     run_id: str = ""
@@ -90,6 +93,11 @@ class Recording:
         for name in ("target_position", "velocity_command", "temperature_k"):
             if getattr(self, name) is not None:
                 fields[name] = read_only(name, getattr(self, name), float, table, RecordingError)
+        if self.answered is not None:
+            answered = read_only("answered", self.answered, np.bool_, table, RecordingError)
+            fields["answered"] = answered
+            if (answered.all(axis=1) != fields["valid"]).any():
+                raise RecordingError("recording: valid is not where every joint has answered")
         for name, array in fields.items():
             object.__setattr__(self, name, array)
         steps = np.diff(time_s)
@@ -112,3 +120,10 @@ class Recording:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    @property
+    def valid_of_joints(self) -> BoolArray:
+        """Where each joint's values are of their own row, shape (samples, joints)."""
+        if self.answered is not None:
+            return self.answered
+        return np.repeat(self.valid[:, np.newaxis], len(self.joint_names), axis=1)

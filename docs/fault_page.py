@@ -35,7 +35,11 @@ class Entry(NamedTuple):
 ROWS: dict[int, Row] = {
     1: Row("one answer of a drive lost", "its last value is held, the row marked", "1 marked row"),
     2: Row("three answers of one drive lost in a row", "quick stop of all axes", "≤ 4 T"),
-    3: Row("1 % of all answers lost", "goes on; bad periods left out and named", "count exact"),
+    3: Row(
+        "1 % of all answers lost; more",
+        "goes on, bad periods left out and named; beyond 2 % of a drive's, or 5 periods: exit 6",
+        "count exact",
+    ),
     4: Row("an answer twice", "the second is ignored", "0 rows more"),
     5: Row(
         "answers later than their cycle",

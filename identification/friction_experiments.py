@@ -295,7 +295,7 @@ def _part(recording: Recording, rows: BoolArray, first: int, period: int) -> Rec
         raise DataQualityError("the recording ends before the way back began: record again")
     fields = ("time_s", "position", "torque_nm", "valid", "phase")
     tables = {name: getattr(recording, name)[rows] for name in fields}
-    for name in ("target_position", "velocity_command", "temperature_k"):
+    for name in ("target_position", "velocity_command", "temperature_k", "answered"):
         values = getattr(recording, name)
         tables[name] = None if values is None else values[rows]
     return replace(

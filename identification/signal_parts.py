@@ -48,7 +48,7 @@ def single_periods(recording: Recording, band_hz: float) -> dict[int, SmoothedSi
             band_hz,
             None if warmth is None else warmth.mean(axis=0),
         )
-        for number in np.flatnonzero(present.all(axis=1))
+        for number in np.flatnonzero(present.all(axis=(1, 2)))
     }
 
 

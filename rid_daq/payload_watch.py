@@ -94,7 +94,7 @@ def period_powers(recording: Recording) -> FloatArray:
         return np.zeros((0, len(recording.joint_names)))
     values, present = cut_periods(recording, samples)
     n = len(recording.joint_names)
-    whole = values[present.all(axis=1)]
+    whole = values[present.all(axis=(1, 2))]
     speed = np.gradient(whole[:, :, :n], recording.sample_period_s, axis=1)
     return np.asarray(np.mean(speed * whole[:, :, n:], axis=1))
 

@@ -13,7 +13,7 @@ from acquisition.motion_samples import Phase
 from acquisition.periods import PeriodAverage, average_periods
 from acquisition.recording import Recording
 from config.cell import ButterworthFilter
-from config.errors import DataQualityError
+from config.errors import DataQualityError, RecordingError
 
 K = 200
 RUN_IN = 37
@@ -64,6 +64,7 @@ def without(recording: Recording, rows: np.ndarray) -> Recording:
         torque_nm=recording.torque_nm[keep],
         valid=recording.valid[keep],
         phase=recording.phase[keep],
+        answered=None if recording.answered is None else recording.answered[keep],
         sample_index=recording.sample_index[keep],
     )
 
@@ -73,6 +74,21 @@ def invalid(recording: Recording, rows: np.ndarray) -> Recording:
     valid = recording.valid.copy()
     valid[rows] = False
     return replace(recording, valid=valid)
+
+
+def unanswered(recording: Recording, rows: np.ndarray, joint: int) -> Recording:
+    """The recording with one joint's values held from before in these rows."""
+    answered = np.array(recording.valid_of_joints)
+    answered[rows, joint] = False
+    position, torque = recording.position.copy(), recording.torque_nm.copy()
+    position[rows, joint], torque[rows, joint] = 1e6, -1e6
+    return replace(
+        recording,
+        answered=answered,
+        valid=answered.all(axis=1),
+        position=position,
+        torque_nm=torque,
+    )
 
 
 def knocked(recording: Recording, period: int, size: float, rows: int) -> Recording:
@@ -185,6 +201,44 @@ class TestLostRows:
         assert average.periods_kept == 5
         assert average.rejected[0].index == 5
         assert average.rejected[0].reason == "ended after 120 of 200 samples"
+
+
+class TestLostAnswers:
+    """Each drive's answers are judged alone: the more joints, the more rows miss one of them."""
+
+    @settings(deadline=None, max_examples=25)
+    @given(seed=st.integers(0, 1000))
+    def test_one_and_a_half_percent_of_each_joints_answers_is_borne(self, seed: int) -> None:
+        recording, rng = record(noise=1e-6), np.random.default_rng(seed)
+        for joint in range(2):
+            for period in range(8):
+                rows = main_row(period) + rng.choice(np.arange(1, K - 1), 3, replace=False)
+                recording = unanswered(recording, rows, joint)
+        average = average_periods(recording)
+        assert average.rejected == ()
+        assert 24 < average.missing_samples <= 48
+        np.testing.assert_allclose(average.position, one_period()[:, :2], atol=1e-6)
+        np.testing.assert_allclose(average.torque_nm, one_period()[:, 2:], atol=1e-5)
+
+    def test_a_period_that_misses_more_of_a_joint_is_rejected_by_its_name(self) -> None:
+        damaged = unanswered(record(), main_row(3) + np.arange(7, 57, 10), 1)
+        average = average_periods(damaged)
+        assert [period.index for period in average.rejected] == [3]
+        assert average.rejected[0].reason == (
+            "joint 'b': 5 of 200 samples missing, 1 in sequence from sample 7"
+        )
+
+    def test_more_than_two_percent_of_a_joint_is_refused_with_the_periods(self) -> None:
+        recording = record()
+        for period, lost in enumerate((8, 4, 9, 7, 8, 0, 4, 9)):
+            recording = unanswered(recording, main_row(period) + 5 * np.arange(1, lost + 1), 0)
+        with pytest.raises(DataQualityError, match=r"joint 'a': 49 of 1600 .* 0, 2 to 4, 7\)"):
+            average_periods(recording)
+
+    def test_rows_and_answers_that_contradict_one_another_are_no_recording(self) -> None:
+        damaged = unanswered(record(), np.array([50]), 0)
+        with pytest.raises(RecordingError, match="valid is not where"):
+            replace(damaged, valid=np.ones(len(damaged), dtype=bool))
 
 
 class TestOutOfFamily:

@@ -291,17 +291,27 @@ def motion(loaded: LoadedCell) -> MotionSamples:
     return fourier(loaded, periods=1)
 
 
+@pytest.fixture(scope="session")
+def motion_of(loaded: LoadedCell) -> Callable[[str, int], FourierMotion]:
+    """Return the same motion of so many periods as a file says it, for a robot of this name."""
+    return lambda robot, periods: plan_of(loaded, robot, periods)
+
+
 def fourier(loaded: LoadedCell, periods: int) -> MotionSamples:
+    plan = plan_of(loaded, loaded.robot.name, periods)
+    return plan_motion(plan, loaded.robot, loaded.config.cycle_time_s)
+
+
+def plan_of(loaded: LoadedCell, robot: str, periods: int) -> FourierMotion:
     sizes = ((0.2, 0.0), (0.0, 0.2), (0.15, 0.15))  # never do all of them stand
     joints = tuple(
         FourierJoint(joint=name, offset=0.0, sine=(sine,), cosine=(cosine,))
         for name, (sine, cosine) in zip(loaded.robot.joint_names, sizes, strict=True)
     )
-    plan = FourierMotion(
-        kind="fourier", robot=loaded.robot.name, period_s=1.6, periods=periods,
+    return FourierMotion(
+        kind="fourier", robot=robot, period_s=1.6, periods=periods,
         transient_periods=0, ramp_s=0.8, joints=joints,
     )  # fmt: skip
-    return plan_motion(plan, loaded.robot, loaded.config.cycle_time_s)
 
 
 @pytest.fixture
