@@ -143,9 +143,11 @@ class AmplifierDialogue:
                 break
             heard = (heard + data)[-_MAX_STALE_BYTES:]
         self._link.write(self.codec.request("identify"))
-        answer = self.answer("identify", clock.now_s() + timeout_s)
-        if not answer.text:
-            raise self.unexpected("who it is", answer.error and f"E{answer.error}")
+        until_s = clock.now_s() + timeout_s
+        while not (answer := self.answer("identify", until_s)).text:
+            if answer.error:
+                raise self.unexpected("who it is", f"E{answer.error}")
+            # a confirmation: that of the stream's end, which came late
         return printable(answer.text)
 
     def _search(self) -> int | None:

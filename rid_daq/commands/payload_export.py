@@ -79,5 +79,6 @@ def _origin(judged: JudgedPayload) -> tuple[str, ...]:
     mass, sigma = estimate.reported[0], estimate.sigma[0]
     return (
         f"Payload on {estimate.robot.name} from {', '.join(estimate.run_ids) or 'runs'}{where}.",
-        f"Verdict passed. Mass {mass:.4g} kg, 2 sigma {2 * sigma:.2g} kg.",
+        f"Verdict passed. Measured {mass:.4g} kg, 2 sigma {2 * sigma:.2g} kg; written is the",
+        "closest body that can exist.",
     )

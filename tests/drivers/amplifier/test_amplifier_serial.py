@@ -147,6 +147,12 @@ def test_late_answers_do_not_answer_the_next_question(plug: Plug) -> None:
         assert not amplifier.is_operating()
 
 
+def test_a_late_confirmation_is_not_taken_for_who_answers(plug: Plug) -> None:
+    device = plug(moods={"identify": lambda request: b"OK\rExample,M8,007,1.2\r"})
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        assert amplifier.connect() == "Example,M8,007,1.2"
+
+
 def test_a_port_that_is_not_there_is_named(plug: Plug) -> None:
     with (
         pytest.raises(TransportError, match=r"/dev/ttyNONE.*plate\.amplifier\.address"),
