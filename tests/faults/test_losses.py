@@ -1,4 +1,4 @@
-"""Lost answers through the command line: what is borne, what is left out, what is refused. Row 3."""
+"""Lost answers through the command line: what is borne, left out, refused: row 3."""
 
 from __future__ import annotations
 
