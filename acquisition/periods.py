@@ -141,7 +141,7 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     samples = recording.samples_per_period
     values, there = cut_periods(recording, samples)
     rejected = _lost(there, recording)
-    present = there.all(axis=2)
+    present: BoolArray = np.asarray(there.all(axis=2))
     good = np.array([index not in rejected for index in range(len(present))])
     n = len(recording.joint_names)
     channels = [
@@ -330,7 +330,7 @@ def _first_main_index(recording: Recording, main: BoolArray, samples: int) -> in
 
 def _lost(present: BoolArray, recording: Recording) -> dict[int, str]:
     """Return the periods that miss too much of any joint, (periods, K, n), with the reason."""
-    rejected = _incomplete(present.any(axis=2))
+    rejected = _incomplete(np.asarray(present.any(axis=2)))
     for joint in range(present.shape[2]):
         for period, reason in _incomplete(present[:, :, joint]).items():
             rejected.setdefault(period, _of_joint(recording, joint) + reason)
