@@ -11,9 +11,8 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
-import can
-
 from config.errors import TransportError
+from drivers.python_can import can
 
 BUS_OFF = 0x040
 RESTARTED = 0x100

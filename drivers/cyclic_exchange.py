@@ -173,7 +173,7 @@ class CyclicExchange:
         link = self._link
         if self._burst_s:
             link.clock.sleep_until(min(self.sync_time_s + self._expected_s, deadline_s))
-        missing, taken = len(received), 0
+        missing, taken, last_s = len(received), 0, 0.0
         slots, sync_s, size = self._slots, self.sync_time_s, self._answer_bytes
         while missing and taken < MOST_FRAMES and (arrived := link.receive_all(deadline_s)):
             taken += len(arrived)

@@ -15,13 +15,13 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, Protocol
 
-import can
 import serial
 
 from config.cell import CanBusConfig
 from config.errors import TransportError
 from drivers.can_ports import Arrival, FramePort, PythonCanPort
 from drivers.canopen.frames import Frame
+from drivers.python_can import can
 from drivers.socketcan_port import SocketCanPort
 
 _READ_BYTES = 1 << 16

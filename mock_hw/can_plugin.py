@@ -7,11 +7,9 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-import can
-from can import typechecking
-
 from config.errors import DriverError
 from drivers.can_ports import Arrival
+from drivers.python_can import can
 from mock_hw.can_wire import FOREVER_NS, WireFrame
 from mock_hw.hub_client import HubClient
 from mock_hw.hub_protocol import Role
@@ -74,8 +72,8 @@ class RidSimBus(can.BusABC):
 
     def __init__(
         self,
-        channel: typechecking.Channel,
-        can_filters: typechecking.CanFilters | None = None,
+        channel: can.typechecking.Channel,
+        can_filters: can.typechecking.CanFilters | None = None,
         *,
         participant: bool = False,
         **kwargs: Any,

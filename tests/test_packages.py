@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -47,3 +49,17 @@ def test_an_init_file_holds_one_docstring_and_nothing_else() -> None:
             assert text.startswith('"""'), path
             assert text.endswith('"""'), path
             assert text.count('"""') == 2, path
+
+
+@pytest.mark.parametrize(
+    "module", ["acquisition.task_process", "acquisition.recorder", "mock_hw.drives_process"]
+)
+def test_a_process_of_a_cell_starts_without_what_it_does_not_use(module: str) -> None:
+    program = (
+        f"import sys, {module};"
+        "print({'pandas', 'asammdf', 'matplotlib', 'typer'} & set(sys.modules))"
+    )
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert shown.stdout == "set()\n"

@@ -78,6 +78,23 @@ def test_the_mass_that_is_followed_is_the_one_that_is_reported(
     assert watch.line().startswith(f"3 periods: {mass:.3f} \u00b1 ")
 
 
+def test_a_warm_up_is_over_when_no_friction_changes_by_more_than_was_asked(
+    weighed: tuple[Path, dict[str, Any], int],
+) -> None:
+    runs, document, _ = weighed
+    journal = runs / document["done"]["warm-up"] / RECORDING
+    strict = WarmUpWatch(1e-3)
+    assert not strict.enough(journal, 3)
+    assert strict.line() == "warming up"
+    assert not strict.enough(journal, 4)
+    # Motors of one time constant, 60 s, warmed for 19 s: friction falls, by percents a period.
+    assert strict.drift_percent is not None
+    assert 0.1 < strict.drift_percent < 10.0
+    assert strict.line().startswith(f"friction of {strict.worst} changes by ")
+    assert WarmUpWatch(1.01 * strict.drift_percent).enough(journal, 4)
+    assert not WarmUpWatch(0.99 * strict.drift_percent).enough(journal, 4)
+
+
 def test_a_session_that_was_interrupted_goes_on_where_it_was(
     weighed: tuple[Path, dict[str, Any], int],
     motion: Path,
