@@ -13,7 +13,7 @@ from acquisition.motion_limits import violations
 from acquisition.path_motion import ATTEMPTS, SLOWER, joint_rows
 from acquisition.path_speed import progress, speed_limits
 from acquisition.ramp import Path, join, standstill
-from config.errors import ConfigError
+from config.errors import ConfigError, LimitError
 from config.path_motion import JointPathMotion, JointTableMotion
 from config.robot import RobotDescription
 from dynamics.inverse_kinematics import PathSlopes
@@ -100,7 +100,7 @@ def joint_table_motion(
         off = (position[:, j] < low) | (position[:, j] > high)
         if off.any():
             row = int(np.argmax(off))
-            raise ConfigError(
+            raise LimitError(
                 f"row {row + 1} of the table has joint {joint.name!r} at {position[row, j]:.4g},"
                 f" outside its limits {low:g} to {high:g}"
             )
@@ -132,7 +132,7 @@ def _poses(motion: JointPathMotion, robot: RobotDescription) -> FloatArray:
         for joint, value in zip(robot.joints, point, strict=True):
             low, high = joint.limits.position_min, joint.limits.position_max
             if not low <= value <= high:
-                raise ConfigError(
+                raise LimitError(
                     f"point {number} of the path has joint {joint.name!r} at {value:.4g}, outside"
                     f" its limits {low:g} to {high:g}"
                 )
@@ -153,7 +153,7 @@ def _refuse_between(
         off = np.maximum(low - position[:, j], position[:, j] - high)
         if off.max() > 0.0:
             number = int(np.searchsorted(knots, grid[off.argmax()]))
-            raise ConfigError(
+            raise LimitError(
                 f"the curve between points {number} and {number + 1} of the path has joint"
                 f" {joint.name!r} at {position[off.argmax(), j]:.4g}, outside its limits {low:g} to"
                 f" {high:g}: move the points"

@@ -8,7 +8,7 @@ import numpy as np
 
 from acquisition.arrays import FloatArray
 from acquisition.ramp import Path
-from config.errors import ConfigError, PreflightError
+from config.errors import LimitError, PreflightError
 from config.robot import RobotDescription
 from drivers.wrist_coupling import WristCoupling
 
@@ -87,16 +87,16 @@ def _between_rows(path: Path, sample_period_s: float, oversampling: int) -> Path
     )
 
 
-def beyond_limits(broken: list[str], what: str) -> ConfigError:
+def beyond_limits(broken: list[str], what: str) -> LimitError:
     """Return the error that says what a path, called `what`, exceeds."""
-    return ConfigError(
+    return LimitError(
         f"{what} exceeds the robot's limits: {'; '.join(broken)}. Reduce the amplitudes or"
         " speeds, or correct the limits in the robot file"
     )
 
 
 def refuse(broken: list[str], what: str) -> None:
-    """Raise `ConfigError` where a path, called `what`, exceeds anything."""
+    """Raise `LimitError` where a path, called `what`, exceeds anything."""
     if broken:
         raise beyond_limits(broken, what)
 

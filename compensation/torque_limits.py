@@ -6,7 +6,7 @@ import numpy as np
 
 from acquisition.motion_samples import MotionSamples
 from acquisition.path_motion import segment_at
-from config.errors import ConfigError
+from config.errors import LimitError
 from config.motion import AnyMotion
 from config.path_motion import PathMotion
 from config.robot import RobotDescription
@@ -20,7 +20,7 @@ def refuse_torque(
 
     Raises
     ------
-    ConfigError
+    LimitError
         It does; the text names joint, time and, of a path, the segment.
     """
     torque = np.abs(predict(estimate, samples.position, samples.velocity, samples.acceleration))
@@ -32,7 +32,7 @@ def refuse_torque(
         where = f"at {row * samples.sample_period_s:.4g} s"
         if isinstance(motion, PathMotion):
             where += f", {segment_at(motion, robot, samples.sample_period_s, row)},"
-        raise ConfigError(
+        raise LimitError(
             f"{where} the motion takes {torque[row, j]:.4g} {unit} of joint {joint.name!r} by the"
             f" model, its limit is {joint.limits.torque:g}: drive it more slowly"
         )

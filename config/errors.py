@@ -15,6 +15,10 @@ class ConfigError(RidDaqError):
     """A file or an argument says something that cannot be meant. The text carries its position."""
 
 
+class LimitError(ConfigError):
+    """A motion asks for more than its robot may do. It is refused before anything moves."""
+
+
 class DriverError(RidDaqError):
     """Something went wrong between the program and a device."""
 

@@ -11,6 +11,7 @@ from config.errors import (
     DataQualityError,
     DriverError,
     EstimationError,
+    LimitError,
     LockedError,
     PreflightError,
     RecordingError,
@@ -36,6 +37,7 @@ class ExitCode(IntEnum):
 
 
 _BY_ERROR: tuple[tuple[type[RidDaqError], ExitCode], ...] = (
+    (LimitError, ExitCode.PREFLIGHT),
     (ConfigError, ExitCode.USAGE),
     (PreflightError, ExitCode.PREFLIGHT),
     (DriverError, ExitCode.COMMUNICATION),

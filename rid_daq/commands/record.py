@@ -13,6 +13,7 @@ from acquisition.rehearsal import SLOWER, rehearsal
 from acquisition.run_folder import RunFolder
 from acquisition.termination import ignore_termination
 from compensation.feedforward_file import read_feedforward
+from compensation.torque_limits import refuse_torque
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.faults import NO_SCRIPT
@@ -25,6 +26,8 @@ from config.motion import (
     ReversedMotion,
 )
 from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
+from identification.estimate import Estimate
+from identification.estimate_file import read_estimate
 from rid_daq.accuracy_watch import AccuracyWatch
 from rid_daq.cells import CellName, Realtime, Seed, mountable_cell
 from rid_daq.clearance import Cleared, require_cleared
@@ -59,6 +62,14 @@ def record(
             metavar="FEEDFORWARD", help="Pre-compensation of this motion, by `compensate`."
         ),
     ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL",
+            help="A model by `identify`: a motion that takes more torque than a joint has by it is"
+            " refused.",
+        ),
+    ] = None,
     label: Annotated[
         str | None, typer.Option(help="What to call the run; the motion file's name if not given.")
     ] = None,
@@ -89,16 +100,18 @@ def record(
 ) -> None:
     """Run a motion on a cell and record it into a new run folder.
 
-    The motion is checked against every limit before anything moves. Ctrl-C stops the robot (a quick
-    stop, then power off) and keeps what was recorded. It is not an emergency stop. Where a goal of
-    --until is not reached by the last period, the exit code is 1. Where more than 2 % of a drive's
-    answers were lost, or more than 5 periods are bad, it is 6.
+    The motion is checked against every limit before anything moves (exit code 3). Ctrl-C stops the
+    robot (a quick stop, then power off) and keeps what was recorded. It is not an emergency stop.
+    Where a goal of --until is not reached by the last period, the exit code is 1. Where more than
+    2 % of a drive's answers were lost, or more than 5 periods are bad, it is 6.
     """
     console = Console(as_json)
     loaded = load_cell(cell)
     asked = load_motion(motion)
     check_robot(asked, loaded, motion)
     samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
+    if model is not None:
+        refuse_torque(asked, samples, estimate_of(model, loaded), loaded.robot)
     if feedforward is not None:
         samples = with_feedforward(feedforward, asked, samples)
     accuracy = None
@@ -223,6 +236,22 @@ def with_feedforward(path: Path, motion: AnyMotion, samples: MotionSamples) -> M
             " `rid-daq compensate`"
         )
     return file.onto(samples)
+
+
+def estimate_of(path: Path, loaded: LoadedCell) -> Estimate:
+    """Return the model of a file, of the robot of a cell.
+
+    Raises
+    ------
+    ConfigError
+        It is of another robot.
+    """
+    estimate = read_estimate(path)
+    if estimate.robot.name != loaded.robot.name:
+        raise ConfigError(
+            f"{path}: is of robot {estimate.robot.name!r}, the cell has {loaded.robot.name!r}"
+        )
+    return estimate
 
 
 def check_robot(motion: AnyMotion, loaded: LoadedCell, path: Path) -> None:

@@ -1,0 +1,112 @@
+"""Motion files beyond a limit, through the command line: exit code 3, and no frame: row 16."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from config.load import LoadedCell, to_yaml
+from config.motion import FourierMotion
+from config.robot import RobotDescription
+from dynamics.robot_model import RobotModel
+from identification.base_parameters import base_parameters
+from identification.estimate import Estimate
+from identification.estimate_file import write_estimate
+from identification.model_options import ModelOptions
+from mock_hw.cell import SimulatedCell
+from rid_daq.app import run
+from rid_daq.truth import true_parameters
+
+Measured = Callable[[str], None]
+
+
+def true_estimate(loaded: LoadedCell, robot: RobotDescription) -> Estimate:
+    """Return the plant as if it had been identified without any error."""
+    assert loaded.plant is not None
+    model = RobotModel.from_description(robot)
+    base, n = base_parameters(model), len(robot.joints)
+    none = np.zeros((len(base), len(base)))
+    return Estimate(
+        robot=robot,
+        options=ModelOptions(),
+        base=base,
+        values=base.combination @ true_parameters(model, robot, loaded.plant),
+        covariance_noise=None,
+        covariance_residual=none,
+        covariance_honest=none,
+        condition_number=1.0,
+        equations=1,
+        residual_nm=np.zeros(n),
+        noise_nm=None,
+        left_out_fraction=np.zeros(n),
+        method="periodic",
+        band_hz=20.0,
+        standstill_rad_s=0.01,
+    )
+
+
+def weaker(robot: RobotDescription) -> RobotDescription:
+    """Return a robot whose second joint has hardly any torque."""
+    first, second, third = robot.joints
+    limits = second.limits.model_copy(update={"torque": 20.0})
+    return robot.model_copy(
+        update={"joints": (first, second.model_copy(update={"limits": limits}), third)}
+    )
+
+
+def far_table(plan: FourierMotion) -> str:
+    """Return a table of joint positions that leaves the first joint's range."""
+    names = [joint.joint for joint in plan.joints]
+    turns = np.linspace(0.0, 1.0, 200)
+    rows = [f"{4.0 * s:.4f},{6.0 * (1.0 - np.cos(2.0 * np.pi * s)):.6f},0,0" for s in turns]
+    return "\n".join(["time_s," + ",".join(names), *rows]) + "\n"
+
+
+@pytest.mark.fault(16)
+def test_a_motion_file_beyond_a_limit_is_exit_3_and_not_one_frame(
+    loaded: LoadedCell,
+    motion_of: Callable[[str, int], FourierMotion],
+    tmp_path: Path,
+    capsys: Any,
+    measured: Measured,
+) -> None:
+    assert loaded.plant is not None
+    plan, log = motion_of("ir361", 2), tmp_path / "bus.log"
+    fast = plan.model_copy(
+        update={"joints": tuple(j.model_copy(update={"sine": (0.9,)}) for j in plan.joints)}
+    )
+    (tmp_path / "far.csv").write_text(far_table(plan))
+    texts = {
+        "position": "kind: joint_table\nrobot: ir361\nfile: far.csv\n",
+        "velocity": to_yaml(fast),
+        "torque": to_yaml(plan),
+    }
+    weak = weaker(loaded.robot)
+    write_estimate(tmp_path / "model.json", true_estimate(loaded, weak))
+    (tmp_path / "weak.yaml").write_text(to_yaml(weak))
+    config = loaded.config.model_copy(update={"plate": None})
+    said = {}
+    with SimulatedCell(
+        config, loaded.robot, loaded.plant, realtime=False, seed=3, log=log
+    ) as simulated:
+        cell = simulated.cell.model_dump(mode="json") | {"simulated": False, "plant": None}
+        (tmp_path / "cell.json").write_text(json.dumps(cell | {"robot": "weak.yaml"}))
+        for what, text in texts.items():
+            (tmp_path / f"{what}.yaml").write_text(text)
+            words = ["record", str(tmp_path / "cell.json"), str(tmp_path / f"{what}.yaml")]
+            words += ["--model", str(tmp_path / "model.json"), "--i-have-cleared-the-cell"]
+            assert run([*words, "--runs", str(tmp_path / "runs")]) == 3
+            said[what] = capsys.readouterr().err
+    assert "of the table has joint 'axis1' at 2.8" in said["position"]
+    assert "outside its limits" in said["position"]
+    assert "velocity of joint" in said["velocity"]
+    assert "N m of joint 'axis2' by the model, its limit is 20" in said["torque"]
+    ours = [line for line in log.read_text().splitlines() if not line.split()[2].startswith("70")]
+    assert ours == []
+    assert not (tmp_path / "runs").exists()
+    measured("position, velocity, torque by the model: exit 3, 0 frames, no run")
