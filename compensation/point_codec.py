@@ -11,6 +11,7 @@ One line of JSON each way, then frames:
 
 from __future__ import annotations
 
+import contextlib
 import json
 import struct
 from collections.abc import Sequence
@@ -111,10 +112,10 @@ class PointDecoder:
         end = self._bytes.find(b"\n")
         if end < 0 and len(self._bytes) <= LONGEST_LINE:
             return False
-        try:
-            said = json.loads(self._bytes[: max(end, 0)])
-        except ValueError:
-            said = None
+        said = None
+        if 0 <= end <= LONGEST_LINE:
+            with contextlib.suppress(ValueError, RecursionError):
+                said = json.loads(self._bytes[:end])
         if not isinstance(said, dict) or said.get("protocol") != PROTOCOL:
             raise ProtocolError(
                 f'the client does not speak this protocol: its first line must be {{"protocol":'
