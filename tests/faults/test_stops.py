@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -62,6 +64,59 @@ def test_a_babbling_node_that_takes_the_bus_away_stops_the_motion(
     assert run.truth.speed_after(lost_s + 0.4) < 1e-3
     rest_s = run.truth.rest_s() - lost_s
     measured(f"babbling: {run.reason.code.name.lower()}, at rest {1e3 * rest_s:.0f} ms later")
+
+
+class FullQueue:
+    """A port that refuses the set-points of one cycle, as a kernel's full queue does: ENOBUFS.
+
+    It has room again at once: whoever kept a set-point, or tries again, is seen on the wire.
+    """
+
+    def __init__(self, port: Any, clock: Any) -> None:
+        self._port, self._clock = port, clock
+        self.syncs, self.refused, self.refused_s = 0, 0, math.inf
+
+    def send_frames(self, frames: Any) -> None:
+        frames = list(frames)
+        self.syncs += sum(identifier == 0x080 for identifier, _ in frames)
+        if self.syncs == AT and not self.refused and 0x201 in dict(frames):
+            self.refused, self.refused_s = len(frames), self._clock.now_s()
+            raise OSError(errno.ENOBUFS, os.strerror(errno.ENOBUFS))
+        self._port.send_frames(frames)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._port, name)
+
+
+@pytest.mark.fault(12)
+def test_a_full_transmit_queue_is_an_error_in_its_cycle_and_nothing_comes_after(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    rig = serve()
+    ports: list[FullQueue] = []
+
+    def fill(cell: Any, _control: ControlBlock) -> None:
+        ports.append(FullQueue(cell.axes._link._port, cell.clock))
+        cell.axes._link._port = ports[0]
+
+    run = rig.move(motion, fill)
+    assert run.reason.code is StopCode.BUS
+    assert "No buffer space available" in run.reason.text
+    assert ports[0].refused >= 3
+    last_s = ports[0].refused_s
+    speed = float(np.abs(run.truth.velocity[run.truth.at(last_s)]).max())
+    assert speed > 0.05, "nothing moved before the fault"
+    assert run.motion_frames_after(last_s) == []
+    stopped_s = max(run.quick_stops().values()) - last_s
+    assert stopped_s < T, "the quick stop, which the queue took again, is in the same cycle"
+    run.assert_at_rest()
+    again = rig.move(motion)
+    assert again.error is None
+    assert again.reason is None
+    measured(
+        f"full queue: an error and the quick stop {1e3 * stopped_s:.1f} ms after the refusal, in"
+        " the same cycle; 0 set-points afterwards"
+    )
 
 
 @pytest.mark.fault(16)
