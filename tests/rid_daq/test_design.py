@@ -31,6 +31,7 @@ from identification.optimal_design import refine
 from rid_daq.app import run
 from rid_daq.design_job import chosen_criterion, excitation_problem
 from rid_daq.truth import true_parameters
+from tests.rid_daq.told import document
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +69,7 @@ def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
 
 def design(capsys: pytest.CaptureFixture[str], output: Path, *words: str) -> dict[str, Any]:
     assert run(["design", "ir361", "-o", str(output), "--starts", "2", "--json", *words]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert isinstance(document, dict)
-    return document
+    return document(capsys)
 
 
 def test_it_writes_a_motion_within_all_limits(
