@@ -3,8 +3,9 @@
 One simulated cell and one program live through all of it. Every minute of simulated time something
 goes wrong: on the bus, in a drive, in a process of the program, by the operator. The reaction must
 be the right one, the axes must be at rest after it, the recording must be readable, and the next
-motion must go as if nothing had been. Memory and descriptors of program, hub and drives must not
-grow. `--hours H` sets the simulated time (8), `--every S` the time between faults (60).
+motion must go as if nothing had been, once a person has reset the drives that are in fault. Memory
+and descriptors of program, hub and drives must not grow. `--hours H` sets the simulated time (8),
+`--every S` the time between faults (60).
 """
 
 from __future__ import annotations
@@ -34,11 +35,12 @@ from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import read_journal
 from acquisition.motion_samples import plan_motion
 from acquisition.run_folder import RunFolder
-from acquisition.stop_reason import StopCode
+from benchmarks.soak_faults import FAULTS, QUICK, Fault
 from config.errors import RidDaqError
 from config.faults import FaultScript
 from config.load import LoadedCell, load_cell
 from config.motion import FourierJoint, FourierMotion
+from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
 
 GROWTH_BAR_PERCENT_PER_H: Final = 1.0
@@ -49,78 +51,6 @@ RAMP_S: Final = 1.0
 AFTER_S: Final = 3.0  # of motion after the fault
 LEAST_S: Final = 6.0  # from a motion's beginning to its fault
 REST_PATIENCE_S: Final = 60.0
-
-
-@dataclass(frozen=True)
-class Fault:
-    """Something that goes wrong, and the reactions that are right.
-
-    Attributes
-    ----------
-    name : str
-        What goes wrong.
-    part : "bus", "drives" or "program"
-        Where.
-    keys : dict
-        As in a fault script; for "program", `kill` or `signal`.
-    stops : tuple of StopCode
-        Any of these; empty where the motion goes on.
-    """
-
-    name: str
-    part: str
-    keys: dict[str, Any]
-    stops: tuple[StopCode, ...] = ()
-
-
-_BLOCKED = (StopCode.TORQUE_LIMIT, StopCode.FOLLOWING_ERROR, StopCode.STUCK_ENCODER)
-_POWERLESS = (StopCode.NOT_ENABLED, StopCode.EMERGENCY, StopCode.DRIVE_FAULT)
-_FAULT = (StopCode.EMERGENCY, StopCode.DRIVE_FAULT)
-_SILENT = {"kind": "heartbeat_stops", "joint": "axis1", "duration_s": 2.0}
-
-QUICK: Final = (
-    Fault("a strange frame", "bus", {"kind": "strange", "identifier": 0x555}),
-    Fault(
-        "three answers are lost",
-        "bus",
-        {"kind": "drop", "joint": "axis1", "count": 3},
-        (StopCode.MISSED_FRAMES,),
-    ),
-    Fault("the recorder is killed", "program", {"kill": "recorder"}, (StopCode.RECORDER,)),
-    Fault(
-        "a drive boots",
-        "drives",
-        {"kind": "reset", "joint": "axis3"},
-        (StopCode.DRIVE_RESTARTED,),
-    ),
-)
-FAULTS: Final = (
-    *QUICK,
-    Fault("one answer is lost", "bus", {"kind": "drop", "joint": "axis2"}),
-    Fault("an answer comes twice", "bus", {"kind": "duplicate"}),
-    Fault("the operator stops", "program", {"signal": signal.SIGINT}, (StopCode.INTERRUPTED,)),
-    Fault(
-        "an emergency message",
-        "drives",
-        {"kind": "emergency", "joint": "axis1"},
-        (StopCode.EMERGENCY,),
-    ),
-    Fault("a drive's fault", "drives", {"kind": "fault", "joint": "axis2"}, _FAULT),
-    Fault("the task is killed", "program", {"kill": "cyclic task"}, (StopCode.TASK_DIED,)),
-    Fault(
-        "an axis is blocked",
-        "drives",
-        {"kind": "blocked", "joint": "axis2", "duration_s": 2.0},
-        _BLOCKED,
-    ),
-    Fault(
-        "an emergency stop",
-        "drives",
-        {"kind": "motor_power_lost", "duration_s": 2.0},
-        _POWERLESS,
-    ),
-    Fault("a drive falls silent", "drives", _SILENT, (StopCode.HEARTBEAT_LOST,)),
-)
 
 
 @dataclass
@@ -259,7 +189,9 @@ def _live_through(
     try:
         act = _by_the_program(fault, cell, at_s)
         outcome = record_motion(cell.cell, loaded.robot, samples, run, on_progress=act)
-        return _judge(fault, outcome, cell), outcome.rows
+        if outcome.interrupted_by is not None and "signal" not in fault.keys:
+            raise SystemExit(128 + outcome.interrupted_by)
+        return _judge(fault, outcome, cell) or _reset(cell, loaded), outcome.rows
     except RidDaqError as error:
         return f"{type(error).__name__}: {error}", 0
     finally:
@@ -317,6 +249,14 @@ def _judge(fault: Fault, outcome: RecordOutcome, cell: SimulatedCell) -> str:
     if (np.diff(journal.rows["cycle"].astype(np.int64)) != 1).any():
         return "rows are missing in the recording"
     return ""
+
+
+def _reset(cell: SimulatedCell, loaded: LoadedCell) -> str:
+    """Reset the drives' faults as a person does; return which of them stay in fault."""
+    with open_cell(cell.cell, loaded.robot) as opened:
+        drives = opened.axes.service.reset_faults()
+    left = [drive.joint for drive in drives if drive.is_faulty or drive.refusal]
+    return f"{', '.join(left)} cannot be reset" if left else ""
 
 
 def _comes_to_rest(cell: SimulatedCell) -> bool:

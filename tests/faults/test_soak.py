@@ -7,16 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.soak import QUICK, soak
+from benchmarks.soak import soak
+from benchmarks.soak_faults import FAULTS
 
 EVERY_S = 16.0
+# The first leaves a drive in fault, which has to be reset before the second.
+NAMES = ("a drive's fault", "the recorder is killed")
 
 
 @pytest.mark.fault(36)
 def test_every_reaction_is_right_and_nothing_grows(
     tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
-    faults = QUICK[1:3]
+    faults = tuple(fault for name in NAMES for fault in FAULTS if fault.name == name)
     found = soak(len(faults) * EVERY_S / 3600.0, EVERY_S, 1, tmp_path, faults=faults)
     assert found.wrong == []
     assert found.faults == len(faults)

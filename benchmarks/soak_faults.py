@@ -1,0 +1,81 @@
+"""`Fault`: what goes wrong in a soak, and the reactions that are right."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+from typing import Any, Final
+
+from acquisition.stop_reason import StopCode
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that goes wrong, and the reactions that are right.
+
+    Attributes
+    ----------
+    name : str
+        What goes wrong.
+    part : "bus", "drives" or "program"
+        Where.
+    keys : dict
+        As in a fault script; for "program", `kill` or `signal`.
+    stops : tuple of StopCode
+        Any of these; empty where the motion goes on.
+    """
+
+    name: str
+    part: str
+    keys: dict[str, Any]
+    stops: tuple[StopCode, ...] = ()
+
+
+_BLOCKED = (StopCode.TORQUE_LIMIT, StopCode.FOLLOWING_ERROR, StopCode.STUCK_ENCODER)
+_POWERLESS = (StopCode.NOT_ENABLED, StopCode.EMERGENCY, StopCode.DRIVE_FAULT)
+_FAULT = (StopCode.EMERGENCY, StopCode.DRIVE_FAULT)
+_SILENT = {"kind": "heartbeat_stops", "joint": "axis1", "duration_s": 2.0}
+
+QUICK: Final = (
+    Fault("a strange frame", "bus", {"kind": "strange", "identifier": 0x555}),
+    Fault(
+        "three answers are lost",
+        "bus",
+        {"kind": "drop", "joint": "axis1", "count": 3},
+        (StopCode.MISSED_FRAMES,),
+    ),
+    Fault("the recorder is killed", "program", {"kill": "recorder"}, (StopCode.RECORDER,)),
+    Fault(
+        "a drive boots",
+        "drives",
+        {"kind": "reset", "joint": "axis3"},
+        (StopCode.DRIVE_RESTARTED,),
+    ),
+)
+FAULTS: Final = (
+    *QUICK,
+    Fault("one answer is lost", "bus", {"kind": "drop", "joint": "axis2"}),
+    Fault("an answer comes twice", "bus", {"kind": "duplicate"}),
+    Fault("the operator stops", "program", {"signal": signal.SIGINT}, (StopCode.INTERRUPTED,)),
+    Fault(
+        "an emergency message",
+        "drives",
+        {"kind": "emergency", "joint": "axis1"},
+        (StopCode.EMERGENCY,),
+    ),
+    Fault("a drive's fault", "drives", {"kind": "fault", "joint": "axis2"}, _FAULT),
+    Fault("the task is killed", "program", {"kill": "cyclic task"}, (StopCode.TASK_DIED,)),
+    Fault(
+        "an axis is blocked",
+        "drives",
+        {"kind": "blocked", "joint": "axis2", "duration_s": 2.0},
+        _BLOCKED,
+    ),
+    Fault(
+        "an emergency stop",
+        "drives",
+        {"kind": "motor_power_lost", "duration_s": 2.0},
+        _POWERLESS,
+    ),
+    Fault("a drive falls silent", "drives", _SILENT, (StopCode.HEARTBEAT_LOST,)),
+)
