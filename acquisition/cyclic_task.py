@@ -28,8 +28,8 @@ from acquisition.supervisor import Supervisor
 from config.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot import RobotDescription
+from drivers.clock import Clock
 from drivers.interfaces import ServoAxes
-from drivers.transport import Clock
 from dynamics.clearances import Clearances
 
 COLLECT_FRACTION = 0.6

@@ -12,8 +12,8 @@ from acquisition.control_block import ControlBlock
 from config.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot import RobotDescription
+from drivers.clock import Clock
 from drivers.interfaces import ServoAxes
-from drivers.transport import Clock
 
 STOP_MARGIN_S = 0.5
 REST_VELOCITY = 0.01

@@ -16,7 +16,7 @@ from config.cell import CellConfig
 from config.errors import RecordingError, RidDaqError
 from config.robot import RobotDescription
 from drivers.cell import open_cell
-from drivers.transport import MonotonicClock
+from drivers.clock import MonotonicClock
 
 
 def run_cyclic_task(

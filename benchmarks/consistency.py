@@ -22,9 +22,10 @@ from scipy.optimize import least_squares
 
 from acquisition.arrays import FloatArray
 from config.load import load_robot
+from config.robot import RobotDescription
 from dynamics.conditions import Conditions
 from dynamics.robot_model import regressor
-from identification.base_parameters import base_parameters
+from identification.base_parameters import BaseParameters, base_parameters
 from identification.consistency import programme
 from identification.consistency_programme import ConsistencyProgramme
 from identification.estimate import Estimate
@@ -39,17 +40,18 @@ FASTER = 10.0
 UPPER = tuple(zip(*np.triu_indices(SIZE), strict=True))
 
 
-def noisy_estimate(seed: int) -> Estimate:
-    """Return a UR10e's nominal base parameters with the errors that noise leaves."""
-    robot, options = load_robot("ur10e"), ModelOptions(friction_terms=("coulomb", "viscous"))
-    model = options.build(robot)
-    base = base_parameters(model)
-    random = np.random.default_rng(seed)
-    truth, sigma = nominal_parameters(model, robot)
-    truth = np.where(truth == 0.0, 0.3 * sigma, truth)
-    q, v, a = random.normal(0.0, np.array([1.5, 1.0, 3.0])[:, None, None], (3, ROWS, model.chain.n))
-    phi = base.columns(regressor(model, q, v, a, Conditions(None))).reshape(-1, len(base))
-    covariance: FloatArray = np.asarray(NOISE_NM**2 * np.linalg.inv(phi.T @ phi), dtype=float)
+def with_noise(
+    robot: RobotDescription,
+    options: ModelOptions,
+    base: BaseParameters,
+    truth: FloatArray,
+    phi: FloatArray,
+    noise_nm: float,
+    random: np.random.Generator,
+) -> Estimate:
+    """Return base parameters with the errors that noise on the torques of `phi` leaves."""
+    n = len(robot.joint_names)
+    covariance: FloatArray = np.asarray(noise_nm**2 * np.linalg.inv(phi.T @ phi), dtype=float)
     error = np.linalg.cholesky(covariance) @ random.normal(size=len(base))
     return Estimate(
         robot=robot,
@@ -61,13 +63,26 @@ def noisy_estimate(seed: int) -> Estimate:
         covariance_honest=covariance,
         condition_number=1.0,
         equations=len(phi),
-        residual_nm=np.full(model.chain.n, NOISE_NM),
+        residual_nm=np.full(n, noise_nm),
         noise_nm=None,
-        left_out_fraction=np.zeros(model.chain.n),
+        left_out_fraction=np.zeros(n),
         method="smoothed",
         band_hz=10.0,
         standstill_rad_s=0.02,
     )
+
+
+def noisy_estimate(seed: int) -> Estimate:
+    """Return a UR10e's nominal base parameters with the errors that noise leaves."""
+    robot, options = load_robot("ur10e"), ModelOptions(friction_terms=("coulomb", "viscous"))
+    model = options.build(robot)
+    base = base_parameters(model)
+    random = np.random.default_rng(seed)
+    truth, sigma = nominal_parameters(model, robot)
+    truth = np.where(truth == 0.0, 0.3 * sigma, truth)
+    q, v, a = random.normal(0.0, np.array([1.5, 1.0, 3.0])[:, None, None], (3, ROWS, model.chain.n))
+    phi = base.columns(regressor(model, q, v, a, Conditions(None))).reshape(-1, len(base))
+    return with_noise(robot, options, base, truth, phi, NOISE_NM, random)
 
 
 def log_cholesky(task: ConsistencyProgramme) -> FloatArray:

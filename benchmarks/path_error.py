@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from benchmarks.paths import CIRCLES, FIRST, PATH, SPLINE, Workshop
+from benchmarks.paths import CIRCLES, FIRST, PATH, SPLINE, Workshop, circle_text, is_held, ratios
 
 FIRST_BAR, OTHERS_BAR = (8.0, 5.0), (6.0, 4.0)
 
@@ -40,37 +40,18 @@ def main() -> int:
         for number, (title, own) in enumerate(CIRCLES.items()):
             if quick and number > 0:
                 break
-            fields = {
-                "kind": "circle",
-                "robot": "ir361",
-                "centre_m": [0.575, -0.078, -1.724],
-                "radius_m": 0.2,
-                "speed_m_s": 0.6,
-                "near": [0.1, -0.1, 0.4],
-                "periods": 4,
-            } | own
-            found[title] = live(workshop, f"c{number}", json.dumps(fields))
+            found[title] = live(workshop, f"c{number}", circle_text(own, 4))
         if not quick:
             found[SPLINE] = live(workshop, "spline", PATH)
     holds = True
     for title, motion in found.items():
-        mean, most = FIRST_BAR if title == FIRST else OTHERS_BAR
-        held = motion["mean_ratio"] >= mean and motion["max_ratio"] >= most
-        holds = holds and held
-        print(
-            f"{title:36s} mean {1e3 * motion['against']['mean_m']:.3f} ->"
-            f" {1e3 * motion['mean_m']:.4f} mm ({motion['mean_ratio']:.1f} times),"
-            f" max {1e3 * motion['against']['max_m']:.2f} -> {1e3 * motion['max_m']:.3f} mm"
-            f" ({motion['max_ratio']:.1f} times){'' if held else '  NOT HELD'}"
-        )
+        bar = FIRST_BAR if title == FIRST else OTHERS_BAR
+        holds = is_held(f"{title:36s}", motion, bar) and holds
     result = {
         "name": "path_error",
         "value": round(1e3 * found[FIRST]["mean_m"], 4),
         "unit": "mm mean distance from the circle of 40 cm, compensated on line",
-        "ratios": {
-            title: [round(motion["mean_ratio"], 1), round(motion["max_ratio"], 1)]
-            for title, motion in found.items()
-        },
+        "ratios": ratios(found),
         "bar": "closer in the mean and at worst: the circle 8 and 5 times, all others 6 and 4",
         "holds": holds,
     }

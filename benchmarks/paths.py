@@ -62,6 +62,41 @@ REFINEMENTS = 2
 BARS = {FIRST: (10.0, 6.0), "refined": (20.0, 10.0), "others": (6.0, 4.0)}
 
 
+def circle_text(own: dict[str, Any], periods: int) -> str:
+    """Return a circle's motion file: the first circle's fields, and those that are its own."""
+    fields = {
+        "kind": "circle",
+        "robot": "ir361",
+        "centre_m": [0.575, -0.078, -1.724],
+        "radius_m": 0.2,
+        "speed_m_s": 0.6,
+        "near": [0.1, -0.1, 0.4],
+        "periods": periods,
+    }
+    return json.dumps(fields | own)
+
+
+def is_held(title: str, motion: dict[str, Any], bar: tuple[float, float]) -> bool:
+    """Print how much closer a motion is followed; return whether mean and worst reach the bar."""
+    mean, most = bar
+    held: bool = motion["mean_ratio"] >= mean and motion["max_ratio"] >= most
+    print(
+        f"{title} mean {1e3 * motion['against']['mean_m']:.3f} ->"
+        f" {1e3 * motion['mean_m']:.4f} mm ({motion['mean_ratio']:.1f} times),"
+        f" max {1e3 * motion['against']['max_m']:.2f} -> {1e3 * motion['max_m']:.3f} mm"
+        f" ({motion['max_ratio']:.1f} times){'' if held else '  NOT HELD'}"
+    )
+    return held
+
+
+def ratios(found: dict[str, dict[str, Any]]) -> dict[str, list[float]]:
+    """Return how many times closer each motion is followed, in the mean and at worst."""
+    return {
+        title: [round(motion["mean_ratio"], 1), round(motion["max_ratio"], 1)]
+        for title, motion in found.items()
+    }
+
+
 class Workshop:
     """A folder with a cell, runs in it, and the program."""
 
@@ -131,16 +166,8 @@ def main() -> int:
         for number, (title, own) in enumerate(CIRCLES.items()):
             if quick and number > 1:
                 break
-            fields = {
-                "kind": "circle",
-                "robot": "ir361",
-                "centre_m": [0.575, -0.078, -1.724],
-                "radius_m": 0.2,
-                "speed_m_s": 0.6,
-                "near": [0.1, -0.1, 0.4],
-                "periods": 4 if quick else 10,
-            } | own
-            found[title] = workshop.compare(f"c{number}", json.dumps(fields), "c0-plain")
+            text = circle_text(own, 4 if quick else 10)
+            found[title] = workshop.compare(f"c{number}", text, "c0-plain")
         if not quick:
             found[SPLINE] = workshop.compare("spline", PATH, "c0-plain")
         last = "c0"
@@ -153,23 +180,13 @@ def main() -> int:
         found["refined"] = workshop("tracking", last, "--against", "c0-plain")["motions"][0]
     holds = True
     for title, motion in found.items():
-        mean, most = BARS.get(title, BARS["others"])
-        held = motion["mean_ratio"] >= mean and motion["max_ratio"] >= most
-        holds = holds and held
-        print(
-            f"{title:36s} {motion['use']:16s} mean {1e3 * motion['against']['mean_m']:.3f} ->"
-            f" {1e3 * motion['mean_m']:.4f} mm ({motion['mean_ratio']:.0f} times),"
-            f" max {1e3 * motion['against']['max_m']:.2f} -> {1e3 * motion['max_m']:.3f} mm"
-            f" ({motion['max_ratio']:.0f} times){'' if held else '  NOT HELD'}"
-        )
+        use, bar = motion["use"], BARS.get(title, BARS["others"])
+        holds = is_held(f"{title:36s} {use:16s}", motion, bar) and holds
     result = {
         "name": "paths",
         "value": round(1e3 * found[FIRST]["mean_m"], 4),
         "unit": "mm mean distance from the circle of 40 cm",
-        "ratios": {
-            title: [round(motion["mean_ratio"], 1), round(motion["max_ratio"], 1)]
-            for title, motion in found.items()
-        },
+        "ratios": ratios(found),
         "bar": "closer in the mean and at worst: the circle 10 and 6 times, refined 20 and 10, all"
         " others 6 and 4",
         "holds": holds,

@@ -84,15 +84,21 @@ class Tally:
         return self.kept / max(self.there, 1)
 
 
+def invented_rows(count: int) -> NDArray[Any]:
+    """Return rows of noise, numbered."""
+    rng = np.random.default_rng(1)
+    rows = np.zeros(count, dtype=row_dtype(3))
+    rows["time_s"] = 5.0 + np.arange(count) * 0.008
+    rows["cycle"] = rows["sample_index"] = np.arange(count)
+    for name in ("position", "torque_nm", "target_position", "velocity_command"):
+        rows[name] = rng.normal(size=(count, 3))
+    rows["valid"], rows["phase"] = 1, 3
+    return rows
+
+
 def made_by_the_recorder(path: Path) -> NDArray[Any]:
     """Have the recorder write a file; return its rows."""
-    rng = np.random.default_rng(1)
-    rows = np.zeros(ROWS, dtype=row_dtype(3))
-    rows["time_s"] = 5.0 + np.arange(ROWS) * 0.008
-    rows["cycle"] = rows["sample_index"] = np.arange(ROWS)
-    for name in ("position", "torque_nm", "target_position", "velocity_command"):
-        rows[name] = rng.normal(size=(ROWS, 3))
-    rows["valid"], rows["phase"] = 1, 3
+    rows = invented_rows(ROWS)
     ring, control = Ring.create(3, ROWS), ControlBlock.create()
     layout = row_struct(3)
     for row in rows:

@@ -22,16 +22,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from acquisition.arrays import FloatArray
-from acquisition.motion_samples import MotionSamples, plan_motion
-from acquisition.recording import Recording
+from acquisition.motion_samples import plan_motion
+from benchmarks.closed_loop import closed_loop
 from compensation.loop_measurement import measure_loops
 from compensation.multisine_motion import multisine_motion
 from compensation.multisine_spectra import MultisineSpectra, multisine_spectra
 from config.load import LoadedCell, load_cell
 from config.plant import PlantConfig
-from mock_hw.plant import Plant
 
-SETTLE_ROWS = 60
 LARGEST_ERROR = 0.02
 LEAST_HELD = 0.90
 SPREAD = 1.0 / 3.0
@@ -82,56 +80,6 @@ def drawn_plant(cell: LoadedCell, seed: int) -> PlantConfig:
         for axis, (gain, integral) in zip(cell.plant.axes, factors, strict=True)
     )
     return cell.plant.model_copy(update={"axes": axes})
-
-
-def closed_loop(
-    cell: LoadedCell, truth: PlantConfig, samples: MotionSamples, seed: int
-) -> Recording:
-    """Run a motion through plant and position loop, rounded as drives and bus round."""
-    joints, step_s = cell.robot.joints, samples.sample_period_s
-    truth = truth.model_copy(
-        update={
-            "axes": tuple(
-                axis.model_copy(update={"initial_position": float(at)})
-                for axis, at in zip(truth.axes, samples.position[0], strict=True)
-            )
-        }
-    )
-    plant = Plant(cell.robot, truth, cell.config.torque_filter, seed)
-    ratio = np.array([abs(joint.gear_ratio) for joint in joints])
-    counts = ratio * [axis.encoder_increments_per_motor_rev / (2.0 * np.pi) for axis in truth.axes]
-    permille_nm = 1e-3 * ratio * [axis.rated_motor_torque_nm for axis in truth.axes]
-    n = len(joints)
-    powered, free = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-    position, torque, command = np.zeros((3, len(samples), n))
-    before = now = sent = np.zeros(n)
-    for row in range(-SETTLE_ROWS, len(samples)):
-        at = max(row, 0)
-        measured = plant.position_counts() / counts
-        speed = cell.config.position_gain_per_s * (samples.position[at] - measured)
-        if row >= 0:
-            position[row], torque[row] = measured, permille_nm * plant.torque_permille()
-            speed = speed + samples.velocity[row]
-        speed = np.rint(speed * counts) / counts
-        command[at] = speed
-        before, now, sent = now, sent, speed
-        plant.advance(step_s, before, now, powered, free)
-    rows = np.arange(len(samples))
-    return Recording(
-        joint_names=samples.joint_names,
-        time_s=np.asarray(rows * step_s, dtype=float),
-        position=position,
-        torque_nm=torque,
-        valid=np.ones(len(samples), dtype=np.bool_),
-        phase=samples.phase,
-        sample_index=rows,
-        source="cell",
-        target_position=samples.position,
-        velocity_command=command,
-        sample_period_s=step_s,
-        samples_per_period=samples.samples_per_period,
-        torque_filter=cell.config.torque_filter,
-    )
 
 
 def prove(seeds: int, period_s: float | None = None) -> Proof:

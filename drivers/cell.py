@@ -9,8 +9,9 @@ from types import TracebackType
 from config.cell import CellConfig
 from config.errors import DeviceFaultError, DriverError, RidDaqError
 from config.robot import RobotDescription
+from drivers.clock import Clock
 from drivers.servo_can import CanServoAxes
-from drivers.transport import CanLink, Clock, open_can
+from drivers.transport import CanLink, open_can
 
 
 class Cell:

@@ -1,4 +1,4 @@
-"""The one place that opens ports: `CanLink` over python-can, `SerialLink`, and their `Clock`."""
+"""The one place that opens ports: `CanLink` over python-can, and `SerialLink`."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ import os
 import select
 import socket
 import termios
-import time
-from abc import abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Any
 
 import serial
 
@@ -21,6 +19,7 @@ from config.cell import CanBusConfig
 from config.errors import TransportError
 from drivers.can_ports import Arrival, FramePort, PythonCanPort
 from drivers.canopen.frames import Frame
+from drivers.clock import Clock, MonotonicClock, SimulatedClock
 from drivers.python_can import can
 from drivers.socketcan_port import SocketCanPort
 
@@ -28,49 +27,6 @@ _READ_BYTES = 1 << 16
 _WRITE_TIMEOUT_S = 1.0
 _POLL_S = 0.02
 _PORT_ERRORS = (OSError, ValueError, termios.error)  # serial.SerialException is an OSError
-
-
-class Clock(Protocol):
-    """Time as the cell has it: the computer's, or a simulated cell's in lock-step."""
-
-    @abstractmethod
-    def now_s(self) -> float:
-        """Return the time since an arbitrary start [s]; never runs backwards."""
-
-    @abstractmethod
-    def sleep_until(self, time_s: float) -> None:
-        """Return not before `time_s`, an absolute time of this clock [s]."""
-
-
-class MonotonicClock:
-    """The computer's monotonic clock, untouched by changes of the date."""
-
-    def now_s(self) -> float:
-        """Return CLOCK_MONOTONIC [s]."""
-        return time.monotonic()
-
-    def sleep_until(self, time_s: float) -> None:
-        """Sleep to an absolute deadline; returns at once when it has passed."""
-        while (remaining_s := time_s - time.monotonic()) > 0.0:
-            time.sleep(remaining_s)
-
-
-class _SimulatedClock:
-    """A simulated bus's clock, with typed errors."""
-
-    def __init__(self, clock: Clock, bus_name: str) -> None:
-        self._clock = clock
-        self._bus_name = bus_name
-        self.now_s = clock.now_s
-
-    def sleep_until(self, time_s: float) -> None:
-        """Let simulated time run; raises `TransportError` when the simulation is gone."""
-        try:
-            self._clock.sleep_until(time_s)
-        except (can.CanError, OSError) as error:
-            raise TransportError(
-                f"CAN bus {self._bus_name}: the simulated time stopped ({error})"
-            ) from error
 
 
 class CanLink:
@@ -108,7 +64,7 @@ class CanLink:
         self.clock: Clock = (
             MonotonicClock()
             if simulated_clock is None
-            else _SimulatedClock(simulated_clock, self._name)
+            else SimulatedClock(simulated_clock, self._name)
         )
         self.time_stamped = self._port.time_stamped
         self.last_time_s = self.clock.now_s()

@@ -14,9 +14,9 @@ import numpy as np
 
 from config.cell import CellConfig
 from drivers.cia402 import PowerState
+from drivers.clock import Clock
 from drivers.interfaces import EventKind
 from drivers.servo_can import COLLECT_FRACTION, CanServoAxes
-from drivers.transport import Clock
 
 HEARTBEAT_LOST = 0x8130
 

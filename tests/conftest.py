@@ -91,6 +91,19 @@ def measured(record_property: Callable[[str, object], None]) -> Callable[[str], 
     return lambda figure: record_property("measured", figure)
 
 
+@pytest.fixture(scope="session")
+def real_robot() -> Path:
+    """The folder with recordings of a real UR10e; tests without it are skipped, in CI they fail."""
+    root = os.environ.get("RID_DAQ_DATA", "")
+    folder = Path(root) / "ur10e"
+    if not root or not folder.is_dir():
+        reason = "no recordings of a real robot: RID_DAQ_DATA must name the folder of ur10e/"
+        if os.environ.get("CI"):
+            pytest.fail(f"{reason}; in CI they must be there")
+        pytest.skip(reason)
+    return folder
+
+
 class ServedAmplifier(threading.Thread):
     """The simulated amplifier at a pseudo-terminal, alone: its time runs while rows are streamed.
 

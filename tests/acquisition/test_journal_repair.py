@@ -16,10 +16,9 @@ import pytest
 from mcap.reader import make_reader
 
 from acquisition.control_block import ControlBlock, TaskState
-from acquisition.cycle_row import row_dtype, row_struct
+from acquisition.cycle_row import row_struct
 from acquisition.journal import read_journal
 from acquisition.journal_file import being_written
-from acquisition.journal_header import JournalHeader
 from acquisition.journal_repair import examine_journal, repair_journal
 from acquisition.monitor_process import MonitorWriter
 from acquisition.monitor_row import MonitorHeader
@@ -27,45 +26,19 @@ from acquisition.monitor_stream import read_monitor
 from acquisition.recorder import JournalWriter, run_recorder
 from acquisition.ring import Ring
 from acquisition.termination import TERMINATION
+from benchmarks.recover import HEADER, KILLED, invented_rows
 from config.errors import RecordingError
 from drivers.interfaces import MonitorReading
 
 ROWS = 4000
-HEADER = JournalHeader(
-    joint_names=("axis1", "axis2", "axis3"), sample_period_s=0.008, run_id="01OLD"
-)
 KILLS = 3
 CUTS, FLIPS = 200, 25  # benchmarks.recover: 1000 of each
 ROWS_BETWEEN_FLUSHES = 12
 
-KILLED = """
-import sys
-from pathlib import Path
-from acquisition.cycle_row import row_struct
-from acquisition.journal_header import JournalHeader
-from acquisition.recorder import JournalWriter
-
-pack = row_struct(3).pack
-writer = JournalWriter(Path(sys.argv[1]), JournalHeader.model_validate_json(sys.argv[2]))
-for cycle in range(1 << 30):
-    floats = [cycle * 0.008, 0.0, 0.0] + [cycle + 0.25] * 15
-    writer.append(pack(*floats, 1, 2, 3, cycle, cycle, *[0] * 6, 1, 1, 1, 3))
-    if cycle % 12 == 11:
-        writer.flush()
-        print(cycle + 1, flush=True)
-"""
-
 
 @pytest.fixture(scope="module")
 def rows() -> np.ndarray:
-    rng = np.random.default_rng(1)
-    rows = np.zeros(ROWS, dtype=row_dtype(3))
-    rows["time_s"] = 5.0 + np.arange(ROWS) * 0.008
-    rows["cycle"] = rows["sample_index"] = np.arange(ROWS)
-    for field in ("position", "torque_nm", "target_position", "velocity_command"):
-        rows[field] = rng.normal(size=(ROWS, 3))
-    rows["valid"], rows["phase"] = 1, 3
-    return rows
+    return invented_rows(ROWS)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -27,26 +26,14 @@ SOUND = (
 )
 
 
-@pytest.fixture(scope="module")
-def folder() -> Path:
-    root = os.environ.get("RID_DAQ_DATA", "")
-    path = Path(root) / "ur10e"
-    if not root or not path.is_dir():
-        reason = "no recordings of a real robot: RID_DAQ_DATA must name the folder of ur10e/"
-        if os.environ.get("CI"):
-            pytest.fail(f"{reason}; in CI they must be there")
-        pytest.skip(reason)
-    return path
-
-
 def layout(columns: int = 31) -> ImportMap:
     return load_bundled_or_path(f"ur10e_{columns}", "maps", ImportMap)
 
 
 class TestImport:
     @pytest.mark.parametrize("name", SOUND)
-    def test_of_sound_files_uses_every_row(self, folder: Path, name: str) -> None:
-        recording, report = import_csv(folder / f"{name}.csv", layout())
+    def test_of_sound_files_uses_every_row(self, real_robot: Path, name: str) -> None:
+        recording, report = import_csv(real_robot / f"{name}.csv", layout())
         assert report.damaged == ()
         assert report.rows_used == len(recording) == report.rows_read
         assert report.step_median_s == pytest.approx(0.010, abs=1e-6)
@@ -54,8 +41,8 @@ class TestImport:
         moving = [ratio for ratio in report.velocity_ratio if ratio is not None]
         assert moving == pytest.approx([1.0] * len(moving), abs=0.005)
 
-    def test_of_the_damaged_file_names_rows_2_to_20_and_no_others(self, folder: Path) -> None:
-        recording, report = import_csv(folder / "ur-19_09_27-11_32_02.csv", layout(19))
+    def test_of_the_damaged_file_names_rows_2_to_20_and_no_others(self, real_robot: Path) -> None:
+        recording, report = import_csv(real_robot / "ur-19_09_27-11_32_02.csv", layout(19))
         (damaged,) = report.damaged
         assert (damaged.first, damaged.last) == (2, 20)
         assert dict(damaged.counts) == {"with an absurd value": 13, "whose position jumps": 6}
@@ -65,9 +52,9 @@ class TestImport:
             "rows 2-20: 13 with an absurd value (row 2: position of joint1 is 253, plausible"
         )
 
-    def test_of_the_largest_file_takes_well_under_a_second(self, folder: Path) -> None:
+    def test_of_the_largest_file_takes_well_under_a_second(self, real_robot: Path) -> None:
         started = time.perf_counter()
-        recording, _ = import_csv(folder / "ur-20_01_22-joint_4.csv", layout())
+        recording, _ = import_csv(real_robot / "ur-20_01_22-joint_4.csv", layout())
         smooth_nonperiodic(recording, 9.4)
         assert time.perf_counter() - started < 0.8
 
@@ -75,9 +62,9 @@ class TestImport:
 class TestSmoothing:
     @pytest.mark.parametrize("name", ["ur-20_02_12-50sec_12harm", "ur-20_01_17-ptp_10_points"])
     def test_velocity_agrees_with_what_the_robot_itself_reports(
-        self, folder: Path, name: str
+        self, real_robot: Path, name: str
     ) -> None:
-        path = folder / f"{name}.csv"
+        path = real_robot / f"{name}.csv"
         recording, _ = import_csv(path, layout())
         smooth = smooth_nonperiodic(recording, 9.4)
         raw = np.loadtxt(path, delimiter=",", usecols=range(13))
@@ -85,8 +72,8 @@ class TestSmoothing:
             reported = np.interp(smooth.time_s, raw[:, 0], raw[:, 7 + joint])
             assert np.std(smooth.velocity[:, joint] - reported) < 0.02 * np.std(reported)
 
-    def test_of_the_damaged_file_invents_nothing_in_its_hole(self, folder: Path) -> None:
-        recording, _ = import_csv(folder / "ur-19_09_27-11_32_02.csv", layout(19))
+    def test_of_the_damaged_file_invents_nothing_in_its_hole(self, real_robot: Path) -> None:
+        recording, _ = import_csv(real_robot / "ur-19_09_27-11_32_02.csv", layout(19))
         smooth = smooth_nonperiodic(recording, 9.4)
         assert smooth.time_s.min() > 0.727  # the first sound stretch starts at row 21
         assert np.abs(smooth.velocity).max() < 1.5
@@ -95,29 +82,29 @@ class TestSmoothing:
 class TestPeriods:
     @pytest.mark.parametrize(("number", "first", "last"), [(2, 387, 5805), (4, 414, 5991)])
     def test_of_one_joint_repeat_to_0_03_mrad(
-        self, folder: Path, number: int, first: int, last: int
+        self, real_robot: Path, number: int, first: int, last: int
     ) -> None:
         import_map = layout().model_copy(
             update={"rows": RowRange(first=first, last=last), "period_s": 10.0}
         )
-        recording, _ = import_csv(folder / f"ur-20_01_22-joint_{number}.csv", import_map)
+        recording, _ = import_csv(real_robot / f"ur-20_01_22-joint_{number}.csv", import_map)
         assert recording.samples_per_period == 1000
         average = average_periods(recording)
         assert average.periods_kept >= 4
         deviation_rad = float(np.sqrt(average.position_variance[number - 1]))
         assert 0.02e-3 < deviation_rad < 0.05e-3
 
-    def test_the_way_into_the_motion_is_out_of_family(self, folder: Path) -> None:
+    def test_the_way_into_the_motion_is_out_of_family(self, real_robot: Path) -> None:
         import_map = layout().model_copy(update={"rows": RowRange(first=82, last=5805)})
-        recording, _ = import_csv(folder / "ur-20_01_22-joint_2.csv", import_map)
+        recording, _ = import_csv(real_robot / "ur-20_01_22-joint_2.csv", import_map)
         average = average_periods(resample_periods(recording, 10.0))
         (rejected,) = average.rejected
         assert rejected.index == 0
         assert "position of joint 'joint2' differs" in rejected.reason
 
-    def test_a_wrong_period_shows_in_the_variance(self, folder: Path) -> None:
+    def test_a_wrong_period_shows_in_the_variance(self, real_robot: Path) -> None:
         import_map = layout().model_copy(update={"rows": RowRange(first=387, last=5805)})
-        recording, _ = import_csv(folder / "ur-20_01_22-joint_2.csv", import_map)
+        recording, _ = import_csv(real_robot / "ur-20_01_22-joint_2.csv", import_map)
         right = average_periods(resample_periods(recording, 10.0))
         wrong = average_periods(resample_periods(replace(recording), 9.9))
         assert wrong.position_variance[1] > 1e4 * right.position_variance[1]

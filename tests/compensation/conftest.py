@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_samples import plan_motion
 from acquisition.periods import average_periods
 from acquisition.recording import Recording
+from benchmarks.closed_loop import closed_loop
 from compensation.frequency_response import frequency_responses
 from compensation.velocity_loop import VelocityLoop, fit_velocity_loop
 from config.load import LoadedCell, load_cell
@@ -18,10 +18,8 @@ from config.motion import MultisineMotion
 from identification.estimate import Estimate
 from identification.estimators import estimate_periodic
 from identification.experiment_design import design_two_harmonic
-from mock_hw.plant import Plant
 
 Drive = Callable[..., Recording]
-SETTLE_ROWS = 60
 
 
 @pytest.fixture(scope="session")
@@ -31,62 +29,9 @@ def cell() -> LoadedCell:
 
 @pytest.fixture(scope="session")
 def drive(cell: LoadedCell) -> Drive:
-    """Drive samples through plant and position loop; speeds sent act from the next SYNC on."""
-
-    def through(
-        samples: MotionSamples,
-        seed: int = 0,
-        *,
-        feedforward: NDArray[np.float64] | None = None,
-        unmodelled: bool = True,
-    ) -> Recording:
-        assert cell.plant is not None
-        truth = cell.plant if unmodelled else cell.plant.without_unmodelled()
-        start = samples.position[0]
-        axes = tuple(
-            axis.model_copy(update={"initial_position": float(at)})
-            for axis, at in zip(truth.axes, start, strict=True)
-        )
-        truth = truth.model_copy(update={"axes": axes})
-        plant = Plant(cell.robot, truth, cell.config.torque_filter, seed)
-        counts_per_rad = np.array(
-            [
-                axis.encoder_increments_per_motor_rev * joint.gear_ratio / (2.0 * np.pi)
-                for axis, joint in zip(truth.axes, cell.robot.joints, strict=True)
-            ]
-        )
-        n = len(start)
-        powered, free = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-        ahead = samples.velocity if feedforward is None else feedforward
-        position, torque, command = np.zeros((3, len(samples), n))
-        before = now = sent = np.zeros(n)
-        for row in range(-SETTLE_ROWS, len(samples)):
-            measured = plant.position_counts() / counts_per_rad
-            wanted = samples.position[max(row, 0)]
-            speed = cell.config.position_gain_per_s * (wanted - measured)
-            if row >= 0:
-                position[row], torque[row] = measured, plant.measured_torque()
-                speed = speed + ahead[row]
-                command[row] = speed
-            before, now, sent = now, sent, speed
-            plant.advance(samples.sample_period_s, before, now, powered, free)
-        return Recording(
-            joint_names=samples.joint_names,
-            time_s=np.arange(len(samples)) * samples.sample_period_s,
-            position=position,
-            torque_nm=torque,
-            valid=np.ones(len(samples), dtype=np.bool_),
-            phase=samples.phase,
-            sample_index=np.arange(len(samples)),
-            source="cell",
-            target_position=samples.position,
-            velocity_command=command,
-            sample_period_s=samples.sample_period_s,
-            samples_per_period=samples.samples_per_period,
-            torque_filter=cell.config.torque_filter,
-        )
-
-    return through
+    """Drive samples, and the feedforward that they carry, through plant and position loop."""
+    assert cell.plant is not None
+    return partial(closed_loop, cell, cell.plant)
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.motion_samples import MotionSamples, Phase, plan_motion
-from benchmarks.velocity_loop import closed_loop
+from benchmarks.closed_loop import closed_loop
 from compensation.axis_mechanics import AxisMechanics, fit_axis_mechanics
 from compensation.cascade import Cascade, advise, margins
 from compensation.frequency_response import (

@@ -38,7 +38,7 @@ def circle(centre: tuple[float, float, float], radius_m: float, speed: float) ->
 
 
 def error_of(cell: LoadedCell, drive: Drive, samples: MotionSamples) -> TrackingError:
-    recording = drive(samples, 5, feedforward=samples.feedforward)
+    recording = drive(samples, 5)
     main = samples.phase == Phase.MAIN
     chain = Chain.from_description(cell.robot)
     return tracking_error(chain, samples.position[main], recording.position[main])

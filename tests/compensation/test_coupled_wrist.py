@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from acquisition.motion_samples import MotionSamples, plan_motion
+from benchmarks.closed_loop import plant_at
 from compensation.compensated_motion import with_feedforward
 from compensation.online import OnlineFeedforward
 from compensation.velocity_loop import VelocityLoop
@@ -18,7 +19,6 @@ from config.motion import MultipointMotion
 from drivers.wrist_coupling import WristCoupling
 from dynamics.one_sample import SampleTorque
 from dynamics.robot_model import RobotModel, torque
-from mock_hw.plant import Plant
 from rid_daq.truth import true_parameters
 
 SETTLE_ROWS = 100
@@ -59,13 +59,8 @@ def error_of(cell: LoadedCell, samples: MotionSamples) -> NDArray[np.float64]:
     assert cell.plant is not None
     coupling = WristCoupling.of_robot(cell.robot)
     assert coupling is not None
-    axes = tuple(
-        axis.model_copy(update={"initial_position": float(at)})
-        for axis, at in zip(cell.plant.axes, samples.position[0], strict=True)
-    )
-    truth = cell.plant.without_unmodelled().model_copy(update={"axes": axes})
-    plant = Plant(cell.robot, truth, cell.config.torque_filter)
-    n = len(axes)
+    plant = plant_at(cell, cell.plant.without_unmodelled(), samples.position[0])
+    n = len(cell.robot.joints)
     powered, free = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
     ahead = samples.velocity if samples.feedforward is None else samples.feedforward
     missed = np.zeros((len(samples), n))

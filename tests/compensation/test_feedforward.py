@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -70,7 +71,7 @@ def wanted_torque(cell: LoadedCell, samples: MotionSamples) -> Array:
 def error_of(
     cell: LoadedCell, drive: Drive, samples: MotionSamples, ahead: Array | None
 ) -> TrackingError:
-    recording = drive(samples, 3, feedforward=ahead)
+    recording = drive(replace(samples, feedforward=ahead), 3)
     main = samples.phase == Phase.MAIN
     rows = samples.samples_per_period
     assert rows is not None

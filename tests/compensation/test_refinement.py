@@ -66,12 +66,8 @@ def path(cell: LoadedCell) -> MotionSamples:
     return plan_motion(SPLINE, cell.robot, cell.config.cycle_time_s)
 
 
-def run(drive: Drive, samples: MotionSamples, seed: int) -> Recording:
-    return drive(samples, seed, feedforward=samples.feedforward)
-
-
 def error_of(cell: LoadedCell, drive: Drive, samples: MotionSamples) -> TrackingError:
-    recording = run(drive, samples, 5)
+    recording = drive(samples, 5)
     main = samples.phase == Phase.MAIN
     chain = Chain.from_description(cell.robot)
     return tracking_error(chain, samples.position[main], recording.position[main])
@@ -99,7 +95,7 @@ class TestTuning:
     ) -> None:
         wrong = [replace(loop, gain=1.15 * loop.gain, delay_s=0.0, lag_s=0.0) for loop in loops]
         reference = compensated_motion(planned, model, wrong) if compensated else planned
-        measured = repeated_error(reference, [run(drive, reference, 3)])
+        measured = repeated_error(reference, [drive(reference, 3)])
         gain = cell.config.position_gain_per_s
         found = tune(reference, measured, model, wrong, gain)
         assert found.used == (True, True, True)
@@ -121,11 +117,11 @@ class TestTuning:
         path: MotionSamples,
     ) -> None:
         gain = cell.config.position_gain_per_s
-        measured = repeated_error(planned, [run(drive, planned, 3)])
+        measured = repeated_error(planned, [drive(planned, 3)])
         other = [replace(loop, gain=2.0 * loop.gain) for loop in loops]
         with pytest.raises(DataQualityError, match="another robot or payload"):
             tune(planned, measured, model, other, gain)
-        not_periodic = repeated_error(path, [run(drive, path, seed) for seed in (1, 2)])
+        not_periodic = repeated_error(path, [drive(path, seed) for seed in (1, 2)])
         with pytest.raises(DataQualityError, match="not of a periodic motion"):
             tune(path, not_periodic, model, loops, gain)
 
@@ -138,7 +134,7 @@ class TestTuning:
         planned: MotionSamples,
     ) -> None:
         random = np.random.default_rng(0)
-        measured = repeated_error(planned, [run(drive, planned, 3)])
+        measured = repeated_error(planned, [drive(planned, 3)])
         noisy = measured.error.copy()
         noisy[:, 0] += 0.005 * random.normal(size=len(noisy))
         gain = cell.config.position_gain_per_s
@@ -163,7 +159,7 @@ class TestRefinement:
         gain = cell.config.position_gain_per_s
         sizes = []
         for seed in range(3):
-            measured = repeated_error(samples, [run(drive, samples, 20 + seed)])
+            measured = repeated_error(samples, [drive(samples, 20 + seed)])
             found = refinement(samples, measured, model, loops, gain)
             sizes.append(measured.rms)
             samples = refined(samples, found)
@@ -185,7 +181,7 @@ class TestRefinement:
         planned: MotionSamples,
     ) -> None:
         before = error_of(cell, drive, planned)
-        measured = repeated_error(planned, [run(drive, planned, 3)])
+        measured = repeated_error(planned, [drive(planned, 3)])
         found = refinement(planned, measured, model, loops, cell.config.position_gain_per_s)
         assert not found.finished
         after = error_of(cell, drive, refined(planned, found))
@@ -201,7 +197,7 @@ class TestRefinement:
     ) -> None:
         samples = compensated_motion(path, model, loops)
         before = error_of(cell, drive, samples)
-        measured = repeated_error(samples, [run(drive, samples, seed) for seed in (1, 2, 3)])
+        measured = repeated_error(samples, [drive(samples, seed) for seed in (1, 2, 3)])
         found = refinement(samples, measured, model, loops, cell.config.position_gain_per_s)
         after = error_of(cell, drive, refined(samples, found))
         assert after.mean_m < before.mean_m / 4.0
@@ -256,13 +252,13 @@ class TestRefinement:
 def test_repetitions_that_are_none_are_refused(
     drive: Drive, planned: MotionSamples, path: MotionSamples
 ) -> None:
-    recording = run(drive, path, 1)
+    recording = drive(path, 1)
     with pytest.raises(DataQualityError, match="give two runs of it or more"):
         repeated_error(path, [recording])
     torn = replace(recording, valid=np.arange(len(recording)) % 3 > 0)
     with pytest.raises(DataQualityError, match=r"misses \d+ of \d+ rows"):
         repeated_error(path, [recording, torn])
-    circle = run(drive, planned, 1)
+    circle = drive(planned, 1)
     with pytest.raises(DataQualityError, match="one is enough"):
         repeated_error(planned, [circle, circle])
 

@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.closed_loop import plant_at
 from compensation.point_ring import PointRing
 from compensation.point_source import PointSource
 from config.errors import ConfigError, DriverError
-from mock_hw.plant import Plant
 from tests.compensation.point_streams import (
     ACCELERATION,
     CELL,
@@ -29,17 +29,6 @@ AT_REST_RAD_S = 0.01
 GAIN_PER_S = CELL.config.position_gain_per_s
 
 
-def plant_at(pose: Points) -> Plant:
-    assert CELL.plant is not None
-    axes = tuple(
-        axis.model_copy(update={"initial_position": float(at)})
-        for axis, at in zip(CELL.plant.axes, pose, strict=True)
-    )
-    return Plant(
-        CELL.robot, CELL.plant.model_copy(update={"axes": axes}), CELL.config.torque_filter
-    )
-
-
 @settings(deadline=None, max_examples=40)
 @given(stream=streams(), prefill=st.integers(20, 300), seed=st.integers(0, 9))
 def test_no_axis_leaves_its_limits_and_all_come_to_rest(
@@ -54,7 +43,8 @@ def test_no_axis_leaves_its_limits_and_all_come_to_rest(
     except (ConfigError, DriverError):
         return  # nothing was moved
     pose = source.begin(lockstep=False)
-    plant = plant_at(pose)
+    assert CELL.plant is not None
+    plant = plant_at(CELL, CELL.plant, pose)
     powered, free = np.ones(3, dtype=np.bool_), np.zeros(3, dtype=np.bool_)
     wanted, ahead = pose, np.zeros(3)
     before = now = told = np.zeros(3)

@@ -12,7 +12,8 @@ import pytest
 
 from acquisition.motion_samples import Phase, plan_motion
 from acquisition.recording import Recording
-from benchmarks.velocity_loop import Proof, closed_loop, prove
+from benchmarks.closed_loop import closed_loop
+from benchmarks.velocity_loop import Proof, prove
 from compensation.command_path import interpolation_response
 from compensation.frequency_response import (
     Distortion,

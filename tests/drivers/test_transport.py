@@ -13,9 +13,10 @@ import pytest
 from config.cell import CanBusConfig, CellConfig, DriveSafety
 from config.errors import TransportError
 from drivers.canopen.frames import SYNC, Frame
+from drivers.clock import MonotonicClock
 from drivers.cyclic_exchange import CyclicExchange
 from drivers.drive_watch import DriveWatch
-from drivers.transport import CanLink, MonotonicClock, open_can
+from drivers.transport import CanLink, open_can
 
 
 @pytest.fixture

@@ -20,17 +20,16 @@ from acquisition.force_plate import PlateGeometry
 from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.reaction import reaction_of
 from acquisition.recording import Recording
+from benchmarks.closed_loop import closed_loop
 from config.bodies import Capsule
 from config.cell import ButterworthFilter
 from config.load import LoadedCell, load_cell, load_robot
 from config.motion import FourierMotion
-from config.plant import PlantConfig
 from config.plate import AmplifierConfig, PlateConfig
 from config.robot import RobotDescription
 from dynamics.robot_model import RobotModel, torque
 from identification.base_parameters import base_parameters
 from identification.experiment_design import design_two_harmonic
-from mock_hw.plant import Plant
 from mock_hw.rigid_bodies import build_rigid_bodies
 from rid_daq.truth import true_parameters
 
@@ -135,49 +134,7 @@ def run(cell: LoadedCell) -> Run:
 
     def through(samples: MotionSamples, seed: int) -> Recording:
         assert cell.plant is not None
-        truth: PlantConfig = cell.plant.without_unmodelled()
-        start = samples.position[0]
-        truth = truth.model_copy(
-            update={
-                "axes": tuple(
-                    axis.model_copy(update={"initial_position": float(at)})
-                    for axis, at in zip(truth.axes, start, strict=True)
-                )
-            }
-        )
-        plant = Plant(cell.robot, truth, cell.config.torque_filter, seed)
-        counts_per_rad = np.array(
-            [
-                axis.encoder_increments_per_motor_rev * joint.gear_ratio / (2.0 * np.pi)
-                for axis, joint in zip(truth.axes, cell.robot.joints, strict=True)
-            ]
-        )
-        n = len(start)
-        powered, free = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-        old, new = np.zeros(n), np.zeros(n)
-        position, tau = np.zeros(samples.position.shape), np.zeros(samples.position.shape)
-        settle = 60
-        for row in range(-settle, len(samples)):
-            measured = plant.position_counts() / counts_per_rad
-            if row >= 0:
-                position[row], tau[row] = measured, plant.measured_torque()
-            wanted = samples.position[max(row, 0)]
-            forward = samples.velocity[row] if row >= 0 else np.zeros(n)
-            old, new = new, cell.config.position_gain_per_s * (wanted - measured) + forward
-            plant.advance(samples.sample_period_s, old, new, powered, free)
-        return Recording(
-            joint_names=samples.joint_names,
-            time_s=np.arange(len(samples)) * samples.sample_period_s,
-            position=position,
-            torque_nm=tau,
-            valid=np.ones(len(samples), dtype=np.bool_),
-            phase=samples.phase,
-            sample_index=np.arange(len(samples)),
-            source="cell",
-            sample_period_s=samples.sample_period_s,
-            samples_per_period=samples.samples_per_period,
-            torque_filter=cell.config.torque_filter,
-        )
+        return closed_loop(cell, cell.plant.without_unmodelled(), samples, seed)
 
     return through
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from acquisition.import_csv import import_csv
 from acquisition.smoothing import smooth_nonperiodic
+from benchmarks.consistency import with_noise
 from config.errors import EstimationError
 from config.import_map import ImportMap, RowRange
 from config.load import load_bundled_or_path, load_robot
@@ -85,25 +85,7 @@ def estimate_near(
             for loaded in (False, True)
         ]
     )
-    covariance: Array = np.asarray(noise_nm**2 * np.linalg.inv(phi.T @ phi), dtype=float)
-    error = np.linalg.cholesky(covariance) @ random.normal(size=len(base))
-    return Estimate(
-        robot=robot,
-        options=options,
-        base=base,
-        values=base.from_standard(truth) + error,
-        covariance_noise=None,
-        covariance_residual=covariance,
-        covariance_honest=covariance,
-        condition_number=1.0,
-        equations=len(phi),
-        residual_nm=np.full(model.chain.n, noise_nm),
-        noise_nm=None,
-        left_out_fraction=np.zeros(model.chain.n),
-        method="smoothed",
-        band_hz=10.0,
-        standstill_rad_s=0.02,
-    )
+    return with_noise(robot, options, base, truth, phi, noise_nm, random)
 
 
 Make = Callable[..., tuple[Estimate, Array]]
@@ -262,17 +244,10 @@ def test_a_short_recording_with_singular_intervals_has_a_metric(make: Make) -> N
         honest_metric(replace(estimate, covariance_honest=singular, covariance_residual=-singular))
 
 
-def test_the_ur10e_can_exist_within_its_intervals() -> None:
-    root = os.environ.get("RID_DAQ_DATA", "")
-    folder = Path(root) / "ur10e"
-    if not root or not folder.is_dir():
-        reason = "no recordings of a real robot: RID_DAQ_DATA must name the folder of ur10e/"
-        if os.environ.get("CI"):
-            pytest.fail(f"{reason}; in CI they must be there")
-        pytest.skip(reason)
+def test_the_ur10e_can_exist_within_its_intervals(real_robot: Path) -> None:
     layout = load_bundled_or_path("ur10e_31", "maps", ImportMap)
     layout = layout.model_copy(update={"rows": RowRange(first=355, last=5090)})
-    recording = import_csv(folder / "ur-20_02_12-50sec_12harm.csv", layout)[0]
+    recording = import_csv(real_robot / "ur-20_02_12-50sec_12harm.csv", layout)[0]
     estimate = estimate_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, 9.4)])
     free = estimate.base.names.index("Ixx5")
     assert estimate.values[free] < 0.0  # what no robot has

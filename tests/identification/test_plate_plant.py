@@ -22,6 +22,7 @@ from acquisition.plate_header import PlateHeader
 from acquisition.plate_journal import PlateRows
 from acquisition.plate_row import EVENT_DTYPE, ROW_DTYPE
 from acquisition.recording import Recording
+from benchmarks.closed_loop import plant_at
 from config.amplifier_profile import AmplifierProfile
 from config.load import LoadedCell, load_bundled_or_path
 from config.motion import MultipointMotion
@@ -34,7 +35,6 @@ from identification.model_options import ModelOptions
 from identification.reaction_validation import validate_reaction
 from identification.torque_scale import torque_consistency
 from mock_hw.charge_amplifier import AmplifierSettings, ChargeAmplifier
-from mock_hw.plant import Plant
 from mock_hw.plate_sensors import PlateSensors
 from rid_daq.truth import true_parameters
 
@@ -58,12 +58,7 @@ class RobotOnPlate:
         assert plan.plate is not None
         assert cell.plate is not None
         truth = plan if self.unmodelled else plan.without_unmodelled()
-        axes = tuple(
-            axis.model_copy(update={"initial_position": float(at)})
-            for axis, at in zip(truth.axes, samples.position[0], strict=True)
-        )
-        truth = truth.model_copy(update={"axes": axes})
-        plant = Plant(self.cell.robot, truth, cell.torque_filter, seed)
+        plant = plant_at(self.cell, truth, samples.position[0], seed)
         plant.watch_base(True)
         sensors = PlateSensors(cell.plate, plan.plate)
         amplifier = ChargeAmplifier(plan.plate, seed)

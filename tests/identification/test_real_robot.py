@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -25,19 +24,12 @@ Read = Callable[[str, int, int], Recording]
 
 
 @pytest.fixture(scope="module")
-def read() -> Read:
-    root = os.environ.get("RID_DAQ_DATA", "")
-    folder = Path(root) / "ur10e"
-    if not root or not folder.is_dir():
-        reason = "no recordings of a real robot: RID_DAQ_DATA must name the folder of ur10e/"
-        if os.environ.get("CI"):
-            pytest.fail(f"{reason}; in CI they must be there")
-        pytest.skip(reason)
+def read(real_robot: Path) -> Read:
     layout = load_bundled_or_path("ur10e_31", "maps", ImportMap)
 
     def of(name: str, first: int, last: int) -> Recording:
         rows = layout.model_copy(update={"rows": RowRange(first=first, last=last)})
-        return import_csv(folder / f"ur-{name}.csv", rows)[0]
+        return import_csv(real_robot / f"ur-{name}.csv", rows)[0]
 
     return of
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,17 +23,10 @@ WEIGHED_KG = 2.805
 
 
 @pytest.fixture(scope="module")
-def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = os.environ.get("RID_DAQ_DATA", "")
-    folder = Path(root) / "ur10e"
-    if not root or not folder.is_dir():
-        reason = "no recordings of a real robot: RID_DAQ_DATA must name the folder of ur10e/"
-        if os.environ.get("CI"):
-            pytest.fail(f"{reason}; in CI they must be there")
-        pytest.skip(reason)
+def workshop(real_robot: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("payload")
     for label, (name, rows) in FILES.items():
-        words = ["import", str(folder / name), "--map", "ur10e_31", "--rows", rows]
+        words = ["import", str(real_robot / name), "--map", "ur10e_31", "--rows", rows]
         assert run([*words, "--label", label, "--runs", str(place / "runs")]) == 0
     words = ["payload", "identify", "--unloaded", "unloaded", "--loaded", "loaded"]
     words += ["--band", "9.4", "--runs", str(place / "runs")]

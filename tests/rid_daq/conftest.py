@@ -35,6 +35,12 @@ def six_axis_motion(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int],
 
 
 @pytest.fixture
+def runs(workshop: Path) -> list[str]:
+    """The option that names the runs of a file's own `workshop`."""
+    return ["--runs", str(workshop / "runs")]
+
+
+@pytest.fixture
 def result() -> dict[str, Any]:
     """A whole result document with invented numbers: every section of the report is there."""
     count = 400

@@ -11,7 +11,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -21,6 +20,7 @@ from acquisition.run_folder import RunFolder
 from acquisition.run_list import find_run
 from config.errors import ConfigError
 from rid_daq.app import run
+from tests.rid_daq.told import document
 
 
 @pytest.fixture(scope="module")
@@ -40,22 +40,11 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture
-def runs(workshop: Path) -> list[str]:
-    return ["--runs", str(workshop / "runs")]
-
-
-def _document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    document = json.loads(capsys.readouterr().out)
-    assert isinstance(document, dict)
-    return document
-
-
 def test_a_run_folder_holds_everything_and_says_so(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["runs", "--verify", "--json", *runs]) == 0
-    first, second = _document(capsys)["runs"]
+    first, second = document(capsys)["runs"]
     assert (first["label"], second["label"]) == ("excitation", "validation")
     assert first["status"] == "complete"
     folder = RunFolder.open(Path(first["folder"]))
@@ -70,7 +59,7 @@ def test_average_says_what_was_kept_and_the_noise(
     runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["average", "excitation", "--json", *runs]) == 0
-    average = _document(capsys)["average"]
+    average = document(capsys)["average"]
     assert average["periods_kept"] == 4
     assert average["samples_per_period"] == 1250
     assert average["rejected"] == []
@@ -82,13 +71,13 @@ def test_identify_writes_a_model_with_intervals(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["identify", "excitation", "--json", *runs]) == 0
-    document = _document(capsys)
-    model = json.loads(Path(document["model"]).read_text())
+    told = document(capsys)
+    model = json.loads(Path(told["model"]).read_text())
     assert model["cell"] == "my_cell"
-    parameters = {entry["name"]: entry for entry in document["estimate"]["parameters"]}
+    parameters = {entry["name"]: entry for entry in told["estimate"]["parameters"]}
     assert parameters["fv_axis1"]["value"] == pytest.approx(25.0, rel=0.1)
     assert all(entry["std"] > 0.0 for entry in parameters.values())
-    assert Path(document["report"]).read_text().count("<svg") >= 4
+    assert Path(told["report"]).read_text().count("<svg") >= 4
 
 
 @pytest.mark.fault(35)
@@ -115,7 +104,7 @@ def test_validate_passes_and_fails_by_its_limits(
 ) -> None:
     words = ["validate", str(workshop / "model.json"), "validation", *runs]
     assert run([*words, "--limits", "10", "--json"]) == 0
-    passed = _document(capsys)
+    passed = document(capsys)
     assert passed["verdict"]["passed"] is True
     assert all(axis["relative_error_percent"] < 5.0 for axis in passed["validation"]["axes"])
     assert run([*words, "--limits", "10,0.01,10"]) == 1
@@ -156,9 +145,9 @@ def test_design_writes_a_motion_that_record_takes(
     words = ["design", str(workshop / "cell.yaml"), "-o", str(motion), "--json"]
     words += ["--method", "two-harmonic", "--tries", "5"]
     assert run(words) == 0
-    document = _document(capsys)
-    assert document["condition_number"] > 1.0
-    assert all(axis["velocity_percent"] <= 100.0 for axis in document["axes"])
+    told = document(capsys)
+    assert told["condition_number"] > 1.0
+    assert all(axis["velocity_percent"] <= 100.0 for axis in told["axes"])
     assert motion.read_text().startswith("# Excitation for robot my_robot")
     assert run(words) == 2  # nothing is overwritten unasked
 
@@ -168,14 +157,14 @@ def test_check_reads_every_drive_and_moves_nothing(
 ) -> None:
     words = ["check", str(workshop / "cell.yaml"), "--seconds", "0.5"]
     assert run([*words, "--json"]) == 0
-    document = _document(capsys)
-    assert document["passed"] is True
-    watchdogs = [line for line in document["lines"] if line["what"].startswith("6007h")]
+    told = document(capsys)
+    assert told["passed"] is True
+    watchdogs = [line for line in told["lines"] if line["what"].startswith("6007h")]
     assert [line["where"] for line in watchdogs] == [
         "axis1, node 1", "axis2, node 2", "axis3, node 3",
     ]  # fmt: skip
     assert all(line["required"] == line["found"] == "3" for line in watchdogs)
-    whats = {line["what"]: line["verdict"] for line in document["lines"]}
+    whats = {line["what"]: line["verdict"] for line in told["lines"]}
     assert whats["without this computer it acts after"] == "ok"
     assert whats["its silence is noticed after"] == "ok"
     assert whats["writing to disk"] == "ok"
@@ -193,13 +182,13 @@ def test_a_fault_script_goes_with_a_recording_and_a_reset_is_a_command(
     cell, motion = str(workshop / "cell.yaml"), str(workshop / "validation.yaml")
     words = ["record", cell, motion, "--label", "spoiled", "--faults", str(faults), *runs]
     assert run([*words, "--json"]) == 5
-    stop = _document(capsys)["stop"]
+    stop = document(capsys)["stop"]
     assert stop["code"] == "EMERGENCY"
     assert "axis2" in stop["text"]
     folder = find_run(workshop / "runs", "spoiled")
     assert (folder.path / "faults.yaml").read_bytes() == faults.read_bytes()
     assert run(["reset", cell, "--json"]) == 0
-    drives = _document(capsys)["drives"]
+    drives = document(capsys)["drives"]
     assert [drive["after"] for drive in drives] == ["switch on disabled"] * 3
     words[4] = "twice"
     assert run([*words, "--rehearse"]) == 5
@@ -287,7 +276,7 @@ def test_a_run_that_is_not_periodic_is_identified_through_the_anti_alias_filter(
     assert run(["identify", "validation", "-o", str(model), *runs]) == 0
     capsys.readouterr()
     assert run(["validate", str(model), "excitation", "--json", *runs]) == 0
-    for axis in _document(capsys)["validation"]["axes"]:
+    for axis in document(capsys)["validation"]["axes"]:
         assert axis["relative_error_percent"] < 5.0
 
 
@@ -301,15 +290,15 @@ def test_a_recording_ends_when_the_accuracy_is_reached(
     words += ["--runs", str(tmp_path / "runs")]
     capsys.readouterr()
     assert run([*words, "--until", "fc_axis1<5Nm", "--until", "torque<50Nm"]) == 0
-    document = _document(capsys)
-    assert document["status"] == "complete"
-    assert document["accuracy"]["reached"]
-    assert document["accuracy"]["periods"] == 3
-    assert max(document["accuracy"]["relative_percent"]) < 5.0
-    recording = read_journal(Path(document["folder"]) / "recording.mcap").recording()
+    told = document(capsys)
+    assert told["status"] == "complete"
+    assert told["accuracy"]["reached"]
+    assert told["accuracy"]["periods"] == 3
+    assert max(told["accuracy"]["relative_percent"]) < 5.0
+    recording = read_journal(Path(told["folder"]) / "recording.mcap").recording()
     assert (recording.phase == Phase.MAIN).sum() == 3 * recording.samples_per_period
     assert run([*words, "--until", "fc_axis1<0.0001Nm"]) == 1
-    document = _document(capsys)
-    assert document["status"] == "complete"
-    assert document["accuracy"]["periods"] == 6
+    told = document(capsys)
+    assert told["status"] == "complete"
+    assert told["accuracy"]["periods"] == 6
     assert run([*words, "--until", "fc_axis9<1"]) == 2

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -30,6 +28,7 @@ from identification.estimators import estimate_periodic
 from identification.experiment_design import design_two_harmonic
 from rid_daq.app import run
 from rid_daq.truth import true_parameters
+from tests.rid_daq.told import document
 
 CYCLE_S = 0.008
 PERIODS = 4
@@ -104,12 +103,6 @@ def tuesday(measure: Measure) -> Estimate:
 def dry(measure: Measure) -> Estimate:
     """The arm with a joint that rubs 20 % more."""
     return measure("dry", 3, fc_axis2=1.2)
-
-
-def document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    found = json.loads(capsys.readouterr().out)
-    assert isinstance(found, dict)
-    return found
 
 
 def test_differences_are_told_in_sigmas_of_the_difference(

@@ -31,6 +31,7 @@ from dynamics.kinematics import Chain
 from identification.estimate_file import read_estimate
 from rid_daq.app import run
 from rid_daq.cells import reachable_cell
+from tests.rid_daq.told import document
 
 CIRCLE = """
 kind: circle
@@ -82,12 +83,6 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     words = ["loop", "multisine", "-o", str(folder / "loops.json"), *runs]
     assert run(words) == 0
     return folder
-
-
-def document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    found = json.loads(capsys.readouterr().out)
-    assert isinstance(found, dict)
-    return found
 
 
 def by(workshop: Path) -> list[str]:

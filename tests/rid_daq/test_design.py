@@ -8,6 +8,7 @@ import pty
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,12 +26,14 @@ from identification.design_criteria import Condition, DOptimal, Goals
 from identification.design_model import design_model
 from identification.estimate import Estimate
 from identification.estimate_file import write_estimate
+from identification.excitation_problem import ExcitationProblem
 from identification.model_options import ModelOptions
 from identification.motion_check import check_motion
 from identification.optimal_design import refine
 from rid_daq.app import run
 from rid_daq.design_job import chosen_criterion, excitation_problem
 from rid_daq.truth import true_parameters
+from tests.rid_daq.told import document
 
 
 @pytest.fixture(scope="module")
@@ -66,11 +69,24 @@ def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
     )
 
 
+def problem(
+    cell: LoadedCell, model: Estimate | None = None, given: Sequence[Estimate] = ()
+) -> ExcitationProblem:
+    """Return the question for a motion of 10 s and three harmonics."""
+    return excitation_problem(
+        cell.config,
+        cell.robot,
+        period_s=10.0,
+        harmonics=3,
+        criterion=DOptimal(),
+        model=model,
+        given=given,
+    )
+
+
 def design(capsys: pytest.CaptureFixture[str], output: Path, *words: str) -> dict[str, Any]:
     assert run(["design", "ir361", "-o", str(output), "--starts", "2", "--json", *words]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert isinstance(document, dict)
-    return document
+    return document(capsys)
 
 
 def test_it_writes_a_motion_within_all_limits(
@@ -161,23 +177,8 @@ def test_the_next_experiment_serves_what_earlier_runs_know_least(cell: LoadedCel
     weak = {"Ixz3": 100.0, "Iyz3": 100.0}
     earlier = known(cell, weak)
     cycle_s = cell.config.cycle_time_s
-    alone = excitation_problem(
-        cell.config,
-        cell.robot,
-        period_s=10.0,
-        harmonics=3,
-        criterion=DOptimal(),
-        model=earlier,
-    )
-    next_one = excitation_problem(
-        cell.config,
-        cell.robot,
-        period_s=10.0,
-        harmonics=3,
-        criterion=DOptimal(),
-        model=earlier,
-        given=[earlier],
-    )
+    alone = problem(cell, model=earlier)
+    next_one = problem(cell, model=earlier, given=[earlier])
     for criterion in (DOptimal(), chosen_criterion(cell.robot, "d-optimal", list(weak))):
         judge = replace(next_one, criterion=criterion)
         served, plain = (
@@ -192,14 +193,7 @@ def test_the_next_experiment_serves_what_earlier_runs_know_least(cell: LoadedCel
 
 def test_friction_is_never_carried_over(cell: LoadedCell) -> None:
     earlier = known(cell, {})
-    task = excitation_problem(
-        cell.config,
-        cell.robot,
-        period_s=10.0,
-        harmonics=3,
-        criterion=DOptimal(),
-        given=[earlier, earlier],
-    )
+    task = problem(cell, given=[earlier, earlier])
     assert task.given is not None
     names = task.base.names
     friction = [k for k, name in enumerate(names) if name.startswith(("fc_", "fv_"))]
@@ -215,14 +209,7 @@ def test_a_model_of_another_robot_is_refused(cell: LoadedCell) -> None:
     joint = ours.robot.joints[0].model_copy(update={"name": "other"})
     robot = ours.robot.model_copy(update={"joints": (joint, *ours.robot.joints[1:])})
     with pytest.raises(ConfigError, match="give models of this robot"):
-        excitation_problem(
-            cell.config,
-            cell.robot,
-            period_s=10.0,
-            harmonics=3,
-            criterion=DOptimal(),
-            model=replace(ours, robot=robot),
-        )
+        problem(cell, model=replace(ours, robot=robot))
 
 
 @pytest.mark.parametrize(

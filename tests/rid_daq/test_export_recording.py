@@ -8,6 +8,7 @@ import json
 import struct
 from pathlib import Path
 
+import fastparquet
 import numpy as np
 import pytest
 
@@ -77,7 +78,6 @@ def test_csv_is_read_by_the_csv_module_bit_by_bit(
 def test_parquet_is_read_by_fastparquet_bit_by_bit(
     folder: RunFolder, data: RunData, tmp_path: Path
 ) -> None:
-    fastparquet = pytest.importorskip("fastparquet")
     written = export(folder, "parquet", tmp_path / "r.parquet").read_bytes()
     file = fastparquet.ParquetFile(io.BytesIO(written))
     frame = file.to_pandas()
@@ -168,7 +168,6 @@ def mdf_channels(data: bytes) -> dict[str, tuple[np.ndarray, str]]:
 def test_mdf_is_read_by_its_standard_bit_by_bit(
     folder: RunFolder, data: RunData, tmp_path: Path
 ) -> None:
-    pytest.importorskip("asammdf")
     found = mdf_channels(export(folder, "mdf4", tmp_path / "r.mf4").read_bytes())
     (time_s,) = [values for name, (values, _) in found.items() if name.startswith("time")]
     np.testing.assert_array_equal(time_s, data.recording.time_s)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from acquisition.motion_samples import plan_motion
-from benchmarks.velocity_loop import closed_loop
+from benchmarks.closed_loop import closed_loop
 from compensation.cascade import advise
 from compensation.loop_measurement import measure_loops
 from compensation.multisine_motion import limit_use, multisine_motion, velocity_loop_band_hz

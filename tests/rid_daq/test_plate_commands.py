@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from drivers.amplifier_frames import PLATE_EVENT, PLATE_ROW
 from drivers.interfaces import PlateRead
 from mock_hw.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
+from tests.rid_daq.told import document
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 200.0]}\n"
@@ -101,23 +101,12 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture
-def runs(workshop: Path) -> list[str]:
-    return ["--runs", str(workshop / "runs")]
-
-
-def _document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    document = json.loads(capsys.readouterr().out)
-    assert isinstance(document, dict)
-    return document
-
-
 def test_the_combined_model_tells_what_the_plate_improved(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = ["-o", str(workshop / "again.json")]
     assert run(["identify", "excitation", "--model", "combined", "--json", *output, *runs]) == 0
-    plate = _document(capsys)["plate"]
+    plate = document(capsys)["plate"]
     assert plate["improvement"]["determinant_ratio"] > 3.0
     assert [axis["joint"] for axis in plate["torque_constants"]["axes"]] == [
         "axis1",
@@ -145,7 +134,7 @@ def test_the_average_says_what_became_of_the_channels(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["average", "excitation", "--json", *runs]) == 0
-    assert "channels drifted by up to" in _document(capsys)["average"]["sentence"]
+    assert "channels drifted by up to" in document(capsys)["average"]["sentence"]
 
 
 def test_the_internal_model_mentions_the_plate(
@@ -161,11 +150,11 @@ def test_the_external_model_is_told_from_the_plate_alone(
     model = workshop / "external.json"
     command = ["identify", "excitation", "--model", "external", "-o", str(model), "--json"]
     assert run([*command, *runs]) == 0
-    assert len(_document(capsys)["estimate"]["parameters"]) == 20
+    assert len(document(capsys)["estimate"]["parameters"]) == 20
     assert run(["validate", str(model), "validation", "--json", *runs]) == 0
-    document = _document(capsys)
-    assert "torques are not judged" in document["validation"]["sentence"]
-    assert max(c["relative_error_percent"] for c in document["reaction"]["components"]) < 20.0
+    told = document(capsys)
+    assert "torques are not judged" in told["validation"]["sentence"]
+    assert max(c["relative_error_percent"] for c in told["reaction"]["components"]) < 20.0
 
 
 def test_validate_predicts_the_reaction(
@@ -173,7 +162,7 @@ def test_validate_predicts_the_reaction(
 ) -> None:
     model = str(workshop / "combined.json")
     assert run(["validate", model, "validation", "--limits", "50", "--json", *runs]) == 0
-    reaction = _document(capsys)["reaction"]
+    reaction = document(capsys)["reaction"]
     assert [c["name"] for c in reaction["components"]] == ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
     assert max(c["relative_error_percent"] for c in reaction["components"]) < 20.0
 
@@ -184,14 +173,14 @@ def test_limits_of_the_base_are_judged(
     model = str(workshop / "combined.json")
     command = ["validate", model, "validation", "--limits", "50", "--base-limits", "--json"]
     code = run([*command, "--mass", "99", *runs])
-    document = _document(capsys)
-    load = document["base_load"]
+    told = document(capsys)
+    load = told["base_load"]
     assert load["weight_known"]
     assert load["components"][2]["peak"] > 900.0
     assert code == (0 if all(c["held"] for c in load["components"]) else 1)
-    assert any("reaction on the base" in line["text"] for line in document["verdict"]["checks"])
+    assert any("reaction on the base" in line["text"] for line in told["verdict"]["checks"])
     assert run([*command, "--mass", "250", *runs]) == 1
-    broken = [c["name"] for c in _document(capsys)["base_load"]["components"] if not c["held"]]
+    broken = [c["name"] for c in document(capsys)["base_load"]["components"] if not c["held"]]
     assert "Fz" in broken
 
 
@@ -202,11 +191,11 @@ def test_limits_of_the_base_are_judged_before_a_motion_is_run(
     command = ["validate", model, motion, "--base-limits", "--json"]
     cell = ["--cell", str(workshop / "cell.yaml")]
     code = run([*command, *cell, "--mass", "99"])
-    predicted = _document(capsys)["base_load"]["components"]
+    predicted = document(capsys)["base_load"]["components"]
     assert code == (0 if all(c["held"] for c in predicted) else 1)
     words = ["validate", model, "validation", "--limits", "50", "--base-limits", "--json"]
     run([*words, "--mass", "99", *runs])
-    recorded = _document(capsys)["base_load"]["components"]
+    recorded = document(capsys)["base_load"]["components"]
     for before, after in zip(predicted, recorded, strict=True):
         # the recorded one has the overshoot of the drives' loops in it
         assert before["peak"] == pytest.approx(after["peak"], rel=0.25)

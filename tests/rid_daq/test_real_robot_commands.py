@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -21,17 +20,10 @@ LIMITS_PERCENT = (6.5, 3.6, 3.6, 3.8, 6.7, 6.0)
 
 
 @pytest.fixture(scope="module")
-def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = os.environ.get("RID_DAQ_DATA", "")
-    folder = Path(root) / "ur10e"
-    if not root or not folder.is_dir():
-        reason = "no recordings of a real robot: RID_DAQ_DATA must name the folder of ur10e/"
-        if os.environ.get("CI"):
-            pytest.fail(f"{reason}; in CI they must be there")
-        pytest.skip(reason)
+def workshop(real_robot: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("ur10e")
     for label, (name, rows) in FILES.items():
-        words = ["import", str(folder / name), "--map", "ur10e_31", "--rows", rows]
+        words = ["import", str(real_robot / name), "--map", "ur10e_31", "--rows", rows]
         assert run([*words, "--label", label, "--runs", str(place / "runs")]) == 0
     return place
 

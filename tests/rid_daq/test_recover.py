@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +16,7 @@ from acquisition.run_list import find_run
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.run_data import read_run
+from tests.rid_daq.told import document
 
 ROWS = 1000
 HALF = 400
@@ -63,12 +62,6 @@ def flip(path: Path, at: int) -> None:
     data = bytearray(path.read_bytes())
     data[at] ^= 0x10
     path.write_bytes(data)
-
-
-def document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    found = json.loads(capsys.readouterr().out)
-    assert isinstance(found, dict)
-    return found
 
 
 def test_a_killed_run_becomes_a_whole_one_beside_it(

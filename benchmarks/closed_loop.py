@@ -1,0 +1,71 @@
+"""A simulated arm in closed loop without a bus: plant, and position loop one cycle behind."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acquisition.arrays import FloatArray
+from acquisition.motion_samples import MotionSamples
+from acquisition.recording import Recording
+from config.load import LoadedCell
+from config.plant import PlantConfig
+from mock_hw.plant import Plant
+
+SETTLE_ROWS = 60
+
+
+def plant_at(cell: LoadedCell, truth: PlantConfig, pose: FloatArray, seed: int = 0) -> Plant:
+    """Return a cell's plant at rest at a pose [rad or m]."""
+    axes = tuple(
+        axis.model_copy(update={"initial_position": float(at)})
+        for axis, at in zip(truth.axes, pose, strict=True)
+    )
+    truth = truth.model_copy(update={"axes": axes})
+    return Plant(cell.robot, truth, cell.config.torque_filter, seed)
+
+
+def closed_loop(
+    cell: LoadedCell, truth: PlantConfig, samples: MotionSamples, seed: int = 0
+) -> Recording:
+    """Run a motion through plant and position loop, rounded as drives and bus round.
+
+    Speeds that are sent act from the next SYNC on; they are the motion's feedforward where it has
+    one, else its velocity, and what the position loop adds.
+    """
+    joints, step_s = cell.robot.joints, samples.sample_period_s
+    plant = plant_at(cell, truth, samples.position[0], seed)
+    ratio = np.array([abs(joint.gear_ratio) for joint in joints])
+    counts = ratio * [axis.encoder_increments_per_motor_rev / (2.0 * np.pi) for axis in truth.axes]
+    permille_nm = 1e-3 * ratio * [axis.rated_motor_torque_nm for axis in truth.axes]
+    n = len(joints)
+    powered, free = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+    ahead = samples.velocity if samples.feedforward is None else samples.feedforward
+    position, torque, command = np.zeros((3, len(samples), n))
+    before = now = sent = np.zeros(n)
+    for row in range(-SETTLE_ROWS, len(samples)):
+        at = max(row, 0)
+        measured = plant.position_counts() / counts
+        speed = cell.config.position_gain_per_s * (samples.position[at] - measured)
+        if row >= 0:
+            position[row], torque[row] = measured, permille_nm * plant.torque_permille()
+            speed = speed + ahead[row]
+        speed = np.rint(speed * counts) / counts
+        command[at] = speed
+        before, now, sent = now, sent, speed
+        plant.advance(step_s, before, now, powered, free)
+    rows = np.arange(len(samples))
+    return Recording(
+        joint_names=samples.joint_names,
+        time_s=np.asarray(rows * step_s, dtype=float),
+        position=position,
+        torque_nm=torque,
+        valid=np.ones(len(samples), dtype=np.bool_),
+        phase=samples.phase,
+        sample_index=rows,
+        source="cell",
+        target_position=samples.position,
+        velocity_command=command,
+        sample_period_s=step_s,
+        samples_per_period=samples.samples_per_period,
+        torque_filter=cell.config.torque_filter,
+    )
