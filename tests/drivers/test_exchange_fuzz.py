@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import tracemalloc
 from collections.abc import Callable
@@ -53,10 +54,8 @@ def test_any_frames_in_motion_are_typed_errors_or_events_and_hold_nothing_up(
         for frame, after_s in arriving:
             bench.arrives(frame, after_s)
         began_s = bench.bus.now_s
-        try:
+        with contextlib.suppress(RidDaqError):
             bench.cycle(STILL)
-        except RidDaqError as error:
-            assert str(error)
         assert bench.bus.now_s - began_s <= 1.6 * CYCLE_S + 1e-9
         events = axes.take_events()
         assert len(events) <= MOST_EVENTS

@@ -7,11 +7,11 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
-from config.errors import DriverError
+from config.errors import DeviceTimeoutError, DriverError
 from config.monitor import ModbusTcp, MonitorConfig
 from drivers.modbus_codec import RegisterRead
 from drivers.modbus_link import open_modbus
@@ -89,3 +89,30 @@ def test_no_answer_is_taken_for_one(liar: Liar) -> None:
                 opened.read(1, READ)
     assert liar.answers > ANSWERS // 2
     assert time.monotonic() - begun_s < 100.0
+
+
+@pytest.mark.fault(31)
+def test_a_drive_that_is_silent_costs_one_request_and_one_time_out(
+    measured: Callable[[str], None],
+) -> None:
+    """Reading alone is ever asked for, and nothing twice: there is no write that could be."""
+    heard: list[bytes] = []
+    waited_s = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        link = ModbusTcp(kind="tcp", host="127.0.0.1", port=server.getsockname()[1])
+        config = MonitorConfig(link=link, units=(1,), timeout_s=0.05)
+        with open_modbus(config, lambda _: None) as opened:
+            for _ in range(5):
+                begun_s = time.monotonic()
+                with pytest.raises(DeviceTimeoutError, match=r"no answer within 0\.05 s"):
+                    opened.read(1, READ)
+                waited_s.append(time.monotonic() - begun_s)
+                connection, _ = server.accept()
+                with connection:
+                    heard.append(connection.recv(4096))
+    assert [(len(request), request[7]) for request in heard] == [(12, 3)] * 5
+    assert 0.049 <= min(waited_s) < 5.0  # the upper bound is no load's, but that of a retry
+    measured(
+        f"a silent drive, time-out 50 ms: given up after {1e3 * min(waited_s):.0f} ms and one"
+        " request; no command writes, and a stop asks nothing of Modbus"
+    )

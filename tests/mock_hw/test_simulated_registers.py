@@ -13,7 +13,7 @@ import socket
 import struct
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from mock_hw.simulated_registers import RegisterFaults, SimulatedRegisters
 PROFILE = load_bundled_or_path("servo_registers", "profiles", DriveProfile)
 UNITS = (1, 2, 9)
 TIMEOUT_S = 2.0
+Measured = Callable[[str], None]
 
 
 def registers(unit: int) -> dict[int, int] | None:
@@ -142,36 +143,44 @@ class TestTheDriverReadsThem:
         assert why in problem
 
     @pytest.mark.fault(31)
-    def test_a_refusal_names_registers_and_reason(self, workshop: Workshop, kind: str) -> None:
+    def test_a_refusal_names_registers_and_reason(
+        self, workshop: Workshop, kind: str, measured: Measured
+    ) -> None:
         config = workshop.serve(kind, faults=RegisterFaults(at={0: "exception"}, exception=2))
         with open_modbus(config) as link:
             (read,) = plan_reads(PROFILE, POLLED)
             with pytest.raises(ProtocolError, match=r"registers 100 to 103 .*exception 2: it has"):
                 link.read(1, read)
+        assert workshop.drives.requests == 1
+        measured(f"{kind}, a refusal: one request, the exception in words")
 
     @pytest.mark.fault(31)
-    def test_silence_is_a_timeout(self, workshop: Workshop, kind: str) -> None:
+    def test_silence_is_a_timeout(self, workshop: Workshop, kind: str, measured: Measured) -> None:
         config = workshop.serve(kind, faults=RegisterFaults(at={0: "silent"}))
         line = monitor(config, workshop)
         (read,) = plan_reads(PROFILE, POLLED)
         with pytest.raises(DeviceTimeoutError, match=r"unit 1: no answer within 2 s; check"):
             line._link.read(1, read)
+        assert workshop.drives.requests == 1
         assert line.read().problems == ()
+        measured(f"{kind}, silence: one request, and the next one is answered")
 
     @pytest.mark.fault(31)
     @pytest.mark.parametrize("fault", ["short", "wrong_unit", "garbage"])
     def test_a_damaged_answer_is_an_error_and_the_next_request_is_answered(
-        self, workshop: Workshop, kind: str, fault: Any
+        self, workshop: Workshop, kind: str, fault: Any, measured: Measured
     ) -> None:
         line = monitor(workshop.serve(kind, faults=RegisterFaults(at={0: fault})), workshop)
         first, second = line.read(), line.read()
         assert len(first.problems) == 1
         assert first.temperature_k[1:].tolist() == pytest.approx([303.15, 373.15])
         assert second.problems == ()
+        assert workshop.drives.requests == 2 * len(UNITS)
+        measured(f"{kind}, {fault}: 1 of 6 values missing, 6 requests for 6")
 
     @pytest.mark.fault(31)
     def test_a_late_answer_is_not_taken_for_the_next_ones(
-        self, workshop: Workshop, kind: str
+        self, workshop: Workshop, kind: str, measured: Measured
     ) -> None:
         """Unit 1 twice: only the second answer may count, and the first was of other registers."""
         line = monitor(workshop.serve(kind, faults=RegisterFaults(at={0: "late"})), workshop)
@@ -180,6 +189,8 @@ class TestTheDriverReadsThem:
         assert len(first.problems) == 1
         assert first.temperature_k[1:].tolist() == pytest.approx([303.15, 373.15])
         assert line.read().temperature_k.tolist() == pytest.approx([293.15, 303.15, 373.15])
+        assert workshop.drives.requests == 2 * len(UNITS)
+        measured(f"{kind}, late: 1 of 6 values missing, 0 wrong, 6 requests for 6")
 
 
 def test_a_temperature_that_no_motor_has_is_not_believed(workshop: Workshop) -> None:
