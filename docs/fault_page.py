@@ -51,7 +51,7 @@ ROWS: dict[int, Row] = {
     7: Row("wrong length, foreign identifier, a node id twice", "refused, named", "0 exceptions"),
     8: Row("a drive resets itself", "quick stop of the others; not enabled again", "≤ 2 T"),
     9: Row("an emergency message", "quick stop; the code in words", "≤ 2 T"),
-    10: Row("1,000 emergency messages a second", "one quick stop; 64 kept", "p99 < 1.2 ×"),
+    10: Row("1,000 emergency messages a second", "one quick stop; 64 kept", "0 cycles late"),
     11: Row("a drive's heartbeat ends", "quick stop", "≤ time-out + 1 T"),
     12: Row("bus-off, full queue, adapter gone", "silence until re-armed", "0 motion frames"),
     13: Row(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from config.cell import DriveSafety
 from config.errors import LockedError
@@ -194,10 +195,9 @@ class DriveWatch:
             self._note(EventKind.NOT_OPERATIONAL, axis, now_s, text, state)
 
     def _emergency_arrived(self, axis: int, data: bytes, now_s: float) -> None:
-        emergency = parse_emcy(data)
-        cleared = emergency.code == 0
-        kind = EventKind.EMERGENCY_CLEARED if cleared else EventKind.EMERGENCY
-        self._note(kind, axis, now_s, f"reported: {printable(str(emergency), 160)}", emergency.code)
+        code, words = _emergency(bytes(data))
+        kind = EventKind.EMERGENCY if code else EventKind.EMERGENCY_CLEARED
+        self._note(kind, axis, now_s, words, code)
 
     def _unexpected(self, cob_id: int, now_s: float) -> None:
         foreign = self.foreign_master(cob_id)
@@ -221,3 +221,10 @@ class DriveWatch:
             self._events.append(event)
         else:
             self.dropped_events += 1
+
+
+@lru_cache(maxsize=MOST_EVENTS)  # a drive that floods the bus says the same again and again
+def _emergency(data: bytes) -> tuple[int, str]:
+    """Return an emergency message's code and what is told of it."""
+    emergency = parse_emcy(data)
+    return emergency.code, f"reported: {printable(str(emergency), 160)}"

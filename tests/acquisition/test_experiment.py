@@ -182,17 +182,19 @@ def test_five_interrupts_stop_the_motion_once_and_the_file_is_closed(
 
     def interrupt() -> None:
         if len(sent) < 5:
-            sent.append(1)
+            sent.append(time.time_ns())
             os.kill(os.getpid(), number)
 
     outcome = record(long, in_mid_motion(interrupt))
     assert sent
+    closed_s = 1e-9 * (outcome.path.stat().st_mtime_ns - sent[0])
+    assert -0.02 < closed_s < PATIENCE_S  # a file's time is that of the kernel's last tick
     assert outcome.interrupted_by is number
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.INTERRUPTED
     assert read_journal(outcome.path).damage.notes == ()
     assert_at_rest(simulated)
-    measured(f"5 times {number.name}: at rest, file closed")
+    measured(f"5 times {number.name}: at rest, file closed {1e3 * closed_s:.0f} ms after the first")
 
 
 @pytest.mark.fault(21)
@@ -286,6 +288,35 @@ def start(simulated: SimulatedCell, loaded: LoadedCell, folder: RunFolder) -> St
             yield program
 
     return begin
+
+
+@pytest.mark.fault(19)
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_program_that_is_told_to_end_closes_its_file_first(
+    start: Start,
+    simulated: SimulatedCell,
+    folder: RunFolder,
+    number: signal.Signals,
+    measured: Callable[[str], None],
+) -> None:
+    """The bar is 2 s; this computer may be busy, so only a hang fails here."""
+    with start() as program:
+        sent_ns = time.time_ns()
+        program.send_signal(number)
+        assert program.wait(PATIENCE_S) == 0
+    path = folder.file("recording.mcap")
+    closed_s = 1e-9 * (path.stat().st_mtime_ns - sent_ns)
+    assert -0.02 < closed_s < PATIENCE_S  # a file's time is that of the kernel's last tick
+    journal = read_journal(path)
+    assert journal.damage.notes == ()
+    moving = np.flatnonzero(np.abs(journal.rows["velocity_command"]).max(axis=1) > 0.0)
+    stop = journal.rows[int(moving[-1]) + 1 :]
+    assert stop["time_s"][-1] - stop["time_s"][0] < RAMP_S + 0.1
+    assert_at_rest(simulated)
+    measured(
+        f"a program of its own, {number.name}: at rest, file closed {1e3 * closed_s:.0f} ms later"
+        " (lock-step: the ramp takes no time)"
+    )
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -69,6 +70,60 @@ def test_a_fault_of_a_drive_stops_the_others(
     assert cycles <= 2
     run.assert_at_rest()
     measured(f"a drive in fault: {cycles} T")
+
+
+class Work:
+    """Counts the calls that the loop makes from one SYNC to the next: its work, on any computer."""
+
+    def __init__(self) -> None:
+        self.calls: list[int] = []
+        self._count = 0
+
+    def __call__(self, cell: Any, _control: object) -> None:
+        sync = cell.axes.sync
+
+        def counted() -> Any:
+            self.calls.append(self._count)
+            self._count = 0
+            return sync()
+
+        cell.axes.sync = counted
+        sys.setprofile(self._see)
+
+    def _see(self, _frame: object, event: str, _argument: object) -> None:
+        self._count += event in ("call", "c_call")
+
+    def of(self, rig: Any, motion: MotionSamples) -> Any:
+        """Move, and count."""
+        try:
+            return rig.move(motion, self)
+        finally:
+            sys.setprofile(None)
+
+
+@pytest.mark.fault(10)
+def test_a_flood_of_emergencies_is_little_more_work_a_cycle(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    """Not the processor's time, which depends on the computer: the calls that it is spent on."""
+    flood = {"kind": "emergency", "joint": "axis2", "at_cycle": AT, "count": 500}
+    single, flooded = Work(), Work()
+    one = single.of(serve(drives=[flood | {"count": 1}]), motion)
+    run = flooded.of(serve(drives=[flood]), motion)
+    assert one.quick_stop_cycle() == run.quick_stop_cycle() == AT
+    assert len(single.calls) == len(flooded.calls)
+    stopping = slice(-12, None)
+    moving = float(np.median(single.calls[-100:-20]))
+    quiet, busy = (np.median(work.calls[stopping]) for work in (single, flooded))
+    assert busy > quiet, "the flood was not seen"
+    a_message = (busy - quiet) / (1000.0 * T)
+    assert a_message < 40
+    assert max(flooded.calls[stopping]) < 2.0 * moving
+    assert len(run.notes) <= 3
+    measured(
+        f"{a_message:.0f} calls a message; a flooded cycle {busy / moving:.1f} times the calls of a"
+        " quiet one, counted; jitter on a real clock is not measured here"
+    )
 
 
 @pytest.mark.fault(10)

@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -201,8 +202,9 @@ def test_a_fault_script_goes_with_a_recording_and_a_reset_is_a_command(
     assert run(words) == 2
 
 
+@pytest.mark.fault(19)
 def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
-    workshop: Path, tmp_path: Path
+    workshop: Path, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     # However long this machine stalls, it is Ctrl-C that stops the motion.
     text = (workshop / "cell.yaml").read_text()
@@ -227,6 +229,7 @@ def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
         while not line.startswith("recording:"):
             line = program.stdout.readline()
             assert line, "the program ended before it moved"
+        sent_ns = time.time_ns()
         for _ in range(3):
             program.send_signal(signal.SIGINT)
         said = program.stdout.read()
@@ -237,6 +240,9 @@ def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
     assert RunFolder.open(folder).manifest().status == "stopped"
     journal = read_journal(folder / "recording.mcap")
     assert journal.damage.finished
+    closed_s = 1e-9 * ((folder / "recording.mcap").stat().st_mtime_ns - sent_ns)
+    assert 0.0 < closed_s < 60.0
+    measured(f"Ctrl-C in real time: exit 130, file closed {closed_s:.1f} s later")
     assert "Stopped before its end" in (folder / "report.html").read_text()
 
 
