@@ -299,14 +299,13 @@ def test_a_program_that_is_told_to_end_closes_its_file_first(
     number: signal.Signals,
     measured: Callable[[str], None],
 ) -> None:
-    """The bar is 2 s; this computer may be busy, so only a hang fails here."""
     with start() as program:
         sent_ns = time.time_ns()
         program.send_signal(number)
         assert program.wait(PATIENCE_S) == 0
     path = folder.file("recording.mcap")
     closed_s = 1e-9 * (path.stat().st_mtime_ns - sent_ns)
-    assert -0.02 < closed_s < PATIENCE_S  # a file's time is that of the kernel's last tick
+    assert -0.02 < closed_s < PATIENCE_S
     journal = read_journal(path)
     assert journal.damage.notes == ()
     moving = np.flatnonzero(np.abs(journal.rows["velocity_command"]).max(axis=1) > 0.0)
