@@ -78,7 +78,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("record ir361 missing.yaml", 2, "cannot read"),
     ("record ir361 unknown_key.yaml", 2, "unknown_key.yaml:3:1"),
     ("record ir361 other_robot.yaml", 2, "is for 'kr15'"),
-    ("record ir361 too_far.yaml", 2, "axis2"),
+    ("record ir361 too_far.yaml", 3, "axis2"),
     ("record ir361 odd_period.yaml", 2, "whole number of cycles"),
     ("record ir361 missing_joint.yaml", 2, "axis3"),
     ("record ir361 tag.yaml", 2, "tag"),

@@ -176,7 +176,11 @@ def test_check_reads_every_drive_and_moves_nothing(
 
 @pytest.mark.fault(9)
 def test_a_fault_script_goes_with_a_recording_and_a_reset_is_a_command(
-    workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    workshop: Path,
+    runs: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
 ) -> None:
     faults = tmp_path / "faults.yaml"
     faults.write_text("drives: [{kind: emergency, joint: axis2, at_cycle: 200, code: 17168}]\n")
@@ -200,6 +204,7 @@ def test_a_fault_script_goes_with_a_recording_and_a_reset_is_a_command(
         find_run(workshop / "runs", "twice")
     faults.write_text("drives: [{kind: emergency, joint: elbow}]\n")
     assert run(words) == 2
+    measured("'record': exit 5, the axis named; 'reset': 3 of 3 drives, none switched on")
 
 
 @pytest.mark.fault(19)
