@@ -219,6 +219,8 @@ def test_a_drives_fault_stops_the_motion(served: Served, tmp_path: Path) -> None
     assert outcome.stop.code is StopCode.EMERGENCY
     assert "following error" in outcome.stop.text
     served.await_rest()
+    with served.open() as opened:  # a person resets the drives before anything moves again
+        assert any(drive.was_faulty for drive in opened.axes.service.reset_faults())
 
 
 def test_a_killed_hosts_axes_come_to_rest_by_themselves(served: Served) -> None:
