@@ -13,12 +13,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from acquisition.approach import approach
 from acquisition.arrays import FloatArray
 from acquisition.clear_path import refuse_collision
 from acquisition.control_block import ControlBlock, Pace, RecorderState, TaskState
 from acquisition.monitor_rounds import MonitorRounds
 from acquisition.motion_limits import refuse_pose
-from acquisition.motion_samples import MotionSamples, Phase, approach
+from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.position_loop import PositionLoop
 from acquisition.ring import Ring
 from acquisition.set_points import SetPoint, SetPointSource

@@ -18,9 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.approach import approach
 from acquisition.arrays import BoolArray, FloatArray, IntArray, read_only
 from acquisition.force_plate import PlateGeometry
-from acquisition.motion_samples import MotionSamples, Phase, approach
+from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.ramp import Path, join, standstill
 from config.errors import ConfigError, DataQualityError
 from config.plate import CHANNEL_NAMES, CHANNELS

@@ -30,7 +30,8 @@ import numpy as np
 from acquisition.control_block import Progress, TaskState
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import read_journal
-from acquisition.motion_samples import MotionSamples, Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.run_folder import RunFolder
 from config.load import LoadedCell, load_cell
 from config.motion import FourierJoint, FourierMotion

@@ -33,7 +33,7 @@ import numpy as np
 from acquisition.control_block import Progress
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import read_journal
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from acquisition.run_folder import RunFolder
 from benchmarks.soak_faults import FAULTS, QUICK, Fault
 from config.errors import RidDaqError

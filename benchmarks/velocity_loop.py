@@ -22,7 +22,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from acquisition.arrays import FloatArray
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from benchmarks.closed_loop import closed_loop
 from compensation.loop_measurement import measure_loops
 from compensation.multisine_motion import multisine_motion

@@ -8,7 +8,8 @@ from typing import Final, Literal
 import numpy as np
 
 from acquisition.arrays import FloatArray
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.motion import MultisineJoint, MultisineMotion

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.arrays import FloatArray, IntArray, PhaseArray
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from acquisition.multisine import excited_lines, speed_phasors
 from acquisition.recording import Recording
 from acquisition.spectrum import filter_response

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from acquisition.excitation import FourierTrajectory
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.bodies import Workspace
 from config.errors import ConfigError
 from config.motion import FourierJoint, FourierMotion

@@ -15,7 +15,8 @@ from scipy.linalg import qr
 
 from acquisition.arrays import BoolArray, FloatArray
 from acquisition.constant_velocity import ConstantRun, constant_velocity_runs
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from acquisition.periods import PeriodAverage, average_periods
 from acquisition.recording import Recording
 from acquisition.spectrum import Derivatives, differentiate_on_bins, divide_filter

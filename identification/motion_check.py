@@ -11,7 +11,8 @@ import numpy as np
 from acquisition.arrays import FloatArray
 from acquisition.excitation import FourierTrajectory
 from acquisition.force_plate import WRENCH_NAMES, WRENCH_UNITS
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from config.errors import ConfigError
 from config.motion import FourierMotion
 from dynamics.base_wrench import base_wrench

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from acquisition.arrays import FloatArray
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.bodies import Workspace
 from config.errors import ConfigError
 from config.motion import FourierJoint, FourierMotion

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from acquisition.experiment import RecordOutcome
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from acquisition.recording import Recording
 from acquisition.run_folder import RunFolder
 from compensation.compensated_motion import compensated_motion

@@ -12,7 +12,8 @@ import numpy as np
 from acquisition.control_block import Progress, TaskState
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import read_journal
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from acquisition.periods import average_periods
 from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig

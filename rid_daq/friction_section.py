@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.arrays import FloatArray
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.errors import ConfigError
 from config.load import LoadedCell, to_yaml
 from config.motion import ConstantVelocityMotion, ReversedMotion

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.load import load_cell, load_motion

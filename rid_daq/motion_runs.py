@@ -6,7 +6,8 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from acquisition.run_folder import RunFolder
 from compensation.feedforward_file import FeedforwardFile, read_feedforward
 from config.cell import CellConfig

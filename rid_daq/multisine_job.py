@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from acquisition.multisine import crest_factor, excited_lines, speed_phasors
 from compensation.multisine_motion import limit_use, multisine_motion
 from config.errors import ConfigError

@@ -13,7 +13,7 @@ import typer
 from pydantic import JsonValue
 
 from acquisition.experiment import RecordOutcome, record_motion
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError

@@ -9,7 +9,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from acquisition.motion_samples import plan_motion, verify_limits
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import verify_limits
 from acquisition.run_list import find_run
 from compensation.compensated_motion import compensated_motion
 from compensation.feedforward_file import Origin, TuningEntry, write_feedforward

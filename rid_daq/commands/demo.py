@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from acquisition.run_folder import RunFolder, RunStatus
 from config.load import load_cell, to_yaml
 from config.motion import MultipointMotion

@@ -11,7 +11,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from config.errors import ConfigError, RecordingError
 from config.load import LoadedCell, load_cell, to_yaml
 from config.motion import FourierMotion

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from acquisition.periods import average_periods
 from acquisition.run_folder import RunFolder, RunStatus
 from acquisition.run_list import find_run

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 from pydantic import JsonValue
 
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from acquisition.rehearsal import SLOWER, rehearsal
 from acquisition.run_folder import RunFolder
 from acquisition.termination import ignore_termination

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from acquisition.experiment import RecordOutcome
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from acquisition.run_folder import RunFolder
 from acquisition.set_points import SetPointSource
 from acquisition.termination import ignore_termination

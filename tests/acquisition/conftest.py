@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from config.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
 from config.motion import FourierJoint, FourierMotion
 from config.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription

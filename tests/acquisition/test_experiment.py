@@ -27,7 +27,8 @@ from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import Journal, read_journal
 from acquisition.journal_file import being_written
 from acquisition.journal_repair import repair_journal
-from acquisition.motion_samples import MotionSamples, Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.run_folder import RunFolder
 from acquisition.stop_reason import StopCode
 from config.errors import ConfigError, PreflightError, RecordingError
@@ -42,7 +43,8 @@ CHILD = """
 import json, sys
 from pathlib import Path
 from acquisition.experiment import record_motion
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from acquisition.run_folder import RunFolder
 from config.cell import CellConfig
 from config.motion import FourierMotion

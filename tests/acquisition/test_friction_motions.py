@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.constant_velocity import constant_velocity_runs
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from config.errors import ConfigError
 from config.load import load_robot, to_yaml, validate
 from config.motion import ConstantVelocityMotion, FourierJoint, ReversedMotion, SpeedRuns

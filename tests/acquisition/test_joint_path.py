@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import Phase, plan_motion, verify_limits
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase, verify_limits
 from config.errors import ConfigError
 from config.load import load_motion, load_robot, to_yaml
 from config.path_motion import JointPathMotion, JointTableMotion

@@ -9,13 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.motion_samples import (
-    MotionSamples,
-    Phase,
-    approach,
-    plan_motion,
-    verify_limits,
-)
+from acquisition.approach import approach
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples, Phase, verify_limits
 from acquisition.multipoint import random_poses
 from config.errors import ConfigError
 from config.load import load_robot

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion_samples import MotionSamples, Phase, plan_motion, verify_limits
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples, Phase, verify_limits
 from acquisition.path_geometry import stretches
 from acquisition.path_motion import segment_at
 from config.errors import ConfigError

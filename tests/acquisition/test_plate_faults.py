@@ -10,7 +10,8 @@ import pytest
 
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import read_journal
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from acquisition.periods import PeriodAverage, average_periods
 from acquisition.plate_alignment import stream_clock, with_plate
 from acquisition.plate_journal import PLATE_RECORDING, PlateRows, read_plate_journal

@@ -15,7 +15,8 @@ import pytest
 from acquisition.control_block import Progress
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import read_journal
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from acquisition.plate_journal import PLATE_RECORDING, PlateRows, read_plate_journal
 from acquisition.plate_preparation import plate_zero_n, prepare_plate
 from acquisition.run_folder import RunFolder

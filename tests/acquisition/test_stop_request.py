@@ -11,7 +11,7 @@ import pytest
 
 from acquisition.control_block import ControlBlock, TaskState
 from acquisition.cyclic_task import CyclicTask
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from acquisition.ring import Ring
 from acquisition.set_points import PlannedMotion
 from acquisition.stop_reason import StopCode

@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from acquisition.periods import average_periods
 from acquisition.recording import Recording
 from benchmarks.closed_loop import closed_loop

@@ -8,7 +8,8 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from acquisition.set_points import SetPoint
 from compensation.online import LARGEST_CORRECTION, REST_RAD_S, OnlineFeedforward
 from compensation.point_ring import PointRing

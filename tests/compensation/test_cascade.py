@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.motion_samples import MotionSamples, Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples, Phase
 from benchmarks.closed_loop import closed_loop
 from compensation.axis_mechanics import AxisMechanics, fit_axis_mechanics
 from compensation.cascade import Cascade, advise, margins

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from acquisition.circle import circle_motion
-from acquisition.motion_samples import MotionSamples, Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.recording import Recording
 from compensation.compensated_motion import compensated_motion
 from compensation.loop_file import read_loops, write_loops

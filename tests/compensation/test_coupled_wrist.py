@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from benchmarks.closed_loop import plant_at
 from compensation.compensated_motion import with_feedforward
 from compensation.online import OnlineFeedforward

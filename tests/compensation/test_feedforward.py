@@ -12,7 +12,8 @@ import pytest
 
 from acquisition.circle import circle_motion, circle_points
 from acquisition.excitation import FourierTrajectory
-from acquisition.motion_samples import MotionSamples, Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.recording import Recording
 from compensation.feedforward import InverseFilter, feedforward, periodic_feedforward
 from compensation.tracking_error import TrackingError, tracking_error

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import MotionSamples, Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.recording import Recording
 from compensation.compensated_motion import compensated_motion
 from compensation.period_blend import with_period

@@ -10,7 +10,8 @@ import control
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from acquisition.recording import Recording
 from benchmarks.closed_loop import closed_loop
 from benchmarks.velocity_loop import Proof, prove

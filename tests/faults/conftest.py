@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from acquisition.control_block import ControlBlock
 from acquisition.cycle_row import row_dtype
 from acquisition.cyclic_task import CyclicTask
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from acquisition.ring import Ring
 from acquisition.set_points import PlannedMotion
 from acquisition.stop_reason import StopReason

@@ -21,7 +21,7 @@ from acquisition.import_csv import import_csv
 from acquisition.journal import read_journal
 from acquisition.journal_header import JournalHeader
 from acquisition.journal_repair import examine_journal
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from acquisition.plate_journal import read_plate_journal
 from acquisition.recorder import JournalWriter
 from acquisition.run_folder import RunFolder

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from acquisition.excitation import FourierTrajectory
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from acquisition.periods import average_periods
 from acquisition.recording import Recording
 from acquisition.smoothing import SmoothedSignals

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acquisition.excitation import FourierTrajectory
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.bodies import Plane, Workspace
 from config.errors import ConfigError
 from config.load import load_robot

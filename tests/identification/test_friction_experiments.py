@@ -10,7 +10,8 @@ import pytest
 from scipy import signal
 
 from acquisition.constant_velocity import constant_velocity_runs
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from acquisition.recording import Recording
 from config.cell import ButterworthFilter
 from config.errors import DataQualityError, EstimationError

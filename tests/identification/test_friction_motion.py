@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.constant_velocity import constant_velocity_runs
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.bodies import Capsule, Plane, Workspace
 from config.errors import ConfigError
 from config.load import load_robot

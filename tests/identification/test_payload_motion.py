@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.bodies import Plane, Workspace
 from config.errors import ConfigError
 from config.load import load_cell, load_robot

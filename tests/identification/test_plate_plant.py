@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from acquisition.clocks import DeviceClock
 from acquisition.journal_chunks import JournalDamage
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from acquisition.periods import average_periods
 from acquisition.plate_alignment import with_plate
 from acquisition.plate_header import PlateHeader

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from acquisition.periods import average_periods
 from acquisition.recording import Recording
 from config.errors import DataQualityError, EstimationError

@@ -22,7 +22,8 @@ import pytest
 
 from acquisition.experiment import record_motion
 from acquisition.journal import read_journal
-from acquisition.motion_samples import MotionSamples, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples
 from acquisition.run_folder import RunFolder
 from acquisition.stop_reason import StopCode
 from config.cell import CanBusConfig, CellConfig

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from acquisition.experiment import record_motion
 from acquisition.journal import read_journal
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from acquisition.run_folder import RunFolder
 from acquisition.stop_reason import StopCode
 from compensation.loop_file import read_loops

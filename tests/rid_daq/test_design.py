@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_motion
 from config.motion import FourierMotion

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.experiment import record_motion
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from acquisition.phase import Phase
 from acquisition.run_folder import RunFolder
 from acquisition.stop_reason import StopCode

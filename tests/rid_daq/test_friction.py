@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.load import load_cell, load_motion, to_yaml
 from config.motion import ConstantVelocityMotion, FourierJoint, ReversedMotion, SpeedRuns
 from rid_daq.app import run

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.load import load_cell, load_motion
 from rid_daq.app import run
 

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from config.load import load_cell, load_motion
 from mock_hw.plant import Plant
 from mock_hw.rigid_bodies import build_rigid_bodies

@@ -26,7 +26,8 @@ from acquisition.monitor_stream import (
     with_temperatures,
     with_warm_torque_constants,
 )
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from acquisition.periods import average_periods
 from acquisition.recording import Recording
 from acquisition.run_folder import RunFolder

@@ -16,7 +16,8 @@ import pytest
 from acquisition.control_block import Progress
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import read_journal
-from acquisition.motion_samples import MotionSamples, Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples, Phase
 from acquisition.run_folder import RunFolder
 from config.load import LoadedCell, load_cell
 from config.motion import FourierJoint, FourierMotion

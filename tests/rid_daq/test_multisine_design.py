@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import plan_motion
+from acquisition.motion_plan import plan_motion
 from benchmarks.closed_loop import closed_loop
 from compensation.cascade import advise
 from compensation.loop_measurement import measure_loops

@@ -16,7 +16,8 @@ import pytest
 from acquisition.control_block import ControlBlock, Progress, TaskState
 from acquisition.experiment import record_motion
 from acquisition.journal import read_journal
-from acquisition.motion_samples import Phase, plan_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
 from acquisition.run_folder import RunFolder
 from acquisition.stop_reason import StopCode
 from config.load import LoadedCell, load_cell
