@@ -35,31 +35,10 @@ from config.errors import ConfigError, PreflightError, RecordingError
 from config.load import LoadedCell, load_cell
 from config.motion import FourierJoint, FourierMotion
 from mock_hw.cell import SimulatedCell
+from tests.acquisition.recording_program import RECORD
 
 PATIENCE_S = 30.0
 RAMP_S = 0.25
-
-CHILD = """
-import json, sys
-from pathlib import Path
-from acquisition.experiment import record_motion
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import Phase
-from acquisition.run_folder import RunFolder
-from config.cell import CellConfig
-from config.motion import FourierMotion
-from config.robot import RobotDescription
-
-def say(progress):
-    if progress.phase == Phase.MAIN:
-        print("moving", flush=True)
-
-cell, robot, motion, folder = json.loads(sys.argv[1])
-cell = CellConfig.model_validate_json(cell)
-robot = RobotDescription.model_validate_json(robot)
-samples = plan_motion(FourierMotion.model_validate_json(motion), robot, cell.cycle_time_s)
-record_motion(cell, robot, samples, RunFolder.open(Path(folder)), on_progress=say)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -280,7 +259,7 @@ def start(simulated: SimulatedCell, loaded: LoadedCell, folder: RunFolder) -> St
     @contextlib.contextmanager
     def begin(*, alone: bool = False) -> Iterator[subprocess.Popen[str]]:
         with subprocess.Popen(
-            [sys.executable, "-c", CHILD, json.dumps(texts)],
+            [sys.executable, "-c", RECORD, json.dumps(texts)],
             stdout=subprocess.PIPE,
             text=True,
             start_new_session=alone,

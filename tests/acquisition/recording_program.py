@@ -1,0 +1,25 @@
+"""A program that records one motion and says when it moves, for tests that end it."""
+
+from __future__ import annotations
+
+RECORD = """
+import json, sys
+from pathlib import Path
+from acquisition.experiment import record_motion
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import Phase
+from acquisition.run_folder import RunFolder
+from config.cell import CellConfig
+from config.motion import FourierMotion
+from config.robot import RobotDescription
+
+def say(progress):
+    if progress.phase == Phase.MAIN:
+        print("moving", flush=True)
+
+cell, robot, motion, folder = json.loads(sys.argv[1])
+cell = CellConfig.model_validate_json(cell)
+robot = RobotDescription.model_validate_json(robot)
+samples = plan_motion(FourierMotion.model_validate_json(motion), robot, cell.cycle_time_s)
+record_motion(cell, robot, samples, RunFolder.open(Path(folder)), on_progress=say)
+"""
