@@ -55,10 +55,8 @@ def test_an_init_file_holds_one_docstring_and_nothing_else() -> None:
     "module", ["acquisition.task_process", "acquisition.recorder", "mock_hw.drives_process"]
 )
 def test_a_process_of_a_cell_starts_without_what_it_does_not_use(module: str) -> None:
-    program = (
-        f"import sys, {module};"
-        "print({'pandas', 'asammdf', 'scipy.sparse', 'scipy.optimize', 'matplotlib', 'typer'} & set(sys.modules))"
-    )
+    heavy = ("pandas", "asammdf", "scipy.sparse", "scipy.optimize", "matplotlib", "typer")
+    program = f"import sys, {module}; print({{*{heavy}}} & set(sys.modules))"
     shown = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True
     )
