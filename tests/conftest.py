@@ -10,6 +10,7 @@ import atexit
 import importlib.util
 import select
 import shutil
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -38,6 +39,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    # A shell's background job ignores Ctrl-C, and so would all programs that tests start and end.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.getoption("--fault-page") and not hasattr(config, "workerinput"):
         config.pluginmanager.register(FaultPage())
 
