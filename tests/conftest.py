@@ -39,10 +39,23 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    # A shell's background job ignores Ctrl-C, and so would all programs that tests start and end.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    end_by_signals()
     if config.getoption("--fault-page") and not hasattr(config, "workerinput"):
         config.pluginmanager.register(FaultPage())
+
+
+def end_by_signals() -> None:
+    """Let signals end this process, and programs that it starts, as from a terminal."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+@pytest.fixture(autouse=True)
+def signals() -> Iterator[None]:
+    """Undo that a command which was told to end ignores all that comes afterwards."""
+    yield
+    end_by_signals()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -16,6 +16,7 @@ from rid_daq.exit_codes import ExitCode, exit_code_of
 
 CODES = {
     errors.ConfigError: 2,
+    errors.LimitError: 3,
     errors.PreflightError: 3,
     errors.DriverError: 4,
     errors.TransportError: 4,
