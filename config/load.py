@@ -257,9 +257,10 @@ def _describe(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     key = ".".join(str(part) for part in path)
     prefix = f"{where}: {key}: " if key else f"{where}: "
     if detail["type"] == "extra_forbidden":
-        allowed = sorted(_allowed_keys(model, path[:-1]))
+        kinds = {part for part in detail["loc"] if part not in path}
+        allowed = sorted(_allowed_keys(model, path[:-1], kinds))
         close = difflib.get_close_matches(str(path[-1]), allowed, n=1)
-        meant = f"; did you mean {close[0]}?" if close else ""
+        meant = f"; did you mean {close[0]}?" if close else "."
         return f"{prefix}unknown key{meant} Allowed: {', '.join(allowed)}"
     if detail["type"] == "missing":
         missing = detail["loc"][-1]
@@ -279,21 +280,28 @@ def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | 
     return path
 
 
-def _allowed_keys(annotation: Any, path: tuple[int | str, ...]) -> set[str]:
-    """Collect the keys allowed at `path` below a model or annotation."""
+def _allowed_keys(annotation: Any, path: tuple[int | str, ...], kinds: set[int | str]) -> set[str]:
+    """Collect the keys allowed at `path` below a model or annotation, of these kinds if any is."""
     if isinstance(annotation, TypeAdapter):
         annotation = Motion
     models = _models_in(annotation)
+    models = [model for model in models if kinds & _kinds(model)] or models
     if not path:
         return {name for model in models for name in model.model_fields}
     if isinstance(path[0], int):
-        return _allowed_keys(annotation, path[1:])
+        return _allowed_keys(annotation, path[1:], kinds)
     keys: set[str] = set()
     for model in models:
         field = model.model_fields.get(path[0])
         if field is not None:
-            keys |= _allowed_keys(field.annotation, path[1:])
+            keys |= _allowed_keys(field.annotation, path[1:], kinds)
     return keys
+
+
+def _kinds(model: type[BaseModel]) -> set[str]:
+    """Return the values that a model's key `kind` may have."""
+    field = model.model_fields.get("kind")
+    return set() if field is None else set(typing.get_args(field.annotation))
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:

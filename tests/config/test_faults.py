@@ -54,3 +54,12 @@ def test_an_error_has_its_place(tmp_path: Path, text: str, where: str, message: 
         load(tmp_path, text)
     assert f"faults.yaml:{where}: " in str(caught.value)
     assert message in str(caught.value)
+
+
+def test_an_unknown_key_is_answered_with_those_of_its_kind(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, "bus: [{kind: drop, duration_s: 60.0}]")
+    allowed = str(caught.value).partition("Allowed: ")[2].split(", ")
+    assert "probability" in allowed
+    assert "duration_s" not in allowed
+    assert "did you mean" not in str(caught.value)
