@@ -8,6 +8,7 @@ exact gradient for the search.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -23,17 +24,17 @@ _SMALLEST_EIGENVALUE = 1e-14
 class Criterion(Protocol):
     """What a search makes small."""
 
+    @abstractmethod
     def worth(self, information: FloatArray) -> float:
         """Return the criterion itself of an information matrix (b, b)."""
-        ...
 
+    @abstractmethod
     def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
         """Return what stands for it in the search, and the derivatives by the elements."""
-        ...
 
+    @abstractmethod
     def words(self, worth: float) -> str:
         """Say what the criterion's value means."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -27,13 +28,13 @@ FITTED_PERIODS = 6
 class Watch(Protocol):
     """Looks at the periods so far and says whether they are enough."""
 
+    @abstractmethod
     def enough(self, journal: Path, periods: int) -> bool:
         """Return whether the motion may end after the period under way."""
-        ...
 
+    @abstractmethod
     def line(self) -> str:
         """Say in a few words how far it is."""
-        ...
 
 
 class WarmUpWatch:

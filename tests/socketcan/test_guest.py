@@ -26,7 +26,7 @@ PATIENCE_S = 580
 pytestmark = [
     pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}"),
     pytest.mark.timeout(PATIENCE_S + 20),
-    pytest.mark.skipif(sys.platform != "linux", reason="user-mode-linux"),
+    pytest.mark.skipif(sys.platform != "linux", reason="user-mode-linux runs on Linux alone"),
 ]
 
 
@@ -78,6 +78,9 @@ def test_the_interface_and_drives_on_it(tmp_path: Path, measured: Callable[[str]
     measured("; ".join(f"SocketCAN, {figure}" for figure in figures))
 
 
-@pytest.mark.skipif("RID_DAQ_SLOW" not in os.environ, reason="minutes long: set RID_DAQ_SLOW")
+@pytest.mark.skipif(
+    "RID_DAQ_SLOW" not in os.environ,
+    reason="a minute of real time, to be run alone: set RID_DAQ_SLOW=1, as CI does",
+)
 def test_the_acceptance_suite(tmp_path: Path) -> None:
     assert_passed(boot(tmp_path, "tests/mock_hw/test_bus_acceptance.py", "-k", "socketcan"))
