@@ -1,4 +1,4 @@
-"""A simulated arm in closed loop without a bus: plant, and position loop one cycle behind."""
+"""A simulated arm in closed loop without a bus: plant, position loop one cycle late, its truth."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from acquisition.arrays import FloatArray
 from acquisition.motion_samples import MotionSamples
 from acquisition.recording import Recording
+from compensation.velocity_loop import VelocityLoop
 from config.load import LoadedCell
 from config.plant import PlantConfig
 from mock_hw.plant import Plant
@@ -69,3 +70,22 @@ def closed_loop(
         samples_per_period=samples.samples_per_period,
         torque_filter=cell.config.torque_filter,
     )
+
+
+def true_loops(cell: LoadedCell) -> list[VelocityLoop]:
+    """Return the velocity loops of a cell's plant, known exactly."""
+    assert cell.plant is not None
+    return [
+        VelocityLoop(
+            joint_name=joint.name,
+            gain=axis.velocity_gain_nm_s,
+            integral_time_s=axis.velocity_integral_time_s,
+            delay_s=0.0,
+            lag_s=1.0 / (2.0 * np.pi * axis.current_loop_bandwidth_hz),
+            names=("gain", "integral_time_s"),
+            covariance=np.zeros((2, 2)),
+            p_value=1.0,
+            trials=(),
+        )
+        for joint, axis in zip(cell.robot.joints, cell.plant.axes, strict=True)
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
@@ -45,6 +46,7 @@ class Recorded:
 class Record(Protocol):
     """Records a motion: as its file says, or with samples and files of its own."""
 
+    @abstractmethod
     def __call__(
         self,
         role: str,
@@ -53,7 +55,6 @@ class Record(Protocol):
         files: Mapping[str, bytes] | None = None,
     ) -> Recorded:
         """Return what was recorded."""
-        ...
 
 
 @dataclass(frozen=True)

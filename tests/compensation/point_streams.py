@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
 from acquisition.set_points import SetPoint
+from benchmarks.closed_loop import true_loops
 from compensation.online import LARGEST_CORRECTION, REST_RAD_S, OnlineFeedforward
 from compensation.point_ring import PointRing
 from compensation.point_source import PointSource
@@ -34,21 +36,7 @@ Points = NDArray[np.float64]
 
 
 def loops_of(cell: LoadedCell) -> list[VelocityLoop]:
-    assert cell.plant is not None
-    return [
-        VelocityLoop(
-            joint_name=joint.name,
-            gain=axis.velocity_gain_nm_s,
-            integral_time_s=axis.velocity_integral_time_s,
-            delay_s=0.0005,
-            lag_s=0.0,
-            names=("gain", "integral_time_s"),
-            covariance=np.zeros((2, 2)),
-            p_value=1.0,
-            trials=(),
-        )
-        for joint, axis in zip(cell.robot.joints, cell.plant.axes, strict=True)
-    ]
+    return [replace(loop, delay_s=0.0005, lag_s=0.0) for loop in true_loops(cell)]
 
 
 def true_model(cell: LoadedCell) -> tuple[RobotModel, Points]:

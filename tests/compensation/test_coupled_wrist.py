@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
-from benchmarks.closed_loop import plant_at
+from benchmarks.closed_loop import plant_at, true_loops
 from compensation.compensated_motion import with_feedforward
 from compensation.online import OnlineFeedforward
 from compensation.velocity_loop import VelocityLoop
@@ -38,21 +38,7 @@ def cell() -> LoadedCell:
 
 @pytest.fixture(scope="module")
 def loops(cell: LoadedCell) -> list[VelocityLoop]:
-    assert cell.plant is not None
-    return [
-        VelocityLoop(
-            joint_name=joint.name,
-            gain=axis.velocity_gain_nm_s,
-            integral_time_s=axis.velocity_integral_time_s,
-            delay_s=0.0,
-            lag_s=1.0 / (2.0 * np.pi * axis.current_loop_bandwidth_hz),
-            names=("gain", "integral_time_s"),
-            covariance=np.zeros((2, 2)),
-            p_value=1.0,
-            trials=(),
-        )
-        for joint, axis in zip(cell.robot.joints, cell.plant.axes, strict=True)
-    ]
+    return true_loops(cell)
 
 
 def error_of(cell: LoadedCell, samples: MotionSamples) -> NDArray[np.float64]:
