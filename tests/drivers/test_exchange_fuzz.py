@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import random
 import tracemalloc
 from collections.abc import Callable
@@ -90,6 +91,7 @@ def test_a_flood_of_anything_keeps_no_memory(bench: Any) -> None:
         bench.cycle(STILL)
 
     def kept() -> int:
+        gc.collect()  # what waits for the collector is not kept
         ours = [tracemalloc.Filter(False, "*/tests/*"), tracemalloc.Filter(True, "*/drivers/*")]
         return sum(t.size for t in tracemalloc.take_snapshot().filter_traces(ours).traces)
 
@@ -100,7 +102,8 @@ def test_a_flood_of_anything_keeps_no_memory(bench: Any) -> None:
         before = kept()
         for _ in range(12):
             flooded(500)
-        assert kept() - before < 5_000
+        # Words of the last emergencies are kept, long or short; 60 bytes a frame would be 360,000.
+        assert kept() - before < 20_000
         assert before < 100_000
     finally:
         tracemalloc.stop()
