@@ -58,6 +58,12 @@ def mock(
             f"cell {loaded.config.name}: is not simulated; say simulated: true and name a plant"
         )
     script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
+    if script.program:
+        raise ConfigError(
+            f"{faults}: program: happens to the program that works with a cell which it serves"
+            " itself, and `mock` serves one for others: leave it out here, or give the script to"
+            " `rid-daq record --faults`"
+        )
     _check_channel(loaded.config)
     with SimulatedCell(
         loaded.config,
