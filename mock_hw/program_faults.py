@@ -180,21 +180,19 @@ class ProgramFaults:
 
 def _children(name: ProcessName) -> Iterator[int]:
     """Yield the living processes of a name that this one started."""
-    for entry in os.scandir("/proc"):
-        if not entry.name.isdigit():
-            continue
+    for pid in filter(str.isdigit, os.listdir("/proc")):
         with contextlib.suppress(OSError):  # it ended meanwhile
-            before, _, after = Path(entry, "stat").read_text().rpartition(")")
+            before, _, after = Path("/proc", pid, "stat").read_text().rpartition(")")
             state, parent = after.split()[:2]
             if before.partition("(")[2] == name and int(parent) == os.getpid() and state != "Z":
-                yield int(entry.name)
+                yield int(pid)
 
 
 def _journal(pid: int) -> Path | None:
     """Return the recording that a process writes, once something is in it."""
     with contextlib.suppress(OSError):
-        for entry in os.scandir(f"/proc/{pid}/fd"):
-            path = Path(os.readlink(entry))
+        for number in os.listdir(f"/proc/{pid}/fd"):
+            path = Path(os.readlink(f"/proc/{pid}/fd/{number}"))
             if path.suffix == _JOURNAL and path.stat().st_size:
                 return path
     return None
