@@ -91,10 +91,8 @@ class ProgramFaults:
                     return
                 if self._pipe in ready and not self._take_word():
                     listening.remove(self._pipe)
-                self._waiting = [fault for fault in self._waiting if not self._happens(fault)]
+                self._waiting = [fault for fault in self._waiting if not self._is_done(fault)]
                 self._do_due()
-        except RidDaqError as problem:
-            self._problem = problem
         finally:
             for descriptor in [*self._frozen]:
                 self._thaw(descriptor)
@@ -112,7 +110,7 @@ class ProgramFaults:
             if not isinstance(word, int):
                 return False
             fault = self._faults[word]
-            if not self._happens(fault):
+            if not self._is_done(fault):
                 self._waiting.append(fault)
             self._do_due()
             self._pipe.send(None)
@@ -126,8 +124,15 @@ class ProgramFaults:
             self._due.remove(due)
             due[1]()
 
-    def _happens(self, fault: ProgramFault) -> bool:
+    def _is_done(self, fault: ProgramFault) -> bool:
         """Do it; return False where it cannot be done yet."""
+        try:
+            return self._happens(fault)
+        except RidDaqError as problem:
+            self._problem = problem
+            return True
+
+    def _happens(self, fault: ProgramFault) -> bool:
         if isinstance(fault, ProgramSignalled):
             number = signal.Signals[f"SIG{fault.signal}"]
             act = partial(os.kill, os.getpid(), number)

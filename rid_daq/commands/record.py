@@ -12,7 +12,6 @@ from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
 from acquisition.rehearsal import SLOWER, rehearsal
 from acquisition.run_folder import RunFolder
-from acquisition.termination import ignore_termination
 from compensation.feedforward_file import read_feedforward
 from compensation.torque_limits import refuse_torque
 from config.cell import CellConfig
@@ -155,8 +154,6 @@ def record(
                 drive_profile=loaded.drive_profile,
                 page=page,
             )
-        if run.outcome.interrupted_by is not None:
-            ignore_termination()  # a second Ctrl-C must not cost the report
     with unfinished(folder):
         quality = _judged(run, folder)
     report = write_result(folder, run.result)
