@@ -141,7 +141,9 @@ def test_a_killed_program_leaves_a_whole_recording(
 ) -> None:
     words = words_of(workshop, f"{{kind: kill, process: program, at_cycle: {AT}}}", tmp_path)
     # Its output ends with the last of its processes: drives, task, recorder.
-    done = subprocess.run([sys.executable, "-m", "rid_daq", *words], capture_output=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "rid_daq", *words], capture_output=True, check=False
+    )
     assert done.returncode == -signal.SIGKILL
     assert done.stderr == b""
     (folder,) = tmp_path.iterdir()
@@ -163,10 +165,13 @@ def test_a_disk_that_is_really_full_is_exit_7_and_the_file_is_whole(
     program = [sys.executable, "-m", "rid_daq", *words]
     script = f'mkdir -p "{small}" && mount -t tmpfs -o size=560m none "{small}" && '
     apart = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c"]
-    if shutil.which("unshare") is None or subprocess.run([*apart, f"{script} true"]).returncode:
+    tried = [*apart, f"{script} true"]
+    if shutil.which("unshare") is None or subprocess.run(tried, check=False).returncode:
         pytest.skip("no RAM disk can be mounted here: user name spaces are switched off")
     script += f'"$@"; code=$?; cp -r "{small}" "{kept}"; df "{small}"; exit $code'
-    done = subprocess.run([*apart, script, "sh", *program], capture_output=True, text=True)
+    done = subprocess.run(
+        [*apart, script, "sh", *program], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 7, done.stderr
     told, _ = json.JSONDecoder().raw_decode(done.stdout)
     assert told["stop"]["code"] == "RECORDER"

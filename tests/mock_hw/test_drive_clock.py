@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import pytest
@@ -34,7 +35,7 @@ def test_heartbeats_come_at_its_rate(bench: Bench, rate: float) -> None:
     assert len(times_s) == pytest.approx(20 * rate, abs=1)
     assert all(
         later - earlier == pytest.approx(0.05 / rate)
-        for earlier, later in zip(times_s, times_s[1:], strict=False)
+        for earlier, later in itertools.pairwise(times_s)
     )
 
 
