@@ -232,14 +232,15 @@ def _without_node_id(text: str) -> tuple[str, bool]:
     """Return `$NODEID+0x200`, or `0x200+$NODEID`, as its number and True."""
     plain = "".join(text.split())
     upper = plain.upper()
-    if upper.startswith("$NODEID"):
-        rest = plain[len("$NODEID") :]
-        if rest and rest[0] != "+":
-            raise ConfigError(f"{text[:MAX_DIGITS]!r}: write $NODEID+0x200")
-        return rest[1:], True
-    if upper.endswith("+$NODEID"):
+    if "$NODEID" not in upper:
+        return text, False
+    if upper == "$NODEID":
+        return "", True
+    if upper.startswith("$NODEID+") and len(upper) > len("$NODEID+"):
+        return plain[len("$NODEID+") :], True
+    if upper.endswith("+$NODEID") and len(upper) > len("+$NODEID"):
         return plain[: -len("+$NODEID")], True
-    return text, False
+    raise ConfigError(f"{text[:MAX_DIGITS]!r}: write $NODEID+0x200")
 
 
 def _real(text: str, bits: int) -> float:

@@ -1,8 +1,8 @@
 """The text of an electronic data sheet: its sections and keys, with the lines that they stand in.
 
 The INI dialect of CiA 306-1, 4.2, as vendors write it: any case, spaces around keys and values,
-comments behind `;`, any line ends, UTF-8 or Latin-1. Only sections that are read are kept; in the
-others, and there are many of vendors' own, anything may stand.
+comments behind `;`, any line ends, UTF-8 or Latin-1. Only sections and keys that are read are kept;
+in other sections, and there are many of vendors' own, anything may stand.
 """
 
 from __future__ import annotations
@@ -19,6 +19,12 @@ MAX_LINE_CHARACTERS = 4096
 MAX_SECTIONS = 30_000
 
 _SHOWN = 40
+_KEYS = frozenset(
+    "vendorname vendornumber productname productnumber revisionnumber nodeid parametername"
+    " objecttype datatype accesstype pdomapping defaultvalue parametervalue lowlimit highlimit"
+    " subnumber compactsubobj".split()
+)
+_COMMENT = re.compile(r"\s;")
 _READ = re.compile(
     r"deviceinfo|devicecomm?issioning|[0-9a-f]{4}(?:name|value|sub[0-9a-f]{1,2})?",
 )
@@ -148,8 +154,11 @@ def _enter(section: EdsSection, line: str, name: str, number: int) -> None:
         refuse(
             name, number, f"{shown(line)} in [{section.name}] is not key=value; correct the line"
         )
+    lower = key.lower()
+    if lower not in _KEYS and not key.isdecimal():  # a number: of one of a compact array's objects
+        return
     text = text.strip()
-    earlier = section.entries.get(key.lower())
+    earlier = section.entries.get(lower)
     if earlier is not None and earlier.text != text:
         refuse(
             name,
@@ -157,14 +166,10 @@ def _enter(section: EdsSection, line: str, name: str, number: int) -> None:
             f"{shown(key)} stands in [{section.name}] a second time with another value, first in"
             f" line {earlier.line}; remove one",
         )
-    section.entries.setdefault(key.lower(), EdsEntry(key, text, number))
+    section.entries.setdefault(lower, EdsEntry(key, text, number))
 
 
 def _without_comment(line: str) -> str:
     """Cut a comment off that ends a line: a `;` behind a space."""
-    at = line.find(";")
-    while at >= 0:
-        if line[at - 1].isspace():
-            return line[:at].rstrip()
-        at = line.find(";", at + 1)
-    return line
+    comment = _COMMENT.search(line)
+    return line if comment is None else line[: comment.start()].rstrip()
