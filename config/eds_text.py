@@ -20,10 +20,12 @@ MAX_SECTIONS = 30_000
 
 _SHOWN = 40
 _KEYS = frozenset(
-    "vendorname vendornumber productname productnumber revisionnumber nodeid parametername"
-    " objecttype datatype accesstype pdomapping defaultvalue parametervalue lowlimit highlimit"
-    " subnumber compactsubobj".split()
-)
+    (
+        "vendorname", "vendornumber", "productname", "productnumber", "revisionnumber", "nodeid",
+        "parametername", "objecttype", "datatype", "accesstype", "pdomapping", "defaultvalue",
+        "parametervalue", "lowlimit", "highlimit", "subnumber", "compactsubobj",
+    )
+)  # fmt: skip
 _COMMENT = re.compile(r"\s;")
 _READ = re.compile(
     r"deviceinfo|devicecomm?issioning|[0-9a-f]{4}(?:name|value|sub[0-9a-f]{1,2})?",
