@@ -43,7 +43,9 @@ class Supervisor:
     Attributes
     ----------
     position : list of float
-        Last plausible positions [rad or m]: what the position loop is to use.
+        What the position loop is to use [rad or m]: the plausible positions; without one, the last
+        of them moved on as the set-point has moved since, so that a lost answer corrects nothing
+        and the correction before it stays.
     valid : list of int
         1 for the joints whose drive answered plausibly in this cycle, 0 for held values.
     """
@@ -74,21 +76,20 @@ class Supervisor:
                 for i, motors in enumerate(self._coupling.motors_of)
             ]
         self._late_answers: deque[bool] = deque(maxlen=LATE_ANSWERS_WINDOW)
-        self.position = [0.0] * n
-        self.valid = [0] * n
-        self.begin(self.position)
+        self.begin([0.0] * n)
 
     def begin(self, position: Sequence[float]) -> None:
         """Start afresh with all joints at rest at `position` [rad or m]."""
         n = len(self._names)
         self.position = list(position)
         self.valid = [1] * n
+        self._plausible = list(position)  # the last ones
         self._late = 0
         self._late_answers.clear()
         self._missed = [0] * n
         self._implausible = [0] * n
         self._encoders.begin()
-        self._velocity = [0.0] * n  # last plausible ones
+        self._velocity = [0.0] * n  # between the last two of them
         self._since = [0] * n  # periods since the last plausible position
         self._command = [0.0] * n
         self._target = list(position)
@@ -178,6 +179,7 @@ class Supervisor:
         for i in self._joints:
             self._since[i] += periods
             valid[i] = 0
+            self.position[i] += target_position[i] - self._target[i]
             if not received[i]:
                 self._missed[i] += 1
                 if self._missed[i] >= rules.missed_frames_limit:
@@ -190,7 +192,7 @@ class Supervisor:
             if not all(received[j] for j in self._partners[i]):
                 continue
             actual, since = position[i], self._since[i]
-            step = actual - self.position[i]
+            step = actual - self._plausible[i]
             if not -self._step[i] * since <= step <= self._step[i] * since:
                 self._implausible[i] += 1
                 if self._implausible[i] >= IMPLAUSIBLE_LIMIT:
@@ -199,7 +201,7 @@ class Supervisor:
             self._implausible[i] = 0
             valid[i] = 1
             self._since[i] = 0
-            self.position[i] = actual
+            self.position[i] = self._plausible[i] = actual
             velocity = self._velocity[i] = step / (since * self._period_s)
             reason = self._beyond_limits(i, actual, velocity, torque_nm[i])
             if reason is not None:

@@ -33,7 +33,11 @@ class Entry(NamedTuple):
 
 
 ROWS: dict[int, Row] = {
-    1: Row("one answer of a drive lost", "its last value is held, the row marked", "1 marked row"),
+    1: Row(
+        "one answer of a drive lost",
+        "its last value and the following error are held, the row marked",
+        "1 marked row",
+    ),
     2: Row("three answers of one drive lost in a row", "quick stop of all axes", "≤ 4 T"),
     3: Row(
         "1 % of all answers lost; more",
@@ -43,8 +47,8 @@ ROWS: dict[int, Row] = {
     4: Row("an answer twice", "the second is ignored", "0 rows more"),
     5: Row(
         "answers later than their cycle",
-        "counted as late and not used: the last value is held, the row marked; quick stop at the"
-        " third late cycle in 100",
+        "counted as late and not used: as if lost, the row marked; quick stop at the third late"
+        " cycle in 100",
         "count exact",
     ),
     6: Row("a flipped bit that the checksum missed", "implausible: held; two: quick stop", "≤ 3 T"),

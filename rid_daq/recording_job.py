@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from acquisition.control_block import Progress, TaskState
@@ -27,7 +28,16 @@ from rid_daq.console import Console
 from rid_daq.live.live_page import LivePage
 from rid_daq.motion_words import PHASES, motion_words
 from rid_daq.result import new_result, verdict
-from rid_daq.sections import cell_section, loop_section, loop_sentence, motion_sentence, run_section
+from rid_daq.run_data import read_run
+from rid_daq.run_quality import RunQuality, run_quality
+from rid_daq.sections import (
+    average_section,
+    cell_section,
+    loop_section,
+    loop_sentence,
+    motion_sentence,
+    run_section,
+)
 
 _AGAIN = "Start again when you are ready; the robot goes to the start by itself."
 _WHAT_TO_DO = {
@@ -163,6 +173,42 @@ def record_run(
         sentences = goals or [run.timing_sentence]
         result["verdict"] = verdict([], "Recorded completely", ". ".join(sentences))
     return run
+
+
+def judge(run: RecordedRun, folder: RunFolder) -> RunQuality | None:
+    """Judge a run that was not stopped, and put that into its result; None for one that was."""
+    if run.recording is None or run.outcome.stop is not None:
+        return None
+    data = read_run(folder)
+    quality = run_quality(data.recording)
+    if quality.average is not None:
+        run.result["average"] = average_section(quality.average, data.robot)
+    words = [run.result["verdict"]["sentence"], *quality.sentences()]
+    if not quality.good:
+        run.result["verdict"]["headline"] = "Recorded, but not good enough to go on with"
+        run.result["verdict"]["passed"] = False
+        words.insert(0, quality.trouble)
+    run.result["verdict"]["sentence"] = " ".join(f"{line.removesuffix('.')}." for line in words)
+    return quality
+
+
+def tell_verdict(
+    console: Console, run: RecordedRun, quality: RunQuality | None, folder: RunFolder, report: Path
+) -> bool:
+    """Say what a run has lost, how it ended and where it is; return whether it can be used."""
+    trouble = run.stop_sentence
+    if quality is not None:
+        for sentence in quality.sentences():
+            console.say(sentence)
+        if not quality.good:
+            trouble = f"Recorded, but not good enough to go on with: {quality.trouble}"
+    if trouble:
+        console.verdict(False, trouble)
+        console.say(f"Kept: {run.outcome.rows} rows in {folder.path}")
+    else:
+        console.verdict(True, f"Recorded: {folder.path}")
+    console.say(f"Report: {report}")
+    return not trouble
 
 
 def progress_shown(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import JsonValue
 
 from acquisition.motion_samples import Phase
 from acquisition.periods import MISSING_FRACTION_LIMIT, PeriodAverage, average_periods
@@ -59,6 +60,18 @@ class RunQuality:
             ]
         return said
 
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Return it as a command's document has it."""
+        rejected = () if self.average is None else self.average.rejected
+        return {
+            "good": self.good,
+            "trouble": self.trouble,
+            "rows": self.rows,
+            "lost_answers": dict(zip(self.joint_names, self.lost, strict=True)),
+            "periods_kept": None if self.average is None else self.average.periods_kept,
+            "rejected": [{"index": each.index, "reason": each.reason} for each in rejected],
+        }
+
 
 def run_quality(recording: Recording) -> RunQuality:
     """Judge a recording of a motion that ran to its end.
@@ -71,9 +84,10 @@ def run_quality(recording: Recording) -> RunQuality:
     recording : Recording
         What was measured by the program itself.
     """
-    moved = recording.sample_index >= 0
-    there = recording.valid_of_joints[moved]
     rows = int(recording.sample_index.max(initial=-1)) + 1
+    there = np.zeros((rows, len(recording.joint_names)), dtype=np.bool_)
+    row, joint = np.nonzero(recording.valid_of_joints & (recording.sample_index >= 0)[:, None])
+    there[recording.sample_index[row], joint] = True  # once or more: a path's end is waited for
     lost = tuple(int(count) for count in rows - there.sum(axis=0))
     average, trouble = None, ""
     if _periods(recording) >= 2:

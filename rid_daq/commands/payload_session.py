@@ -42,11 +42,14 @@ from rid_daq.payload_steps import (
 from rid_daq.payload_watch import MassWatch, WarmUpWatch, Watch
 from rid_daq.result import new_result, write_result
 from rid_daq.run_data import read_run
+from rid_daq.run_quality import run_quality
 from rid_daq.sections import cell_section, motion_sentence, run_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, unfinished
 from rid_daq.versions import software_versions
 
 PERIOD_S = 7.2
+WEIGHED = ("unloaded", "loaded")
+"""How the names of the steps begin that the payload is estimated from."""
 
 
 def session(
@@ -188,10 +191,27 @@ class _Guide:
         if outcome.stop is not None:
             console = self._steps.console
             console.verdict(False, f"Stopped in step {name}: {outcome.stop.text}")
-            console.say(f"Go on with: rid-daq payload CELL --resume {self._state.folder.run_id}")
+            console.say(f"Go on with: {self._resume}")
             raise typer.Exit(exit_code_of_stop(outcome.stop.code, outcome.interrupted_by))
+        if name.startswith(WEIGHED):
+            self._require_good(name, folder)
         self._state.done[name] = folder.run_id
         self._state.write()
+
+    def _require_good(self, name: str, folder: RunFolder) -> None:
+        """Leave a run that lost too much out of the session: it has to be driven again."""
+        quality = run_quality(read_run(folder).recording)
+        console = self._steps.console
+        for sentence in quality.sentences():
+            console.say(f"{name}: {sentence}")
+        if not quality.good:
+            console.verdict(False, f"Step {name} is not good enough to weigh by: {quality.trouble}")
+            console.say(f"Drive it again with: {self._resume}")
+            raise typer.Exit(ExitCode.DATA_QUALITY)
+
+    @property
+    def _resume(self) -> str:
+        return f"rid-daq payload CELL --resume {self._state.folder.run_id}"
 
     def note(self, name: str, fact: Any) -> None:
         """Keep a fact of the session."""
@@ -200,7 +220,7 @@ class _Guide:
 
     def averages(self, weighing: Weighing) -> PeriodicRuns | None:
         """Return the runs so far that the payload is estimated from."""
-        names = [name for name in self._state.done if name.startswith(("unloaded", "loaded"))]
+        names = [name for name in self._state.done if name.startswith(WEIGHED)]
         if not names:
             return None
         root = self._state.folder.path.parent
@@ -292,7 +312,7 @@ def _finish(
     console: Console,
 ) -> None:
     """Weigh the payload from the session's runs, judge it, and write the report."""
-    names = [name for name in state.done if name.startswith(("unloaded", "loaded"))]
+    names = [name for name in state.done if name.startswith(WEIGHED)]
     data = [read_run(find_run(runs, state.done[name])) for name in names]
     judged, repeats = weigh_runs(data, [name != "unloaded" for name in names], weighing)
     file = state.folder.file(PAYLOAD)

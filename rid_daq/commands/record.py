@@ -37,11 +37,9 @@ from rid_daq.exit_codes import ExitCode, exit_code_of_stop
 from rid_daq.flange import note_flange
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
-from rid_daq.recording_job import RecordedRun, record_run
+from rid_daq.recording_job import RecordedRun, judge, record_run, tell_verdict
 from rid_daq.result import write_result
-from rid_daq.run_data import read_run
-from rid_daq.run_quality import RunQuality, run_quality
-from rid_daq.sections import average_section
+from rid_daq.run_quality import RunQuality
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
 from rid_daq.versions import software_versions
 
@@ -158,7 +156,7 @@ def record(
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report
     with unfinished(folder):
-        quality = _judged(run, folder)
+        quality = judge(run, folder)
     report = write_result(folder, run.result)
     folder.finish(run.status, facts | {"rows": run.outcome.rows})
     _tell(console, run, asked, folder, report, accuracy, quality)
@@ -203,23 +201,6 @@ def _rehearse(
         return
     console.verdict(False, f"{run.stop_sentence} That was the rehearsal; nothing else was driven.")
     raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
-
-
-def _judged(run: RecordedRun, folder: RunFolder) -> RunQuality | None:
-    """Judge a run that was not stopped, and put that into its result."""
-    if run.recording is None or run.outcome.stop is not None:
-        return None
-    data = read_run(folder)
-    quality = run_quality(data.recording)
-    if quality.average is not None:
-        run.result["average"] = average_section(quality.average, data.robot)
-    words = [run.result["verdict"]["sentence"], *quality.sentences()]
-    if not quality.good:
-        run.result["verdict"]["headline"] = "Recorded, but not good enough to go on with"
-        run.result["verdict"]["passed"] = False
-        words.insert(0, quality.trouble)
-    run.result["verdict"]["sentence"] = " ".join(f"{line.removesuffix('.')}." for line in words)
-    return quality
 
 
 def with_feedforward(path: Path, motion: AnyMotion, samples: MotionSamples) -> MotionSamples:
@@ -302,7 +283,7 @@ def _tell(
                 "periods": accuracy.periods,
                 "goals": accuracy.sentences(),
             },
-            "quality": None if quality is None else _quality_section(quality),
+            "quality": None if quality is None else quality.to_dict(),
             "statistics": outcome.statistics.to_dict(),
         }
     )
@@ -313,42 +294,15 @@ def _tell(
         console.say(f"Running estimate: {accuracy.running_sentence()}")
     for sentence in [] if accuracy is None else accuracy.sentences():
         console.say(sentence)
-    for sentence in [] if quality is None else quality.sentences():
-        console.say(sentence)
-    if outcome.stop is not None:
-        console.verdict(False, run.stop_sentence)
-        console.say(f"Kept: {outcome.rows} rows in {folder.path}")
-    elif quality is not None and not quality.good:
-        console.verdict(False, f"Recorded, but not good enough to go on with: {quality.trouble}")
-        console.say(f"Kept: {outcome.rows} rows in {folder.path}")
-    else:
-        console.verdict(True, f"Recorded: {folder.path}")
-    console.say(f"Report: {report}")
-    if quality is not None and not quality.good:
+    if not tell_verdict(console, run, quality, folder, report):
         return
-    if outcome.stop is None and isinstance(asked, ConstantVelocityMotion | ReversedMotion):
+    if isinstance(asked, ConstantVelocityMotion | ReversedMotion):
         console.say(f"Next: rid-daq friction {folder.path}")
-    elif outcome.stop is None and isinstance(asked, MultisineMotion):
+    elif isinstance(asked, MultisineMotion):
         console.say(f"Next: rid-daq loop {folder.path}")
-    elif outcome.stop is None and isinstance(
-        asked, CircleMotion | PathMotion | JointPathMotion | JointTableMotion
-    ):
+    elif isinstance(asked, CircleMotion | PathMotion | JointPathMotion | JointTableMotion):
         console.say(f"Next: rid-daq tracking {folder.path}")
-    elif outcome.stop is None and run.is_periodic:
+    elif run.is_periodic:
         console.say(f"Next: rid-daq identify {folder.path}")
-    elif outcome.stop is None:
+    else:
         console.say(f"Next: rid-daq validate MODEL {folder.path}")
-
-
-def _quality_section(quality: RunQuality) -> dict[str, JsonValue]:
-    average = quality.average
-    return {
-        "good": quality.good,
-        "trouble": quality.trouble,
-        "rows": quality.rows,
-        "lost_answers": dict(zip(quality.joint_names, quality.lost, strict=True)),
-        "periods_kept": None if average is None else average.periods_kept,
-        "rejected": []
-        if average is None
-        else [{"index": period.index, "reason": period.reason} for period in average.rejected],
-    }

@@ -33,9 +33,10 @@ from rid_daq.cells import CellName, Realtime, Seed, reachable_cell
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.commands.record import check_robot
 from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import exit_code_of_stop
-from rid_daq.recording_job import RecordedRun, record_run
+from rid_daq.exit_codes import ExitCode, exit_code_of_stop
+from rid_daq.recording_job import RecordedRun, judge, record_run, tell_verdict
 from rid_daq.result import write_result
+from rid_daq.run_quality import RunQuality
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
 from rid_daq.versions import software_versions
 
@@ -113,12 +114,16 @@ def stream(
             )
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report
+    with unfinished(folder):
+        quality = judge(run, folder)
     report = write_result(folder, run.result)
     folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
-    _tell(console, run, folder, report, compensated=not plain, planned=asked is not None)
+    _tell(console, run, quality, folder, report, compensated=not plain, planned=asked is not None)
     stop = run.outcome.stop
     if stop is not None:
         raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
+    if quality is not None and not quality.good:
+        raise typer.Exit(ExitCode.DATA_QUALITY)
 
 
 def _planned(
@@ -186,6 +191,7 @@ def _listening(console: Console, path: Path, patience_s: float) -> Callable[[], 
 def _tell(
     console: Console,
     run: RecordedRun,
+    quality: RunQuality | None,
     folder: RunFolder,
     report: Path,
     *,
@@ -205,17 +211,12 @@ def _tell(
             if outcome.stop is None
             else {"code": outcome.stop.code.name, "text": outcome.stop.text},
             "notes": list(outcome.notes),
+            "quality": None if quality is None else quality.to_dict(),
             "statistics": outcome.statistics.to_dict(),
         }
     )
     for note in outcome.notes:
         console.say(f"note: {note}")
     console.say(run.timing_sentence)
-    if outcome.stop is not None:
-        console.verdict(False, run.stop_sentence)
-        console.say(f"Kept: {outcome.rows} rows in {folder.path}")
-    else:
-        console.verdict(True, f"Streamed: {folder.path}")
-    console.say(f"Report: {report}")
-    if planned:
+    if tell_verdict(console, run, quality, folder, report) and planned:
         console.say(f"Next: rid-daq tracking {folder.path}")

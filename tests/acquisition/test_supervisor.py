@@ -204,21 +204,22 @@ def test_it_goes_on(supervisor: Supervisor, name: str) -> None:
     assert run(supervisor, GOES_ON[name]) == (None, None)
 
 
-def test_a_missed_or_corrupted_sample_is_marked_and_the_last_good_one_held(
-    supervisor: Supervisor,
-) -> None:
+def test_without_a_plausible_position_the_following_error_is_held(supervisor: Supervisor) -> None:
+    behind = 0.001
     seen: dict[int, tuple[list[int], list[float]]] = {}
 
     def fault(cycle: Cycle) -> None:
         seen[cycle.number - 1] = (list(supervisor.valid), list(supervisor.position))
-        if cycle.number == 10:
+        cycle.position = [place - behind for place in cycle.position]
+        if cycle.number in (10, 11):
             cycle.received[1] = False
+        if cycle.number == 11:
             cycle.position[2] = 1e9
 
-    run(supervisor, fault, 12)
-    assert seen[10][0] == [1, 0, 0]
-    assert seen[10][1] == pytest.approx([SPEED * T * 10, SPEED * T * 9, SPEED * T * 9])
-    assert seen[11][0] == [1, 1, 1]
+    run(supervisor, fault, 13)
+    for number, valid in ((9, [1, 1, 1]), (10, [1, 0, 1]), (11, [1, 0, 0]), (12, [1, 1, 1])):
+        assert seen[number][0] == valid
+        assert seen[number][1] == pytest.approx([SPEED * T * number - behind] * 3)
 
 
 def test_a_position_beyond_its_limit_stops(cell: CellConfig, robot: RobotDescription) -> None:

@@ -42,7 +42,11 @@ def test_one_lost_answer_is_one_marked_row_and_the_motion_goes_on(
     assert held == before
     streamed = run.rows["sample_index"][run.rows["sample_index"] >= 0]
     assert streamed.tolist() == list(range(len(motion)))
-    measured(f"1 of {3 * len(run.rows)} values marked, 0 rows lost")
+    before, at, after = run.rows["velocity_command"][row - 1 : row + 2, 1]
+    kick = abs(at - 0.5 * (before + after))
+    gain_per_s = 15.0
+    assert kick < 0.1 * gain_per_s * T * abs(at), "the loop did not answer to a position held"
+    measured(f"1 of {3 * len(run.rows)} values marked, 0 rows lost, command {kick:.1g} rad/s off")
 
 
 @pytest.mark.fault(2)

@@ -165,3 +165,14 @@ def test_rows_that_were_never_written_are_lost_too() -> None:
     gaps = replace(whole, **{name: getattr(whole, name)[keep] for name in fields})
     assert run_quality(gaps).lost == (25, 25)
     assert not run_quality(gaps).good
+
+
+def test_rows_that_are_waited_for_at_the_end_do_not_make_up_for_lost_ones() -> None:
+    moved = recording({0: 15}, None)
+    fields = ("position", "torque_nm", "valid", "answered", "phase", "sample_index")
+    last = np.r_[np.arange(1000), np.full(20, 999)]
+    waited = replace(
+        moved, time_s=T * np.arange(1020), **{name: getattr(moved, name)[last] for name in fields}
+    )
+    assert run_quality(waited).rows == 1000
+    assert run_quality(waited).lost == (15, 0)

@@ -7,7 +7,7 @@ import shutil
 import socket
 import struct
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +26,12 @@ from compensation.online import OnlineFeedforward
 from compensation.point_codec import PROTOCOL
 from compensation.stream import stream_points
 from compensation.tracking_error import tracking_error
+from config.faults import FaultScript, FrameFault
 from config.load import load_cell, load_robot, to_yaml
 from config.motion import MultipointMotion
 from dynamics.kinematics import Chain
 from identification.estimate_file import read_estimate
+from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
 from rid_daq.cells import reachable_cell
 from tests.rid_daq.told import document
@@ -224,6 +226,26 @@ class TestStream:
         assert motion["mean_ratio"] > 8.0
         assert motion["max_ratio"] > 5.0
 
+    @pytest.mark.fault(3)
+    def test_a_streamed_path_that_lost_too_much_is_exit_6(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str], measured: Callable[[str], None]
+    ) -> None:
+        arm = load_cell(str(workshop / "arm.yaml"))
+        assert arm.plant is not None
+        script = FaultScript(bus=(FrameFault(kind="drop", joint="axis2", probability=0.04),))
+        with SimulatedCell(
+            arm.config, arm.robot, arm.plant, realtime=False, seed=1, faults=script
+        ) as lossy:
+            served = workshop / "lossy.yaml"
+            served.write_text(to_yaml(lossy.cell))
+            capsys.readouterr()
+            words = ["stream", str(served), str(workshop / "circle.yaml"), "--json"]
+            assert run([*words, *model_of(workshop)]) == 6
+        quality = document(capsys)["quality"]
+        lost, rows = quality["lost_answers"]["axis2"], quality["rows"]
+        assert "joint 'axis2': " in quality["trouble"]
+        measured(f"'stream' that lost {100 * lost / rows:.1f} % of a drive's answers: exit 6")
+
     def test_another_program_sends_a_path_never_seen(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
@@ -289,21 +311,11 @@ class TestStream:
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         given = model_of(workshop)
-        both = [
-            "stream",
-            str(workshop / "arm.yaml"),
-            str(workshop / "circle.yaml"),
-            "--socket",
-            "/tmp/x",
-            *given,
-        ]
-        assert run(both) == 2
+        arm, circle = str(workshop / "arm.yaml"), str(workshop / "circle.yaml")
+        assert run(["stream", arm, circle, "--socket", "/tmp/x", *given]) == 2
         assert "give one of them" in capsys.readouterr().err
         path = str(workshop / "points")
-        assert (
-            run(["stream", str(workshop / "arm.yaml"), "--socket", path, "--wait", "0.1", *given])
-            == 4
-        )
+        assert run(["stream", arm, "--socket", path, "--wait", "0.1", *given]) == 4
         assert "no client sent points within 0.1 s" in capsys.readouterr().err
 
 

@@ -16,6 +16,9 @@ import pytest
 from acquisition.journal import read_journal
 from acquisition.run_folder import RECORDING
 from config.errors import RidDaqError
+from config.faults import FaultScript, FrameFault
+from config.load import load_cell, to_yaml
+from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
 
 PATIENCE_S = 300.0
@@ -84,3 +87,33 @@ def test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_
     assert repeats["runs"] == 2
     assert repeats["ratio"] > 0.0
     assert "Simulated: large was on the flange." in document["payload"]["findings"][-1]
+
+
+@pytest.mark.fault(3)
+def test_a_run_that_lost_too_much_is_not_weighed_and_is_driven_again(
+    motion: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
+) -> None:
+    kr15 = load_cell("kr15")
+    assert kr15.plant is not None
+    lost = [FrameFault(kind="drop", joint="axis2", at_cycle=400 + 10 * k) for k in range(300)]
+    script = FaultScript(bus=tuple(lost))
+    runs = tmp_path / "runs"
+    with SimulatedCell(
+        kr15.config, kr15.robot, kr15.plant, realtime=False, seed=1, faults=script
+    ) as lossy:
+        cell = tmp_path / "cell.yaml"
+        cell.write_text(to_yaml(lossy.cell))
+        words = [
+            "payload", str(cell), "--motion", str(motion), "--runs", str(runs), "--yes",
+            "--rehearsal", "0", "--warm-up", "0",
+        ]  # fmt: skip
+        assert run(words) == 6
+    said = capsys.readouterr().out
+    assert "Step unloaded is not good enough to weigh by: joint 'axis2': " in said
+    (state_file,) = runs.glob("*/session.json")
+    assert f"--resume {state_file.parent.name}" in said
+    assert json.loads(state_file.read_text(encoding="utf-8"))["done"] == {}
+    measured("'payload': a run that lost too much is exit 6 and driven again by --resume")
