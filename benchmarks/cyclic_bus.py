@@ -25,6 +25,9 @@ from mock_hw.hub_protocol import Role
 BITRATE = 1_000_000
 HEARTBEAT_S, DRIVE_HEARTBEAT_S, STATUS_S = 0.025, 0.05, 0.1
 STATUS_ENABLED = 0x1637
+ANSWER_NS = 20_000
+"""How long a drive takes to answer."""
+
 FULL, TRIMMED = struct.Struct("<Hih"), struct.Struct("<ih")
 
 
@@ -79,18 +82,19 @@ def play_drives(path: Path, pipe: Connection) -> None:
             if frame.can_id != SYNC_COB_ID:
                 continue
             syncs += 1
+            at_ns = frame.time_ns + ANSWER_NS
             for node in nodes:
                 counts = (1000 + syncs) * node
                 if scenario.trimmed:
-                    client.post(tpdo_cob_id(node), TRIMMED.pack(counts, 5), 6, node)
+                    client.post(tpdo_cob_id(node), TRIMMED.pack(counts, 5), 6, node, at_ns)
                     if syncs % statuses == 10 * node:
                         status = STATUS_ENABLED.to_bytes(2, "little")
-                        client.post(tpdo_cob_id(node, 2), status, 2, node)
+                        client.post(tpdo_cob_id(node, 2), status, 2, node, at_ns)
                 else:
                     data = FULL.pack(STATUS_ENABLED, counts, 5)
-                    client.post(tpdo_cob_id(node), data, 8, node)
+                    client.post(tpdo_cob_id(node), data, 8, node, at_ns)
                 if syncs % beats == 3 * node:
-                    client.post(heartbeat_cob_id(node), b"\x05", 1, node)
+                    client.post(heartbeat_cob_id(node), b"\x05", 1, node, at_ns)
     pipe.send((syncs, set_points))
     client.close()
 

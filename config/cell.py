@@ -13,6 +13,7 @@ from config.plate import PlateConfig
 from config.robot import NonNegative, Positive
 
 Milliseconds = Annotated[int, Field(gt=0, le=65535)]
+Unsigned32 = Annotated[int, Field(ge=0, lt=2**32)]
 
 
 class CanBusConfig(ConfigModel):
@@ -23,11 +24,27 @@ class CanBusConfig(ConfigModel):
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
 
 
+class DeviceIdentity(ConfigModel):
+    """What 1018h of a drive must answer; what is left out is not compared.
+
+    Of `revision` the upper 16 bits are: the lower ones change without the drive's behaviour.
+    """
+
+    vendor: Unsigned32 | None = None
+    product: Unsigned32 | None = None
+    revision: Unsigned32 | None = None
+
+
 class DriveAxis(ConfigModel):
     """One CiA 402 drive and the joint that it moves.
 
     `direction` is -1 where positive drive counts turn the joint backwards. `velocity_unit` is the
     vendor's unit of 60FFh and 606Ch. `position_zero_counts` is 6064h at joint position zero.
+
+    `eds` is the path of the drive's electronic data sheet (EDS or DCF), relative to the cell file:
+    the drive must have the objects that are used, by its sheet, and must be the one that the sheet
+    is of. `identity` says what the drive must be where the sheet says something else, or without
+    one.
     """
 
     joint: str
@@ -35,6 +52,8 @@ class DriveAxis(ConfigModel):
     direction: Literal[1, -1] = 1
     velocity_unit: Literal["increments_per_s", "rpm", "0.1rpm"] = "increments_per_s"
     position_zero_counts: Annotated[int, Field(ge=-(2**31), lt=2**31)] = 0
+    eds: str | None = Field(default=None, min_length=1)
+    identity: DeviceIdentity | None = None
 
 
 class DriveSafety(ConfigModel):

@@ -16,6 +16,8 @@ from pydantic_core import ErrorDetails
 from config.amplifier_profile import AmplifierProfile, require_line
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
+from config.drive_sheets import read_sheets, with_identities
+from config.eds import ElectronicDataSheet
 from config.errors import ConfigError
 from config.faults import FaultScript
 from config.import_map import ImportMap
@@ -29,12 +31,18 @@ from config.yaml_tree import YamlTree, dump_yaml, parse_yaml
 
 T = TypeVar("T")
 
+_MANIFEST = "manifest.json"  # what makes a folder a run's
+
 _MOTION: TypeAdapter[AnyMotion] = TypeAdapter(Motion)
 
 
 @dataclass(frozen=True)
 class LoadedCell:
-    """A cell file with the files that it names, and their bytes as used."""
+    """A cell file with the files that it names, and their bytes as used.
+
+    `sheets` are the drives' electronic data sheets, one an axis, None where it names none; what
+    they say of 1018h is in the axes' `identity`.
+    """
 
     config: CellConfig
     robot: RobotDescription
@@ -42,10 +50,13 @@ class LoadedCell:
     files: dict[str, bytes]
     amplifier_profile: AmplifierProfile | None = None
     drive_profile: DriveProfile | None = None
+    sheets: tuple[ElectronicDataSheet | None, ...] = ()
 
 
 def load_cell(reference: str) -> LoadedCell:
     """Load a cell and the robot, plant, amplifier and drive files that it names.
+
+    A cell file in a run folder is loaded with the files that were kept beside it.
 
     Parameters
     ----------
@@ -60,7 +71,8 @@ def load_cell(reference: str) -> LoadedCell:
     text, name, folder = _read(reference, "cells", None)
     cell_tree = parse_yaml(text, name)
     cell = validate(cell_tree, CellConfig)
-    robot_text, robot_name, _ = _read(cell.robot, "robots", folder)
+    kept = folder if folder is not None and (folder / _MANIFEST).is_file() else None
+    robot_text, robot_name, _ = _read(cell.robot, "robots", folder, kept, "robot.yaml")
     robot = validate(parse_yaml(robot_text, robot_name), RobotDescription)
     files = {"cell.yaml": text, "robot.yaml": robot_text}
     moved = tuple(axis.joint for axis in cell.axes)
@@ -71,23 +83,36 @@ def load_cell(reference: str) -> LoadedCell:
         )
     plant = None
     if cell.plant is not None:
-        plant_text, plant_name, _ = _read(cell.plant, "plants", folder)
+        plant_text, plant_name, _ = _read(cell.plant, "plants", folder, kept, "plant.yaml")
         plant_tree = parse_yaml(plant_text, plant_name)
         plant = validate(plant_tree, PlantConfig)
         _check_plant(plant_tree, plant, robot)
         files["plant.yaml"] = plant_text
     profile = None
     if cell.plate is not None:
-        profile_text, profile_name, _ = _read(cell.plate.amplifier.profile, "profiles", folder)
+        profile_text, profile_name, _ = _read(
+            cell.plate.amplifier.profile, "profiles", folder, kept, "amplifier.yaml"
+        )
         profile = validate(parse_yaml(profile_text, profile_name), AmplifierProfile)
         _check_line(cell_tree, cell.plate, profile, cell.cycle_time_s)
         files["amplifier.yaml"] = profile_text
     drive_profile = None
     if cell.monitor is not None:
-        drive_text, drive_name, _ = _read(cell.monitor.profile, "profiles", folder)
+        drive_text, drive_name, _ = _read(
+            cell.monitor.profile, "profiles", folder, kept, "drives.yaml"
+        )
         drive_profile = validate(parse_yaml(drive_text, drive_name), DriveProfile)
         files["drives.yaml"] = drive_text
-    return LoadedCell(cell, robot, plant, files, profile, drive_profile)
+    sheets, sheet_files = read_sheets(cell_tree, cell, folder, kept)
+    return LoadedCell(
+        with_identities(cell, sheets),
+        robot,
+        plant,
+        files | sheet_files,
+        profile,
+        drive_profile,
+        sheets,
+    )
 
 
 def load_robot(reference: str) -> RobotDescription:
@@ -205,7 +230,16 @@ def validate(tree: YamlTree, model: type[T] | TypeAdapter[T]) -> T:
         raise ConfigError("\n".join(lines)) from None
 
 
-def _read(reference: str, kind: str, folder: Path | None) -> tuple[bytes, str, Path | None]:
+def _read(
+    reference: str,
+    kind: str,
+    folder: Path | None,
+    kept: Path | None = None,
+    kept_name: str = "",
+) -> tuple[bytes, str, Path | None]:
+    """Return a file's bytes, its name and its folder; of a run folder `kept`, the copy in it."""
+    if kept is not None and (kept / kept_name).is_file():
+        reference, folder = str(kept.absolute() / kept_name), None
     looks_like_path = "/" in reference or "\\" in reference or reference.endswith((".yaml", ".yml"))
     if not looks_like_path and reference in bundled_names(kind):
         resource = resources.files("config") / "bundled" / kind / f"{reference}.yaml"

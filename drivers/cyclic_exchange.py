@@ -131,13 +131,13 @@ class CyclicExchange:
     def sync(self) -> float:
         """Send SYNC; return its time on the link's clock [s].
 
-        What still waits from the cycle before is read first, so that it is not taken for an answer
-        to this SYNC; in simulated time the frames' own stamps tell.
+        Where frames bear no stamps that tell, what still waits from the cycle before is read first,
+        so that it is not taken for an answer to this SYNC.
         """
         for axis, received in enumerate(self.received.tolist()):
             if not received:
                 self._missed_in[axis] = self._cycle
-        if not self._link.simulated:
+        if not (self._link.simulated or self._link.time_stamped):
             self._read_waiting()
         self._cycle += 1
         self.sync_time_s = self._link.clock.now_s()

@@ -46,6 +46,23 @@ class Requirement:
         return value.to_bytes(self.size, "little", signed=self.signed)
 
 
+def identity_requirement(
+    subindex: int, name: str, value: int | None, mask: int = -1
+) -> Requirement:
+    """Return what a part of 1018h must be; nothing, if `value` is None, and then it may miss."""
+    return Requirement(
+        0x1018,
+        subindex,
+        4,
+        name,
+        value,
+        optional=value is None,
+        write=False,
+        mask=mask,
+        hexadecimal=True,
+    )
+
+
 def cyclic_pdos(node_id: int, exchange: str) -> tuple[PdoMapping, ...]:
     """Return the PDOs of a drive in a cell's `exchange`, full or trimmed.
 

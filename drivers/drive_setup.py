@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from config.cell import CellConfig, DriveAxis
+from config.cell import CellConfig, DeviceIdentity, DriveAxis
 from config.robot import Joint
 from drivers.canopen.emcy import code_text
 from drivers.canopen.frames import Frame
@@ -31,7 +31,12 @@ from drivers.cia402 import (
     state_of,
 )
 from drivers.device_text import printable
-from drivers.drive_requirements import Requirement, cyclic_pdos, safety_requirements
+from drivers.drive_requirements import (
+    Requirement,
+    cyclic_pdos,
+    identity_requirement,
+    safety_requirements,
+)
 from drivers.interfaces import DriveSetting
 from drivers.sdo_port import SdoPort, is_missing
 from drivers.transport import CanLink
@@ -84,6 +89,8 @@ class DriveSetup:
     def run(self) -> SetupResult:
         """Identify, configure and read back the drive.
 
+        Nothing is written to one that is another than the cell file or its data sheet says.
+
         Raises
         ------
         DeviceTimeoutError
@@ -92,6 +99,8 @@ class DriveSetup:
             The bus is gone.
         """
         self._identify()
+        if not self._is_expected():
+            return SetupResult(self._axis.joint, None, tuple(self._settings))
         units = self._read_units()
         if units is not None:
             for requirement in safety_requirements(self._cell, units):
@@ -112,13 +121,6 @@ class DriveSetup:
         except SdoAbort as abort:
             name = abort_text(abort.code)
         self._note(0x1008, 0, "device name", "", name, "shown")
-        for subindex, text in (
-            (1, "vendor"),
-            (2, "product"),
-            (3, "revision"),
-            (4, "serial number"),
-        ):
-            self._require(Requirement(0x1018, subindex, 4, text, optional=True, hexadecimal=True))
         csv = 1 << CYCLIC_SYNCHRONOUS_VELOCITY - 1
         self._require(
             Requirement(
@@ -132,6 +134,22 @@ class DriveSetup:
                 hexadecimal=True,
             )
         )
+
+    def _is_expected(self) -> bool:
+        """Read 1018h; return whether it is as the cell file, or the drive's sheet, says."""
+        wanted = self._axis.identity or DeviceIdentity()
+        begun = len(self._settings)
+        for subindex, text, value in (
+            (1, "vendor", wanted.vendor),
+            (2, "product", wanted.product),
+            (3, "revision", None),
+            (4, "serial number", None),
+        ):
+            self._require(identity_requirement(subindex, text, value))
+        if wanted.revision is not None:
+            text = "revision, upper 16 bits"
+            self._require(identity_requirement(3, text, wanted.revision, mask=0xFFFF_0000))
+        return all(setting.verdict != "red" for setting in self._settings[begun:])
 
     def _read_units(self) -> AxisUnits | None:
         increments = self._positive(0x608F, 1, "encoder increments")

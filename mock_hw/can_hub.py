@@ -30,6 +30,7 @@ AFTER_RUN_NS = 2_000_000_000
 """How long lock-step time runs on, at the wall clock's pace, after the last master has left."""
 
 _LONGEST_BURST_NS = 1_000_000
+_LONGEST_AGO_NS = 1_000_000
 _LONGEST_SELECT_S = 3600.0
 _LONGEST_WAIT_NS = 24 * 3600 * 10**9  # whoever asks for more has gone wrong, and would end time
 _INBOX_FRAMES = 4096
@@ -55,7 +56,9 @@ class _Client:
 class CanHub:
     """A CAN bus between the clients of a socket.
 
-    In real time a frame is passed on when its time on the wire is over. In lock-step, time is
+    In real time a frame is passed on when its time on the wire is over. A device's frame is on the
+    wire from the time that it bears on, if nothing else was, and if that is not long ago: what this
+    computer takes to play a device is not the bus's time. In lock-step, time is
     the hub's: a conservative discrete-event simulation in which time moves to the next event
     only while every master and device waits, so order and time depend on nothing but what they
     send. Without a master, lock-step time runs on at the wall clock's pace for `AFTER_RUN_NS` -
@@ -317,6 +320,8 @@ class CanHub:
 
     def _queue(self, client: _Client, frame: WireFrame, now_ns: int) -> None:
         source, faults = (client.key, frame.port), self._faults
+        if self._realtime and client.role == Role.DEVICE and frame.time_ns:
+            now_ns = max(now_ns - _LONGEST_AGO_NS, min(now_ns, frame.time_ns))
         if faults is None:
             self._wire.queue(source, frame, now_ns)
             return

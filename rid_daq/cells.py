@@ -13,6 +13,7 @@ from config.errors import ConfigError, TransportError
 from config.faults import NO_SCRIPT, FaultScript
 from config.load import LoadedCell
 from rid_daq.session import hold_cell
+from rid_daq.sheet_check import refuse_unfit_sheets
 
 if TYPE_CHECKING:
     from mock_hw.cell import SimulatedCell
@@ -40,6 +41,7 @@ def reachable_cell(
     unmodelled: bool = True,
     payload: str | None = None,
     faults: FaultScript = NO_SCRIPT,
+    any_sheets: bool = False,
 ) -> Iterator[CellConfig]:
     """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
 
@@ -60,12 +62,16 @@ def reachable_cell(
         What hangs at a simulated robot's flange, by its name in the plant file.
     faults
         What goes wrong in mock hardware.
+    any_sheets
+        Whether the caller itself says what the drives' data sheets lack.
 
     Raises
     ------
     ConfigError
         There is no such payload, or no mock hardware started here that it could be mounted on, or
         that could have faults.
+    PreflightError
+        By its data sheet a drive cannot do what it is needed for.
     LockedError
         Another session holds the cell.
     TransportError
@@ -78,6 +84,7 @@ def reachable_cell(
         unmodelled=unmodelled,
         payload=payload,
         faults=faults,
+        any_sheets=any_sheets,
     ) as (cell, _):
         yield cell
 
@@ -91,6 +98,7 @@ def mountable_cell(
     unmodelled: bool = True,
     payload: str | None = None,
     faults: FaultScript = NO_SCRIPT,
+    any_sheets: bool = False,
 ) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
     """Yield the cell as `reachable_cell` does, and its mock hardware where that was started here.
 
@@ -98,6 +106,8 @@ def mountable_cell(
     """
     cell = loaded.config
     refuse_one_process(cell)
+    if not any_sheets:
+        refuse_unfit_sheets(loaded)
     if not cell.simulated or is_served(cell):
         if payload is not None:
             raise ConfigError(

@@ -28,9 +28,12 @@ from rid_daq.console import AsJson, Console
 from rid_daq.monitor_check import monitor_lines
 from rid_daq.plate_check import PlateCheck
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.sheet_check import sheet_lines
 from rid_daq.watch_check import watch_lines
 
 _NEXT: dict[str, str] = {
+    "1018": "this is another drive than the data sheet (eds) or identity of the axis says: see that"
+    " the right drive has this node id, or name the sheet of this drive and firmware",
     "1016": "this drive would not stop when this computer dies: set 1016h in the drive's own tool,"
     " or name its node in drive_safety.allow_drive_without_watchdog",
     "6007": "this drive would not stop when this computer dies: set 6007h in the drive's own tool,"
@@ -61,13 +64,16 @@ def check(
     each side's, to see that the other acts: without power, unless the cell file says
     trip_watchdog_with_power, which switches the drives on at rest. A force plate's amplifier is set
     as the cell file says and read back; it is not zeroed. Where the cell has a drive monitor, every
-    motor's temperature and torque constant are read too. Exit code 3 where a line is red.
+    motor's temperature and torque constant are read too. Where axes name data sheets (EDS), those
+    are looked at first: no drive is asked anything where one lacks an object by its sheet, and
+    nothing is written to a drive that is another than its sheet says. Exit code 3 where a line is
+    red.
     """
     console = Console(as_json)
     loaded = load_cell(cell)
     if loaded.config.drive_safety.trip_watchdog_with_power:
         require_cleared(loaded.config, cleared)
-    with reachable_cell(loaded) as reachable:
+    with reachable_cell(loaded, any_sheets=True) as reachable:
         lines, problem = preflight(loaded, reachable, runs, seconds)
     red = [line for line in lines if line.verdict == "red"]
     passed = not red and problem is None
@@ -101,15 +107,20 @@ def preflight(
     loaded: LoadedCell, reachable: CellConfig, runs: Path, seconds: float
 ) -> tuple[list[CheckLine], RidDaqError | None]:
     """Return the lines of the preflight of a reachable cell, and what ended it early."""
-    lines = [_bus_load(loaded.config), *bus_lines(reachable), *computer_lines(runs)]
+    sheets = sheet_lines(loaded)
+    lines = [_bus_load(loaded.config), *bus_lines(reachable), *computer_lines(runs), *sheets]
     plate = PlateCheck(reachable, loaded.amplifier_profile)
     problem = _attempt(plate.before)
     lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
+    drives: list[CheckLine] = []
+    position: list[float] = []
+    fit = all(line.verdict != "red" for line in sheets)
     try:
-        drives, position = _devices(reachable, loaded.robot, seconds)
+        if fit:
+            drives, position = _devices(reachable, loaded.robot, seconds)
     except _Stopped as stopped:
-        drives, position, problem = stopped.lines, [], stopped.error
-    if problem is None:
+        drives, problem = stopped.lines, stopped.error
+    if fit and problem is None:
         problem = _attempt(lambda: plate.after(position))
     return [*lines, *plate.lines, *drives], problem
 
@@ -132,7 +143,9 @@ def _tell(console: Console, lines: list[CheckLine]) -> None:
         found = [same[drive].found if drive in same else "" for drive in drives]
         if not any(line.of_drive for line in same.values()):
             found = [", ".join(line.found for line in same.values()), *[""] * (len(drives) - 1)]
-        required = " / ".join(dict.fromkeys(line.required for line in same.values()))
+        required = " / ".join(
+            dict.fromkeys(line.required for line in same.values() if line.required)
+        )
         rows.append((_worst(list(same.values())), what, required, *(found or [""])))
     console.table(
         ("", "what", "required", *(drives or ["found"])),

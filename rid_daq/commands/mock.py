@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -13,8 +14,11 @@ from acquisition.termination import TERMINATION, ignore_termination
 from config.cell import CellConfig
 from config.errors import ConfigError, LockedError, TransportError
 from config.faults import NO_SCRIPT
-from config.load import load_cell, load_faults
+from config.load import LoadedCell, load_cell, load_faults
+from config.whole_file import write_whole
 from mock_hw.cell import SimulatedCell
+from mock_hw.drive_objects import DriveIdentity
+from mock_hw.drive_sheet import drive_sheet
 from mock_hw.runtime_directory import runtime_directory
 from mock_hw.served_bus import SIMULATED
 from rid_daq.cells import is_served, refuse_one_process
@@ -44,12 +48,19 @@ def mock(
     faults: Annotated[
         Path | None, typer.Option(metavar="FILE", help="A fault script: what is to go wrong.")
     ] = None,
+    eds: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Write each drive's data sheet (EDS) there; nothing is served."
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Serve a cell's simulated drives and force plate until Ctrl-C.
 
     Other commands that name this cell join it meanwhile, and so does anything that speaks
-    python-can, such as its logger.
+    python-can, such as its logger. With --eds their data sheets are written and nothing else is
+    done: one file a drive, for the axes' eds in the cell file and for other CANopen tools.
     """
     console = Console(as_json)
     loaded = load_cell(cell)
@@ -57,6 +68,9 @@ def mock(
         raise ConfigError(
             f"cell {loaded.config.name}: is not simulated; say simulated: true and name a plant"
         )
+    if eds is not None:
+        _write_sheets(loaded, eds, console)
+        return
     script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
     if script.program:
         raise ConfigError(
@@ -107,6 +121,43 @@ def mock(
             console.say(f"Registers:  {registers}")
         _wait(loaded.config)
     console.say("Ended.")
+
+
+def _write_sheets(loaded: LoadedCell, folder: Path, console: Console) -> None:
+    """Write the data sheet of every simulated drive; nothing is overwritten.
+
+    Raises
+    ------
+    ConfigError
+        There are such files already.
+    RecordingError
+        They cannot be written.
+    """
+    if loaded.plant is None:
+        raise ConfigError(f"cell {loaded.config.name}: a simulated cell needs plant")
+    created = datetime.now()
+    sheets = {}
+    for axis, joint, simulated in zip(
+        loaded.config.axes, loaded.robot.joints, loaded.plant.axes, strict=True
+    ):
+        name = f"node{axis.node_id}.eds"
+        identity = DriveIdentity.of_axis(axis, joint, simulated)
+        sheets[name] = drive_sheet(identity, name, created).encode("ascii")
+    present = [name for name in sheets if (folder / name).exists()]
+    if present:
+        raise ConfigError(
+            f"{folder}: {', '.join(present)} is already there; nothing was written. Give another"
+            " folder, or move the files away."
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot make the folder: {error.strerror}") from None
+    for name, content in sheets.items():
+        write_whole(folder / name, content)
+    console.document({"cell": loaded.config.name, "folder": str(folder), "files": [*sheets]})
+    console.say(f"{folder}: wrote {', '.join(sheets)}.")
+    console.say("Name each in its axis of the cell file (eds), by its path from there.")
 
 
 def _listen(served: CellConfig, channel: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from config.cell import CellConfig
+from config.cell import CellConfig, DeviceIdentity
 from config.errors import (
     ConfigError,
     DeviceTimeoutError,
@@ -293,3 +293,54 @@ class TestConfiguration:
     ) -> None:
         CanServoAxes(CanLink(bench.bus), cell, robot)
         assert bench.bus.sent == []
+
+
+class TestWhoADriveIs:
+    """1018h of the scripted drives: vendor 1234h, nothing else."""
+
+    def bring_up(
+        self, make_bench: Callable[[CellConfig], Any], cell: CellConfig, **said: int
+    ) -> Any:
+        axis = cell.axes[1].model_copy(update={"identity": DeviceIdentity(**said)})
+        bench = make_bench(cell.model_copy(update={"axes": (cell.axes[0], axis, cell.axes[2])}))
+        bench.drive = bench.drives[axis.node_id - 1]
+        bench.drive.objects[0x1018, 3] = (0x0002_0005).to_bytes(4, "little")
+        return bench
+
+    def test_the_drive_that_is_expected(
+        self, make_bench: Callable[[CellConfig], Any], cell: CellConfig
+    ) -> None:
+        bench = self.bring_up(make_bench, cell, vendor=0x1234, revision=0x0002_0000)
+        bench.axes.bring_up()
+        own = [s for s in bench.axes.settings() if s.node_id == bench.drive.node_id]
+        said = {s.name: (s.required, s.found, s.verdict) for s in own if "1018h" in s.object_name}
+        assert said["vendor"] == ("1234h", "1234h", "ok")
+        assert said["product"] == ("", "not in this drive", "shown")
+        assert said["revision"] == ("", "20005h", "shown")
+        assert said["revision, upper 16 bits"] == ("20000h", "20000h", "ok")
+
+    @pytest.mark.parametrize(
+        ("said", "told"),
+        [
+            ({"vendor": 0x1235}, "vendor 1018h:01 is 1234h, required: 1235h"),
+            (
+                {"vendor": 0x1234, "product": 7},
+                "product 1018h:02 is not in this drive, required: 7h",
+            ),
+            ({"revision": 0x0001_0005}, "upper 16 bits 1018h:03 is 20000h, required: 10000h"),
+        ],
+    )
+    def test_nothing_is_written_to_another_one(
+        self,
+        make_bench: Callable[[CellConfig], Any],
+        cell: CellConfig,
+        said: dict[str, int],
+        told: str,
+    ) -> None:
+        bench = self.bring_up(make_bench, cell, **said)
+        with pytest.raises(PreflightError, match=rf"\(node {bench.drive.node_id}\): .*{told}"):
+            bench.axes.bring_up()
+        assert bench.drive.writes == []
+        assert all(drive.writes for drive in bench.drives if drive is not bench.drive)
+        with pytest.raises(DriverError, match="bring_up"):
+            bench.axes.start()

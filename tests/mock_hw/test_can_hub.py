@@ -16,7 +16,7 @@ from mock_hw.can_hub import AFTER_RUN_NS
 from mock_hw.hub_client import HubClient
 from mock_hw.hub_process import listening_socket
 from mock_hw.hub_protocol import FRAME, PacketKind, Role, pack
-from mock_hw.wire_time import frame_bits
+from mock_hw.wire_time import INTERMISSION_BITS, frame_bits
 
 MS = 1_000_000
 SYNC_END_NS = (51 - 3) * 1000
@@ -144,6 +144,26 @@ def test_real_time_delivers_after_the_frames_time_on_the_wire(serve: Serve) -> N
     (frame,) = receiver.wait(start_ns + 1000 * MS)
     assert time.monotonic_ns() - start_ns >= 48 * 100_000
     assert 48 * 100_000 <= frame.time_ns - start_ns < 500 * MS
+
+
+def test_what_it_takes_to_play_a_device_is_not_the_buss_time(serve: Serve) -> None:
+    hub = serve(realtime=True, bitrate=1_000_000)
+    device, receiver = hub.join(Role.DEVICE), hub.join(Role.OBSERVER)
+    wire_ns = 1000 * (frame_bits(0x181, b"", 0) - INTERMISSION_BITS)
+
+    def backdated() -> int:
+        """Hand over a frame a while after its time; return how much later it began."""
+        answered_ns = time.monotonic_ns()
+        while time.monotonic_ns() < answered_ns + MS // 2:
+            pass
+        device.post(0x181, b"", 0, 1, answered_ns)
+        device.wait(0)
+        (frame,) = receiver.wait(answered_ns + 1000 * MS)
+        return frame.time_ns - wire_ns - answered_ns
+
+    later_ns = [backdated() for _ in range(50)]
+    assert all(late >= 0 for late in later_ns)
+    assert 0 in later_ns, "at its time, unless this computer took a millisecond"
 
 
 def test_real_time_waits_end_on_the_clock(serve: Serve) -> None:

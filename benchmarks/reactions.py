@@ -1,0 +1,369 @@
+"""How soon a fault becomes a quick stop, in real time: `python -m benchmarks.reactions`.
+
+A simulated cell with its hub, its drives and the whole program run on the computer's clock. Faults
+come again and again, at times that nobody in the program knows; what counts is what the hub's log
+saw on the wire: from the fault's own frame (or the SYNC that was not answered, or the interrupt)
+until the last axis's quick stop. Then emergency messages that stop nothing come 1,000 times a
+second, and how late the loop's cycles begin is compared with and without them.
+
+`--rounds N` sets how often each fault comes (25), `--quick` is 3 and a shorter flood.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from multiprocessing.connection import Connection
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import numpy as np
+from can.io import CanutilsLogReader
+from numpy.typing import NDArray
+
+from acquisition.control_block import Progress
+from acquisition.experiment import RecordOutcome, record_motion
+from acquisition.journal import read_journal
+from acquisition.motion_plan import plan_motion
+from acquisition.motion_samples import MotionSamples, Phase
+from acquisition.run_folder import RunFolder
+from acquisition.stop_reason import StopCode
+from config.faults import DriveFault, FaultScript, FrameFault
+from config.load import LoadedCell, load_cell
+from config.motion import FourierJoint, FourierMotion
+from drivers.canopen.frames import (
+    SYNC_COB_ID,
+    emcy_cob_id,
+    heartbeat_cob_id,
+    rpdo_cob_id,
+    tpdo_cob_id,
+)
+from drivers.cell import open_cell
+from mock_hw.cell import SimulatedCell
+from mock_hw.device_process import keep_pace
+from mock_hw.hub_client import HubClient
+from mock_hw.hub_protocol import Role
+
+EVERY_S: Final = 9.0
+"""Between two faults: a session must have begun to move in it."""
+
+MOTION_S: Final = 60.0
+SHARE_BAR, FLOOD_BAR = 0.99, 1.2
+QUICK_STOP: Final = b"\x02\x00"
+NO_ERROR: Final = bytes(8)
+FLOOD_PER_S: Final = 1000
+FLOODED: Final = 2
+"""The node whose emergency messages flood the bus."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What was on the wire, and when [s]."""
+
+    time_s: float
+    cob_id: int
+    data: bytes
+
+
+Mark = Callable[[list[Frame]], float]
+"""When a fault could first be known [s], by the frames of the last second before the quick stop."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A fault, how it is seen on the wire, and how soon the quick stop is due.
+
+    Attributes
+    ----------
+    name : str
+        What goes wrong.
+    mark : callable
+        When it could first be known.
+    cycles : float
+        What the last axis's quick stop may take from there, in cycle times (faults.md's rows).
+    waits_s : float
+        What has to pass besides, before it is a fault.
+    """
+
+    name: str
+    mark: Mark
+    cycles: float
+    waits_s: float = 0.0
+
+
+def _last(cob_id: int) -> Mark:
+    return lambda frames: [frame.time_s for frame in frames if frame.cob_id == cob_id][-1]
+
+
+def _unanswered(cob_id: int) -> Mark:
+    """Return the first SYNC after a drive's last answer."""
+    answered = _last(cob_id)
+    return lambda frames: next(
+        frame.time_s
+        for frame in frames
+        if frame.cob_id == SYNC_COB_ID and frame.time_s > answered(frames)
+    )
+
+
+def _kinds(loaded: LoadedCell) -> dict[StopCode, Kind]:
+    timeout_s = 1e-3 * loaded.config.drive_safety.drive_heartbeat_timeout_ms
+    one, two, three = (axis.node_id for axis in loaded.config.axes)
+    return {
+        StopCode.EMERGENCY: Kind("an emergency message", _last(emcy_cob_id(one)), 2.0),
+        StopCode.DRIVE_RESTARTED: Kind("a drive boots", _last(heartbeat_cob_id(three)), 2.0),
+        StopCode.MISSED_FRAMES: Kind("three answers are lost", _unanswered(tpdo_cob_id(one)), 4.0),
+        StopCode.HEARTBEAT_LOST: Kind(
+            "a heartbeat ends", _last(heartbeat_cob_id(two)), 1.0, timeout_s
+        ),
+    }
+
+
+def _script(rounds: int, names: tuple[str, ...]) -> FaultScript:
+    one, two, three = names
+    bus: list[FrameFault] = []
+    drives: list[DriveFault] = []
+    times_s = iter(EVERY_S * (1.0 + k) for k in range(4 * rounds))
+    for _ in range(rounds):
+        drives.append(DriveFault(kind="emergency", joint=one, at_s=next(times_s)))
+        bus.append(FrameFault(kind="drop", joint=one, at_s=next(times_s), count=3))
+        drives.append(DriveFault(kind="reset", joint=three, at_s=next(times_s)))
+        drives.append(
+            DriveFault(kind="heartbeat_stops", joint=two, at_s=next(times_s), duration_s=2.0)
+        )
+    return FaultScript(bus=tuple(bus), drives=tuple(drives))
+
+
+@dataclass(frozen=True)
+class Session:
+    """A motion that was stopped: when by the log's clock [s], why, and the interrupt's time."""
+
+    begun_s: float
+    ended_s: float
+    code: StopCode
+    text: str
+    asked_s: float = 0.0
+
+
+class Bench:
+    """The cell, and the motion that is driven on it again and again."""
+
+    def __init__(self, loaded: LoadedCell, simulated: SimulatedCell, folder: Path) -> None:
+        self._loaded, self._simulated, self._folder = loaded, simulated, folder
+        robot = loaded.robot
+        motion = FourierMotion(
+            kind="fourier",
+            robot=robot.name,
+            period_s=2.0,
+            periods=round(MOTION_S / 2.0),
+            ramp_s=1.0,
+            joints=tuple(
+                FourierJoint(joint=name, sine=(0.2,), cosine=(0.1,)) for name in robot.joint_names
+            ),
+        )
+        self._samples: MotionSamples = plan_motion(motion, robot, loaded.config.cycle_time_s)
+
+    def move(self, on_progress: Callable[[Progress], None] | None = None) -> RecordOutcome:
+        """Drive the motion until it ends or is stopped."""
+        run = RunFolder.create(self._folder, "reactions")
+        cell, robot = self._simulated.cell, self._loaded.robot
+        return record_motion(cell, robot, self._samples, run, on_progress=on_progress)
+
+    def session(self, interrupted_after_s: float | None = None) -> Session:
+        """Drive until something stops it; interrupt it where nothing else does."""
+        asked: list[float] = []
+        main_s: list[float] = []
+
+        def interrupt(progress: Progress) -> None:
+            if progress.phase is not Phase.MAIN or asked or interrupted_after_s is None:
+                return
+            main_s.append(time.monotonic())
+            if time.monotonic() - main_s[0] > interrupted_after_s:
+                asked.append(time.time())
+                os.kill(os.getpid(), signal.SIGINT)
+
+        begun_s = time.time()
+        outcome = self.move(interrupt)
+        if outcome.stop is None:
+            raise SystemExit(f"nothing stopped a motion of {MOTION_S:g} s: no fault came")
+        if outcome.interrupted_by is not None and not asked:
+            raise SystemExit(128 + outcome.interrupted_by)
+        with open_cell(self._simulated.cell, self._loaded.robot) as opened:
+            opened.axes.service.reset_faults()
+        stop = outcome.stop
+        return Session(begun_s, time.time(), stop.code, stop.text, asked[0] if asked else 0.0)
+
+
+def reactions(log: Path, sessions: list[Session], loaded: LoadedCell) -> dict[str, list[float]]:
+    """Return how late the last axis's quick stop was, over its budget, by the fault's name."""
+    kinds, cycle_s = _kinds(loaded), loaded.config.cycle_time_s
+    commands = {rpdo_cob_id(axis.node_id) for axis in loaded.config.axes}
+    found: dict[str, list[float]] = {}
+    frames = iter(_logged(log))
+    for session in sessions:
+        seen: list[Frame] = []
+        stops: dict[int, float] = {}
+        for frame in frames:
+            if frame.time_s > session.ended_s:
+                break
+            if frame.time_s < session.begun_s:
+                continue
+            if frame.cob_id in commands and frame.data.startswith(QUICK_STOP):
+                stops.setdefault(frame.cob_id, frame.time_s)
+            elif not stops:
+                seen.append(frame)
+        if session.code is StopCode.INTERRUPTED:
+            name, mark_s, allowed_s = "Ctrl-C", session.asked_s, 2.0 * cycle_s
+        elif session.code in kinds:
+            kind = kinds[session.code]
+            first_s = min(stops.values())
+            latest = [frame for frame in seen if frame.time_s > first_s - 1.0]
+            name, mark_s = kind.name, kind.mark(latest)
+            allowed_s = kind.waits_s + kind.cycles * cycle_s
+        else:
+            continue
+        if set(stops) != commands:
+            raise SystemExit(f"{name}: only {len(stops)} axes were told to stop")
+        found.setdefault(name, []).append((max(stops.values()) - mark_s) / allowed_s)
+    return found
+
+
+def _logged(log: Path) -> Iterator[Frame]:
+    for message in CanutilsLogReader(log):
+        yield Frame(message.timestamp, message.arbitration_id, bytes(message.data))
+
+
+def flood(channel: Path, pipe: Connection) -> None:
+    """Send emergency messages of no error while told to; the main function of a process."""
+    client = HubClient(channel, Role.DEVICE)
+    keep_pace(realtime=True)
+    step_ns = 10**9 // FLOOD_PER_S
+    flooding = False
+    pipe.send(None)
+    next_ns = time.monotonic_ns()
+    while True:
+        while pipe.poll(0):
+            word = pipe.recv()
+            if word is None:
+                client.close()
+                return
+            flooding = word
+            next_ns = time.monotonic_ns()
+            pipe.send(None)
+        client.wait(next_ns)
+        next_ns = max(next_ns, time.monotonic_ns())  # no more at once where it is behind
+        for _ in range(10):
+            next_ns += step_ns
+            if flooding:
+                client.post(emcy_cob_id(FLOODED), NO_ERROR, len(NO_ERROR), 99, next_ns)
+
+
+def lateness(bench: Bench, channel: Path, segment_s: float) -> tuple[NDArray[np.float64], ...]:
+    """Return how late cycles began [s] in seconds with the flood, and without."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=flood, args=(channel, theirs), daemon=True)
+    process.start()
+    ours.recv()
+    spans: list[tuple[float, bool]] = []
+
+    def change(progress: Progress) -> None:
+        now_s = time.monotonic()
+        if progress.phase is Phase.MAIN and (not spans or now_s - spans[-1][0] > segment_s):
+            there = bool(spans) and not spans[-1][1]
+            ours.send(there)
+            ours.recv()
+            spans.append((time.monotonic(), there))
+
+    outcome = bench.move(change)
+    ours.send(None)
+    process.join()
+    if outcome.stop is not None:
+        raise SystemExit(f"the motion was stopped: {outcome.stop.text}")
+    rows = read_journal(outcome.path).rows
+    with_flood = np.zeros(len(rows), dtype=bool)
+    without = np.zeros(len(rows), dtype=bool)
+    for (begin_s, there), (end_s, _) in pairwise(spans):
+        inside = (rows["time_s"] > begin_s + 0.1) & (rows["time_s"] < end_s)
+        (with_flood if there else without)[inside] = True
+    return rows["lateness_s"][with_flood], rows["lateness_s"][without]
+
+
+def main() -> int:
+    """Measure and print; the last line is one JSON object."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=25)
+    parser.add_argument("--quick", action="store_true")
+    given = parser.parse_args()
+    rounds = 3 if given.quick else given.rounds
+    loaded = load_cell("ir361")
+    assert loaded.plant is not None
+    config = loaded.config.model_copy(update={"plate": None, "monitor": None})
+    rng = np.random.default_rng(1)
+    with TemporaryDirectory(prefix="rid-reactions-") as name:
+        folder = Path(name)
+        log = folder / "frames.log"
+        with SimulatedCell(
+            config,
+            loaded.robot,
+            loaded.plant,
+            realtime=True,
+            seed=1,
+            log=log,
+            faults=_script(rounds, loaded.robot.joint_names),
+        ) as simulated:
+            loaded = LoadedCell(**{**vars(loaded), "config": config})
+            bench = Bench(loaded, simulated, folder)
+            until_s = time.monotonic() + EVERY_S * 4 * rounds
+            sessions = []
+            while time.monotonic() < until_s:
+                sessions.append(bench.session())
+                print(f"{sessions[-1].code.name}: {sessions[-1].text}", flush=True)
+            sessions += [bench.session(float(rng.uniform(0.1, 0.5))) for _ in range(rounds)]
+            flooded, quiet = lateness(bench, Path(simulated.channel), 4.0)
+        found = reactions(log, sessions, loaded)
+    shares = np.concatenate(list(found.values()))
+    for name, shares_of in found.items():
+        print(
+            f"{name}, {len(shares_of)} times: quick stop of the last axis after"
+            f" {100 * np.median(shares_of):.0f} % of what is allowed in the median,"
+            f" {100 * max(shares_of):.0f} % at most"
+        )
+    counted = set(found)
+    own = Counter(s.code.name for s in sessions if s.code not in _kinds(loaded) and not s.asked_s)
+    if own:
+        print(f"stopped besides, by this computer's own lateness: {dict(own)}")
+    late, late_quiet = (1e6 * float(np.quantile(each, 0.99)) for each in (flooded, quiet))
+    print(
+        f"cycles begin late by {late:.0f} us (p99 of {len(flooded)}) with {FLOOD_PER_S} emergency"
+        f" messages a second, by {late_quiet:.0f} us (of {len(quiet)}) without"
+    )
+    within = float(np.mean(shares <= 1.0))
+    ratio = late / late_quiet
+    holds = within >= SHARE_BAR and ratio <= FLOOD_BAR and len(counted) == 5
+    result = {
+        "name": "reactions",
+        "value": round(float(np.quantile(shares, 0.99)), 3),
+        "unit": "of the time that is allowed, p99",
+        "reactions": len(shares),
+        "within": round(within, 4),
+        "ratios": {"p99 of lateness with the flood over without": round(ratio, 2)},
+        "bar": f"{SHARE_BAR:.0%} of all reactions within the time that is allowed; a flood makes"
+        f" the loop's lateness at most {FLOOD_BAR:g} times larger (p99)",
+        "holds": holds,
+    }
+    print(json.dumps(result))
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,177 @@
+"""The text of an electronic data sheet: its sections and keys, with the lines that they stand in.
+
+The INI dialect of CiA 306-1, 4.2, as vendors write it: any case, spaces around keys and values,
+comments behind `;`, any line ends, UTF-8 or Latin-1. Only sections and keys that are read are kept;
+in other sections, and there are many of vendors' own, anything may stand.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass, field
+from typing import NoReturn
+
+from config.errors import ConfigError
+
+MAX_BYTES = 4_000_000
+MAX_LINE_CHARACTERS = 4096
+MAX_SECTIONS = 30_000
+
+_SHOWN = 40
+_KEYS = frozenset(
+    (
+        "vendorname", "vendornumber", "productname", "productnumber", "revisionnumber", "nodeid",
+        "parametername", "objecttype", "datatype", "accesstype", "pdomapping", "defaultvalue",
+        "parametervalue", "lowlimit", "highlimit", "subnumber", "compactsubobj",
+    )
+)  # fmt: skip
+_COMMENT = re.compile(r"\s;")
+_READ = re.compile(
+    r"deviceinfo|devicecomm?issioning|[0-9a-f]{4}(?:name|value|sub[0-9a-f]{1,2})?",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class EdsEntry:
+    """A key as it is spelt, its value, and its line, counted from 1."""
+
+    key: str
+    text: str
+    line: int
+
+
+@dataclass(frozen=True)
+class EdsSection:
+    """A section as it is spelt, where it begins, and its entries by their keys in lower case."""
+
+    name: str
+    line: int
+    entries: dict[str, EdsEntry] = field(default_factory=dict)
+
+    def get(self, key: str) -> EdsEntry | None:
+        """Return the entry of a key in lower case; None where it is missing or empty."""
+        entry = self.entries.get(key)
+        return entry if entry is not None and entry.text else None
+
+
+def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
+    """Return the sections that are read of a data sheet, by their names in lower case.
+
+    Those are the device's description, its commissioning (of a DCF), and every object's.
+
+    Parameters
+    ----------
+    data
+        The file's bytes.
+    name
+        What to call the file in messages.
+
+    Raises
+    ------
+    ConfigError
+        The file is too large, is no text, or a line of it cannot be meant; the message has
+        `name:line`.
+    """
+    if len(data) > MAX_BYTES:
+        raise ConfigError(
+            f"{name}: more than {MAX_BYTES} bytes; is it an electronic data sheet (EDS or DCF)?"
+        )
+    sections: dict[str, EdsSection] = {}
+    section: EdsSection | None = None
+    begun = False
+    for number, raw in enumerate(io.StringIO(_text(data), newline=None), start=1):
+        line = raw.strip()
+        if not line or line[0] in ";#":
+            continue
+        if len(line) > MAX_LINE_CHARACTERS:
+            refuse(
+                name, number, f"{len(line)} characters; a line has at most {MAX_LINE_CHARACTERS}"
+            )
+        if "\0" in line:
+            refuse(name, number, "a zero byte: this is no text; save the file as UTF-8")
+        if line[0] == "[":
+            begun = True
+            title = _title(line, name, number)
+            section = None
+            if _READ.fullmatch(title.lower()):
+                section = _begin(sections, title, name, number)
+        elif section is not None:
+            _enter(section, _without_comment(line), name, number)
+        elif not begun:
+            refuse(
+                name,
+                number,
+                f"{shown(line)} stands before the first [section]; is it a data sheet (EDS, DCF)?",
+            )
+    return sections
+
+
+def refuse(name: str, line: int, problem: str) -> NoReturn:
+    """Raise a `ConfigError` that says file and line."""
+    raise ConfigError(f"{name}:{line}: {problem}")
+
+
+def shown(text: str) -> str:
+    """Return text of a file in quotes, cut, with everything escaped that is not printable."""
+    return repr(text) if len(text) <= _SHOWN else f"{text[:_SHOWN]!r}…"
+
+
+def _text(data: bytes) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def _title(line: str, name: str, number: int) -> str:
+    title, closed, rest = line[1:].partition("]")
+    if not closed:
+        refuse(name, number, f"{shown(line)} has no closing ]; write [section]")
+    if rest.strip()[:1] not in ("", ";", "#"):
+        refuse(name, number, f"{shown(rest)} stands behind [section]; put it on a line of its own")
+    return title.strip()
+
+
+def _begin(sections: dict[str, EdsSection], title: str, name: str, number: int) -> EdsSection:
+    key = title.lower()
+    if key[4:7] == "sub":  # [1018sub01] is [1018sub1]
+        key = f"{key[:7]}{int(key[7:], 16):x}"
+    earlier = sections.get(key)
+    if earlier is not None:
+        refuse(
+            name,
+            number,
+            f"[{title}] stands here a second time, first in line {earlier.line}; remove one",
+        )
+    if len(sections) == MAX_SECTIONS:
+        refuse(name, number, f"more than {MAX_SECTIONS} objects; is it the file of one device?")
+    return sections.setdefault(key, EdsSection(title, number))
+
+
+def _enter(section: EdsSection, line: str, name: str, number: int) -> None:
+    key, equals, text = line.partition("=")
+    key = key.strip()
+    if not equals or not key:
+        refuse(
+            name, number, f"{shown(line)} in [{section.name}] is not key=value; correct the line"
+        )
+    lower = key.lower()
+    if lower not in _KEYS and not key.isdecimal():  # a number: of one of a compact array's objects
+        return
+    text = text.strip()
+    earlier = section.entries.get(lower)
+    if earlier is not None and earlier.text != text:
+        refuse(
+            name,
+            number,
+            f"{shown(key)} stands in [{section.name}] a second time with another value, first in"
+            f" line {earlier.line}; remove one",
+        )
+    section.entries.setdefault(lower, EdsEntry(key, text, number))
+
+
+def _without_comment(line: str) -> str:
+    """Cut a comment off that ends a line: a `;` behind a space."""
+    comment = _COMMENT.search(line)
+    return line if comment is None else line[: comment.start()].rstrip()

@@ -1,0 +1,175 @@
+"""Data sheets that were changed by chance: read, or refused with a file and a line, in little time.
+
+100,000 changed sheets: bytes flipped, cut, doubled and replaced by what has broken parsers before,
+lines deleted, doubled, moved. Then files of the largest size that there may be.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+import time
+import tracemalloc
+from collections import Counter
+from datetime import datetime
+from fractions import Fraction
+
+import pytest
+
+from config.eds import MAX_OBJECTS, parse_eds
+from config.eds_text import MAX_BYTES, MAX_LINE_CHARACTERS
+from config.errors import ConfigError
+from mock_hw.drive_objects import DriveIdentity
+from mock_hw.drive_sheet import drive_sheet
+
+SMALL = b"""[DeviceInfo]
+VendorNumber=0xFB
+RevisionNumber=0x10000
+[1000]
+ParameterName=Type
+DataType=7
+AccessType=ro
+DefaultValue=131474
+[1003]
+ObjectType=8
+DataType=7
+AccessType=ro
+CompactSubObj=4
+[1400sub1]
+DataType=0x7
+AccessType=rw
+DefaultValue=$NODEID+0x200
+[6077]
+DataType=3
+AccessType=ro
+PDOMapping=1
+LowLimit=-32768 ; all
+[DeviceComissioning]
+NodeID=5
+"""
+NASTY = (
+    b"9" * 400, b"0x" + b"F" * 400, b"-", b"+", b"0x", b"08", b"1e999", b"NaN", b"$NODEID",
+    b"$NODEID+", b"\x00", b"\xff\xfe", b"\xef\xbb\xbf", b"\x1b[2J", b"\x85", b"\xc2\x85", b"\x0b",
+    b"\x1c", b"\r", b"\n", b"\r\n", b"\t", b" ", b";", b" ;", b"#", b"=", b"==", b":", b"[", b"]",
+    b"[]", b"[1000]", b"[1000sub0]", b"[FFFFsubFF]", b"[1000subFFF]", b"[1000Name]",
+    b"\n[2000]\nCompactSubObj=254\n", b"\nCompactSubObj=0xFE\n", b"\nObjectType=9\n",
+    b"\nDataType=1\n", b"\nDataType=8\n", b"\nParameterValue=1\n", b"\xf0\x9f\xa4\x96",
+    b"\xed\xa0\x80", b"%s%n", b"\\x00", b"rw", b"x" * 5000,
+)  # fmt: skip
+REFUSED = re.compile(r"drive\.eds(:\d+)?: [^\s].*")
+LONGEST_S = 30.0  # a bound that no load of the computer reaches; a hang does
+
+
+def changed(data: bytes, chance: random.Random) -> bytes:
+    """Return a copy with one to five changes."""
+    copy = bytearray(data)
+    for _ in range(chance.choice((1, 1, 1, 2, 5))):
+        at, size = chance.randrange(len(copy) + 1), chance.choice((1, 2, 8, 64))
+        match chance.randrange(8):
+            case 0:
+                copy[at : at + size] = b""
+            case 1:
+                copy[at:at] = copy[at : at + size]
+            case 2:
+                copy[at:at] = chance.choice(NASTY)
+            case 3:
+                copy[at : at + size] = chance.choice(NASTY)
+            case 4 if at < len(copy):
+                copy[at] ^= 1 << chance.randrange(8)
+            case 5:
+                del copy[at:]
+            case _:
+                lines = copy.splitlines(keepends=True)
+                line = chance.randrange(len(lines)) if lines else 0
+                kept = lines[line : line + 1]
+                if chance.random() < 0.5:
+                    del lines[line : line + 1]
+                place = chance.randrange(len(lines) + 1)
+                copy = bytearray(b"".join([*lines[:place], *kept, *lines[place:]]))
+    return bytes(copy)
+
+
+def outcome(data: bytes) -> str:
+    """Read a sheet; return what was refused, without places and values, or that it was read."""
+    try:
+        sheet = parse_eds(data, "drive.eds")
+    except ConfigError as error:
+        message = str(error)
+        assert message.isprintable()
+        assert REFUSED.fullmatch(message)
+        assert len(message) < 400
+        return re.sub(r"'.*'|\".*\"|\d+", "", message)
+    addresses = [(item.index, item.subindex) for item in sheet.objects]
+    assert addresses == sorted(set(addresses))
+    assert 0 < len(addresses) <= MAX_OBJECTS
+    return "read"
+
+
+def test_sheets_changed_anywhere_are_read_or_refused_with_their_line() -> None:
+    chance = random.Random(4)
+    counts: Counter[str] = Counter()
+    for _ in range(
+        100_000
+    ):  # a sheet takes 60 us: one that hangs is ended by the test's time limit
+        counts[outcome(changed(SMALL, chance))] += 1
+    assert counts["read"] > 20_000
+    assert counts.total() - counts["read"] > 20_000
+    assert len(counts) > 50  # as many kinds of faults were found, and all were told
+
+
+def test_a_whole_drives_sheet_changed_anywhere() -> None:
+    sheet = drive_sheet(
+        DriveIdentity(5, 4096, Fraction(100), 1500), "drive.eds", datetime(2026, 1, 2)
+    )
+    data, chance = sheet.encode(), random.Random(9)
+    counts = Counter(outcome(changed(data, chance)) for _ in range(1000))
+    assert counts["read"] > 100
+    assert len(counts) > 30
+
+
+@pytest.mark.parametrize(
+    "piece",
+    [
+        b"[", b"[]\n", b"[1000]\n", b"\n", b"\r", b";\n", b"a=b\n", b"=", b" ", b"\x00", b"\xff",
+        b" ;", b"9", b"[DeviceInfo]\na=b\n", b"x" * (MAX_LINE_CHARACTERS - 1) + b"\n",
+        b"\xc2\x85", b"\x0c",
+    ],
+)  # fmt: skip
+def test_files_of_one_thing_alone(piece: bytes) -> None:
+    whole = piece * (MAX_BYTES // len(piece))
+    begun_s = time.monotonic()
+    for head in (b"", b"[DeviceInfo]\n[1000]\nDataType=9\nDefaultValue="):
+        outcome(head + whole[: MAX_BYTES - len(head)])
+    assert time.monotonic() - begun_s < LONGEST_S
+
+
+def sub_objects() -> bytes:
+    return b"".join(b"[%04Xsub%X]\nDataType=7\n" % (i >> 8, i & 0xFF) for i in range(180_000))
+
+
+def compact_arrays() -> bytes:
+    return b"".join(b"[%04X]\nDataType=7\nCompactSubObj=254\n" % i for i in range(0x10000))
+
+
+def keys() -> bytes:
+    return b"[1000]\n" + b"".join(b"%d=\n" % i for i in range(450_000))
+
+
+def comments() -> bytes:
+    line = b"k=" + b";" * (MAX_LINE_CHARACTERS - 2) + b"\n"
+    return b"[1000]\n" + line * (MAX_BYTES // len(line) - 1)
+
+
+@pytest.mark.parametrize("make", [sub_objects, compact_arrays, keys, comments])
+def test_the_worst_of_files_take_little_memory(make: object) -> None:
+    assert callable(make)
+    data = b"[DeviceInfo]\nVendorNumber=1\n" + make()[: MAX_BYTES - 1000]
+    begun_s = time.monotonic()
+    tracemalloc.start()
+    try:
+        outcome(data)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert time.monotonic() - begun_s < LONGEST_S
+    assert peak < 40 * MAX_BYTES
