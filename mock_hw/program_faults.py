@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import TracebackType
 
-from config.errors import RidDaqError
+from config.errors import ConfigError, RidDaqError
 from config.faults import DiskFault, ProcessKilled, ProgramFault, ProgramSignalled
 from config.process_name import ProcessName
 from mock_hw.full_disk import FullDisk
@@ -47,7 +47,7 @@ class ProgramFaults:
     Raises
     ------
     ConfigError
-        At the end: a disk was not to be filled.
+        At the end: a disk was not to be filled, or the system refused something.
     """
 
     def __init__(self, faults: Sequence[ProgramFault], pipe: Connection) -> None:
@@ -130,7 +130,10 @@ class ProgramFaults:
             return self._happens(fault)
         except RidDaqError as problem:
             self._problem = problem
-            return True
+        except OSError as error:
+            why = f"the operating system refuses it: {error.strerror}"
+            self._problem = ConfigError(f"program: {fault.kind}: {why}")
+        return True
 
     def _happens(self, fault: ProgramFault) -> bool:
         if isinstance(fault, ProgramSignalled):

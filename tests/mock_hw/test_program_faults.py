@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -180,6 +181,20 @@ def test_a_recording_that_is_not_begun_is_waited_for(
         recorder = start(ProcessName.RECORDER, tmp_path / "recording.mcap")
         while recorder.write(1) == "1":
             os.sched_yield()
+
+
+def test_what_the_system_refuses_is_told_at_the_end(
+    start: Callable[..., Child], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start(ProcessName.TASK)
+
+    def refused(_pid: int) -> int:
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr("mock_hw.program_faults.os.pidfd_open", refused)
+    frozen = {"kind": "freeze", "process": "task", "duration_s": 1.0}
+    with pytest.raises(ConfigError, match="freeze: .* not permitted"), Faults(frozen) as faults:
+        faults.begin()
 
 
 def test_a_disk_that_others_need_is_never_filled(
