@@ -296,11 +296,6 @@ class TestWhatVendorsDo:
         ("1617", "9" * 1000, 8, "too many digits"),
         ("1617", "0x" + "F" * 1000, 8, "too many digits"),
         ("1617", "１７", 8, "not a whole number"),
-        ("$NODEID+0x200", "$NODEID-0x200", 44, r"write \$NODEID\+0x200"),
-        ("$NODEID+0x200", "$NODEID+", 44, "write"),
-        ("$NODEID+0x200", "0x100000000", 44, "does not fit UNSIGNED32"),
-        ("$NODEID+0x200", "-1", 44, "does not fit UNSIGNED32"),
-        ("LowLimit=0x8000", "LowLimit=low", 53, "LowLimit of"),
         ("PDOMapping=1", "PDOMapping=yes", 52, "PDOMapping of"),
         ("ObjectType=0x9", "ObjectType=0x3", 26, "ObjectType of .*no kind of object"),
         ("SubNumber=2", "CompactSubObj=255", 27, "at most 254"),
@@ -316,6 +311,48 @@ def test_a_fault_is_told_with_its_line(old: str, new: str, line: int, says: str)
         read(text)
     assert str(caught.value).startswith(f"drive.eds:{line}: ")
     assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "says"),
+    [
+        ("$NODEID+0x200", "$NODEID-0x200", 44, r"write \$NODEID\+0x200"),
+        ("$NODEID+0x200", "$NODEID+", 44, r"write \$NODEID\+0x200"),
+        ("$NODEID+0x200", "0x100000000", 44, "does not fit UNSIGNED32"),
+        ("$NODEID+0x200", "-1", 44, "does not fit UNSIGNED32"),
+        (
+            "$NODEID+0x200",
+            "0x200UL",
+            44,
+            r"^DefaultValue of \[1400sub1\]: '0x200UL' is not a whole",
+        ),
+        ("$NODEID+0x200", "\x1b[2J", 44, r"'\\x1b\[2J' is not a whole"),
+        ("$NODEID+0x200", "9" * 1000, 44, "too many digits"),
+        ("LowLimit=0x8000", "LowLimit=low", 53, r"^LowLimit of \[6077\]: 'low' is not a whole"),
+        ("LowLimit=0x8000", "ParameterValue=0x10000", 53, "^ParameterValue of .*not fit INTEGER16"),
+    ],
+)
+def test_a_value_that_cannot_be_read_is_a_fault_of_its_object_alone(
+    old: str, new: str, line: int, says: str
+) -> None:
+    sheet = read(SHEET.replace(old, new))
+    (faulty,) = [item for item in sheet.objects if item.faults]
+    (fault,) = faulty.faults
+    assert sheet.faults == (fault,)
+    assert fault.line == line
+    assert re.search(says, fault.text)
+    assert fault.text.isprintable()
+    assert (faulty.default, faulty.value, faulty.low).count(None) > 1
+    others = [item for item in sheet.objects if item is not faulty]
+    assert others == [item for item in read(SHEET).objects if item.index != faulty.index]
+
+
+def test_a_fault_of_a_compact_array_is_told_once() -> None:
+    sheet = read(
+        "[DeviceInfo]\n[1003]\nDataType=5\nCompactSubObj=3\nDefaultValue=256\n[1003Value]\n2=x\n"
+    )
+    assert [fault.line for fault in sheet.faults] == [5, 7]
+    assert [len(item.faults) for item in sheet.objects] == [0, 1, 2, 1]
 
 
 @pytest.mark.parametrize(
