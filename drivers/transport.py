@@ -26,6 +26,15 @@ from drivers.socketcan_port import SocketCanPort
 _READ_BYTES = 1 << 16
 _WRITE_TIMEOUT_S = 1.0
 _POLL_S = 0.02
+_OPENING_ERRORS = (  # whatever a driver that is missing, or does not suit, makes python-can raise
+    can.CanError,
+    OSError,
+    ValueError,
+    TypeError,
+    ImportError,
+    AttributeError,
+    NotImplementedError,
+)
 _PORT_ERRORS = (OSError, ValueError, termios.error)  # serial.SerialException is an OSError
 
 
@@ -194,27 +203,43 @@ def open_can(config: CanBusConfig, *, watch_errors: bool = True) -> CanLink:
     TransportError
         The interface is unknown, its driver is missing or the channel cannot be opened.
     """
-    try:
-        bus: can.BusABC | FramePort
-        if config.interface == "socketcan":
+    bus: can.BusABC | FramePort
+    if config.interface != "socketcan":
+        bus = _python_can(config, _options(config))
+    else:
+        try:
             bus = SocketCanPort(config.channel, watch_errors=watch_errors)
-        else:
-            bus = can.Bus(interface=config.interface, ignore_config=True, **_options(config))
-    except (
-        can.CanError,
-        OSError,
-        ValueError,
-        TypeError,
-        ImportError,
-        AttributeError,
-        NotImplementedError,
-    ) as error:
-        raise TransportError(
-            f"CAN bus {config.interface}:{config.channel} cannot be opened ({error});"
-            " check can.interface and can.channel in the cell file, and that the adapter is"
-            " plugged in and up"
-        ) from error
+        except _OPENING_ERRORS as error:
+            raise _not_opened(config, error) from error
     return CanLink(bus, hears_itself=config.interface == "udp_multicast")
+
+
+def listen_can(config: CanBusConfig) -> can.BusABC:
+    """Open a bus that somebody else drives, to hear every frame on it; nothing is to be sent.
+
+    Raises
+    ------
+    TransportError
+        As of `open_can`.
+    """
+    options = _options(config)
+    options.pop("participant", None)
+    return _python_can(config, options)
+
+
+def _python_can(config: CanBusConfig, options: dict[str, Any]) -> can.BusABC:
+    try:
+        return can.Bus(interface=config.interface, ignore_config=True, **options)
+    except _OPENING_ERRORS as error:
+        raise _not_opened(config, error) from error
+
+
+def _not_opened(config: CanBusConfig, error: Exception) -> TransportError:
+    return TransportError(
+        f"CAN bus {config.interface}:{config.channel} cannot be opened ({error});"
+        " check can.interface and can.channel in the cell file, and that the adapter is"
+        " plugged in and up"
+    )
 
 
 def _options(config: CanBusConfig) -> dict[str, Any]:

@@ -35,6 +35,7 @@ from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
 from rid_daq.flange import note_flange
+from rid_daq.frames import frames_recorded
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
 from rid_daq.recording_job import RecordedRun, judge, record_run, tell_verdict
@@ -89,6 +90,13 @@ def record(
             help="Drive it once at a quarter of its speed first, into a run of its own.",
         ),
     ] = False,
+    frames: Annotated[
+        bool,
+        typer.Option(
+            "--frames",
+            help="Every frame on the bus goes into frames.blf of the run, for bus analysers.",
+        ),
+    ] = False,
     cleared: Cleared = False,
     live: Live = False,
     listen: Listen = DEFAULT_LISTEN,
@@ -141,18 +149,19 @@ def record(
                 folder.write("faults.yaml", faults.read_bytes())
             if feedforward is not None:
                 folder.write("feedforward.json", feedforward.read_bytes())
-            run = record_run(
-                reachable,
-                loaded.robot,
-                asked,
-                samples,
-                folder,
-                console,
-                accuracy=accuracy,
-                profile=loaded.amplifier_profile,
-                drive_profile=loaded.drive_profile,
-                page=page,
-            )
+            with frames_recorded(reachable.can, folder, frames, console):
+                run = record_run(
+                    reachable,
+                    loaded.robot,
+                    asked,
+                    samples,
+                    folder,
+                    console,
+                    accuracy=accuracy,
+                    profile=loaded.amplifier_profile,
+                    drive_profile=loaded.drive_profile,
+                    page=page,
+                )
         if run.outcome.interrupted_by is not None:
             ignore_termination()  # a second Ctrl-C must not cost the report
     with unfinished(folder):

@@ -36,7 +36,8 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     runs = ["--runs", str(folder / "runs")]
     cell = str(folder / "cell.yaml")
     assert run(["record", cell, str(motion), "--label", "excitation", *runs]) == 0
-    assert run(["record", cell, str(validation), "--label", "validation", *runs]) == 0
+    words = ["record", cell, str(validation), "--label", "validation", "--frames", *runs]
+    assert run(words) == 0
     assert run(["identify", "excitation", "-o", str(folder / "model.json"), *runs]) == 0
     return folder
 
@@ -54,6 +55,8 @@ def test_a_run_folder_holds_everything_and_says_so(
         "result.json", "report.html",
     } <= set(folder.manifest().files)  # fmt: skip
     assert folder.manifest().software["rid-daq"]
+    other = RunFolder.open(Path(second["folder"]))
+    assert set(other.manifest().files) - set(folder.manifest().files) == {"frames.blf"}
 
 
 def test_average_says_what_was_kept_and_the_noise(
