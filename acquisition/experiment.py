@@ -107,7 +107,8 @@ def record_motion(
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
     Ctrl-C, SIGTERM and SIGHUP stop the motion (quick stop) and are reported in the outcome, however
-    often they come; the clean-up always completes. Every wait is limited.
+    often they come; the clean-up always completes, and once one came this process ignores further
+    ones, so that what was recorded can be written down. Every wait is limited.
 
     Parameters
     ----------
@@ -184,7 +185,9 @@ def record_motion(
     if looker is not None:
         processes.insert(0, looker)
     joints = JointWatch(ring, cell, robot)
-    with termination_calls(lambda: control.request_stop(StopCode.INTERRUPTED)) as interruption:
+    with termination_calls(
+        lambda: control.request_stop(StopCode.INTERRUPTED), then_ignored=True
+    ) as interruption:
         # its start would let signals through again
         resource_tracker.ensure_running()
         plate = _start_plate(cell, source, folder, profile)

@@ -18,6 +18,7 @@ from acquisition.journal_header import JournalHeader
 from acquisition.ring import Ring
 from acquisition.termination import ignore_termination
 from config.errors import RecordingError
+from config.process_name import ProcessName, bear_name
 
 TOPIC = "/cycle"
 IDLE_S = 0.005
@@ -77,6 +78,7 @@ def run_recorder(
         Process id of the program.
     """
     ignore_termination()
+    bear_name(ProcessName.RECORDER)
     try:
         with JournalWriter(path, header) as writer:
             control.recorder_state = RecorderState.RECORDING

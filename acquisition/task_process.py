@@ -14,6 +14,7 @@ from acquisition.set_points import SetPointSource
 from acquisition.termination import ignore_termination
 from config.cell import CellConfig
 from config.errors import RecordingError, RidDaqError
+from config.process_name import ProcessName, bear_name
 from config.robot import RobotDescription
 from drivers.cell import open_cell
 from drivers.clock import MonotonicClock
@@ -44,6 +45,7 @@ def run_cyclic_task(
         Process id of the program.
     """
     ignore_termination()
+    bear_name(ProcessName.TASK)
     control.task_state = TaskState.BRING_UP
 
     def orphaned() -> bool:

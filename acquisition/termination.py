@@ -25,10 +25,20 @@ class Interruption:
 
 
 @contextmanager
-def termination_calls(stop: Callable[[], None]) -> Iterator[Interruption]:
+def termination_calls(
+    stop: Callable[[], None], *, then_ignored: bool = False
+) -> Iterator[Interruption]:
     """Call `stop` at every termination signal instead of dying, however many come.
 
     Outside the main thread, which alone may handle signals, nothing is changed.
+
+    Parameters
+    ----------
+    stop
+        Called in the main thread, between two of its instructions.
+    then_ignored
+        Whether, once a signal came, further ones are ignored at the end as well: the caller has
+        still to write down what was stopped.
 
     Yields
     ------
@@ -49,8 +59,9 @@ def termination_calls(stop: Callable[[], None]) -> Iterator[Interruption]:
     try:
         yield interruption
     finally:
+        ignored = then_ignored and interruption.signal is not None
         for number, handler in before.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if ignored else handler)
 
 
 @contextmanager

@@ -19,7 +19,6 @@ import multiprocessing
 import os
 import random
 import shutil
-import signal
 import sys
 import time
 from collections.abc import Callable
@@ -30,7 +29,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from acquisition.control_block import Progress
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.journal import read_journal
 from acquisition.motion_plan import plan_motion
@@ -171,9 +169,8 @@ def _script(plan: list[Fault], times_s: list[float], seed: int) -> FaultScript:
     parts: dict[str, list[dict[str, Any]]] = {"bus": [], "drives": [], "program": []}
     for fault, at_s in zip(plan, times_s, strict=True):
         parts[fault.part].append({**fault.keys, "at_s": at_s})
-    return FaultScript.model_validate(
-        {"seed": seed, "bus": tuple(parts["bus"]), "drives": tuple(parts["drives"])}
-    )
+    lists = {part: tuple(faults) for part, faults in parts.items()}
+    return FaultScript.model_validate({"seed": seed, **lists})
 
 
 def _live_through(
@@ -187,9 +184,8 @@ def _live_through(
     samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
     run = RunFolder.create(folder, "soak")
     try:
-        act = _by_the_program(fault, cell, at_s)
-        outcome = record_motion(cell.cell, loaded.robot, samples, run, on_progress=act)
-        if outcome.interrupted_by is not None and "signal" not in fault.keys:
+        outcome = record_motion(cell.cell, loaded.robot, samples, run)
+        if outcome.interrupted_by is not None and fault.keys["kind"] != "signal":
             raise SystemExit(128 + outcome.interrupted_by)
         return _judge(fault, outcome, cell) or _reset(cell, loaded), outcome.rows
     except RidDaqError as error:
@@ -213,27 +209,6 @@ def _motion(loaded: LoadedCell, duration_s: float) -> FourierMotion:
     )
 
 
-def _by_the_program(
-    fault: Fault, cell: SimulatedCell, at_s: float
-) -> Callable[[Progress], None] | None:
-    if fault.part != "program":
-        return None
-    done: list[bool] = []
-
-    def act(_progress: Progress) -> None:
-        if done or cell.axes().time_s < at_s:
-            return
-        done.append(True)
-        if "signal" in fault.keys:
-            os.kill(os.getpid(), fault.keys["signal"])
-            return
-        for process in multiprocessing.active_children():
-            if fault.keys["kill"] in process.name and process.pid is not None:
-                os.kill(process.pid, signal.SIGKILL)
-
-    return act
-
-
 def _judge(fault: Fault, outcome: RecordOutcome, cell: SimulatedCell) -> str:
     """Return what is wrong with a reaction; empty where it is right."""
     stop = None if outcome.stop is None else outcome.stop.code
@@ -244,7 +219,7 @@ def _judge(fault: Fault, outcome: RecordOutcome, cell: SimulatedCell) -> str:
     if not _comes_to_rest(cell):
         return "the axes are not at rest"
     journal = read_journal(outcome.path)
-    if fault.keys.get("kill") != "recorder" and journal.damage.notes:
+    if not fault.tears_the_file and journal.damage.notes:
         return "; ".join(journal.damage.notes)
     if (np.diff(journal.rows["cycle"].astype(np.int64)) != 1).any():
         return "rows are missing in the recording"

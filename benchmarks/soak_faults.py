@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -20,15 +19,18 @@ class Fault:
     part : "bus", "drives" or "program"
         Where.
     keys : dict
-        As in a fault script; for "program", `kill` or `signal`.
+        As in a fault script.
     stops : tuple of StopCode
         Any of these; empty where the motion goes on.
+    tears_the_file : bool
+        Whether the recording may be left unfinished.
     """
 
     name: str
     part: str
     keys: dict[str, Any]
     stops: tuple[StopCode, ...] = ()
+    tears_the_file: bool = False
 
 
 _BLOCKED = (StopCode.TORQUE_LIMIT, StopCode.FOLLOWING_ERROR, StopCode.STUCK_ENCODER)
@@ -44,7 +46,13 @@ QUICK: Final = (
         {"kind": "drop", "joint": "axis1", "count": 3},
         (StopCode.MISSED_FRAMES,),
     ),
-    Fault("the recorder is killed", "program", {"kill": "recorder"}, (StopCode.RECORDER,)),
+    Fault(
+        "the recorder is killed",
+        "program",
+        {"kind": "kill", "process": "recorder"},
+        (StopCode.RECORDER,),
+        tears_the_file=True,
+    ),
     Fault(
         "a drive boots",
         "drives",
@@ -56,7 +64,12 @@ FAULTS: Final = (
     *QUICK,
     Fault("one answer is lost", "bus", {"kind": "drop", "joint": "axis2"}),
     Fault("an answer comes twice", "bus", {"kind": "duplicate"}),
-    Fault("the operator stops", "program", {"signal": signal.SIGINT}, (StopCode.INTERRUPTED,)),
+    Fault(
+        "the operator stops",
+        "program",
+        {"kind": "signal", "signal": "INT"},
+        (StopCode.INTERRUPTED,),
+    ),
     Fault(
         "an emergency message",
         "drives",
@@ -64,7 +77,21 @@ FAULTS: Final = (
         (StopCode.EMERGENCY,),
     ),
     Fault("a drive's fault", "drives", {"kind": "fault", "joint": "axis2"}, _FAULT),
-    Fault("the task is killed", "program", {"kill": "cyclic task"}, (StopCode.TASK_DIED,)),
+    Fault(
+        "the task is killed",
+        "program",
+        {"kind": "kill", "process": "task"},
+        (StopCode.TASK_DIED,),
+    ),
+    Fault("the disk stands still", "program", {"kind": "disk_stall", "duration_s": 0.3}),
+    Fault(
+        "a write fails",
+        "program",
+        {"kind": "disk_error"},
+        (StopCode.RECORDER,),
+        tears_the_file=True,
+    ),
+    Fault("a clock runs 1 % slow", "drives", {"kind": "clock", "joint": "axis2", "factor": 0.99}),
     Fault(
         "an axis is blocked",
         "drives",

@@ -1,4 +1,4 @@
-"""`FaultScript`: what is to go wrong in simulated hardware, when, and how often.
+"""`FaultScript`: what is to go wrong in a simulated cell, when, and how often.
 
 A fault begins at a time (`at_s`, since the cell was served), at a cycle (`at_cycle`: SYNCs since
 the drives were last commanded to be enabled) or, on the bus, at a frame (`at_frame`: of those that
@@ -136,6 +136,9 @@ class DriveFault(TimedFault):
     still, the axis goes on), `blocked` (its brake stays closed while it is powered), `reversed` (it
     turns the other way), `ignores_quick_stop` (RPDOs with a quick stop are not taken),
     `heartbeat_stops`, `watch_asleep` (it holds 1016h and 1400h:05 and does not act on them),
+    `clock` (its own clock runs `factor` times as fast, or `ppm` millionths faster: every timer that
+    it starts from then on, so its heartbeats, its watches, its ramps; how fast it turns is set by
+    its command alone),
     `motor_power_lost` (as by an emergency stop: the drive lives, without power),
     `supply_lost` (it is off the bus and boots when the time is over).
     At once: `reset` (it boots), `fault` and `emergency` with `code`; the latter sends `count`
@@ -152,6 +155,7 @@ class DriveFault(TimedFault):
         "ignores_quick_stop",
         "heartbeat_stops",
         "watch_asleep",
+        "clock",
         "motor_power_lost",
         "supply_lost",
     ]
@@ -160,11 +164,78 @@ class DriveFault(TimedFault):
     code: Annotated[int, Field(ge=1, le=0xFFFF)] = 0x7305
     count: Annotated[int, Field(ge=1, le=100_000)] = 1
     period_s: Positive = 0.001
+    factor: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    ppm: Annotated[float, Field(gt=-1e6, le=1e9)] | None = None
 
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> DriveFault:
         if self.kind in ("reset", "fault", "emergency") and self.duration_s is not None:
             raise ValueError(f"{self.kind} has no duration_s: it happens at once")
+        given = [name for name in ("factor", "ppm") if getattr(self, name) is not None]
+        if self.kind == "clock" and len(given) != 1:
+            raise ValueError("clock needs factor or ppm, one of them")
+        if self.kind != "clock" and given:
+            raise ValueError(f"{given[0]} belongs to clock, this is {self.kind}")
+        return self
+
+    @property
+    def clock_rate(self) -> float:
+        """How many seconds of its own the drive's clock counts in one."""
+        return self.factor if self.factor is not None else 1.0 + 1e-6 * (self.ppm or 0.0)
+
+
+class ProcessKilled(TimedFault):
+    """A process is killed (SIGKILL): the recorder, the cyclic task, or the program itself."""
+
+    kind: Literal["kill"]
+    process: Literal["recorder", "task", "program"]
+
+
+class ProcessFrozen(TimedFault):
+    """A process stands still: SIGSTOP, and SIGCONT `duration_s` later by the computer's clock.
+
+    With simulated time that is no fault of the task, whose bus stands still meanwhile; in real time
+    it is a computer that is held up.
+    """
+
+    kind: Literal["freeze"]
+    process: Literal["recorder", "task"]
+    duration_s: Positive
+
+
+class ProgramSignalled(TimedFault):
+    """A signal is sent to the program itself, `count` times, `period_s` of its clock apart."""
+
+    kind: Literal["signal"]
+    signal: Literal["INT", "TERM", "HUP"]
+    count: Annotated[int, Field(ge=1, le=1000)] = 1
+    period_s: Positive = 0.02
+
+
+class DiskFault(TimedFault):
+    """What happens to the disk under the recorder, by means of the operating system.
+
+    `disk_error`: the recording cannot grow by more than `after_bytes`; the write beyond fails with
+    EFBIG (the recorder's limit on file sizes), which the program answers as it does EIO.
+    `disk_full`: the file system of the runs is filled but for `after_bytes`, and further writes
+    fail with ENOSPC; only a small file system of its own is filled, anything else is refused.
+    `disk_stall`: the recorder stands still for `duration_s`, as in a write that does not return (it
+    is stopped from outside, as `freeze` does: no disk is slowed down).
+    """
+
+    kind: Literal["disk_full", "disk_error", "disk_stall"]
+    after_bytes: Annotated[int, Field(ge=0)] = 0
+    duration_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _has_what_it_needs(self) -> DiskFault:
+        stalls = self.kind == "disk_stall"
+        if stalls and self.duration_s is None:
+            raise ValueError("disk_stall needs duration_s")
+        if stalls and self.after_bytes:
+            raise ValueError("after_bytes belongs to disk_full and disk_error, this is disk_stall")
+        if not stalls and self.duration_s is not None:
+            raise ValueError(f"{self.kind} has no duration_s: it lasts until the cell has ended")
         return self
 
 
@@ -209,14 +280,25 @@ BusFault = Annotated[
 ]
 
 
+ProgramFault = Annotated[
+    ProcessKilled | ProcessFrozen | ProgramSignalled | DiskFault,
+    Field(discriminator="kind"),
+]
+
+
 class FaultScript(ConfigModel):
-    """What goes wrong in a simulated cell: on its bus, in its drives, on its other lines."""
+    """What goes wrong in a simulated cell: on its bus, in its drives, on its other lines.
+
+    `program` is what the operating system does to the program that works with a cell which it
+    serves itself (`record --faults`); `rid-daq mock` has no such program and refuses it.
+    """
 
     seed: Annotated[int, Field(ge=0)] = 0
     bus: tuple[BusFault, ...] = ()
     drives: tuple[DriveFault, ...] = ()
     registers: tuple[RegisterFault, ...] = ()
     amplifier: tuple[AmplifierFault, ...] = ()
+    program: tuple[ProgramFault, ...] = ()
 
     @model_validator(mode="after")
     def _requests_differ(self) -> FaultScript:

@@ -28,6 +28,7 @@ from mock_hw.drives_process import DrivesSettings, serve_drives, serve_until
 from mock_hw.fault_clock import refuse_unknown_joints
 from mock_hw.hub_process import HubSettings, serve_hub
 from mock_hw.line_faults import NO_FAULTS, LineFaults, line_faults
+from mock_hw.program_faults import ProgramFaults
 from mock_hw.register_service import RegisterSettings, ServerCertificates
 from mock_hw.runtime_directory import (
     plate_path,
@@ -84,7 +85,8 @@ class SimulatedCell:
         What the drives show and want to see, where the cell's monitor uses TLS.
     faults
         What goes wrong, on every line of the cell; its `amplifier` and `registers` parts stand for
-        `plate_faults` and `register_faults`, where those are left out.
+        `plate_faults` and `register_faults`, where those are left out. Its `program` part happens
+        to this process and the processes that it starts.
 
     Raises
     ------
@@ -212,7 +214,7 @@ class SimulatedCell:
     ) -> None:
         """End the hub and the drives."""
         self._snapshots = None
-        self._stack.close()
+        self._stack.__exit__(kind, error, traceback)
 
     def _start(self, stack: contextlib.ExitStack) -> None:
         name = served_name(self._cell).rsplit("/", 1)[-1]
@@ -254,6 +256,8 @@ class SimulatedCell:
         self._channel = str(socket) if bus is None else bus.channel
         self._address = "" if drives.plate is None else str(drives.plate.path)
         self._monitor = _reachable(drives.registers, port)
+        if self._faults.program:
+            stack.enter_context(ProgramFaults(self._faults.program, drives_pipe))
 
     def _hub(self, socket: Path) -> HubSettings:
         return HubSettings(

@@ -1,4 +1,7 @@
-"""`DriveFaults`: what a fault script does to simulated drives, as frames and time pass."""
+"""`DriveFaults`: what a fault script does to simulated drives, as frames and time pass.
+
+The script's `program` part begins by the same clock, so its beginnings are told from here.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ class _Due(NamedTuple):
 
 
 class DriveFaults:
-    """A fault script's `drives` part at work.
+    """A fault script's `drives` part at work, and the beginnings of its `program` part.
 
     Parameters
     ----------
@@ -30,6 +33,8 @@ class DriveFaults:
         The drives by their joints' names, in the same order.
     now_s
         The time now [s].
+    announce
+        Called with the number of a fault of the program when it begins.
 
     Attributes
     ----------
@@ -45,11 +50,14 @@ class DriveFaults:
         joint_names: Sequence[str],
         drives: Sequence[SimulatedDrive],
         now_s: float,
+        announce: Callable[[int], None] = lambda _number: None,
     ) -> None:
         self._cycles = CycleCount(drive.node_id for drive in drives)
         self._drives = drives
         self._axes = {name: number for number, name in enumerate(joint_names)}
         self._coming = [(Begin(fault, now_s), fault) for fault in script.drives]
+        self._program = [(Begin(fault, now_s), n) for n, fault in enumerate(script.program)]
+        self._announce = announce
         self._due: list[_Due] = []
         self.reversed = [False] * len(drives)
         self.blocked = [False] * len(drives)
@@ -58,13 +66,14 @@ class DriveFaults:
     @property
     def next_s(self) -> float:
         """When `tick` is due [s]."""
-        begins = (begin.at_s for begin, _ in self._coming if begin.at_s is not None)
+        coming = (*self._coming, *self._program)
+        begins = (begin.at_s for begin, _ in coming if begin.at_s is not None)
         return min((*begins, *(due.time_s for due in self._due)), default=math.inf)
 
     def see(self, frame: Frame, now_s: float) -> None:
         """Take notice of a frame, before the drives do; what begins in its cycle begins now."""
         self._cycles.see(frame.cob_id, frame.data)
-        if self._coming:
+        if self._coming or self._program:
             self.tick(now_s)
 
     def tick(self, now_s: float) -> None:
@@ -80,6 +89,10 @@ class DriveFaults:
                 )
                 for number in numbers:
                     self._start(fault, number, now_s)
+        for begin, number in [*self._program]:
+            if begin.happens(self._cycles.cycle, now_s):
+                self._program.remove((begin, number))
+                self._announce(number)
 
     def _start(self, fault: DriveFault, number: int, now_s: float) -> None:
         drive, kind = self._drives[number], fault.kind
@@ -117,6 +130,8 @@ class DriveFaults:
             drive.beats = not on
         elif kind == "watch_asleep":
             drive.watches = not on
+        elif kind == "clock":
+            drive.clock.rate = fault.clock_rate if on else 1.0
         elif kind == "motor_power_lost":
             drive.power.supply(not on)
         elif on:

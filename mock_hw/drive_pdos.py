@@ -15,6 +15,7 @@ from drivers.canopen.pdo import (
     is_valid,
 )
 from drivers.canopen.sdo import SdoAbort, SdoCode
+from mock_hw.drive_clock import DriveClock
 from mock_hw.drive_objects import PDO_NUMBERS
 from mock_hw.object_dictionary import Key, ObjectDictionary
 
@@ -45,7 +46,15 @@ class DrivePdo:
         because of its event timer or a change [s].
     """
 
-    def __init__(self, objects: ObjectDictionary, family: int, number: int, now_s: float) -> None:
+    def __init__(
+        self,
+        objects: ObjectDictionary,
+        clock: DriveClock,
+        family: int,
+        number: int,
+        now_s: float,
+    ) -> None:
+        self._clock = clock
         communication = family + number - 1
         mapping = communication + RPDO_MAPPING - RPDO_COMMUNICATION
         self.receives = family == RPDO_COMMUNICATION
@@ -88,11 +97,11 @@ class DrivePdo:
 
     def arm(self, now_s: float) -> None:
         """Start the event timer, if there is one."""
-        self.deadline_s = now_s + self._event_s if self._event_s else math.inf
+        self.deadline_s = now_s + self._clock.lasts(self._event_s) if self._event_s else math.inf
 
     def allowed_s(self, now_s: float) -> float:
         """Return when a TPDO may be sent, for its inhibit time [s]."""
-        return max(now_s, self._last_s + self._inhibit_s)
+        return max(now_s, self._last_s + self._clock.lasts(self._inhibit_s))
 
 
 class PdoTable:
@@ -112,8 +121,9 @@ class PdoTable:
         Whether one of the RPDOs does not wait for SYNC.
     """
 
-    def __init__(self, objects: ObjectDictionary) -> None:
+    def __init__(self, objects: ObjectDictionary, clock: DriveClock) -> None:
         self._objects = objects
+        self._clock = clock
         self.received: dict[int, DrivePdo] = {}
         self.transmitted: list[DrivePdo] = []
         self.event_driven: list[DrivePdo] = []
@@ -122,15 +132,16 @@ class PdoTable:
 
     def rebuild(self, *, in_use: bool, now_s: float) -> None:
         """Take up what the dictionary says; in_use is False outside of NMT Operational."""
-        objects = self._objects
+        objects, clock = self._objects, self._clock
         self.received = {}
         self.transmitted = []
         for number in PDO_NUMBERS if in_use else ():
             if is_valid(objects[RPDO_COMMUNICATION + number - 1, 1]):
-                pdo = DrivePdo(objects, RPDO_COMMUNICATION, number, now_s)
+                pdo = DrivePdo(objects, clock, RPDO_COMMUNICATION, number, now_s)
                 self.received[pdo.cob_id] = pdo
             if is_valid(objects[TPDO_COMMUNICATION + number - 1, 1]):
-                self.transmitted.append(DrivePdo(objects, TPDO_COMMUNICATION, number, now_s))
+                pdo = DrivePdo(objects, clock, TPDO_COMMUNICATION, number, now_s)
+                self.transmitted.append(pdo)
         self.event_driven = [pdo for pdo in self.transmitted if not pdo.synchronous]
         self.timed = [*self.received.values(), *self.event_driven]
         self.acts_on_arrival = any(not pdo.synchronous for pdo in self.received.values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +82,8 @@ class DriveRack:
         When everything is switched on [s].
     faults
         What goes wrong in drives.
+    announce
+        Called with the number of a fault of the program when it begins.
 
     Attributes
     ----------
@@ -105,6 +107,7 @@ class DriveRack:
         snapshots: SnapshotWriter | None = None,
         now_s: float = 0.0,
         faults: FaultScript = NO_SCRIPT,
+        announce: Callable[[int], None] = lambda _number: None,
     ) -> None:
         axes = {axis.joint: axis for axis in cell.axes}
         if set(axes) != set(robot.joint_names):
@@ -143,8 +146,8 @@ class DriveRack:
             identity = DriveIdentity.of_axis(axis, joint, simulated)
             self.drives.append(SimulatedDrive(identity, port, now_s))
         self._faults = None
-        if faults.drives:
-            self._faults = DriveFaults(faults, robot.joint_names, self.drives, now_s)
+        if faults.drives or faults.program:
+            self._faults = DriveFaults(faults, robot.joint_names, self.drives, now_s, announce)
         self._start: NDArray[np.float64] = np.zeros(count)
         self._end: NDArray[np.float64] = np.zeros(count)
         self._powered: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)

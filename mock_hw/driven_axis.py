@@ -6,6 +6,7 @@ import struct
 
 from mock_hw import drive_objects as od
 from mock_hw.axis_port import AxisPort, Motion
+from mock_hw.drive_clock import DriveClock
 from mock_hw.following_error import FollowingError
 from mock_hw.object_dictionary import ObjectDictionary
 from mock_hw.power_stage import PowerStage
@@ -29,6 +30,8 @@ class DrivenAxis:
         Increments per second in one unit of velocity (60FFh, 606Ch).
     now_s
         When the drive is switched on [s].
+    clock
+        What the drive times everything by.
 
     Attributes
     ----------
@@ -43,13 +46,14 @@ class DrivenAxis:
         port: AxisPort,
         counts_per_unit: float,
         now_s: float,
+        clock: DriveClock,
     ) -> None:
         self._objects = objects
         self._power = power
         self._port = port
         self._counts_per_unit = counts_per_unit
         self._moved_s = now_s
-        self.following = FollowingError(objects)
+        self.following = FollowingError(objects, clock)
 
     def motion(self, start_s: float, end_s: float) -> Motion:
         """Return what the motor is told between two times [s] with nothing due in between."""

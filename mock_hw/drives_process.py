@@ -35,6 +35,7 @@ from mock_hw.served_bus import adapter_path, hold_served_bus
 from mock_hw.simulated_registers import SimulatedRegisters
 
 _LOOK_S = 0.1
+_FAULT_PATIENCE_S = 5.0
 
 DeviceClient = HubClient | BusClient
 """How the drives are on their bus."""
@@ -97,7 +98,8 @@ def serve_until(
                 gc.freeze()
                 keep_pace(settings.realtime)
             pipe.send(port)
-            pipe.close()
+            if not settings.faults.program:
+                pipe.close()
             with contextlib.suppress(TransportError):
                 run_rack(rack, client, plate)
     except (EOFError, OSError, RidDaqError) as error:
@@ -118,11 +120,29 @@ def _rack_on_bus(
         client = _client(settings, ended)
         try:
             now_s = client.now_ns * 1e-9
-            yield DriveRack(cell, robot, plant, seed, snapshots, now_s, settings.faults), client
+            announce = _announcer(pipe, client)
+            script = settings.faults
+            rack = DriveRack(cell, robot, plant, seed, snapshots, now_s, script, announce)
+            yield rack, client
         finally:
             client.close()
     finally:
         settings.snapshot.unlink(missing_ok=True)
+
+
+def _announcer(pipe: Connection, client: DeviceClient) -> Callable[[int], None]:
+    """Return what tells the program's side that a fault of its own begins.
+
+    In lock-step time stands until it has happened, so that it is in its cycle.
+    """
+
+    def announce(number: int) -> None:
+        with contextlib.suppress(EOFError, OSError):  # the program is gone
+            pipe.send(number)
+            if client.lockstep and pipe.poll(_FAULT_PATIENCE_S):
+                pipe.recv()
+
+    return announce
 
 
 def _client(settings: DrivesSettings, ended: Callable[[], bool]) -> DeviceClient:

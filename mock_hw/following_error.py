@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from mock_hw.drive_clock import DriveClock
 from mock_hw.drive_objects import (
     FOLLOWING_ERROR_OFF,
     FOLLOWING_ERROR_TIME_MS,
@@ -27,8 +28,9 @@ class FollowingError:
         is inside.
     """
 
-    def __init__(self, objects: ObjectDictionary) -> None:
+    def __init__(self, objects: ObjectDictionary, clock: DriveClock) -> None:
         self._objects = objects
+        self._clock = clock
         self._demand = 0.0
         self._outside_s = math.inf
         self.counts = 0.0
@@ -49,4 +51,4 @@ class FollowingError:
             self._outside_s = self.due_s = math.inf
         elif self._outside_s == math.inf:
             self._outside_s = now_s
-            self.due_s = now_s + self._objects[FOLLOWING_ERROR_TIME_MS] * 1e-3
+            self.due_s = now_s + self._clock.lasts(self._objects[FOLLOWING_ERROR_TIME_MS] * 1e-3)

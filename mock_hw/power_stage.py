@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from drivers.cia402 import FOLLOWS_COMMAND, VOLTAGE_ENABLED, PowerState, after_controlword
+from mock_hw.drive_clock import DriveClock
 from mock_hw.drive_objects import (
     ABORT_CONNECTION,
     DISABLE_OPERATION_OPTION,
@@ -50,6 +51,8 @@ class PowerStage:
     ----------
     objects
         The drive's objects: option codes and decelerations are read there when they are needed.
+    clock
+        What its ramps are timed by; a right one when left out.
 
     Attributes
     ----------
@@ -61,8 +64,9 @@ class PowerStage:
         When `tick` is due: the end of a stopping ramp [s]; infinity when none runs.
     """
 
-    def __init__(self, objects: ObjectDictionary) -> None:
+    def __init__(self, objects: ObjectDictionary, clock: DriveClock | None = None) -> None:
         self._objects = objects
+        self._clock = clock or DriveClock()
         self.state = PowerState.NOT_READY_TO_SWITCH_ON
         self.supplied = True
         self.next_s = math.inf
@@ -93,7 +97,8 @@ class PowerStage:
     def set_target(self, velocity: float, now_s: float, over_s: float) -> None:
         """Go to a velocity within `over_s`; only where set-points are taken."""
         if self.following:
-            self._ramp = Ramp(now_s, now_s + over_s, self._ramp.at(now_s), velocity)
+            end_s = now_s + self._clock.lasts(over_s)
+            self._ramp = Ramp(now_s, end_s, self._ramp.at(now_s), velocity)
 
     def boot(self) -> None:
         """Be ready for commands (T1); a fault stays one."""
@@ -197,7 +202,8 @@ class PowerStage:
 
     def _stop(self, deceleration: Key, now_s: float, after: PowerState | None) -> None:
         velocity = self._ramp.at(now_s)
-        end_s = now_s + abs(velocity) / max(1, self._objects[deceleration])
+        duration_s = abs(velocity) / max(1, self._objects[deceleration])
+        end_s = now_s + self._clock.lasts(duration_s)
         self._ramp = Ramp(now_s, end_s, velocity, 0.0)
         self._after_ramp = after
         self.next_s = math.inf if after is None else end_s

@@ -22,6 +22,7 @@ from drivers.canopen.sdo_server import SdoServer
 from drivers.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, ControlWord, PowerState
 from mock_hw import drive_objects as od
 from mock_hw.axis_port import AxisPort
+from mock_hw.drive_clock import DriveClock
 from mock_hw.drive_errors import (
     FOLLOWING_ERROR,
     HEARTBEAT_LOST,
@@ -70,6 +71,8 @@ class SimulatedDrive:
         What it tells its motor and sees of it.
     nmt
         Its NMT state.
+    clock
+        What it times everything by.
     beats
         Whether it sends its heartbeat; a fault may stop it.
     watches
@@ -81,14 +84,15 @@ class SimulatedDrive:
     def __init__(self, identity: od.DriveIdentity, port: AxisPort, now_s: float = 0.0) -> None:
         self.node_id = identity.node_id
         self._now_s = now_s
+        self.clock = DriveClock()
         self.objects = ObjectDictionary(od.drive_entries(identity))
-        self.power = PowerStage(self.objects)
+        self.power = PowerStage(self.objects, self.clock)
         counts_per_unit = identity.counts_per_velocity_unit
-        self.axis = DrivenAxis(self.objects, self.power, port, counts_per_unit, now_s)
+        self.axis = DrivenAxis(self.objects, self.power, port, counts_per_unit, now_s, self.clock)
         self.nmt = NmtState.INITIALISING
         self._sdo_cob_id = sdo_request_cob_id(identity.node_id)
         self._sdo = SdoServer(identity.node_id, self._read, self._write)
-        self._pdos = PdoTable(self.objects)
+        self._pdos = PdoTable(self.objects, self.clock)
         self._errors = ErrorLog(self.objects)
         self._outbox: list[tuple[float, Frame]] = []
         self._boot_s = now_s + BOOT_S
@@ -123,7 +127,7 @@ class SimulatedDrive:
         if now_s >= self._boot_s:
             self._finish_boot()
         if now_s >= self._beat_s:
-            self._beat_s += self.objects[od.HEARTBEAT_PRODUCER] * 1e-3
+            self._beat_s += self.clock.lasts(self.objects[od.HEARTBEAT_PRODUCER] * 1e-3)
             if self.beats:
                 self._send(heartbeat_frame(self.node_id, self.nmt))
         self.power.tick(now_s)
@@ -226,13 +230,13 @@ class SimulatedDrive:
         self._watched.clear()
         self._silent_s.clear()
         self._beat_s = math.inf
-        self._boot_s = self._now_s + BOOT_S
+        self._boot_s = self._now_s + self.clock.lasts(BOOT_S)
 
     def _hear(self, node_id: int) -> None:
         """Take a heartbeat; watching begins with the first one (CiA 301, 7.2.8.3.2)."""
         timeout_s = self._watched.get(node_id)
         if timeout_s is not None:
-            self._silent_s[node_id] = self._now_s + timeout_s
+            self._silent_s[node_id] = self._now_s + self.clock.lasts(timeout_s)
             self._tell(self._errors.leave(HEARTBEAT_LOST))
 
     # ---- what a fault does to it ------------------------------------------------------------
@@ -247,7 +251,7 @@ class SimulatedDrive:
     def restore_supply(self, now_s: float) -> None:
         """Boot."""
         self._now_s = now_s
-        self._boot_s = now_s + BOOT_S
+        self._boot_s = now_s + self.clock.lasts(BOOT_S)
 
     def fail(self, code: int, now_s: float) -> None:
         """Find a fault in itself, and react as 605Eh says."""
@@ -291,8 +295,8 @@ class SimulatedDrive:
 
     def _synchronise(self) -> None:
         """Answer with what is true now, then take up what was received since the last SYNC."""
-        period_s = self.objects[od.SYNC_PERIOD_US] * 1e-6
-        self._sync_deadline_s = self._now_s + _SYNC_PATIENCE * period_s if period_s else math.inf
+        patience_s = self.clock.lasts(_SYNC_PATIENCE * (self.objects[od.SYNC_PERIOD_US] * 1e-6))
+        self._sync_deadline_s = self._now_s + patience_s if patience_s else math.inf
         self.axis.refresh()
         for pdo in self._pdos.transmitted:
             if pdo.synchronous:

@@ -72,6 +72,12 @@ def mock(
         _write_sheets(loaded, eds, console)
         return
     script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
+    if script.program:
+        raise ConfigError(
+            f"{faults}: program: happens to the program that works with a cell which it serves"
+            " itself, and `mock` serves one for others: leave it out here, or give the script to"
+            " `rid-daq record --faults`"
+        )
     _check_channel(loaded.config)
     with SimulatedCell(
         loaded.config,

@@ -23,7 +23,6 @@ from acquisition.plate_zero import (
     turn_samples,
 )
 from acquisition.run_folder import RunFolder
-from acquisition.termination import ignore_termination
 from config.cell import CellConfig
 from config.errors import ConfigError, DataQualityError
 from config.load import LoadedCell, bundled_names, load_cell
@@ -121,8 +120,6 @@ def zero(
                 role="zeroing",
                 profile=loaded.amplifier_profile,
             )
-            if run.outcome.interrupted_by is not None:
-                ignore_termination()  # a second Ctrl-C must not cost the report
             if run.outcome.stop is not None:
                 _stopped(run, folder, console)
             found = _evaluate(run, folder, _plate_of(reachable), turn, steps[1])

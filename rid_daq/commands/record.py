@@ -12,12 +12,11 @@ from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
 from acquisition.rehearsal import SLOWER, rehearsal
 from acquisition.run_folder import RunFolder
-from acquisition.termination import ignore_termination
 from compensation.feedforward_file import read_feedforward
 from compensation.torque_limits import refuse_torque
 from config.cell import CellConfig
 from config.errors import ConfigError
-from config.faults import NO_SCRIPT
+from config.faults import NO_SCRIPT, FaultScript
 from config.load import LoadedCell, load_cell, load_faults, load_motion, to_yaml
 from config.motion import (
     AnyMotion,
@@ -125,7 +124,7 @@ def record(
     if until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(until or (), loaded.robot, samples)
     require_cleared(loaded.config, cleared)
-    script = NO_SCRIPT if faults is None else load_faults(faults, loaded.config)
+    script = NO_SCRIPT if faults is None else _faults(faults, loaded.config, runs)
     with (
         live_page(console, live, listen, token, certificate) as page,
         mountable_cell(loaded, realtime=realtime, seed=seed, payload=payload, faults=script) as (
@@ -162,8 +161,6 @@ def record(
                     drive_profile=loaded.drive_profile,
                     page=page,
                 )
-        if run.outcome.interrupted_by is not None:
-            ignore_termination()  # a second Ctrl-C must not cost the report
     with unfinished(folder):
         quality = judge(run, folder)
     report = write_result(folder, run.result)
@@ -176,6 +173,16 @@ def record(
         raise typer.Exit(ExitCode.DATA_QUALITY)
     if accuracy is not None and not accuracy.reached:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _faults(path: Path, cell: CellConfig, runs: Path) -> FaultScript:
+    """Load a fault script, whose full disk must be one that may be filled."""
+    script = load_faults(path, cell)
+    if any(fault.kind == "disk_full" for fault in script.program):
+        from mock_hw.full_disk import refuse_shared_disk
+
+        refuse_shared_disk(runs)
+    return script
 
 
 def _rehearse(

@@ -13,7 +13,6 @@ from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
 from acquisition.run_folder import RunFolder
 from acquisition.set_points import SetPointSource
-from acquisition.termination import ignore_termination
 from compensation.loop_file import read_loops
 from compensation.online import OnlineFeedforward
 from compensation.point_source import BUFFER_S
@@ -112,8 +111,6 @@ def stream(
             run = _streamed(
                 loaded, reachable, forward, options, folder, console, asked, samples, socket
             )
-        if run.outcome.interrupted_by is not None:
-            ignore_termination()  # a second Ctrl-C must not cost the report
     with unfinished(folder):
         quality = judge(run, folder)
     report = write_result(folder, run.result)

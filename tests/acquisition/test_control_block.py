@@ -87,6 +87,15 @@ def test_five_signals_are_five_requests_and_no_exception(number: signal.Signals)
     assert signal.getsignal(number) is before
 
 
+def test_signals_stay_ignored_where_something_is_left_to_be_written() -> None:
+    with termination_calls(lambda: None, then_ignored=True):
+        pass
+    assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN, "none came"
+    with termination_calls(lambda: None, then_ignored=True):
+        os.kill(os.getpid(), signal.SIGTERM)
+    assert {signal.getsignal(number) for number in TERMINATION} == {signal.SIG_IGN}
+
+
 def test_a_process_started_meanwhile_is_deaf_from_its_first_instruction() -> None:
     script = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
     with termination_held():

@@ -28,6 +28,8 @@ def test_the_script_of_the_guide_loads(tmp_path: Path) -> None:
     assert script.drives[0].code == 0x4310, "decimal: YAML here has no other numbers"
     assert script.registers[0].kind == "late"
     assert script.amplifier[0].count == 3
+    assert script.drives[2].clock_rate == 0.5
+    assert [fault.kind for fault in script.program] == ["kill", "disk_stall"]
 
 
 @pytest.mark.parametrize(
@@ -46,6 +48,24 @@ def test_the_script_of_the_guide_loads(tmp_path: Path) -> None:
         ("drives: [{kind: blocked, probability: 1.0}]", "1:26", "unknown key"),
         ("bus: [{kind: drop, probability: 1.5}]", "1:20", "less than or equal to 1"),
         ("registers: [{kind: late}, {kind: short}]", "1:1", "two faults at the same request"),
+        ("drives: [{kind: clock}]", "1:10", "clock needs factor or ppm, one of them"),
+        ("drives: [{kind: clock, factor: 2.0, ppm: 3.0}]", "1:10", "one of them"),
+        ("drives: [{kind: clock, factor: 0.0}]", "1:24", "greater than 0"),
+        ("drives: [{kind: reset, ppm: 3.0}]", "1:10", "ppm belongs to clock, this is reset"),
+        ("program: [{kind: crash}]", "1:11", "'kill', 'freeze', 'signal', 'disk_full'"),
+        ("program: [{kind: kill, process: hub}]", "1:24", "'recorder', 'task' or 'program'"),
+        ("program: [{kind: kill}]", "1:11", "the key 'process' is missing"),
+        ("program: [{kind: freeze, process: task}]", "1:11", "the key 'duration_s' is missing"),
+        ("program: [{kind: freeze, process: program, duration_s: 1.0}]", "1:26", "'task'"),
+        ("program:\n  - {kind: signal, signal: KILL}", "2:20", "'INT', 'TERM' or 'HUP'"),
+        ("program: [{kind: disk_stall}]", "1:11", "disk_stall needs duration_s"),
+        ("program: [{kind: disk_full, duration_s: 1.0}]", "1:11", "until the cell has ended"),
+        ("program: [{kind: disk_error, after_bytes: -1}]", "1:30", "greater than or equal to 0"),
+        (
+            "program: [{kind: disk_stall, duration_s: 1.0, after_bytes: 9}]",
+            "1:11",
+            "after_bytes belongs to disk_full and disk_error",
+        ),
         ("seed: -1", "1:1", "greater than or equal to 0"),
     ],
 )

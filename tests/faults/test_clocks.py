@@ -1,0 +1,73 @@
+"""Drives whose clocks run wrong: a little is nothing, much is found at its time, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion_samples import MotionSamples
+from acquisition.stop_reason import StopCode
+from config.load import LoadedCell
+
+T = 0.008
+AT = 230
+Measured = Callable[[str], None]
+
+
+def beats_s(run: Any, node: int, until_s: float) -> list[float]:
+    """Return when a drive's heartbeats were on the bus [s]."""
+    return [f.time_s for f in run.frames if f.can_id == 0x700 + node and f.time_s < until_s]
+
+
+@pytest.mark.fault(11)
+@pytest.mark.parametrize("way", [{"factor": 0.99}, {"ppm": 10_000.0}], ids=["slow", "fast"])
+def test_a_clock_that_is_one_percent_wrong_is_no_fault(
+    serve: Any, motion: MotionSamples, way: dict[str, float], measured: Measured
+) -> None:
+    run = serve(drives=[{"kind": "clock", "joint": "axis2", "at_cycle": 1, **way}]).move(motion)
+    assert run.error is None
+    assert run.reason is None
+    assert run.notes == ()
+    assert run.rows["valid"].all()
+    assert not any(0x80 < frame.can_id < 0x100 for frame in run.frames), "no drive complained"
+    steps_s = np.diff(beats_s(run, 2, run.syncs_s[-1]))[5:]
+    wrong = float(np.median(steps_s)) / 0.050 - 1.0
+    assert abs(wrong) == pytest.approx(0.01, rel=0.05)
+    measured(f"a drive's heartbeats {100 * wrong:+.1f} % apart: no alarm, 0 of its answers missing")
+
+
+@pytest.mark.fault(11)
+def test_heartbeats_at_half_the_rate_stop_all_axes_at_the_time_out(
+    serve: Any, motion: MotionSamples, loaded: LoadedCell, measured: Measured
+) -> None:
+    rig = serve(drives=[{"kind": "clock", "joint": "axis1", "at_cycle": AT, "factor": 0.5}])
+    timeout_s = 0.08  # between its period now and its period then
+    safety = loaded.config.drive_safety.model_copy(update={"drive_heartbeat_timeout_ms": 80})
+    run = rig.move(motion, config=rig.config.model_copy(update={"drive_safety": safety}))
+    assert (run.reason.code, run.reason.joint) == (StopCode.HEARTBEAT_LOST, "axis1")
+    stop_s = max(run.quick_stops().values())
+    beats = beats_s(run, 1, stop_s)
+    assert beats[-1] > run.syncs_s[AT - 1], "the last one before was still in time"
+    assert timeout_s < stop_s - beats[-1] <= timeout_s + T
+    run.assert_at_rest()
+    later_s = next(t for t in beats_s(run, 1, np.inf) if t > stop_s)
+    assert later_s - beats[-1] == pytest.approx(0.100, abs=1e-3), "it did come, too late"
+    measured(f"half the rate: {1e3 * (stop_s - beats[-1]):.1f} ms after the last one, 88 allowed")
+
+
+def test_a_drive_whose_clock_is_far_too_fast_stops_by_its_own_watch_and_says_so(
+    serve: Any, motion: MotionSamples
+) -> None:
+    """Four times too fast, its 80 ms without this computer's heartbeat are over after 20."""
+    rig = serve(drives=[{"kind": "clock", "joint": "axis3", "at_cycle": AT, "factor": 4.0}])
+    run = rig.move(motion)
+    assert (run.reason.code, run.reason.joint) == (StopCode.EMERGENCY, "axis3")
+    assert "heartbeat of the master lost" in run.reason.text
+    told_s = next(f.time_s for f in run.frames if f.can_id == 0x083)
+    heard_s = max(f.time_s for f in run.frames if f.can_id == 0x700 + 127 and f.time_s < told_s)
+    assert told_s - heard_s == pytest.approx(0.020, abs=1e-3)
+    assert run.quick_stop_cycle() - run.cycle(told_s) <= 2
+    run.assert_at_rest()

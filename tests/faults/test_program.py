@@ -1,0 +1,238 @@
+"""What the operating system does to `rid-daq record`, by a fault script: its processes, its disk.
+
+The faults are real ones: signals, a limit on file sizes, a file system without room.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from acquisition.journal import Journal, read_journal
+from acquisition.run_folder import RunFolder
+from rid_daq.app import run
+
+AT = 150
+Measured = Callable[[str], None]
+
+
+class Recorded(NamedTuple):
+    """What became of a recording."""
+
+    code: int
+    told: dict[str, Any]
+    folder: RunFolder
+    journal: Journal
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cell and a short motion."""
+    folder = tmp_path_factory.mktemp("workshop")
+    assert run(["init", str(folder)]) == 0
+    motion = folder / "validation.yaml"
+    motion.write_text(motion.read_text().replace("points: 20", "points: 2"))
+    return folder
+
+
+def words_of(workshop: Path, script: str, runs: Path) -> list[str]:
+    (workshop / "faults.yaml").write_text(f"program: [{script}]\n")
+    words = ["record", str(workshop / "cell.yaml"), str(workshop / "validation.yaml"), "--json"]
+    return [*words, "--faults", str(workshop / "faults.yaml"), "--runs", str(runs)]
+
+
+Record = Callable[..., Recorded]
+
+
+@pytest.fixture
+def record(workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Record:
+    """Return what records with a fault of the program."""
+
+    def recorded(script: str) -> Recorded:
+        code = run(words_of(workshop, script, tmp_path / "runs"))
+        told, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)
+        folder = RunFolder.open(Path(told["folder"]))
+        return Recorded(code, told, folder, read_journal(folder.path / "recording.mcap"))
+
+    return recorded
+
+
+def rows_missing(journal: Journal) -> int:
+    """Return how many rows are missing between the first and the last one."""
+    return int(np.sum(np.diff(journal.rows["cycle"].astype(np.int64)) - 1))
+
+
+def test_a_killed_recorder_is_exit_7_and_what_it_wrote_is_kept(record: Record) -> None:
+    done = record(f"{{kind: kill, process: recorder, at_cycle: {AT}}}")
+    assert done.code == 7
+    assert done.told["stop"]["code"] == "RECORDER"
+    assert "exit code -9" in done.told["notes"][0]
+    assert not done.journal.damage.finished
+    assert rows_missing(done.journal) == 0
+    assert 0 < len(done.journal.rows) <= AT
+    assert done.folder.manifest().status == "stopped"
+
+
+def test_a_killed_task_is_told_and_its_rows_are_recorded_up_to_that_cycle(record: Record) -> None:
+    done = record(f"{{kind: kill, process: task, at_cycle: {AT}}}")
+    assert done.code == 5
+    assert done.told["stop"]["code"] == "TASK_DIED"
+    assert "the drives stop by themselves" in done.told["stop"]["text"]
+    assert done.journal.damage.notes == ()
+    # The drives' own clock says when; a row is written after their answers.
+    assert AT - 5 <= len(done.journal.rows) < AT
+
+
+@pytest.mark.fault(20)
+def test_an_operator_who_does_not_let_go_of_ctrl_c_gets_the_report(
+    record: Record, measured: Measured
+) -> None:
+    """A hundred of them, over all of the clean-up: the recording's, the drives', the report's."""
+    keys = "kind: signal, signal: INT, count: 1000, period_s: 0.005"
+    done = record(f"{{{keys}, at_cycle: {AT}}}")
+    assert done.code == 130
+    assert done.told["stop"]["text"] == "stopped by the operator"
+    assert done.journal.damage.notes == ()
+    assert len(done.journal.rows) >= AT - 5
+    assert done.folder.manifest().status == "stopped"
+    assert "Stopped before its end" in (done.folder.path / "report.html").read_text()
+    measured("Ctrl-C 200 times a second until the end: exit 130, file closed, report written")
+
+
+@pytest.mark.fault(24)
+def test_a_write_that_fails_for_real_stops_the_motion_and_keeps_what_was_written(
+    record: Record, measured: Measured
+) -> None:
+    done = record("{kind: disk_error, after_bytes: 20000}")
+    assert done.code == 7
+    assert done.told["stop"]["code"] == "RECORDER"
+    assert "cannot be written: File too large" in done.told["stop"]["text"]
+    size = (done.folder.path / "recording.mcap").stat().st_size
+    assert 20_000 < size < 30_000
+    assert not done.journal.damage.finished
+    assert rows_missing(done.journal) == 0
+    assert len(done.journal.rows) > 20
+    measured(f"EFBIG at byte {size}: exit 7, {len(done.journal.rows)} whole rows kept")
+
+
+@pytest.mark.fault(24)
+def test_a_recorder_that_stands_still_costs_nothing(record: Record, measured: Measured) -> None:
+    done = record(f"{{kind: disk_stall, duration_s: 0.5, at_cycle: {AT}}}")
+    assert done.code == 0
+    assert done.journal.damage.notes == ()
+    assert rows_missing(done.journal) == 0
+    assert done.told["rows"] == len(done.journal.rows) > 2 * AT
+    measured(f"the recorder stopped for 0.5 s: 0 of {done.told['rows']} rows lost")
+
+
+@pytest.mark.fault(18)
+def test_a_killed_program_leaves_a_whole_recording(
+    workshop: Path, tmp_path: Path, measured: Measured
+) -> None:
+    words = words_of(workshop, f"{{kind: kill, process: program, at_cycle: {AT}}}", tmp_path)
+    # Its output ends with the last of its processes: drives, task, recorder.
+    done = subprocess.run(
+        [sys.executable, "-m", "rid_daq", *words], capture_output=True, check=False
+    )
+    assert done.returncode == -signal.SIGKILL
+    assert done.stderr == b""
+    (folder,) = tmp_path.iterdir()
+    journal = read_journal(folder / "recording.mcap")
+    assert journal.damage.notes == ()
+    assert rows_missing(journal) == 0
+    assert len(journal.rows) >= AT - 5
+    assert not journal.rows["velocity_command"][-1].any()
+    measured(f"the program killed by a script: all {len(journal.rows)} rows kept, the file closed")
+
+
+@pytest.mark.fault(24)
+def test_a_disk_that_is_really_full_is_exit_7_and_the_file_is_whole(
+    workshop: Path, tmp_path: Path, measured: Measured
+) -> None:
+    """On a small RAM disk in name spaces of its own, which is gone with them."""
+    small, kept = tmp_path / "small", tmp_path / "kept"
+    words = words_of(workshop, f"{{kind: disk_full, at_cycle: {AT}}}", small)
+    program = [sys.executable, "-m", "rid_daq", *words]
+    script = f'mkdir -p "{small}" && mount -t tmpfs -o size=560m none "{small}" && '
+    apart = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c"]
+    tried = [*apart, f"{script} true"]
+    if shutil.which("unshare") is None or subprocess.run(tried, check=False).returncode:
+        pytest.skip("no RAM disk can be mounted here: user name spaces are switched off")
+    script += f'"$@"; code=$?; cp -r "{small}" "{kept}"; df "{small}"; exit $code'
+    done = subprocess.run(
+        [*apart, script, "sh", *program], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 7, done.stderr
+    told, _ = json.JSONDecoder().raw_decode(done.stdout)
+    assert told["stop"]["code"] == "RECORDER"
+    assert told["stop"]["text"].endswith("the disk is full")
+    assert " 1% " in done.stdout.splitlines()[-1], "the room is given back"
+    (folder,) = kept.iterdir()
+    journal = read_journal(folder / "recording.mcap")
+    assert journal.damage.notes == ()
+    assert rows_missing(journal) == 0
+    assert told["rows"] == len(journal.rows) >= AT - 5
+    assert RunFolder.open(folder).manifest().status == "stopped"
+    measured(f"ENOSPC on a RAM disk: exit 7, 0 of {told['rows']} rows lost, file and report whole")
+
+
+@pytest.mark.fault(27)
+def test_a_task_that_the_computer_holds_up_stops_before_it_goes_on(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], measured: Measured
+) -> None:
+    """SIGSTOP for a second, in real time, where nothing but that second is too late."""
+    patient = {
+        "late_cycles_limit: 3": "late_cycles_limit: 10000\n  late_answers_limit: 10000\n"
+        "  late_by_cycles_limit: 60",
+        "missed_frames_limit: 3": "missed_frames_limit: 10000",
+        "master_heartbeat_timeout_ms: 80": "master_heartbeat_timeout_ms: 2000",
+        "drive_heartbeat_timeout_ms: 100": "drive_heartbeat_timeout_ms: 2000",
+    }
+    text = (workshop / "cell.yaml").read_text()
+    for now, then in patient.items():
+        assert now in text
+        text = text.replace(now, then)
+    (tmp_path / "cell.yaml").write_text(text)
+    shutil.copy(workshop / "robot.yaml", tmp_path)
+    script = f"{{kind: freeze, process: task, duration_s: 1.0, at_cycle: {AT}}}"
+    words = words_of(workshop, script, tmp_path / "runs")
+    words[1] = str(tmp_path / "cell.yaml")
+    assert run([*words, "--realtime"]) == 5
+    told, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)
+    assert told["stop"]["code"] == "LATE_CYCLE"
+    late = re.search(r"began (\d+\.\d) ms late", told["stop"]["text"])
+    assert late is not None
+    assert float(late[1]) > 480.0
+    rows = read_journal(Path(told["folder"]) / "recording.mcap").rows
+    after = np.flatnonzero(rows["lateness_s"] > 0.48)[0]
+    assert not rows["velocity_command"][after:].any()
+    measured(f"SIGSTOP in real time: {late[1]} ms late, quick stop first, 0 set-points after it")
+
+
+def test_who_serves_a_cell_for_others_has_no_program_to_hurt(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words_of(workshop, "{kind: kill, process: task}", workshop)
+    faults = str(workshop / "faults.yaml")
+    assert run(["mock", str(workshop / "cell.yaml"), "--faults", faults]) == 2
+    told = capsys.readouterr().err
+    assert f"{faults}: program: " in told
+    assert "rid-daq record --faults" in told
+
+
+def test_a_disk_that_others_need_is_refused_before_anything_starts(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(words_of(workshop, "{kind: disk_full}", tmp_path / "runs")) == 2
+    assert "is on a file system that others need too" in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
