@@ -2,14 +2,15 @@
 
 Source: CiA 306-1. Vendors' files differ from it, so sections, keys and counters that are missing
 or not known are passed over, and objects are taken from their own sections rather than from the
-lists. What is read, on the other hand, must be what it should be: the error has file and line.
+lists. What is read, on the other hand, must be what it should be: the error has file and line. A
+value or limit that cannot be read is kept as a fault of its object: many have one somewhere.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NoReturn, TypeVar
 
@@ -17,13 +18,14 @@ from config.eds_object import (
     ACCESSES,
     Access,
     DataType,
+    EdsFault,
     EdsObject,
     EdsValue,
     parse_integer,
     parse_limit,
     parse_value,
 )
-from config.eds_text import EdsEntry, EdsSection, parse_sections, refuse, shown
+from config.eds_text import EdsSection, parse_sections, refuse, shown
 from config.errors import ConfigError
 
 MAX_OBJECTS = 30_000
@@ -78,6 +80,12 @@ class ElectronicDataSheet:
     @cached_property
     def _by_address(self) -> dict[tuple[int, int], EdsObject]:
         return {(item.index, item.subindex): item for item in self.objects}
+
+    @property
+    def faults(self) -> tuple[EdsFault, ...]:
+        """The values that cannot be read, each once."""
+        faults = dict.fromkeys(fault for item in self.objects for fault in item.faults)
+        return tuple(sorted(faults, key=lambda fault: fault.line))
 
     def get(self, index: int, subindex: int) -> EdsObject | None:
         """Return an object; None where the sheet does not have it."""
@@ -136,7 +144,10 @@ class _Reader:
         entry = section.get(key)
         if entry is None:
             return None
-        number = self._parsed(section, entry, parse_integer)
+        try:
+            number = parse_integer(entry.text)
+        except ConfigError as error:
+            refuse(self.name, entry.line, f"{entry.key} of [{section.name}]: {error}")
         if number not in allowed:
             refuse(
                 self.name,
@@ -201,22 +212,16 @@ class _Reader:
         items = [number]
         for place in range(1, count + 1):
             name = "" if names is None else self.text(names, str(place))
-            value = first.value
-            if values is not None and (entry := values.get(str(place))) is not None:
-                value = self._parsed(values, entry, lambda text: parse_value(text, first.data_type))
+            value, faults = first.value, list(first.faults)
+            if values is not None and values.get(str(place)) is not None:
+                value = self._value(values, str(place), first.data_type, faults)
             items.append(
-                EdsObject(
-                    index,
-                    place,
-                    name or f"{first.name} {place}",
-                    section.line,
-                    first.data_type,
-                    first.access,
-                    first.mappable,
-                    first.default,
-                    value,
-                    first.low,
-                    first.high,
+                replace(
+                    first,
+                    subindex=place,
+                    name=name or f"{first.name} {place}",
+                    value=value,
+                    faults=tuple(faults),
                 )
             )
         return items
@@ -225,18 +230,20 @@ class _Reader:
         data_type = self.integer(section, "datatype", range(1 << 16))
         if data_type is None and self.integer(section, "objecttype", range(0x100)) == _DOMAIN:
             data_type = DataType.DOMAIN
+        faults: list[EdsFault] = []
         return EdsObject(
-            index,
-            subindex,
-            self.text(section, "parametername"),
-            section.line,
-            data_type,
-            self._access(section),
-            bool(self.integer(section, "pdomapping", range(0x100))),
-            self._value(section, "defaultvalue", data_type),
-            self._value(section, "parametervalue", data_type),
-            self._limit(section, "lowlimit", data_type),
-            self._limit(section, "highlimit", data_type),
+            index=index,
+            subindex=subindex,
+            name=self.text(section, "parametername"),
+            line=section.line,
+            data_type=data_type,
+            access=self._access(section),
+            mappable=bool(self.integer(section, "pdomapping", range(0x100))),
+            default=self._value(section, "defaultvalue", data_type, faults),
+            value=self._value(section, "parametervalue", data_type, faults),
+            low=self._limit(section, "lowlimit", data_type, faults),
+            high=self._limit(section, "highlimit", data_type, faults),
+            faults=tuple(faults),
         )
 
     def _access(self, section: EdsSection) -> Access | None:
@@ -248,25 +255,31 @@ class _Reader:
             self._refuse_key(section, "accesstype", f"use one of {', '.join(ACCESSES)}")
         return access
 
-    def _value(self, section: EdsSection, key: str, data_type: int | None) -> EdsValue | None:
-        entry = section.get(key)
-        if entry is None:
-            return None
-        return self._parsed(section, entry, lambda text: parse_value(text, data_type))
+    def _value(
+        self, section: EdsSection, key: str, data_type: int | None, faults: list[EdsFault]
+    ) -> EdsValue | None:
+        return _tried(section, key, lambda text: parse_value(text, data_type), faults)
 
-    def _limit(self, section: EdsSection, key: str, data_type: int | None) -> int | float | None:
-        entry = section.get(key)
-        if entry is None:
-            return None
-        return self._parsed(section, entry, lambda text: parse_limit(text, data_type))
-
-    def _parsed(self, section: EdsSection, entry: EdsEntry, parse: Callable[[str], T]) -> T:
-        try:
-            return parse(entry.text)
-        except ConfigError as error:
-            refuse(self.name, entry.line, f"{entry.key} of [{section.name}]: {error}")
+    def _limit(
+        self, section: EdsSection, key: str, data_type: int | None, faults: list[EdsFault]
+    ) -> int | float | None:
+        return _tried(section, key, lambda text: parse_limit(text, data_type), faults)
 
     def _refuse_key(self, section: EdsSection, key: str, advice: str) -> NoReturn:
         entry = section.entries[key]
         where = f"{entry.key} of [{section.name}]"
         refuse(self.name, entry.line, f"{where} is {shown(entry.text)}: {advice}")
+
+
+def _tried(
+    section: EdsSection, key: str, parse: Callable[[str], T], faults: list[EdsFault]
+) -> T | None:
+    """Return the value of a key; None where there is none, or none that can be read."""
+    entry = section.get(key)
+    if entry is None:
+        return None
+    try:
+        return parse(entry.text)
+    except ConfigError as error:
+        faults.append(EdsFault(entry.line, f"{entry.key} of [{section.name}]: {error}"))
+        return None

@@ -91,8 +91,16 @@ class EdsValue:
 
 
 @dataclass(frozen=True, slots=True)
+class EdsFault:
+    """A value that cannot be read, and the line that it stands in."""
+
+    line: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class EdsObject:
-    """One object; None is what the sheet does not say.
+    """One object; None is what the sheet does not say, or not so that it can be read.
 
     Attributes
     ----------
@@ -114,6 +122,8 @@ class EdsObject:
         What it is configured to be, in a DCF.
     low, high
         LowLimit and HighLimit as written.
+    faults
+        Its values and limits that cannot be read: no matter, unless the object is used.
     """
 
     index: int
@@ -127,6 +137,7 @@ class EdsObject:
     value: EdsValue | None = None
     low: int | float | None = None
     high: int | float | None = None
+    faults: tuple[EdsFault, ...] = ()
 
     def __post_init__(self) -> None:
         if not (0 <= self.index <= 0xFFFF and 0 <= self.subindex <= 0xFF):

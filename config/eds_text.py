@@ -19,6 +19,7 @@ MAX_LINE_CHARACTERS = 4096
 MAX_SECTIONS = 30_000
 
 _SHOWN = 40
+_PLACE_DIGITS = 3  # a number as key: one of a compact array's objects
 _KEYS = frozenset(
     (
         "vendorname", "vendornumber", "productname", "productnumber", "revisionnumber", "nodeid",
@@ -157,7 +158,7 @@ def _enter(section: EdsSection, line: str, name: str, number: int) -> None:
             name, number, f"{shown(line)} in [{section.name}] is not key=value; correct the line"
         )
     lower = key.lower()
-    if lower not in _KEYS and not key.isdecimal():  # a number: of one of a compact array's objects
+    if lower not in _KEYS and not (key.isdecimal() and len(key) <= _PLACE_DIGITS):
         return
     text = text.strip()
     earlier = section.entries.get(lower)

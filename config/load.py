@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import json
 import typing
 from dataclasses import dataclass
 from importlib import resources
@@ -32,6 +33,7 @@ from config.yaml_tree import YamlTree, dump_yaml, parse_yaml
 T = TypeVar("T")
 
 _MANIFEST = "manifest.json"  # what makes a folder a run's
+_MANIFEST_BYTES = 4 << 20
 
 _MOTION: TypeAdapter[AnyMotion] = TypeAdapter(Motion)
 
@@ -71,7 +73,7 @@ def load_cell(reference: str) -> LoadedCell:
     text, name, folder = _read(reference, "cells", None)
     cell_tree = parse_yaml(text, name)
     cell = validate(cell_tree, CellConfig)
-    kept = folder if folder is not None and (folder / _MANIFEST).is_file() else None
+    kept = folder if folder is not None and _is_run_folder(folder) else None
     robot_text, robot_name, _ = _read(cell.robot, "robots", folder, kept, "robot.yaml")
     robot = validate(parse_yaml(robot_text, robot_name), RobotDescription)
     files = {"cell.yaml": text, "robot.yaml": robot_text}
@@ -257,6 +259,19 @@ def _read(
         return path.read_bytes(), str(path), path.parent
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
+
+
+def _is_run_folder(folder: Path) -> bool:
+    """Return whether a folder is a run's, by its manifest."""
+    path = folder / _MANIFEST
+    if not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            manifest = json.loads(file.read(_MANIFEST_BYTES))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(manifest, dict) and {"run_id", "files"} <= manifest.keys()
 
 
 def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) -> None:

@@ -30,12 +30,16 @@ _READ = (
 _BY_UNITS = (0x6065, 0x6085)  # their values are known when the drive has told its encoder
 _ANY_UNITS = AxisUnits(1.0, 1.0, 1.0)
 
-Verdict = Literal["red", "allowed"]
+Verdict = Literal["red", "allowed", "shown"]
 
 
 @dataclass(frozen=True, slots=True)
 class SheetFinding:
-    """One thing that a sheet does not say as it must; `line` 0 where it has no such object."""
+    """One thing that a sheet does not say as it must; `line` 0 where it has no such object.
+
+    Limits that a value is beyond are shown and no more: they are often wrong in sheets (0 to 65535
+    for a number of 32 bits), and what a drive does not take is red when it is read back.
+    """
 
     object_name: str
     name: str
@@ -67,10 +71,13 @@ def sheet_findings(
         found = sheet.get(requirement.index, requirement.subindex)
         if found is None and requirement.optional:
             continue
-        lack = _lack(requirement, found) or _out_of_limits(requirement, found)
+        lack = _lack(requirement, found)
+        beyond = _out_of_limits(requirement, found)
         if lack is not None:
             verdict: Verdict = "allowed" if requirement.watchdog and allowed else "red"
             findings.append(_finding(requirement, *lack, found, verdict))
+        elif beyond is not None:
+            findings.append(_finding(requirement, *beyond, found, "shown"))
     for pdo in cyclic_pdos(axis.node_id, cell.exchange):
         findings += _pdo_findings(sheet, pdo)
     return tuple(findings)
@@ -82,6 +89,8 @@ def _lack(requirement: Requirement, found: EdsObject | None) -> tuple[str, str] 
     required = f"{bits} bit, writable" if _writes(requirement) else f"{bits} bit"
     if found is None:
         return required, "not in the sheet"
+    if found.faults:
+        return required, f"line {found.faults[0].line}: {found.faults[0].text}"
     if found.bits != bits:
         return required, _type_words(found)
     if _writes(requirement) and not found.writable:
@@ -124,6 +133,9 @@ def _mapped_findings(
     requirement = Requirement(item.index, item.subindex, item.bits // 8, f"in {title}")
     if found is None:
         yield _finding(requirement, required, "not in the sheet", None)
+    elif found.faults:
+        said = f"line {found.faults[0].line}: {found.faults[0].text}"
+        yield _finding(requirement, required, said, found)
     elif found.bits != item.bits:
         yield _finding(requirement, required, _type_words(found), found)
     elif not found.mappable:

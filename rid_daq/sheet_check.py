@@ -28,7 +28,7 @@ def sheet_lines(loaded: LoadedCell) -> list[CheckLine]:
                 where=_where(axis),
                 what="data sheet (EDS)",
                 required="has what is used",
-                found=f"lacks {len(red)} of it" if red else "as required",
+                found=(f"lacks {len(red)} of it" if red else "as required") + _unread(sheet),
                 verdict="red" if red else "ok",
                 next_action=f"{sheet.name}: {_ADVICE}" if red else "",
                 of_drive=True,
@@ -76,6 +76,13 @@ def _red(findings: tuple[SheetFinding, ...]) -> list[SheetFinding]:
 
 def _where(axis: DriveAxis) -> str:
     return f"{axis.joint}, node {axis.node_id}"
+
+
+def _unread(sheet: ElectronicDataSheet) -> str:
+    """Say how many values of objects that are not used cannot be read."""
+    lines = ", ".join(str(fault.line) for fault in sheet.faults[:MOST_TOLD])
+    more = ", ..." if len(sheet.faults) > MOST_TOLD else ""
+    return f"; values that cannot be read in lines {lines}{more}" if lines else ""
 
 
 def _place(sheet: ElectronicDataSheet, finding: SheetFinding) -> str:

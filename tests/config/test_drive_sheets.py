@@ -82,7 +82,10 @@ def test_a_kept_cell_is_loaded_with_the_files_kept_beside_it(tmp_path: Path) -> 
     path = str(folder / "cell.yaml")
     with pytest.raises(ConfigError, match=r"a\.eds: cannot read"):
         load_cell(path)
-    (folder / "manifest.json").write_text("{}")
+    (folder / "manifest.json").write_text('{"name": "of some other program"}')
+    with pytest.raises(ConfigError, match=r"a\.eds: cannot read"):
+        load_cell(path)
+    (folder / "manifest.json").write_text('{"run_id": "01", "files": {}}')
     robot = first.files["robot.yaml"].replace(b"name: ir361", b"name: kept")
     (folder / "robot.yaml").write_bytes(robot)
     again = load_cell(path)

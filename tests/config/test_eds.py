@@ -1,78 +1,16 @@
-"""Electronic data sheets as vendors write them, and every fault with its line."""
+"""Electronic data sheets: what they say, and the ways in which vendors write it."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
-import re
 from collections.abc import Callable
 
 import pytest
 
-from config.eds import MAX_OBJECTS, ElectronicDataSheet, parse_eds
-from config.eds_object import DataType, EdsObject, EdsValue, parse_integer, parse_value
-from config.eds_text import MAX_BYTES, MAX_LINE_CHARACTERS
-from config.errors import ConfigError
-
-SHEET = """[FileInfo]
-FileName=drive.eds
-
-[DeviceInfo]
-VendorName=A vendor
-VendorNumber=0x000000FB
-ProductName=A drive
-ProductNumber=1617
-RevisionNumber=0x01700000
-NrOfRXPDO=4
-
-[Comments]
-Lines=1
-Line1=anything may stand here
-
-[1000]
-ParameterName=Device type
-ObjectType=0x7
-DataType=0x0007
-AccessType=ro
-DefaultValue=0x00020192
-PDOMapping=0
-
-[1018]
-ParameterName=Identity
-ObjectType=0x9
-SubNumber=2
-
-[1018sub0]
-ParameterName=Number of entries
-DataType=0x0005
-AccessType=const
-DefaultValue=4
-
-[1018sub1]
-ParameterName=Vendor
-DataType=0x0007
-AccessType=ro
-
-[1400sub1]
-ParameterName=COB-ID
-DataType=0x0007
-AccessType=rw
-DefaultValue=$NODEID+0x200
-LowLimit=0x00000181
-HighLimit=0xFFFFFFFF
-
-[6077]
-ParameterName=Torque actual value
-DataType=0x0003
-AccessType=ro
-PDOMapping=1
-LowLimit=0x8000
-HighLimit=32767
-"""
-
-
-def read(text: str) -> ElectronicDataSheet:
-    return parse_eds(text.encode(), "drive.eds")
+from config.eds import ElectronicDataSheet, parse_eds
+from config.eds_object import DataType, EdsObject, EdsValue, parse_value
+from tests.config.data_sheet import SHEET, read
 
 
 def only(keys: str, section: str = "[6077]") -> EdsObject:
@@ -271,125 +209,3 @@ class TestWhatVendorsDo:
     def test_gaps_and_types_are_no_objects(self) -> None:
         kinds = "".join(f"[{0x2000 + kind:04X}]\nObjectType={kind}\n" for kind in (0, 5, 6, 8, 9))
         assert len(read(f"{SHEET}{kinds}").objects) == 5
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "line", "says"),
-    [
-        ("[1000]", "[1000", 16, r"'\[1000' has no closing \]"),
-        ("[1000]", "[1000] x", 16, "stands behind"),
-        ("[1018sub1]", "[1018sub0]", 35, "here a second time, first in line 29"),
-        ("[1018sub1]", "[1018SUB00]", 35, "second time, first in line 29"),
-        ("DataType=0x0007\nAccessType=ro\nDef", "DataType=0x0007\nAccessType\nDef", 20,
-         r"'AccessType' in \[1000\] is not key=value"),
-        ("AccessType=ro\nDef", "=ro\nDef", 20, "is not key=value"),
-        ("AccessType=ro\nDef", "DataType=5\nDef", 20, "'DataType' .*another value"),
-        ("AccessType=ro\nDef", "AccessType=rx\nDef", 20, "AccessType of .* 'rx': use one of"),
-        ("DataType=0x0003", "DataType=short", 50, r"DataType of \[6077\]: 'short' is not a whole"),
-        ("DataType=0x0003", "DataType=65536", 50, "'65536'; it is 0 to 0xffff"),
-        ("0x000000FB", "0x1000000FB", 6, "VendorNumber of .*0 to 0xffffffff"),
-        ("0x000000FB", "-1", 6, "VendorNumber of"),
-        ("1617", "16 17", 8, "'16 17' is not a whole number"),
-        ("1617", "0o17", 8, "not a whole number"),
-        ("1617", "09", 8, "not a whole number"),
-        ("1617", "9" * 5000, 8, "5014 characters; a line has at most 4096"),
-        ("1617", "9" * 1000, 8, "too many digits"),
-        ("1617", "0x" + "F" * 1000, 8, "too many digits"),
-        ("1617", "１７", 8, "not a whole number"),
-        ("$NODEID+0x200", "$NODEID-0x200", 44, r"write \$NODEID\+0x200"),
-        ("$NODEID+0x200", "$NODEID+", 44, "write"),
-        ("$NODEID+0x200", "0x100000000", 44, "does not fit UNSIGNED32"),
-        ("$NODEID+0x200", "-1", 44, "does not fit UNSIGNED32"),
-        ("LowLimit=0x8000", "LowLimit=low", 53, "LowLimit of"),
-        ("PDOMapping=1", "PDOMapping=yes", 52, "PDOMapping of"),
-        ("ObjectType=0x9", "ObjectType=0x3", 26, "ObjectType of .*no kind of object"),
-        ("SubNumber=2", "CompactSubObj=255", 27, "at most 254"),
-        ("ParameterName=COB-ID", "ParameterName=a\0b", 41, "a zero byte"),
-    ],
-)  # fmt: skip
-def test_a_fault_is_told_with_its_line(old: str, new: str, line: int, says: str) -> None:
-    text = SHEET.replace(old, new)
-    if "ObjectType" in new:
-        text = text.replace("[1018sub0]", "[1019sub0]").replace("[1018sub1]", "[1019sub1]")
-    assert text != SHEET
-    with pytest.raises(ConfigError, match=says) as caught:
-        read(text)
-    assert str(caught.value).startswith(f"drive.eds:{line}: ")
-    assert str(caught.value).isprintable()
-
-
-@pytest.mark.parametrize(
-    ("data", "says"),
-    [
-        (b"", "there is no .DeviceInfo.; is it an electronic data sheet"),
-        (b"name: ir361\n", "drive.eds:1: 'name: ir361' stands before the first .section."),
-        (b"\x7fELF\x01\x00\x00", "drive.eds:1: a zero byte"),
-        (SHEET.encode("utf-16"), "drive.eds:1: a zero byte"),
-        (b"[DeviceInfo]\nVendorNumber=1\n", "no object in it"),
-        (b"\x1b[2J\n", r"drive.eds:1: '\\x1b\[2J' stands before"),
-        (b"[DeviceInfo]\n\x1b[2J\n", r"drive.eds:2: '\\x1b\[2J' in"),
-        (b"[DeviceComissioning]\nNodeID=128\n[DeviceInfo]\n[1000]\n", "drive.eds:2: NodeID of"),
-        (b";" * (MAX_BYTES + 1), f"more than {MAX_BYTES} bytes"),
-        (b"x" * (MAX_LINE_CHARACTERS + 1), "4097 characters"),
-    ],
-)
-def test_what_is_no_data_sheet(data: bytes, says: str) -> None:
-    with pytest.raises(ConfigError, match=says):
-        parse_eds(data, "drive.eds")
-
-
-def test_so_many_objects_are_no_device() -> None:
-    compact = "".join(f"[{i:04X}]\nDataType=7\nCompactSubObj=254\n" for i in range(0x2000, 0x2100))
-    with pytest.raises(ConfigError, match=rf"drive\.eds:\d+: more than {MAX_OBJECTS} objects"):
-        read(f"[DeviceInfo]\n{compact}")
-    subs = "".join(f"[{i:04X}sub{k:X}]\n" for i in range(0x2000, 0x2100) for k in range(200))
-    with pytest.raises(ConfigError, match=rf"drive\.eds:\d+: more than {MAX_OBJECTS} objects"):
-        read(f"[DeviceInfo]\n{subs}")
-
-
-@pytest.mark.parametrize("text", ["", " 1", "1 ", "+", "0x", "0b1", "1_0", "1.0", "٣"])
-def test_no_number(text: str) -> None:
-    with pytest.raises(ConfigError, match=re.escape(repr(text))):
-        parse_integer(text)
-
-
-@pytest.mark.parametrize("text", ["nan", "inf", "-1e999", "0x7F800000", "1,5", "1" * 100])
-def test_no_real_number(text: str) -> None:
-    with pytest.raises(ConfigError):
-        parse_value(text, DataType.REAL32)
-
-
-class TestASheetIsValid:
-    def test_or_is_not_made(self) -> None:
-        item = EdsObject(0x1000, 0, "", 1)
-
-        def sheet(**changed: object) -> ElectronicDataSheet:
-            said = {
-                "vendor": 1,
-                "product": 2,
-                "revision": None,
-                "node_id": None,
-                "objects": (item,),
-            }
-            return ElectronicDataSheet(
-                name="x.eds", sha256="", vendor_name="", product_name="", **(said | changed)
-            )  # type: ignore[arg-type]
-
-        assert sheet().get(0x1000, 0) is item
-        for changed in (
-            {"vendor": -1},
-            {"revision": 1 << 32},
-            {"node_id": 0},
-            {"objects": (item,) * 2},
-        ):
-            with pytest.raises(ConfigError, match=r"x\.eds"):
-                sheet(**changed)
-
-    def test_nor_an_object(self) -> None:
-        for changed in ({"index": 0x10000}, {"subindex": 256}, {"access": "rx"}):
-            with pytest.raises(ConfigError):
-                EdsObject(**({"index": 1, "subindex": 0, "name": "", "line": 1} | changed))  # type: ignore[arg-type]
-        with pytest.raises(ConfigError):
-            EdsValue("text", adds_node_id=True)
-        with pytest.raises(ConfigError):
-            EdsValue(float("nan"))

@@ -73,9 +73,8 @@ def test_objects_that_a_drive_may_lack_may_be_missing(cell: CellConfig) -> None:
         ("6502", None, "6502h:00", "supported modes", "32 bit", "not in the sheet"),
         ("1400sub1", "7 ro 0", "1400h:01", "RPDO 1 conf", "32 bit, writable", "AccessType ro"),
         ("1A00sub3", None, "1A00h:03", "TPDO 1 conf", "32 bit, writable", "not in the sheet"),
-        ("6060", "2 rw 0 1 7", "6060h:00", "mode", "takes 9", "limits 1 to 7"),
-        ("605A", "3 rw 0 5 8", "605Ah:00", "quick-stop", "takes 2", "limits 5 to 8"),
-        ("60C2sub2", "2 rw 0 0xFC 0xFC", "60C2h:02", "power", "takes -3", "limits -4 to -4"),
+        ("6077", "3 ro 1 low", "6077h:00", "in TPDO 1", "16 bit, mappable", "line LINE: LowLimit"),
+        ("6072", "6 rw 0 low", "6072h:00", "torque", "16 bit, writable", "line LINE: LowLimit"),
         ("6065", "6 rw 0", "6065h:00", "following-error", "32 bit, writable", "UNSIGNED16"),
     ],
 )
@@ -89,12 +88,30 @@ def test_what_it_lacks_is_told_by_index_and_name(
     is_found: str,
 ) -> None:
     (finding,) = found(cell, {title: said})
-    assert (finding.object_name, finding.required, finding.found) == (address, required, is_found)
+    assert (finding.object_name, finding.required) == (address, required)
+    assert finding.found.startswith(is_found.replace("LINE", str(finding.line + 5)))
     assert name in finding.name
     assert finding.verdict == "red"
     assert (finding.line > 0) == (said is not None)
     if said is not None:
         assert finding.name.endswith(rf"(the\x1b[31m {title})")
+
+
+@pytest.mark.parametrize(
+    ("title", "said", "address", "required", "is_found"),
+    [
+        ("6060", "2 rw 0 1 7", "6060h:00", "takes 9", "limits 1 to 7"),
+        ("605A", "3 rw 0 5 8", "605Ah:00", "takes 2", "limits 5 to 8"),
+        ("60C2sub2", "2 rw 0 0xFC 0xFC", "60C2h:02", "takes -3", "limits -4 to -4"),
+        ("1016sub1", "7 rw 0 0 65535", "1016h:01", "takes 8323152", "limits 0 to 65535"),
+    ],
+)
+def test_limits_are_shown_and_no_more(
+    cell: CellConfig, title: str, said: str, address: str, required: str, is_found: str
+) -> None:
+    (finding,) = found(cell, {title: said})
+    assert (finding.object_name, finding.required, finding.found) == (address, required, is_found)
+    assert finding.verdict == "shown"
 
 
 def test_limits_that_depend_on_the_encoder_are_left_to_the_drive(cell: CellConfig) -> None:

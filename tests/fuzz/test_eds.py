@@ -102,6 +102,7 @@ def outcome(data: bytes) -> str:
     addresses = [(item.index, item.subindex) for item in sheet.objects]
     assert addresses == sorted(set(addresses))
     assert 0 < len(addresses) <= MAX_OBJECTS
+    assert all(fault.text.isprintable() and len(fault.text) < 400 for fault in sheet.faults)
     return "read"
 
 
@@ -172,4 +173,4 @@ def test_the_worst_of_files_take_little_memory(make: object) -> None:
     finally:
         tracemalloc.stop()
     assert time.monotonic() - begun_s < LONGEST_S
-    assert peak < 40 * MAX_BYTES
+    assert peak < 25 * MAX_BYTES

@@ -81,12 +81,14 @@ def test_the_sheets_are_written_once_and_other_tools_read_them(
 def test_the_preflight_shows_sheets_that_fit(
     cell: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = cell()
+    path = cell("[6084]\n", "[6084]\nHighLimit=10LL\n")
     lines = checked(path, tmp_path, capsys, 0)
+    text = (Path(path).parent / "sheets" / "node2.eds").read_text()
+    line = text.splitlines().index("HighLimit=10LL") + 1
     sheets = [line for line in lines if line["what"] == "data sheet (EDS)"]
     assert [(line["where"], line["found"], line["verdict"]) for line in sheets] == [
         ("axis1, node 1", "as required", "ok"),
-        ("axis2, node 2", "as required", "ok"),
+        ("axis2, node 2", f"as required; values that cannot be read in lines {line}", "ok"),
     ]
     hashes = {line["where"]: line["found"] for line in lines if line["what"][:4] == "SHA-"}
     files = [Path(path).parent / "sheets" / f"node{n}.eds" for n in (1, 2)]
