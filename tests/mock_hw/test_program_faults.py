@@ -193,7 +193,7 @@ def test_what_the_system_refuses_is_told_at_the_end(
 
     monkeypatch.setattr("mock_hw.program_faults.os.pidfd_open", refused)
     frozen = {"kind": "freeze", "process": "task", "duration_s": 1.0}
-    with pytest.raises(ConfigError, match="freeze: .* not permitted"), Faults(frozen) as faults:
+    with pytest.raises(ConfigError, match=r"freeze: .* not permitted"), Faults(frozen) as faults:
         faults.begin()
 
 
