@@ -25,6 +25,7 @@ from rid_daq.check_line import CheckLine
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.computer_check import computer_lines
 from rid_daq.console import AsJson, Console
+from rid_daq.exit_codes import exit_code_of
 from rid_daq.monitor_check import monitor_lines
 from rid_daq.plate_check import PlateCheck
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
@@ -94,14 +95,15 @@ def check(
         console.say("This is no check of the emergency stop: press it once yourself, and release.")
         return
     console.verdict(False, f"Cell {loaded.config.name} is not ready: no motion.")
-    if problem is not None and not isinstance(problem, PreflightError):
-        raise problem
-    raise PreflightError(
+    failure: RidDaqError = PreflightError(
         f"cell {loaded.config.name}: {len(red)} red lines in the preflight; the actions are named"
         " above"
-        if red
-        else str(problem)
     )
+    if problem is not None and not (red and isinstance(problem, PreflightError)):
+        failure = problem
+    if as_json:
+        raise typer.Exit(exit_code_of(failure))  # the document has said what is wrong
+    raise failure
 
 
 def preflight(

@@ -270,9 +270,7 @@ def test_a_served_cell_is_joined_and_served_once(
             assert run(["mock", str(cell)]) == 8
             capsys.readouterr()
             run(["check", str(cell), "--seconds", "0.3", "--json"])
-            # Where a line is red, the error is a second document.
-            document, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)
-            lines = document["lines"]
+            lines = document(capsys)["lines"]
             assert any(line["what"].startswith("6007h") for line in lines)
             # In real time a machine that stalls may cost an answer; that is no fault of joining.
             settings = [line for line in lines if re.match(r"[0-9A-F]{4}h", line["what"])]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +16,7 @@ from acquisition.run_list import find_run
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.sheet_check import refuse_unfit_sheets, sheet_lines
+from tests.rid_daq.told import document
 
 AXES = {1: "    node_id: 1\n", 2: "node_id: 2}", 3: "node_id: 3}"}
 
@@ -60,7 +60,7 @@ def checked(
     capsys.readouterr()
     words = ["check", cell, "--seconds", "0.1", "--json", "--runs", str(tmp_path / "runs")]
     assert run(words) == code
-    told, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)  # an error follows, if any
+    told = document(capsys)
     assert told["passed"] is (code == 0)
     lines: list[dict[str, Any]] = told["lines"]
     return lines
