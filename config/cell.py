@@ -13,6 +13,7 @@ from config.plate import PlateConfig
 from config.robot import NonNegative, Positive
 
 Milliseconds = Annotated[int, Field(gt=0, le=65535)]
+LONGEST_SILENCE_MS = 100
 Unsigned32 = Annotated[int, Field(ge=0, lt=2**32)]
 
 
@@ -64,6 +65,9 @@ class DriveSafety(ConfigModel):
     without it. With `trip_watchdog_with_power` the preflight switches the drives on, at rest, and
     withholds this computer's heartbeat until each has stopped by itself; without it, it does so
     without power and sees their emergency message.
+
+    On a cell that is not simulated neither heartbeat's time-out may be longer than 100 ms: for as
+    long a robot goes on after this computer, or a drive, has died.
     """
 
     master_node_id: Annotated[int, Field(ge=1, le=127)] = 127
@@ -184,10 +188,26 @@ class CellConfig(ConfigModel):
             raise ValueError(
                 f"monitor.units has {len(self.monitor.units)} addresses for {len(self.axes)} axes"
             )
+        self._check_heartbeats()
         unknown = set(self.drive_safety.allow_drive_without_watchdog) - set(nodes)
         if unknown:
             raise ValueError(f"allow_drive_without_watchdog names unknown nodes {sorted(unknown)}")
         return self
+
+    def _check_heartbeats(self) -> None:
+        if self.simulated:
+            return
+        safety = self.drive_safety
+        for name, timeout_ms in (
+            ("master_heartbeat_timeout_ms", safety.master_heartbeat_timeout_ms),
+            ("drive_heartbeat_timeout_ms", safety.drive_heartbeat_timeout_ms),
+        ):
+            if timeout_ms > LONGEST_SILENCE_MS:
+                raise ValueError(
+                    f"drive_safety.{name} {timeout_ms}: the robot would go on for so long after"
+                    f" one side has died; at most {LONGEST_SILENCE_MS} on a cell that is not"
+                    " simulated"
+                )
 
     def _check_band(self) -> None:
         if self.velocity_loop_band_hz is None:

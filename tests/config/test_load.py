@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,25 @@ def test_the_bundled_payload_cell_has_a_coupled_wrist() -> None:
     loaded = load_cell("kr15")
     assert loaded.robot.coupling is not None
     assert loaded.plant is not None
+
+
+@pytest.mark.fault(18)
+@pytest.mark.parametrize("side", ["master", "drive"])
+def test_a_real_robot_does_not_go_on_for_long_after_a_death(
+    tmp_path: Path, side: str, measured: Callable[[str], None]
+) -> None:
+    text = load_cell("ir361").files["cell.yaml"].decode().replace("simulated: true\n", "")
+    path = tmp_path / "cell.yaml"
+    for timeout_ms in (100, 101):
+        slow = f"drive_safety:\n  {side}_heartbeat_timeout_ms: {timeout_ms}\n"
+        path.write_text(text.replace("drive_safety:\n", slow))
+        if timeout_ms == 100:
+            load_cell(str(path))
+    with pytest.raises(
+        ConfigError, match=f"{side}_heartbeat_timeout_ms 101: the robot would"
+    ):
+        load_cell(str(path))
+    measured("a heartbeat's time-out above 100 ms on a real cell: refused")
 
 
 def edited(tmp_path: Path, old: str, new: str) -> str:
