@@ -58,9 +58,7 @@ def test_a_real_robot_does_not_go_on_for_long_after_a_death(
         path.write_text(text.replace("drive_safety:\n", slow))
         if timeout_ms == 100:
             load_cell(str(path))
-    with pytest.raises(
-        ConfigError, match=f"{side}_heartbeat_timeout_ms 101: the robot would"
-    ):
+    with pytest.raises(ConfigError, match=f"{side}_heartbeat_timeout_ms 101: the robot would"):
         load_cell(str(path))
     measured("a heartbeat's time-out above 100 ms on a real cell: refused")
 
