@@ -97,7 +97,7 @@ int main(int n, char **a) {
             if (left <= 0 || ppoll(&f, 1, &t, 0) <= 0) { last = 0; break; }
         }
         if (last) {
-            expected += (last - expected) / (last > expected ? 100 : 5);
+            expected += (last - expected) / (last > expected ? 10 : 50);
             if (expected < burst) expected = burst;
             if (expected > burst * 3 / 2) expected = burst * 3 / 2;
         }

@@ -30,7 +30,7 @@ _BARE_BITS = 47  # of a frame without data, intermission included, no stuff bit
 
 MOST_FRAMES = 1024
 LATE_CYCLES = 4
-LATER, EARLIER = 0.01, 0.2
+LATER, EARLIER = 0.1, 0.02
 """How fast `collect` learns that answers come later, or earlier, than it had expected."""
 
 MOST_BURSTS = 1.5
