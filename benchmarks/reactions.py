@@ -93,7 +93,7 @@ class Kind:
     cycles : float
         What the last axis's quick stop may take from there, in cycle times (faults.md's rows).
     waits_s : float
-        What has to pass besides, before it is a fault.
+        What may pass besides, until it is noticed.
     """
 
     name: str
@@ -117,14 +117,16 @@ def _unanswered(cob_id: int) -> Mark:
 
 
 def _kinds(loaded: LoadedCell) -> dict[StopCode, Kind]:
-    timeout_s = 1e-3 * loaded.config.drive_safety.drive_heartbeat_timeout_ms
+    # noticed within the time-out and a cycle; on the bus within a cycle of that
+    silence_s = 1e-3 * loaded.config.drive_safety.drive_heartbeat_timeout_ms
+    noticed_s = silence_s + loaded.config.cycle_time_s
     one, two, three = (axis.node_id for axis in loaded.config.axes)
     return {
         StopCode.EMERGENCY: Kind("an emergency message", _last(emcy_cob_id(one)), 2.0),
         StopCode.DRIVE_RESTARTED: Kind("a drive boots", _last(heartbeat_cob_id(three)), 2.0),
         StopCode.MISSED_FRAMES: Kind("three answers are lost", _unanswered(tpdo_cob_id(one)), 4.0),
         StopCode.HEARTBEAT_LOST: Kind(
-            "a heartbeat ends", _last(heartbeat_cob_id(two)), 1.0, timeout_s
+            "a heartbeat ends", _last(heartbeat_cob_id(two)), 1.0, noticed_s
         ),
     }
 

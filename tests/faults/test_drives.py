@@ -122,7 +122,7 @@ def test_a_flood_of_emergencies_is_little_more_work_a_cycle(
     assert len(run.notes) <= 3
     measured(
         f"{a_message:.0f} calls a message; a flooded cycle {busy / moving:.1f} times the calls of a"
-        " quiet one, counted; jitter on a real clock is not measured here"
+        " quiet one, counted; on a real clock: benchmarks.reactions"
     )
 
 
