@@ -96,6 +96,18 @@ stop to every axis, latched; the recording closed; nothing starts again by itsel
 counted in cycles of a simulated clock, where a count is exact; what the axes do is read from the
 simulated robot, not from what the program says that it sent.
 
+In real time and over hours, on two cores of a virtual machine without a real-time kernel:
+
+- `python -m benchmarks.reactions`: from a fault on the wire (or Ctrl-C) until the last axis's quick
+  stop is on it, by the bus's own log. Of what the rows below allow the most was 59 % for an
+  emergency message, 57 % for a drive that boots, 68 % for lost answers, 52 % for Ctrl-C, and 95 %
+  for a heartbeat that ends, with a cycle in which that is noticed (8 of each). With 1,000 emergency
+  messages a second cycles begin late by 124 us (p99), without by 110 us.
+- `python -m benchmarks.live`: from a click on the stop button, both cores busy and 1,000 clients at
+  the page, to the last axis's quick stop 6 ms in the median, 15 ms at most of 20.
+- `python -m benchmarks.soak`: eight simulated hours, 480 faults of 13 kinds, no wrong reaction;
+  memory +0.013 % an hour, no descriptor more.
+
 This software is not a safety function: the cell's own emergency stop is required.
 
 Made by the tests: `.venv/bin/python -m pytest --fault-page FILE...` replaces the lines of the
