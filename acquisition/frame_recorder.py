@@ -118,12 +118,15 @@ def run_frame_recorder(bus: CanBusConfig, path: Path, pipe: Connection) -> None:
     Says 0 once it listens, and at the end how many frames it has written; or what went wrong.
     """
     ignore_termination()
+    said: int | TransportError | RecordingError
     try:
-        pipe.send(_record(bus, path, pipe))
+        said = _record(bus, path, pipe)
     except (TransportError, RecordingError) as error:
-        pipe.send(error)
+        said = error
     except OSError as error:
-        pipe.send(RecordingError(f"{path}: cannot be written ({error.strerror or error})"))
+        said = RecordingError(f"{path}: cannot be written ({error.strerror or error})")
+    with contextlib.suppress(OSError):  # a session that failed does not wait for it
+        pipe.send(said)
 
 
 def _record(config: CanBusConfig, path: Path, pipe: Connection) -> int:

@@ -21,7 +21,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -324,7 +324,7 @@ def main() -> int:
             log=log,
             faults=_script(rounds, loaded.robot.joint_names),
         ) as simulated:
-            loaded = LoadedCell(**{**vars(loaded), "config": config})
+            loaded = replace(loaded, config=config)
             bench = Bench(loaded, simulated, folder)
             until_s = time.monotonic() + EVERY_S * 4 * rounds
             sessions = []

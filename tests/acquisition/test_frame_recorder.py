@@ -15,7 +15,7 @@ from acquisition.journal import read_journal
 from acquisition.motion_plan import plan_motion
 from acquisition.run_folder import RunFolder
 from config.cell import CanBusConfig
-from config.errors import ConfigError, RecordingError, TransportError
+from config.errors import ConfigError, DriverError, RecordingError, TransportError
 from config.load import load_cell
 from config.motion import FourierJoint, FourierMotion
 from drivers.canopen.frames import SYNC_COB_ID, tpdo_cob_id
@@ -83,6 +83,20 @@ def test_a_bus_that_ends_is_told_and_what_came_is_kept(
         with pytest.raises(TransportError, match="the hub is gone"):
             recorder.finish()
     assert (0x123, b"abc") in [frame[:2] for frame in frames(can.BLFReader(file))]
+
+
+def test_a_session_that_fails_leaves_a_whole_file_and_no_traceback(
+    simulated: SimulatedCell, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "frames.blf"
+    with (
+        simulated as cell,
+        pytest.raises(DriverError, match="the session's own"),
+        FrameRecorder(cell.cell.can, file),
+    ):
+        raise DriverError("the session's own")
+    assert capfd.readouterr().err == ""
+    assert [frame[0] for frame in frames(can.BLFReader(file))].count(SYNC_COB_ID) == 0
 
 
 def test_what_cannot_be_recorded_is_refused_at_the_start(
