@@ -99,11 +99,11 @@ simulated robot, not from what the program says that it sent.
 In real time and over hours, on two cores of a virtual machine without a real-time kernel:
 
 - `python -m benchmarks.reactions`: from a fault on the wire (or Ctrl-C) until the last axis's quick
-  stop is on it, by the bus's own log. Of what the rows below allow the most was 59 % for an
-  emergency message, 57 % for a drive that boots, 68 % for lost answers, 52 % for Ctrl-C (8 of each).
-  A heartbeat that ends took 108 to 110 ms: row 11's 108 ms, held on the simulated clock, are passed
-  by up to 2 ms, and the benchmark allows a cycle more. With 1,000 emergency messages a second cycles
-  begin late by 124 us (p99), without by 110 us.
+  stop is on it, by the bus's own log, 8 of each. Of what the rows below allow the most was 59 % for
+  an emergency message, 57 % for a drive that boots, 68 % for lost answers, 52 % for Ctrl-C. A
+  heartbeat's end took 108 ms in the median and 110 at most: row 11's 108, which hold on the
+  simulated clock, are passed, and the benchmark allows a cycle more. With 1,000 emergency messages
+  a second cycles begin late by 124 us (p99), without by 110 us.
 - `python -m benchmarks.live`: from a click on the stop button, both cores busy and 1,000 clients at
   the page, to the last axis's quick stop 6 ms in the median, 15 ms at most of 20.
 - `python -m benchmarks.soak`: eight simulated hours, 480 faults of 13 kinds, no wrong reaction;
