@@ -5,8 +5,12 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+from pathlib import Path
 
 SCHEDULER_PRIORITY = 20
+
+PROCESSOR_LATENCY = Path("/dev/cpu_dma_latency")
+"""Who holds this file open says how long a processor may take to wake up [us, int32]."""
 
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29
@@ -20,7 +24,7 @@ def freeze_garbage() -> None:
 
 
 def become_realtime() -> tuple[str, ...]:
-    """Ask for memory that is never paged out, exact timers and real-time scheduling.
+    """Ask for memory that is never paged out, exact timers, real-time scheduling, no dozing.
 
     Returns
     -------
@@ -43,4 +47,34 @@ def become_realtime() -> tuple[str, ...]:
             f"no real-time scheduling (SCHED_FIFO: {error.strerror}); raise the limit rtprio for"
             " this user"
         )
+    if (dozing := keep_processors_awake(PROCESSOR_LATENCY)) is not None:
+        refused.append(dozing)
     return tuple(refused)
+
+
+def keep_processors_awake(latency: Path) -> str | None:
+    """Let no processor doze until this process ends: waking up takes time, and empties caches.
+
+    Source: Linux kernel, Documentation/power/pm_qos_interface.rst.
+
+    Parameters
+    ----------
+    latency
+        `PROCESSOR_LATENCY`; kept open, since the wish ends when it is closed.
+
+    Returns
+    -------
+    str or None
+        What was refused, a sentence; None also where the kernel has no such file.
+    """
+    try:
+        descriptor = os.open(latency, os.O_WRONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        return (
+            f"processors may doze between cycles ({latency}: {error.strerror}); let this user"
+            " write to it"
+        )
+    os.write(descriptor, bytes(4))
+    return None

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from acquisition.experiment import FREE_BYTES
-from acquisition.realtime import SCHEDULER_PRIORITY
+from acquisition.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY
 from config.errors import RecordingError
 from rid_daq.check_line import CheckLine
 
@@ -116,6 +116,7 @@ def _privileges() -> list[CheckLine]:
     return [
         CheckLine("this computer", "real-time scheduling", "", _try_fifo(), "shown"),
         CheckLine("this computer", "locked memory", "", _try_lock(), "shown"),
+        CheckLine("this computer", "processors kept awake", "", _try_awake(), "shown"),
     ]
 
 
@@ -136,4 +137,12 @@ def _try_lock() -> str:
     if libc.mlock(buffer, size) != 0:
         return "refused: raise the limit memlock for this user"
     libc.munlock(buffer, size)
+    return "allowed"
+
+
+def _try_awake() -> str:
+    if not PROCESSOR_LATENCY.exists():
+        return f"this system has no {PROCESSOR_LATENCY}"
+    if not os.access(PROCESSOR_LATENCY, os.W_OK):
+        return f"refused: cycles begin later; let this user write to {PROCESSOR_LATENCY}"
     return "allowed"
