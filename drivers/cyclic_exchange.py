@@ -34,6 +34,8 @@ LATER, EARLIER = 0.1, 0.02
 """How fast `collect` learns that answers come later, or earlier, than it had expected."""
 
 MOST_BURSTS = 1.5
+TELLING_BURSTS = 2.0
+"""How long a quick stop takes to be on the bus after the last answer, in bursts of answers."""
 
 
 class CyclicExchange:
@@ -117,6 +119,7 @@ class CyclicExchange:
         bits = (count + 1) * _BARE_BITS + 8 * self._answer_bytes * count
         self._burst_s = bits / bitrate if bitrate and not link.simulated else 0.0
         self._expected_s = self._burst_s
+        self._telling_s = TELLING_BURSTS * bits / bitrate if bitrate else 0.0
 
     def use_units(self, units: Iterable[AxisUnits]) -> None:
         """Take the drives' units, base to flange."""
@@ -166,14 +169,15 @@ class CyclicExchange:
     def collect(self, deadline_s: float) -> None:
         """Wait for every axis's answer, at most until `deadline_s` [s]; fill the arrays.
 
-        An axis whose answer does not come keeps its last values and has `received` False.
+        An axis whose answer does not come keeps its last values and has `received` False. A drive's
+        heartbeat is missed when its time-out ends before it could be told of on the bus.
         """
         received = self.received
         received.fill(False)
         link = self._link
         if self._burst_s:
             link.clock.sleep_until(min(self.sync_time_s + self._expected_s, deadline_s))
-        missing, taken, last_s = len(received), 0, 0.0
+        missing, taken, last_s = len(received), 0, self.sync_time_s
         slots, sync_s, size = self._slots, self.sync_time_s, self._answer_bytes
         while missing and taken < MOST_FRAMES and (arrived := link.receive_all(deadline_s)):
             taken += len(arrived)
@@ -195,7 +199,7 @@ class CyclicExchange:
             self._learn(last_s - sync_s)
         if self._coupling is not None:
             self._coupling.to_joints(self._motor_position, self.position)
-        self._watch.check(self.sync_time_s)
+        self._watch.check(last_s + self._telling_s)
 
     def _learn(self, arrival_s: float) -> None:
         """Follow how early the last answer comes after SYNC [s]: nobody need wake up before."""
