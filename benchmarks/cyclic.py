@@ -80,9 +80,12 @@ class Outcome:
 Cycle = Callable[[], tuple[float, int]]
 """Does one exchange; returns when it was complete [s] and how many answers came."""
 
+Sleep = Callable[[float], None]
+"""Sleeps until a time [s]."""
 
-def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int]]:
-    """Return a cycle of our driver, and how many answers came at other times."""
+
+def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int], Sleep]:
+    """Return a cycle of our driver, how many answers came at other times, and its sleep."""
     nodes = list(range(1, scenario.axes + 1))
     safety = DriveSafety(quick_stop_deceleration_rad_s2=10.0, following_error_rad=0.1)
     watch = DriveWatch([f"axis{node}" for node in nodes], nodes, safety)
@@ -112,10 +115,10 @@ def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int]]
         after += int(np.count_nonzero(exchange.received))
         return exchange.late_frames + exchange.duplicate_frames + after
 
-    return cycle, surplus
+    return cycle, surplus, link.clock.sleep_until
 
 
-def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int]]:
+def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int], Sleep]:
     """Return the same cycle with the canopen package, as its own examples have it."""
     import canopen
     from canopen.objectdictionary import ODRecord, ODVariable
@@ -186,13 +189,17 @@ def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], i
             network.send_message(heartbeat_cob_id(127), b"\x05")
         return done_s, got
 
-    return cycle, lambda: 0
+    def sleep_until(time_s: float) -> None:
+        while (remaining_s := time_s - time.monotonic()) > 0.0:
+            time.sleep(remaining_s)
+
+    return cycle, lambda: 0, sleep_until
 
 
 def run_loop(scenario: Scenario, path: Path, ours: bool, seconds: float, pipe: Connection) -> None:
     """Run cycles at absolute deadlines, the main function of the loop's process."""
     become_realtime()
-    cycle, late_frames = (our_cycle if ours else canopen_cycle)(scenario, path)
+    cycle, late_frames, sleep_until = (our_cycle if ours else canopen_cycle)(scenario, path)
     cycle()
     time.sleep(SETTLE_S)
     late_before = late_frames()
@@ -204,8 +211,7 @@ def run_loop(scenario: Scenario, path: Path, ours: bool, seconds: float, pipe: C
     began_cpu_s = time.process_time()
     next_s = start_s
     for number in range(cycles):
-        while (remaining_s := next_s - time.monotonic()) > 0.0:
-            time.sleep(remaining_s)
+        sleep_until(next_s)
         woken_s = time.monotonic()
         late_s[number] = woken_s - next_s
         done_s, got = cycle()

@@ -34,6 +34,9 @@ LATER, EARLIER = 0.1, 0.02
 """How fast `collect` learns that answers come later, or earlier, than it had expected."""
 
 MOST_BURSTS = 1.5
+READING_S = 25e-6
+"""How long a frame takes from its time stamp until it can be read [s]."""
+
 TELLING_BURSTS = 2.0
 """How long a quick stop takes to be on the bus after the last answer, in bursts of answers."""
 
@@ -176,7 +179,8 @@ class CyclicExchange:
         received.fill(False)
         link = self._link
         if self._burst_s:
-            link.clock.sleep_until(min(self.sync_time_s + self._expected_s, deadline_s))
+            expected_s = self.sync_time_s + self._expected_s + READING_S
+            link.clock.sleep_until(min(expected_s, deadline_s))
         missing, taken, last_s = len(received), 0, self.sync_time_s
         slots, sync_s, size = self._slots, self.sync_time_s, self._answer_bytes
         while missing and taken < MOST_FRAMES and (arrived := link.receive_all(deadline_s)):
