@@ -27,6 +27,15 @@ _END_PATIENCE_S = 10.0
 _LOOK_S = 0.05
 
 
+def require_listenable(bus: CanBusConfig) -> None:
+    """Raise `ConfigError` where one program alone can open a bus."""
+    if bus.interface not in LISTENED:
+        raise ConfigError(
+            f"can.interface {bus.interface}: its frames cannot be recorded, since one program"
+            f" alone can open it; {', '.join(LISTENED)} can be listened to. Leave --frames out"
+        )
+
+
 class FrameRecorder:
     """Listens for as long as the `with` lasts.
 
@@ -48,11 +57,7 @@ class FrameRecorder:
     """
 
     def __init__(self, bus: CanBusConfig, path: Path) -> None:
-        if bus.interface not in LISTENED:
-            raise ConfigError(
-                f"can.interface {bus.interface}: its frames cannot be recorded, since one program"
-                f" alone can open it; {', '.join(LISTENED)} can be listened to. Leave --frames out"
-            )
+        require_listenable(bus)
         context = multiprocessing.get_context("spawn")
         self._path = path
         self._pipe, theirs = context.Pipe()

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from pydantic import JsonValue
 
+from acquisition.frame_recorder import require_listenable
 from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
 from acquisition.rehearsal import SLOWER, rehearsal
@@ -124,6 +125,8 @@ def record(
     if until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(until or (), loaded.robot, samples)
     require_cleared(loaded.config, cleared)
+    if frames:
+        require_listenable(loaded.config.can)
     script = NO_SCRIPT if faults is None else _faults(faults, loaded.config, runs)
     with (
         live_page(console, live, listen, token, certificate) as page,

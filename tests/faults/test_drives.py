@@ -159,7 +159,7 @@ def test_a_heartbeat_that_ends_stops_all_axes(
     allowed_s = timeout_ms / 1000.0 + T
     assert stop_s - last_s <= allowed_s
     run.assert_at_rest()
-    measured(f"{1e3 * (stop_s - last_s):.1f} ms after the last one, {1e3 * allowed_s:.0f} allowed")
+    measured(f"{1e3 * (stop_s - last_s):.1f} of {1e3 * allowed_s:.0f} ms")
 
 
 @pytest.mark.fault(13)

@@ -255,6 +255,21 @@ def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
     assert "Stopped before its end" in (folder / "report.html").read_text()
 
 
+def test_frames_that_cannot_be_recorded_are_refused_before_anything_is_made(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (workshop / "cell.yaml").read_text()
+    cell = tmp_path / "cell.yaml"
+    assert text.count("interface: rid_sim") == 1
+    cell.write_text(text.replace("interface: rid_sim", "interface: slcan"))
+    (tmp_path / "robot.yaml").write_text((workshop / "robot.yaml").read_text())
+    runs = tmp_path / "runs"
+    motion = str(workshop / "validation.yaml")
+    assert run(["record", str(cell), motion, "--frames", "--runs", str(runs)]) == 2
+    assert "one program alone can open it" in capsys.readouterr().err
+    assert not runs.exists()
+
+
 def test_a_served_cell_is_joined_and_served_once(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
