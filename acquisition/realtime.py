@@ -68,7 +68,7 @@ def keep_processors_awake(latency: Path) -> str | None:
         What was refused, a sentence; None also where the kernel has no such file.
     """
     try:
-        descriptor = os.open(latency, os.O_WRONLY | os.O_CLOEXEC)
+        os.write(os.open(latency, os.O_WRONLY | os.O_CLOEXEC), bytes(4))
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -76,5 +76,4 @@ def keep_processors_awake(latency: Path) -> str | None:
             f"processors may doze between cycles ({latency}: {error.strerror}); let this user"
             " write to it"
         )
-    os.write(descriptor, bytes(4))
     return None

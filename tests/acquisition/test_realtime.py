@@ -39,7 +39,7 @@ def become_realtime_until_told(pipe: Connection) -> None:
 @pytest.mark.skipif(
     not os.access(PROCESSOR_LATENCY, os.R_OK | os.W_OK), reason=f"{PROCESSOR_LATENCY} is not ours"
 )
-def test_the_wish_holds_as_long_as_the_task_lives() -> None:
+def test_the_wish_holds_while_the_task_lives() -> None:
     context = multiprocessing.get_context("spawn")
     pipe, theirs = context.Pipe()
     task = context.Process(target=become_realtime_until_told, args=(theirs,))
