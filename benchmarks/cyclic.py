@@ -3,12 +3,15 @@
 Four axes at 1 kHz (trimmed frames, 80 % of 1 Mbit/s) and six at 500 Hz (full ones). The drives are
 played by a process that answers every SYNC; the hub gives every frame its time on the wire. The
 `canopen` package does the same in turn with us: SYNC, wait for all answers, read every value, set
-every value, send. So does the barest loop in C, the limit of both: what it takes is what the kernel
-takes for waking up and for handing over packets. CPU is compared with that taken off, since no
-program can do without it; the ratio with it in is printed too. The three run by turns; of CPU
-the median of the turns is compared. Of how late cycles begin it is the p99 within a second that
-a quarter of the seconds do not exceed: a computer's own stalls, which come in storms and hit
-whoever runs, are in many of the others. The p99 of all cycles is printed beside it.
+every value, send. So does the barest loop in C: what it takes is what the kernel takes for waking
+up and for handing over packets. CPU is compared with that taken off, since no program can do
+without it; the ratio with it in is printed too. C sleeps until a cycle's time and no better; our
+clock makes up for what waking up takes. No processor dozes under any of them.
+
+The three run by turns; of CPU the median of the turns is compared. Of how late cycles begin it is
+the p99 within a second that a quarter of the seconds do not exceed: a computer's own stalls, which
+come in storms and hit whoever runs, are in many of the others. The p99 of all cycles, storms and
+all, is printed beside it.
 
 The exchange time is from SYNC until the last answer has been decoded; most of it is on the wire.
 

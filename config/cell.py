@@ -89,8 +89,8 @@ class DriveSafety(ConfigModel):
     def _beats_within_timeouts(self) -> DriveSafety:
         if self.master_heartbeat_ms * 2 > self.master_heartbeat_timeout_ms:
             raise ValueError("master_heartbeat_ms must be at most half master_heartbeat_timeout_ms")
-        if self.drive_heartbeat_ms >= self.drive_heartbeat_timeout_ms:
-            raise ValueError("drive_heartbeat_ms must be below drive_heartbeat_timeout_ms")
+        if self.drive_heartbeat_ms * 2 > self.drive_heartbeat_timeout_ms:
+            raise ValueError("drive_heartbeat_ms must be at most half drive_heartbeat_timeout_ms")
         if self.trip_watchdog_with_power and self.abort_connection == 1:
             raise ValueError(
                 "trip_watchdog_with_power would leave the drives in fault: abort_connection is 1"

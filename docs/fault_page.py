@@ -99,11 +99,10 @@ simulated robot, not from what the program says that it sent.
 In real time and over hours, on two cores of a virtual machine without a real-time kernel:
 
 - `python -m benchmarks.reactions`: from a fault on the wire (or Ctrl-C) until the last axis's quick
-  stop is on it, by the bus's own log, 8 of each. Of what the rows below allow the most was 59 % for
-  an emergency message, 57 % for a drive that boots, 68 % for lost answers, 52 % for Ctrl-C. A
-  heartbeat's end took 108 ms in the median and 110 at most: row 11's 108, which hold on the
-  simulated clock, are passed, and the benchmark allows a cycle more. With 1,000 emergency messages
-  a second cycles begin late by 124 us (p99), without by 110 us.
+  stop is on it, by the bus's own log, 23 to 26 of each. Of what the rows below allow the most was
+  54 % for an emergency message, 54 % for a drive that boots, 95 % for lost answers, 51 % for Ctrl-C.
+  A heartbeat's end took 104 ms in the median and 107.6 at most of row 11's 108. With 1,000 emergency
+  messages a second cycles begin late by 40 us, without by 45 us (p99 of 2 s, lower quartile).
 - `python -m benchmarks.live`: from a click on the stop button, both cores busy and 1,000 clients at
   the page, to the last axis's quick stop 6 ms in the median, 15 ms at most of 20.
 - `python -m benchmarks.soak`: eight simulated hours, 480 faults of 13 kinds, no wrong reaction;

@@ -14,7 +14,10 @@ EARLY: Final = 0.1
 """The share of wake-ups that `MonotonicClock` lets come early, to be waited out."""
 
 STEP_S: Final = 2e-6
+"""How far one wake-up moves what it has learnt, at most [s]."""
+
 MOST_WAKING_S: Final = 100e-6
+"""How much less `MonotonicClock` asks for, at most [s]."""
 
 
 class Clock(Protocol):

@@ -37,8 +37,9 @@ MOST_BURSTS = 1.5
 READING_S = 25e-6
 """How long a frame takes from its time stamp until it can be read [s]."""
 
-TELLING_BURSTS = 2.0
-"""How long a quick stop takes to be on the bus after the last answer, in bursts of answers."""
+TELLING_S, TELLING_BURSTS = 300e-6, 1.2
+"""How long a quick stop takes from the last answer until it is on the bus: for this computer [s],
+and for the bus, in bursts of answers."""
 
 
 class CyclicExchange:
@@ -57,8 +58,9 @@ class CyclicExchange:
     trimmed
         Whether the cell's exchange is the trimmed one.
     bitrate
-        Of a bus in real time [bit/s]: until all answers should have come, `collect` sleeps instead
-        of waking up for each; 0 to look at once. When that is, is learnt from their time stamps.
+        Of the bus [bit/s]. In real time `collect` sleeps until all answers should have come,
+        instead of waking up for each; when that is, is learnt from their time stamps. 0 to look at
+        once.
 
     Attributes
     ----------
@@ -122,7 +124,8 @@ class CyclicExchange:
         bits = (count + 1) * _BARE_BITS + 8 * self._answer_bytes * count
         self._burst_s = bits / bitrate if bitrate and not link.simulated else 0.0
         self._expected_s = self._burst_s
-        self._telling_s = TELLING_BURSTS * bits / bitrate if bitrate else 0.0
+        self._telling_s = TELLING_S + (TELLING_BURSTS * bits / bitrate if bitrate else 0.0)
+        self._stamped = link.simulated or link.time_stamped
 
     def use_units(self, units: Iterable[AxisUnits]) -> None:
         """Take the drives' units, base to flange."""
@@ -143,7 +146,7 @@ class CyclicExchange:
         for axis, received in enumerate(self.received.tolist()):
             if not received:
                 self._missed_in[axis] = self._cycle
-        if not (self._link.simulated or self._link.time_stamped):
+        if not self._stamped:
             self._read_waiting()
         self._cycle += 1
         self.sync_time_s = self._link.clock.now_s()
@@ -173,7 +176,8 @@ class CyclicExchange:
         """Wait for every axis's answer, at most until `deadline_s` [s]; fill the arrays.
 
         An axis whose answer does not come keeps its last values and has `received` False. A drive's
-        heartbeat is missed when its time-out ends before it could be told of on the bus.
+        heartbeat counts as lost if its time-out will have ended by the time that a quick stop which
+        is sent now is on the bus.
         """
         received = self.received
         received.fill(False)
@@ -181,10 +185,11 @@ class CyclicExchange:
         if self._burst_s:
             expected_s = self.sync_time_s + self._expected_s + READING_S
             link.clock.sleep_until(min(expected_s, deadline_s))
-        missing, taken, last_s = len(received), 0, self.sync_time_s
+        missing, taken, read_s, last_s = len(received), 0, self.sync_time_s, 0.0
         slots, sync_s, size = self._slots, self.sync_time_s, self._answer_bytes
         while missing and taken < MOST_FRAMES and (arrived := link.receive_all(deadline_s)):
             taken += len(arrived)
+            read_s = arrived[-1].time_s
             for arrival in arrived:
                 cob_id, data, time_s = arrival
                 axis = slots.get(cob_id)
@@ -201,9 +206,11 @@ class CyclicExchange:
                     last_s = time_s
         if not missing:
             self._learn(last_s - sync_s)
+        elif taken < MOST_FRAMES:
+            read_s = max(read_s, deadline_s)  # nothing more came until then
         if self._coupling is not None:
             self._coupling.to_joints(self._motor_position, self.position)
-        self._watch.check(last_s + self._telling_s)
+        self._watch.check(read_s if self._stamped else sync_s, self._telling_s)
 
     def _learn(self, arrival_s: float) -> None:
         """Follow how early the last answer comes after SYNC [s]: nobody need wake up before."""

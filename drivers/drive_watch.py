@@ -149,12 +149,20 @@ class DriveWatch:
             data_bytes,
         )
 
-    def check(self, now_s: float) -> None:
-        """Find the drives that have been silent for too long."""
+    def check(self, now_s: float, telling_s: float = 0.0) -> None:
+        """Find the drives that will have been silent for too long when it can be told.
+
+        Parameters
+        ----------
+        now_s
+            Until when every frame has been taken [s].
+        telling_s
+            How long it takes to tell the other drives [s].
+        """
         if not self._armed:
             return
         for axis, consumer in enumerate(self.heartbeats):
-            if consumer.expired(now_s):
+            if consumer.expired(now_s + telling_s):
                 self._note(EventKind.HEARTBEAT_LOST, axis, now_s, "stopped sending its heartbeat")
 
     def take_events(self) -> tuple[DriveEvent, ...]:

@@ -46,6 +46,19 @@ def test_the_bundled_payload_cell_has_a_coupled_wrist() -> None:
     assert loaded.plant is not None
 
 
+@pytest.mark.parametrize("side", ["master", "drive"])
+def test_a_time_out_bears_one_heartbeat_that_is_late(tmp_path: Path, side: str) -> None:
+    text = load_cell("ir361").files["cell.yaml"].decode()
+    path = tmp_path / "cell.yaml"
+    for beat_ms in (45, 46):
+        beats = f"  {side}_heartbeat_ms: {beat_ms}\n  {side}_heartbeat_timeout_ms: 90\n"
+        path.write_text(text.replace("drive_safety:\n", f"drive_safety:\n{beats}"))
+        if beat_ms == 45:
+            load_cell(str(path))
+    with pytest.raises(ConfigError, match=f"{side}_heartbeat_ms must be at most half"):
+        load_cell(str(path))
+
+
 @pytest.mark.fault(18)
 @pytest.mark.parametrize("side", ["master", "drive"])
 def test_a_real_robot_does_not_go_on_for_long_after_a_death(

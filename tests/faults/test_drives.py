@@ -157,9 +157,9 @@ def test_a_heartbeat_that_ends_stops_all_axes(
     stop_s = max(run.quick_stops().values())
     last_s = max(f.time_s for f in run.frames if f.can_id == 0x701 and f.time_s < stop_s)
     allowed_s = timeout_ms / 1000.0 + T
-    assert stop_s - last_s <= allowed_s
+    assert allowed_s - T - 0.001 < stop_s - last_s <= allowed_s
     run.assert_at_rest()
-    measured(f"{1e3 * (stop_s - last_s):.1f} of {1e3 * allowed_s:.0f} ms")
+    measured(f"{1e3 * (stop_s - last_s):.1f} ms after the last, {1e3 * allowed_s:.0f} allowed")
 
 
 @pytest.mark.fault(13)
