@@ -100,9 +100,10 @@ In real time and over hours, on two cores of a virtual machine without a real-ti
 
 - `python -m benchmarks.reactions`: from a fault on the wire (or Ctrl-C) until the last axis's quick
   stop is on it, by the bus's own log, 23 to 26 of each. Of what the rows below allow the most was
-  54 % for an emergency message, 54 % for a drive that boots, 95 % for lost answers, 51 % for Ctrl-C.
-  A heartbeat's end took 104 ms in the median and 107.6 at most of row 11's 108. With 1,000 emergency
-  messages a second cycles begin late by 40 us, without by 45 us (p99 of 2 s, lower quartile).
+  54 % for an emergency message, 54 % for a drive that boots, 95 % for lost answers, 51 % for
+  Ctrl-C. A heartbeat's end took 104 ms in the median and 107.6 at most of row 11's 108. With 1,000
+  emergency messages a second cycles begin late by 40 us, without by 45 us (p99 of 2 s, lower
+  quartile).
 - `python -m benchmarks.live`: from a click on the stop button, both cores busy and 1,000 clients at
   the page, to the last axis's quick stop 6 ms in the median, 15 ms at most of 20.
 - `python -m benchmarks.soak`: eight simulated hours, 480 faults of 13 kinds, no wrong reaction;
