@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import multiprocessing
 import os
@@ -13,6 +14,7 @@ from pathlib import Path
 
 from acquisition.experiment import FREE_BYTES
 from acquisition.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY, become_realtime
+from acquisition.termination import ignore_termination, termination_held
 from config.errors import RecordingError
 from drivers.clock import MonotonicClock
 from rid_daq.check_line import CheckLine
@@ -112,8 +114,9 @@ def _lateness() -> str:
     """Return how late sleeps end in a process that asks for all that the cyclic task asks for."""
     context = multiprocessing.get_context("spawn")
     pipe, theirs = context.Pipe()
-    process = context.Process(target=_sleep_like_the_task, args=(theirs,), daemon=True)
-    process.start()
+    process = context.Process(target=sleep_like_the_task, args=(theirs,), daemon=True)
+    with termination_held():
+        process.start()
     theirs.close()
     try:
         late_s: list[float] = pipe.recv()
@@ -126,7 +129,9 @@ def _lateness() -> str:
     return f"{1e3 * late_s[_SLEEPS // 2]:.3f} ms, {1e3 * late_s[-1]:.2f} ms"
 
 
-def _sleep_like_the_task(pipe: Connection) -> None:
+def sleep_like_the_task(pipe: Connection) -> None:
+    """Sleep again and again, the main function of a process; send how late each sleep ended [s]."""
+    ignore_termination()
     become_realtime()
     clock = MonotonicClock()
     late_s = []
@@ -134,7 +139,8 @@ def _sleep_like_the_task(pipe: Connection) -> None:
         due_s = clock.now_s() + _SLEEP_S
         clock.sleep_until(due_s)
         late_s.append(clock.now_s() - due_s)
-    pipe.send(late_s[_LEARNING:])
+    with contextlib.suppress(OSError):  # a program that was interrupted does not wait for it
+        pipe.send(late_s[_LEARNING:])
 
 
 def _privileges() -> list[CheckLine]:

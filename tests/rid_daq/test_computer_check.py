@@ -1,8 +1,9 @@
 """What the preflight says of this computer."""
 
+import multiprocessing
 from pathlib import Path
 
-from rid_daq.computer_check import computer_lines, try_awake
+from rid_daq.computer_check import computer_lines, sleep_like_the_task, try_awake
 
 
 def test_keeping_processors_awake_is_tried_and_given_back(tmp_path: Path) -> None:
@@ -24,3 +25,15 @@ def test_how_late_cycles_begin_is_measured_as_the_task_would_begin_them(tmp_path
     median, worst = (float(each.removesuffix(" ms")) for each in late.split(", "))
     assert source
     assert 0.0 <= median <= worst + 0.005
+
+
+def test_nobody_who_waits_for_the_measurement_any_more_is_no_error() -> None:
+    """Ctrl-C ends the program while its process still sleeps."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    ours.close()
+    process = context.Process(target=sleep_like_the_task, args=(theirs,))
+    process.start()
+    theirs.close()
+    process.join()
+    assert process.exitcode == 0
