@@ -27,7 +27,7 @@ BARE_EXCHANGE = """
 struct frame { int64_t time_ns; uint32_t id; uint8_t length, port, pad[2]; uint8_t data[8]; };
 struct packet { uint8_t kind, flag, pad[2]; uint32_t number; int64_t time_ns;
                 struct frame frames[1024]; } __attribute__((packed));
-enum { HELLO = 1, SEND = 3, OBSERVER = 3, HEADER = 16, READING_NS = 25000 };
+enum { HELLO = 1, SEND = 3, OBSERVER = 3, HEADER = 16 };
 static struct packet out, in;
 static int hub;
 static int64_t now(clockid_t clock) {
@@ -61,7 +61,7 @@ int main(int n, char **a) {
     int64_t period = atoll(a[2]), cycles = atoll(a[3]), start = atoll(a[4]);
     struct sched_param p = {.sched_priority = atoi(a[5])};
     int axes = atoi(a[6]), bytes = atoi(a[7]), beats = atoi(a[8]);
-    int64_t burst = atoll(a[9]), expected = burst, next = start;
+    int64_t burst = atoll(a[9]), reading = atoll(a[10]), expected = burst, next = start;
     int64_t *late = calloc(cycles, sizeof *late), *took = calloc(cycles, sizeof *took);
     long received = 0;
     hub = socket(AF_UNIX, SOCK_SEQPACKET, 0);
@@ -84,7 +84,7 @@ int main(int n, char **a) {
         received += waiting(axes); /* late ones */
         out.frames[0] = (struct frame){.id = 0x80};
         put(1);
-        int64_t there = woken + expected + READING_NS;
+        int64_t there = woken + expected + reading;
         sleep_until(there < deadline ? there : deadline);
         for (int missing = axes; missing > 0;) {
             long size = recv(hub, &in, sizeof in, MSG_DONTWAIT);

@@ -43,7 +43,7 @@ from benchmarks.lateness import calm_p99
 from config.cell import CanBusConfig, DriveSafety
 from drivers.canopen.frames import heartbeat_cob_id, rpdo_cob_id, tpdo_cob_id
 from drivers.cia402 import AxisUnits
-from drivers.cyclic_exchange import CyclicExchange
+from drivers.cyclic_exchange import READING_S, CyclicExchange
 from drivers.drive_watch import DriveWatch
 from drivers.transport import open_can
 
@@ -244,6 +244,7 @@ def run_bare(
         4 if scenario.trimmed else 8,
         round(HEARTBEAT_S / scenario.cycle_time_s),
         round(1e9 * scenario.burst_s),
+        round(1e9 * READING_S),
     ]
     done = subprocess.run(
         [program, *map(str, words)], stdout=subprocess.PIPE, text=True, check=True

@@ -149,7 +149,7 @@ class DriveWatch:
             data_bytes,
         )
 
-    def check(self, now_s: float, telling_s: float = 0.0) -> None:
+    def check(self, now_s: float, telling_s: float) -> None:
         """Find the drives that will have been silent for too long when it can be told.
 
         Parameters
