@@ -7,16 +7,15 @@ long and act when nobody expects it.
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import select
 import socket
 import struct
-import time
 from collections.abc import Sequence
 
 from config.errors import TransportError
 from drivers.can_ports import Arrival, refuse_bus_off
+from drivers.kernel_stamps import KernelStamps, both_clocks
 
 RECEIVE_BUFFER_BYTES = 4 << 20
 SEND_BUFFER_BYTES = 20 << 10
@@ -32,7 +31,6 @@ _SOL_CAN_RAW, _CAN_RAW_ERR_FILTER = 101, 2
 _ERROR_CLASSES = 0x1FFF_FFFF
 _CONTROLLER, _CONTROLLER_OVERFLOW = 0x004, 0x01
 _ANCILLARY_BYTES = socket.CMSG_SPACE(_TIME.size) + socket.CMSG_SPACE(_COUNT.size)
-_OLDEST_NS = 1_000_000_000
 _MOST_FRAMES = 1024
 _QUEUE_FULL = (errno.EAGAIN, errno.ENOBUFS)
 
@@ -70,6 +68,7 @@ class SocketCanPort:
         self.lost_frames = 0
         self.error_frames = 0
         self._dropped = 0
+        self._stamps = KernelStamps(*both_clocks())
         self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         try:
             self._set_options(watch_errors)
@@ -125,10 +124,11 @@ class SocketCanPort:
         """Return all that has arrived; see `FramePort`."""
         if not select.select([self._socket], [], [], max(timeout_s, 0.0))[0]:
             return None
-        now_ns = (time.time_ns(), time.monotonic_ns())
+        date_ns, now_ns = both_clocks()
+        self._stamps.look(date_ns, now_ns)
         arrived: list[Arrival] = []
         receive = self._socket.recvmsg
-        with contextlib.suppress(BlockingIOError):
+        try:
             for _ in range(_MOST_FRAMES):
                 data, ancillary, _, _ = receive(_FRAME.size, _ANCILLARY_BYTES)
                 can_id, length, payload = _FRAME.unpack(data)
@@ -137,15 +137,17 @@ class SocketCanPort:
                     arrived.append(Arrival(can_id, payload[:length], time_s))
                 elif can_id & ERROR_FLAG:
                     self._error_frame(can_id, payload)
+        except BlockingIOError:
+            self._stamps.all_read()
         return arrived
 
-    def _note(self, ancillary: list[tuple[int, int, bytes]], now_ns: tuple[int, int]) -> float:
+    def _note(self, ancillary: list[tuple[int, int, bytes]], now_ns: int) -> float:
         """Take the kernel's drop counter; return its time stamp on CLOCK_MONOTONIC [s]."""
-        time_s = now_ns[1] * 1e-9
+        time_s = now_ns * 1e-9
         for _, kind, value in ancillary:
             if kind == _SO_TIMESTAMPNS:
                 seconds, nanoseconds = _TIME.unpack(value)
-                time_s = on_monotonic(seconds * 1_000_000_000 + nanoseconds, *now_ns)
+                time_s = self._stamps.arrival_s(seconds * 1_000_000_000 + nanoseconds)
             elif kind == _SO_RXQ_OVFL:
                 (dropped,) = _COUNT.unpack(value)
                 self.lost_frames += (dropped - self._dropped) & 0xFFFF_FFFF
@@ -161,18 +163,6 @@ class SocketCanPort:
     def shutdown(self) -> None:
         """Close the socket."""
         self._socket.close()
-
-
-def on_monotonic(stamp_ns: int, date_ns: int, now_ns: int) -> float:
-    """Return a kernel's time stamp on CLOCK_MONOTONIC [s].
-
-    The kernel stamps with the date. A stamp that is not of the second before `date_ns` tells that
-    the date was set meanwhile: then the frame's time is when it was read, `now_ns`.
-    """
-    age_ns = date_ns - stamp_ns
-    if not 0 <= age_ns <= _OLDEST_NS:
-        age_ns = 0
-    return (now_ns - age_ns) * 1e-9
 
 
 def transmit_queue_frames(channel: str) -> int | None:

@@ -1,7 +1,8 @@
-"""Real SocketCAN on any machine: a user-mode-linux guest with vcan and slcan runs tests of its own.
+"""Real SocketCAN, and a disk that fails, on any machine: tests run in a user-mode-linux guest.
 
 The guest's files are the host's; it starts in two seconds and needs no privilege. Skipped where
-user-mode-linux or can-utils are not installed (Debian: user-mode-linux can-utils busybox-static).
+what it takes is not installed (Debian: user-mode-linux can-utils busybox-static iproute2 dmsetup
+e2fsprogs).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import pytest
 
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parent.parent
-NEEDED = ("linux.uml", "busybox", "candump", "cansend", "slcand", "ip", "tc")
+NEEDED = ["linux.uml", "busybox", "candump", "cansend", "slcand", "ip", "tc", "dmsetup", "mke2fs"]
 MISSING = [name for name in NEEDED if shutil.which(name) is None]
 PATIENCE_S = 580
 
@@ -69,13 +70,37 @@ def assert_passed(output: str) -> None:
     assert "skipped" not in output.rsplit("passed", 1)[-1], output[-4000:]
 
 
-@pytest.mark.fault(12)
-def test_the_interface_and_drives_on_it(tmp_path: Path, measured: Callable[[str], None]) -> None:
-    output = boot(tmp_path, "tests/socketcan/test_interface.py")
+@pytest.fixture(scope="module")
+def figures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Return what was measured in the guest, by fault."""
+    tests = ("tests/socketcan/test_interface.py", "tests/faults/test_failing_disk.py")
+    output = boot(tmp_path_factory.mktemp("guest"), *tests)
     assert_passed(output)
-    figures = re.findall(r"^MEASURED (.*)$", output, re.MULTILINE)
-    assert len(figures) == 3
-    measured("; ".join(f"SocketCAN, {figure}" for figure in figures))
+    figures = dict(re.findall(r"^MEASURED (.*?): (.*)$", output, re.MULTILINE))
+    assert len(figures) == 5
+    return figures
+
+
+@pytest.mark.fault(12)
+def test_the_interface_and_drives_on_it(
+    figures: dict[str, str], measured: Callable[[str], None]
+) -> None:
+    for fault in ("full queue", "bus-off", "interface down"):
+        measured(f"SocketCAN, {fault}: {figures[fault]}")
+
+
+@pytest.mark.fault(26)
+def test_the_kernels_stamps_are_of_use_while_the_date_is_set(
+    figures: dict[str, str], measured: Callable[[str], None]
+) -> None:
+    measured(f"SocketCAN, date set in motion: {figures['date set in motion']}")
+
+
+@pytest.mark.fault(24)
+def test_a_disk_that_dies_in_motion(
+    figures: dict[str, str], measured: Callable[[str], None]
+) -> None:
+    measured(f"EIO of a block device that dies: {figures['failing disk']}")
 
 
 @pytest.mark.skipif(

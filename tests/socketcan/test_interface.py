@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,6 +32,10 @@ from rid_daq.bus_check import bus_lines
 CHANNEL = os.environ.get("RID_DAQ_SOCKETCAN", "")
 pytestmark = pytest.mark.skipif(
     not CHANNEL, reason="test_guest.py runs this in its guest; or set RID_DAQ_SOCKETCAN=can0"
+)
+
+IN_THE_GUEST = pytest.mark.skipif(
+    "User Mode Linux" not in Path("/proc/cpuinfo").read_text(), reason="it sets the date"
 )
 
 FRAME = struct.Struct("=IB3x8s")
@@ -123,6 +128,25 @@ def test_a_frame_read_late_says_when_it_arrived(link: CanLink, raw: socket.socke
     assert before_s - 1e-3 <= link.last_time_s <= sent_s + 0.1
 
 
+@IN_THE_GUEST
+@pytest.mark.parametrize("step_s", [3600.0, -3600.0, 0.4, -0.4])
+def test_a_frame_that_waits_while_the_date_is_set_keeps_its_place_in_time(
+    link: CanLink, raw: socket.socket, step_s: float
+) -> None:
+    before_s = link.clock.now_s()
+    raw.send(FRAME.pack(0x181, 2, b"ab"))
+    set_date(step_s)
+    raw.send(FRAME.pack(0x182, 2, b"cd"))
+    for _ in range(2):
+        assert link.receive(0.0) is not None
+        assert before_s - 1e-3 <= link.last_time_s <= link.clock.now_s()
+
+
+def set_date(step_s: float) -> None:
+    """Set the date; of the guest, not of the computer that runs it."""
+    time.clock_settime(time.CLOCK_REALTIME, time.clock_gettime(time.CLOCK_REALTIME) + step_s)
+
+
 def test_other_frames_than_classic_data_frames_are_left_out(
     link: CanLink, raw: socket.socket
 ) -> None:
@@ -198,7 +222,9 @@ def test_few_set_points_wait_for_a_dead_bus_and_none_survives_it(
     run("tc", "qdisc", "del", "dev", CHANNEL, "root")
     run("ip", "link", "set", CHANNEL, "up")
     assert set_points(raw) == 0
-    sys.stdout.write(f"MEASURED {taken} frames wait at most, 0 go out when the bus is back\n")
+    sys.stdout.write(
+        f"MEASURED full queue: {taken} frames wait at most, 0 go out when the bus is back\n"
+    )
 
 
 def test_the_preflight_looks_at_the_transmit_queue(loaded: LoadedCell) -> None:
@@ -210,6 +236,22 @@ def test_the_preflight_looks_at_the_transmit_queue(loaded: LoadedCell) -> None:
             assert (line.found, line.verdict) == (str(frames), verdict)
     finally:
         run("ip", "link", "set", CHANNEL, "txqueuelen", str(before))
+
+
+@IN_THE_GUEST
+def test_a_motion_does_not_notice_that_the_date_is_set(
+    simulated: SimulatedCell, loaded: LoadedCell
+) -> None:
+    with open_cell(simulated.cell, loaded.robot) as cell:
+        cell.axes.bring_up()
+        cell.axes.start()
+        drive(cell, 20)
+        for step_s in (3600.0, -3600.0, 0.4, -0.4):
+            drive(cell, 5, enable=False, after_sync=lambda step_s=step_s: set_date(step_s))
+        assert simulated.axes().enabled.all()
+        assert (cell.axes.late_frames, cell.axes.duplicate_frames) == (0, 0)
+        assert not cell.axes.take_events()
+    sys.stdout.write("MEASURED date set in motion: 20 times, 0 answers missing, late or twice\n")
 
 
 @pytest.mark.parametrize("fault", ["bus-off", "interface down"])
@@ -251,13 +293,21 @@ def die_in_motion(simulated: SimulatedCell, loaded: LoadedCell, kill: Callable[[
         drive(cell, 1, enable=False)
 
 
-def drive(cell: Cell, cycles: int, *, enable: bool = True) -> int:
+def drive(
+    cell: Cell,
+    cycles: int,
+    *,
+    enable: bool = True,
+    after_sync: Callable[[], None] = lambda: None,
+) -> int:
     """Move for so many cycles, as far as the bus goes."""
     next_s = cell.axes.enable() if enable else cell.clock.now_s()
     for _ in range(cycles):
         next_s = max(next_s + cell.config.cycle_time_s, cell.clock.now_s())
         cell.clock.sleep_until(next_s)
-        cell.axes.collect(cell.axes.sync() + 1.0)
+        until_s = cell.axes.sync() + 1.0
+        after_sync()
+        cell.axes.collect(until_s)
         assert cell.axes.received.all()
         assert cell.axes.command(np.full(3, 0.1))
         cell.axes.beat(cell.clock.now_s())
