@@ -64,9 +64,14 @@ class FrameRecorder:
         self._process = context.Process(
             target=run_frame_recorder, args=(bus, path, theirs), name="frame recorder", daemon=True
         )
-        with termination_held():
-            self._process.start()
-        theirs.close()
+        try:
+            with termination_held():
+                self._process.start()
+        except BaseException:
+            self._end()
+            raise
+        finally:
+            theirs.close()
 
     def __enter__(self) -> FrameRecorder:
         """Wait until it listens."""
@@ -111,6 +116,8 @@ class FrameRecorder:
 
     def _end(self) -> None:
         self._pipe.close()
+        if self._process.pid is None:
+            return
         self._process.join(_END_PATIENCE_S)
         if self._process.is_alive():
             self._process.kill()

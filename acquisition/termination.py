@@ -6,6 +6,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from types import FrameType
 
 TERMINATION = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -67,6 +68,7 @@ def termination_calls(
 @contextmanager
 def termination_held() -> Iterator[None]:
     """Start processes in here: they are deaf to termination signals from the first instruction."""
+    resource_tracker.ensure_running()  # starting the first process would unblock signals again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION)
     try:
         yield

@@ -90,9 +90,14 @@ class PointServer:
         )
 
     def __enter__(self) -> PointServer:
-        with termination_held():
-            self._process.start()
-        self._listener.close()
+        try:
+            with termination_held():
+                self._process.start()
+        except BaseException as error:  # a signal that came meanwhile, perhaps
+            self._end(str(error))
+            raise
+        finally:
+            self._listener.close()
         return self
 
     @property
@@ -111,11 +116,15 @@ class PointServer:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._ring.conclude("the session has ended" if error is None else str(error))
-        self._process.join(2.0)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
+        self._end("the session has ended" if error is None else str(error))
+
+    def _end(self, why: str) -> None:
+        self._ring.conclude(why)
+        if self._process.pid is not None:
+            self._process.join(2.0)
+            if self._process.is_alive():
+                self._process.kill()
+                self._process.join()
         self._process.close()
         self.path.unlink(missing_ok=True)
 

@@ -11,7 +11,8 @@ import ctypes
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -44,12 +45,14 @@ class DeviceProcess:
 
     def __init__(self, serve: Callable[..., None], *arguments: Any) -> None:
         context = multiprocessing.get_context("spawn")
+        resource_tracker.ensure_running()  # starting the first process would unblock signals again
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(*arguments, theirs), daemon=True)
         try:
-            self._process.start()
+            with held_back(signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+                self._process.start()
         except BaseException:
-            self.pipe.close()
+            self.end()
             raise
         finally:
             theirs.close()
@@ -57,11 +60,12 @@ class DeviceProcess:
     def end(self) -> None:
         """End the process, gently first, and close the pipe."""
         process = self._process
-        process.terminate()
-        process.join(_END_TIMEOUT_S)
-        if process.is_alive():
-            process.kill()
-            process.join()
+        if process.pid is not None:
+            process.terminate()
+            process.join(_END_TIMEOUT_S)
+            if process.is_alive():
+                process.kill()
+                process.join()
         process.close()
         self.pipe.close()
 
@@ -88,11 +92,23 @@ def leave_signals_to_parent() -> None:
 
     A process group of its own keeps away what is sent to all of a program's processes: Ctrl-C, a
     closed terminal, the SIGTERM of `timeout`. Interrupts and hang-ups that are sent to this process
-    itself are ignored, and so is a terminal's refusal to let it write; SIGTERM is how it is ended.
+    itself are ignored, and so is a terminal's refusal to let it write; SIGTERM is how it is ended,
+    from here on.
     """
     os.setpgid(0, 0)
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTTOU):
         signal.signal(number, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGTERM])
+
+
+@contextlib.contextmanager
+def held_back(*signals: signal.Signals) -> Iterator[None]:
+    """Let signals wait, also for a process that is started in here."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def catch_terminate() -> int:

@@ -23,7 +23,7 @@ from drivers.transport import CanLink, open_can
 from mock_hw.amplifier_port import AmplifierPort, PlateSettings
 from mock_hw.axis_snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.bus_client import BusClient
-from mock_hw.device_process import keep_pace, leave_signals_to_parent
+from mock_hw.device_process import held_back, keep_pace, leave_signals_to_parent
 from mock_hw.drive_rack import DriveRack
 from mock_hw.hub_client import HubClient
 from mock_hw.hub_process import LINGER_NS
@@ -113,7 +113,8 @@ def _rack_on_bus(
 ) -> Iterator[tuple[DriveRack, DeviceClient]]:
     """Build the rack, its kernels compiled, and join the bus; the snapshot goes at the end."""
     cell, robot, plant, seed = settings.cell, settings.robot, settings.plant, settings.seed
-    DriveRack(cell, robot, plant, seed).advance_to(LONGEST_WAIT_S)
+    with held_back(signal.SIGTERM):  # an exception that a compiler's callback raises is lost
+        DriveRack(cell, robot, plant, seed).advance_to(LONGEST_WAIT_S)
     pipe.recv()
     snapshots = SnapshotWriter(settings.snapshot, len(robot.joints))
     try:

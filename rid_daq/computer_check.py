@@ -115,16 +115,18 @@ def _lateness() -> str:
     context = multiprocessing.get_context("spawn")
     pipe, theirs = context.Pipe()
     process = context.Process(target=sleep_like_the_task, args=(theirs,), daemon=True)
-    with termination_held():
-        process.start()
-    theirs.close()
     try:
+        with termination_held():
+            process.start()
+        theirs.close()
         late_s: list[float] = pipe.recv()
     except EOFError:  # it was killed
         return "not measured"
     finally:
         pipe.close()
-        process.join()
+        if process.pid is not None:
+            process.kill()
+            process.join()
     late_s.sort()
     return f"{1e3 * late_s[_SLEEPS // 2]:.3f} ms, {1e3 * late_s[-1]:.2f} ms"
 

@@ -12,6 +12,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, NoReturn
 
 from acquisition.run_folder import RunFolder
+from acquisition.termination import TERMINATION, termination_held
 from config import errors
 from config.errors import DriverError, RidDaqError
 from rid_daq.console import Console
@@ -60,11 +61,11 @@ def run_stories(
             process = spawn.Process(
                 target=_serve, args=(folder, motions, seed, unmodelled, theirs), name="rid-daq demo"
             )
-            with _environment(_ONE_THREAD):
-                process.start()
-            theirs.close()
-            stack.push(_Ending(process))
             lines[stack.enter_context(ours)] = unmodelled
+            with _environment(_ONE_THREAD), termination_held():
+                process.start()
+                stack.push(_Ending(process))
+            theirs.close()
         done_s = dict.fromkeys(lines.values(), 0.0)
         with console.progress("recording", total_s, "s of motion, two robots") as display:
             while lines:
@@ -106,6 +107,7 @@ def _serve(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, TERMINATION)
 
     def show(done_s: float, doing: str) -> None:
         line.send((done_s, doing))

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -101,3 +102,21 @@ def test_a_process_started_meanwhile_is_deaf_from_its_first_instruction() -> Non
     with termination_held():
         child = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
     assert child.stdout == b"alive\n"
+
+
+def test_so_is_the_first_process_of_a_program(tmp_path: Path) -> None:
+    script = tmp_path / "program.py"
+    script.write_text(
+        "import os, signal\n"
+        "from multiprocessing import get_context\n"
+        "from acquisition.termination import termination_held\n"
+        "if __name__ == '__mp_main__':\n"
+        "    os.kill(os.getpid(), signal.SIGINT)\n"
+        "elif __name__ == '__main__':\n"
+        "    process = get_context('spawn').Process(target=print, args=('alive',))\n"
+        "    with termination_held():\n"
+        "        process.start()\n"
+        "    process.join()\n"
+    )
+    child = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert (child.stdout, child.stderr) == ("alive\n", "")

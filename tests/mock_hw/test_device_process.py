@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import subprocess
@@ -112,5 +113,26 @@ def test_a_process_that_ends_without_a_word_did_not_start() -> None:
     try:
         with pytest.raises(TransportError, match="amplifier did not start: the process ended"):
             wait_until_ready("amplifier", process.pipe)
+    finally:
+        process.end()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_process_that_is_still_starting_leaves_signals_to_the_program_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    (tmp_path / f"hardware_{number.name}.py").write_text(
+        "import multiprocessing, os\n"
+        "if multiprocessing.current_process().name != 'MainProcess':\n"
+        f"    os.kill(os.getpid(), {number:d})\n"
+        "from mock_hw.device_process import leave_signals_to_parent\n"
+        "def serve(pipe):\n"
+        "    leave_signals_to_parent()\n"
+        "    pipe.send(None)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    process = DeviceProcess(importlib.import_module(f"hardware_{number.name}").serve)
+    try:
+        assert wait_until_ready("hardware", process.pipe) is None
     finally:
         process.end()

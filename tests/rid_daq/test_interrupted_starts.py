@@ -1,0 +1,81 @@
+"""Ctrl-C just as a process starts: its owner hears of it, and leaves no process behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from acquisition.frame_recorder import FrameRecorder
+from acquisition.run_folder import RunFolder
+from compensation.point_ring import PointRing
+from compensation.point_server import PointServer, PointService
+from config.cell import CanBusConfig
+from config.load import load_cell
+from mock_hw.device_process import DeviceProcess, leave_signals_to_parent
+from rid_daq.computer_check import computer_lines
+from rid_daq.console import Console
+from rid_daq.side_by_side import run_stories
+
+
+def wait_at(pipe: Any) -> None:
+    """Be a device that waits."""
+    leave_signals_to_parent()
+    pipe.recv()
+
+
+def serve_points(folder: Path) -> None:
+    loaded = load_cell("ir361")
+    service = PointService(loaded.robot, loaded.config.workspace, 0.008, 10)
+    with PointServer(folder / "points", PointRing.create(3, 20), service):
+        raise AssertionError("Ctrl-C was not heard")
+
+
+def record_frames(folder: Path) -> None:
+    FrameRecorder(CanBusConfig(interface="rid_sim", channel="nobody"), folder / "frames.blf")
+
+
+def tell_stories(folder: Path) -> None:
+    run_stories(RunFolder.create(folder, "demo"), cast(Any, None), 1.0, 1, Console())
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Let Ctrl-C come as each process has just been started; list them."""
+    pids: list[int] = []
+    start = SpawnProcess.start
+
+    def interrupted(process: SpawnProcess) -> None:
+        start(process)
+        assert process.pid is not None
+        pids.append(process.pid)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(SpawnProcess, "start", interrupted)
+    return pids
+
+
+@pytest.mark.parametrize(
+    "owner",
+    [
+        lambda _folder: DeviceProcess(wait_at),
+        record_frames,
+        serve_points,
+        computer_lines,
+        tell_stories,
+    ],
+    ids=["device", "frames", "points", "check", "demo"],
+)
+def test_no_process_is_left_behind(
+    owner: Callable[[Path], object], started: list[int], tmp_path: Path
+) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        owner(tmp_path)
+    assert len(started) == 1
+    assert not Path(f"/proc/{started[0]}").exists()
+    assert not (tmp_path / "points").exists()
