@@ -8,7 +8,7 @@ import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from multiprocessing import get_context, resource_tracker
+from multiprocessing import get_context
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
@@ -188,8 +188,6 @@ def record_motion(
     with termination_calls(
         lambda: control.request_stop(StopCode.INTERRUPTED), then_ignored=True
     ) as interruption:
-        # its start would let signals through again
-        resource_tracker.ensure_running()
         plate = _start_plate(cell, source, folder, profile)
         notes: list[str] = []
         try:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from pydantic import JsonValue
 
 from acquisition.control_block import Progress, TaskState
 from acquisition.experiment import RecordOutcome, record_motion
@@ -17,7 +19,7 @@ from acquisition.motion_samples import MotionSamples
 from acquisition.periods import average_periods
 from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig
-from config.errors import ConfigError, SafetyStop
+from config.errors import ConfigError, RecordingError, SafetyStop
 from config.load import LoadedCell, load_cell, to_yaml
 from config.motion import AnyMotion, FourierMotion, MultipointMotion
 from config.robot import RobotDescription
@@ -171,12 +173,13 @@ class _Recorder:
         for name, content in (files or {}).items():
             folder.write(name, content)
         outcome = self._run(robot, samples, folder, role)
-        folder.finish(
-            RunStatus.COMPLETE if outcome.complete else RunStatus.STOPPED,
-            {"robot": robot.name, "rows": outcome.rows},
-        )
+        facts: dict[str, JsonValue] = {"robot": robot.name, "rows": outcome.rows}
         if outcome.stop is not None:
-            raise SafetyStop(f"the demo's {role} was stopped: {outcome.stop.text}")
+            with contextlib.suppress(RecordingError):  # of a disk that may be why it was stopped
+                folder.finish(RunStatus.STOPPED, facts)
+            why = "; ".join((outcome.stop.text, *outcome.notes))
+            raise SafetyStop(f"the demo's {role} was stopped: {why}")
+        folder.finish(RunStatus.COMPLETE, facts)
         self.done_s += samples.duration_s
         return Recorded(folder, outcome, read_journal(outcome.path).recording())
 

@@ -23,7 +23,7 @@ from rid_daq.console import Console
 from rid_daq.flange import note_flange
 from rid_daq.live.live_page import LivePage
 from rid_daq.payload_watch import Watch
-from rid_daq.recording_job import progress_shown
+from rid_daq.recording_job import ended_words, how_it_ended, progress_shown, tell_notes
 from rid_daq.session import unfinished
 from rid_daq.versions import software_versions
 
@@ -152,7 +152,9 @@ class PayloadSteps:
                 onlooker=onlooker,
             )
         status = RunStatus.COMPLETE if outcome.complete else RunStatus.STOPPED
-        folder.finish(status, facts | {"rows": outcome.rows})
+        tell_notes(self.console, outcome)
+        with how_it_ended(ended_words(outcome, role)):
+            folder.finish(status, facts | {"rows": outcome.rows})
         return outcome
 
     def _shown(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from acquisition.stop_reason import StopCode
 from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
-from config.errors import ConfigError
+from config.errors import ConfigError, RecordingError
 from config.motion import AnyMotion
 from config.robot import RobotDescription
 from rid_daq.accuracy_watch import AccuracyWatch
@@ -45,7 +46,7 @@ _WHAT_TO_DO = {
     StopCode.STOP_COMMAND: _AGAIN,
     StopCode.STOP_BUTTON: _AGAIN,
     StopCode.RECORDER: "Check the disk (free space, speed), then start again.",
-    StopCode.BUS: "Check the adapter, its cable and the termination, then run `rid-daq check`.",
+    StopCode.BUS: "Then run `rid-daq check`.",
     StopCode.MISSED_FRAMES: "Check cable and bus load, then run `rid-daq check`.",
     StopCode.PLATE_LINE: "Check the amplifier's cable and adapter, then run `rid-daq check`.",
     StopCode.PLATE_OVERLOAD: "Choose a larger plate.amplifier.range_n, and zero the plate again.",
@@ -92,9 +93,12 @@ class RecordedRun:
         if stop is None:
             return ""
         where = "" if self.recording is None else f" {_where(self.recording)}"
-        text = stop.text if stop.text.endswith(".") else f"{stop.text}."
-        said = f"S{text[1:]}" if text.startswith("stopped ") else f"Stopped: {text}"
-        return f"{said}{where} {_WHAT_TO_DO.get(stop.code, _CHECK)}"
+        return f"{stop_words(self.outcome)}{where} {_WHAT_TO_DO.get(stop.code, _CHECK)}"
+
+    @property
+    def ended(self) -> str:
+        """How the motion ended, also where nothing stopped it."""
+        return self.stop_sentence or ended_words(self.outcome)
 
     @property
     def timing_sentence(self) -> str:
@@ -139,6 +143,7 @@ def record_run(
     onlooker = None
     if page is not None and samples is not None:
         onlooker = page.onlooker(sentence, samples, cell, robot)
+    created_utc = folder.manifest().created_utc
     started_s = time.monotonic()
     with console.progress(role, total, unit) as display:
         outcome = record_motion(
@@ -153,7 +158,9 @@ def record_run(
             onlooker=onlooker,
         )
     elapsed_s = time.monotonic() - started_s
-    recording = read_journal(outcome.path).recording() if outcome.rows else None
+    tell_notes(console, outcome)
+    with how_it_ended(ended_words(outcome, role)):
+        recording = read_journal(outcome.path).recording() if outcome.rows else None
     result = new_result(f"Recording on {cell.name}", robot.name)
     result["cell"] = cell_section(cell)
     stop = None if outcome.stop is None else outcome.stop.text
@@ -161,7 +168,7 @@ def record_run(
         result["runs"] = [run_section(role, sentence, recording, robot, stop)]
     result["timing"] = {
         "elapsed_s": elapsed_s,
-        "created_utc": folder.manifest().created_utc,
+        "created_utc": created_utc,
         "loops": [loop_section(role, outcome.statistics)],
     }
     run = RecordedRun(outcome, recording, result)
@@ -173,6 +180,49 @@ def record_run(
         sentences = goals or [run.timing_sentence]
         result["verdict"] = verdict([], "Recorded completely", ". ".join(sentences))
     return run
+
+
+def stop_words(outcome: RecordOutcome) -> str:
+    """Return what stopped a motion, as a sentence; empty where nothing did."""
+    if outcome.stop is None:
+        return ""
+    text = f"{outcome.stop.text.removesuffix('.')}."
+    return f"S{text[1:]}" if text.startswith("stopped ") else f"Stopped: {text}"
+
+
+def stop_document(outcome: RecordOutcome) -> dict[str, Any]:
+    """Return what programs are told of a motion's end: `stop`, None where it came, and `notes`."""
+    stop = outcome.stop
+    return {
+        "stop": None if stop is None else {"code": stop.code.name, "text": stop.text},
+        "notes": list(outcome.notes),
+    }
+
+
+def tell_notes(console: Console, outcome: RecordOutcome) -> None:
+    """Say what else a person should know, such as drives that did not confirm being disabled."""
+    for note in outcome.notes:
+        console.say(f"note: {note}")
+
+
+def ended_words(outcome: RecordOutcome, role: str = "motion") -> str:
+    """Return how a motion ended, as a sentence, also where nothing stopped it."""
+    return stop_words(outcome) or f"The {role} ended as planned."
+
+
+@contextlib.contextmanager
+def how_it_ended(ended: str) -> Iterator[None]:
+    """Say how a motion `ended` also where its run folder cannot be read or written any more.
+
+    Raises
+    ------
+    RecordingError
+        What failed, after how the motion ended.
+    """
+    try:
+        yield
+    except RecordingError as error:
+        raise RecordingError(f"{ended} {error}") from error
 
 
 def judge(run: RecordedRun, folder: RunFolder) -> RunQuality | None:

@@ -216,3 +216,15 @@ def serve_amplifier(tmp_path: Path) -> Iterator[Serve]:
     yield serve
     for amplifier in served:
         amplifier.close()
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cell and a short motion."""
+    from rid_daq.app import run
+
+    folder = tmp_path_factory.mktemp("workshop")
+    assert run(["init", str(folder)]) == 0
+    motion = folder / "validation.yaml"
+    motion.write_text(motion.read_text().replace("points: 20", "points: 2"))
+    return folder

@@ -18,7 +18,7 @@ from config.motion import MultisineMotion
 from rid_daq.console import AsJson, Console
 from rid_daq.report.render import number
 from rid_daq.result import write_result
-from rid_daq.run_data import RunData, read_run, result_of
+from rid_daq.run_data import RunData, read_run, result_of, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.velocity_loop_section import velocity_loop_section
 
@@ -47,6 +47,7 @@ def loop(
     """
     console = Console(as_json)
     data = read_run(find_run(runs, run))
+    tell_lacks(console, [data])
     motion = _motion(data)
     if output is not None and not output.parent.is_dir():
         raise RecordingError(f"{output}: cannot be written: there is no folder {output.parent}")

@@ -40,6 +40,7 @@ from rid_daq.payload_steps import (
     require_yes,
 )
 from rid_daq.payload_watch import MassWatch, WarmUpWatch, Watch
+from rid_daq.recording_job import stop_document
 from rid_daq.result import new_result, write_result
 from rid_daq.run_data import read_run
 from rid_daq.run_quality import run_quality
@@ -190,6 +191,7 @@ class _Guide:
         outcome = self._steps.record(motion, folder, name, watch)
         if outcome.stop is not None:
             console = self._steps.console
+            console.document({"step": name, "folder": str(folder.path), **stop_document(outcome)})
             console.verdict(False, f"Stopped in step {name}: {outcome.stop.text}")
             console.say(f"Go on with: {self._resume}")
             raise typer.Exit(exit_code_of_stop(outcome.stop.code, outcome.interrupted_by))
@@ -285,7 +287,7 @@ def _preflight(loaded: LoadedCell, reachable: CellConfig, runs: Path, console: C
     if problem is not None:
         raise problem
     if red:
-        raise PreflightError(f"{len(red)} red lines in the preflight: see `rid-daq check`")
+        raise PreflightError(f"red lines in the preflight: {len(red)}; see `rid-daq check`")
     console.say(f"Preflight: {len(lines)} lines, none red.")
 
 

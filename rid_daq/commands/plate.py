@@ -32,7 +32,7 @@ from rid_daq.cells import CellName, Realtime, Seed, reachable_cell
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
-from rid_daq.recording_job import RecordedRun, record_run
+from rid_daq.recording_job import RecordedRun, how_it_ended, record_run, stop_document
 from rid_daq.result import write_result
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, unfinished
 from rid_daq.versions import software_versions
@@ -120,8 +120,9 @@ def zero(
                 role="zeroing",
                 profile=loaded.amplifier_profile,
             )
-            if run.outcome.stop is not None:
-                _stopped(run, folder, console)
+        if run.outcome.stop is not None:
+            _stopped(run, folder, console)
+        with unfinished(folder):
             found = _evaluate(run, folder, _plate_of(reachable), turn, steps[1])
     _conclude(console, run, folder, found, turn, loaded, Path(cell) if write else None)
 
@@ -162,7 +163,7 @@ def _approach(cell: CellConfig, loaded: LoadedCell, turn: ZeroTurn, console: Con
             bare, loaded.robot, "To the first pose.", there, folder, console, role="approach"
         )
     if run.outcome.stop is not None:
-        console.document({"stop": {"text": run.outcome.stop.text}})
+        console.document(stop_document(run.outcome))
         console.verdict(False, run.stop_sentence)
         raise typer.Exit(exit_code_of_stop(run.outcome.stop.code, run.outcome.interrupted_by))
 
@@ -204,11 +205,10 @@ def _stopped(run: RecordedRun, folder: RunFolder, console: Console) -> NoReturn:
     """Say that it was stopped, and leave."""
     stop = run.outcome.stop
     assert stop is not None
-    report = write_result(folder, run.result)
-    folder.finish(run.status, {"rows": run.outcome.rows})
-    console.document(
-        {"folder": str(folder.path), "stop": {"code": stop.code.name, "text": stop.text}}
-    )
+    with unfinished(folder), how_it_ended(run.ended):
+        report = write_result(folder, run.result)
+        folder.finish(run.status, {"rows": run.outcome.rows})
+    console.document({"folder": str(folder.path), **stop_document(run.outcome)})
     console.verdict(False, run.stop_sentence)
     console.say("The plate is not zeroed: start again, or `record` measures from a wrong zero.")
     console.say(f"Report: {report}")

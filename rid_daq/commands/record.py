@@ -38,7 +38,14 @@ from rid_daq.flange import note_flange
 from rid_daq.frames import frames_recorded
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
-from rid_daq.recording_job import RecordedRun, judge, record_run, tell_verdict
+from rid_daq.recording_job import (
+    RecordedRun,
+    how_it_ended,
+    judge,
+    record_run,
+    stop_document,
+    tell_verdict,
+)
 from rid_daq.result import write_result
 from rid_daq.run_quality import RunQuality
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
@@ -164,10 +171,10 @@ def record(
                     drive_profile=loaded.drive_profile,
                     page=page,
                 )
-    with unfinished(folder):
+    with unfinished(folder), how_it_ended(run.ended):
         quality = judge(run, folder)
-    report = write_result(folder, run.result)
-    folder.finish(run.status, facts | {"rows": run.outcome.rows})
+        report = write_result(folder, run.result)
+        folder.finish(run.status, facts | {"rows": run.outcome.rows})
     _tell(console, run, asked, folder, report, accuracy, quality)
     stop = run.outcome.stop
     if stop is not None:
@@ -212,13 +219,16 @@ def _rehearse(
             profile=loaded.amplifier_profile,
             drive_profile=loaded.drive_profile,
         )
-    write_result(folder, run.result)
-    folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
+    alone = "That was the rehearsal; nothing else was driven."
+    with unfinished(folder), how_it_ended(f"{run.ended} {alone}"):
+        write_result(folder, run.result)
+        folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
     stop = run.outcome.stop
     if stop is None:
         console.say(f"Rehearsed at 1/{SLOWER:g} of the speed: {folder.path}")
         return
-    console.verdict(False, f"{run.stop_sentence} That was the rehearsal; nothing else was driven.")
+    console.document({"rehearsal": str(folder.path), **stop_document(run.outcome)})
+    console.verdict(False, f"{run.stop_sentence} {alone}")
     raise typer.Exit(exit_code_of_stop(stop.code, run.outcome.interrupted_by))
 
 
@@ -288,10 +298,7 @@ def _tell(
             "report": str(report),
             "status": run.status.value,
             "rows": outcome.rows,
-            "stop": None
-            if outcome.stop is None
-            else {"code": outcome.stop.code.name, "text": outcome.stop.text},
-            "notes": list(outcome.notes),
+            **stop_document(outcome),
             "accuracy": None
             if accuracy is None
             else {
@@ -306,8 +313,6 @@ def _tell(
             "statistics": outcome.statistics.to_dict(),
         }
     )
-    for note in outcome.notes:
-        console.say(f"note: {note}")
     console.say(run.timing_sentence)
     if accuracy is not None and accuracy.running is not None:
         console.say(f"Running estimate: {accuracy.running_sentence()}")
@@ -316,12 +321,12 @@ def _tell(
     if not tell_verdict(console, run, quality, folder, report):
         return
     if isinstance(asked, ConstantVelocityMotion | ReversedMotion):
-        console.say(f"Next: rid-daq friction {folder.path}")
+        console.next_step("friction", folder.path)
     elif isinstance(asked, MultisineMotion):
-        console.say(f"Next: rid-daq loop {folder.path}")
+        console.next_step("loop", folder.path)
     elif isinstance(asked, CircleMotion | PathMotion | JointPathMotion | JointTableMotion):
-        console.say(f"Next: rid-daq tracking {folder.path}")
+        console.next_step("tracking", folder.path)
     elif run.is_periodic:
-        console.say(f"Next: rid-daq identify {folder.path}")
+        console.next_step("identify", folder.path)
     else:
-        console.say(f"Next: rid-daq validate MODEL {folder.path}")
+        console.next_step("validate", "MODEL", folder.path)

@@ -58,7 +58,7 @@ def reset(
     count = sum(drive.was_faulty for drive in drives)
     what = "No drive was in fault." if not count else f"Reset: {count} of {len(drives)} drives."
     console.verdict(True, f"{what} Nothing was switched on.")
-    console.say(f"Next: rid-daq check {cell}")
+    console.next_step("check", cell)
 
 
 def _sentence(drive: FaultReset) -> str:

@@ -33,7 +33,14 @@ from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.commands.record import check_robot
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode, exit_code_of_stop
-from rid_daq.recording_job import RecordedRun, judge, record_run, tell_verdict
+from rid_daq.recording_job import (
+    RecordedRun,
+    how_it_ended,
+    judge,
+    record_run,
+    stop_document,
+    tell_verdict,
+)
 from rid_daq.result import write_result
 from rid_daq.run_quality import RunQuality
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
@@ -111,10 +118,10 @@ def stream(
             run = _streamed(
                 loaded, reachable, forward, options, folder, console, asked, samples, socket
             )
-    with unfinished(folder):
+    with unfinished(folder), how_it_ended(run.ended):
         quality = judge(run, folder)
-    report = write_result(folder, run.result)
-    folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
+        report = write_result(folder, run.result)
+        folder.finish(run.status, {"robot": loaded.robot.name, "rows": run.outcome.rows})
     _tell(console, run, quality, folder, report, compensated=not plain, planned=asked is not None)
     stop = run.outcome.stop
     if stop is not None:
@@ -204,16 +211,11 @@ def _tell(
             "status": run.status.value,
             "rows": outcome.rows,
             "compensated": compensated,
-            "stop": None
-            if outcome.stop is None
-            else {"code": outcome.stop.code.name, "text": outcome.stop.text},
-            "notes": list(outcome.notes),
+            **stop_document(outcome),
             "quality": None if quality is None else quality.to_dict(),
             "statistics": outcome.statistics.to_dict(),
         }
     )
-    for note in outcome.notes:
-        console.say(f"note: {note}")
     console.say(run.timing_sentence)
     if tell_verdict(console, run, quality, folder, report) and planned:
-        console.say(f"Next: rid-daq tracking {folder.path}")
+        console.next_step("tracking", folder.path)

@@ -35,16 +35,6 @@ class Recorded(NamedTuple):
     journal: Journal
 
 
-@pytest.fixture(scope="module")
-def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A cell and a short motion."""
-    folder = tmp_path_factory.mktemp("workshop")
-    assert run(["init", str(folder)]) == 0
-    motion = folder / "validation.yaml"
-    motion.write_text(motion.read_text().replace("points: 20", "points: 2"))
-    return folder
-
-
 def words_of(workshop: Path, script: str, runs: Path) -> list[str]:
     (workshop / "faults.yaml").write_text(f"program: [{script}]\n")
     words = ["record", str(workshop / "cell.yaml"), str(workshop / "validation.yaml"), "--json"]

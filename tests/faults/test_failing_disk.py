@@ -1,0 +1,117 @@
+"""A disk that fails under `rid-daq record`: a block device whose sectors are gone, real EIO.
+
+It takes a kernel of one's own: tests/socketcan/test_guest.py runs this in its guest.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.journal import read_journal
+from rid_daq.app import run
+
+Start = Callable[[list[str]], subprocess.Popen[str]]
+
+SECTORS = 2 * 1048576
+NAME, DEVICE, RAM_DISK = "failing", "/dev/dm-0", "/dev/ram0"
+PATIENCE_S = 120.0
+ENOUGH_BYTES = 40_000
+JOURNAL = "*/recording.mcap"
+
+pytestmark = pytest.mark.skipif(
+    "User Mode Linux" not in Path("/proc/cpuinfo").read_text() or not Path(RAM_DISK).exists(),
+    reason="test_guest.py runs this in its guest",
+)
+
+
+def execute(*command: str | Path) -> None:
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def written(disk: Path) -> int:
+    """Return how large the journal is [B]."""
+    return sum(file.stat().st_size for file in disk.glob(JOURNAL))
+
+
+def become(target: str) -> None:
+    """Change what is behind the disk; what waits to be written stays in memory."""
+    execute("dmsetup", "suspend", "--noflush", "--nolockfs", NAME)
+    execute("dmsetup", "reload", NAME, "--table", f"0 {SECTORS} {target}")
+    execute("dmsetup", "resume", "--noudevsync", NAME)
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """A mounted disk whose sectors can go."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    execute(
+        *("dmsetup", "create", "--noudevsync", NAME, "--table"),
+        f"0 {SECTORS} linear {RAM_DISK} 0",
+    )
+    execute("mke2fs", "-q", "-t", "ext4", DEVICE)
+    execute("mount", DEVICE, folder)
+    yield folder
+    become(f"linear {RAM_DISK} 0")
+    execute("umount", folder)
+    execute("dmsetup", "remove", "--noudevsync", NAME)
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    """Return what starts a program; it does not outlive the test."""
+    with contextlib.ExitStack() as stack:
+
+        def begin(words: list[str]) -> subprocess.Popen[str]:
+            program = subprocess.Popen(
+                words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            )
+            stack.enter_context(program)
+            stack.callback(program.kill)
+            return program
+
+        yield begin
+
+
+def test_a_disk_that_dies_in_motion_stops_it_and_what_was_on_it_is_kept(
+    disk: Path, start: Start, tmp_path: Path
+) -> None:
+    assert run(["init", str(tmp_path / "cell")]) == 0
+    words = ["record", *(str(tmp_path / "cell" / name) for name in ("cell.yaml", "motion.yaml"))]
+    program = start([sys.executable, "-m", "rid_daq", *words, "--json", "--runs", str(disk)])
+    until_s = time.monotonic() + PATIENCE_S
+    while written(disk) < ENOUGH_BYTES:
+        assert program.poll() is None
+        assert time.monotonic() < until_s
+        time.sleep(0.01)
+    kept_bytes = written(disk)
+    os.sync()
+    become("error")
+    said, complained = program.communicate(timeout=PATIENCE_S)
+    become(f"linear {RAM_DISK} 0")
+    execute("umount", disk)
+    execute("mount", DEVICE, disk)
+    assert program.returncode == 7
+    sys.stdout.write(complained)
+    assert json.loads(said)["error"]["exit_code"] == 7
+    assert complained.startswith("rid-daq: Stopped: ")
+    assert "recording.mcap: cannot be written: Input/output error" in complained
+    assert "result.json: cannot be written: Input/output error" in complained
+    assert written(disk) >= kept_bytes
+    (path,) = disk.glob(JOURNAL)
+    journal = read_journal(path)
+    assert not journal.damage.finished
+    assert np.all(np.diff(journal.rows["cycle"].astype(np.int64)) == 1)
+    sys.stdout.write(
+        f"MEASURED failing disk: exit 7, {len(journal.rows)} rows kept without a gap\n"
+    )
