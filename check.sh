@@ -10,6 +10,8 @@ step() { printf '\n== %s\n' "$*"; "$@"; }
 step $bin/ruff format --check .
 step $bin/ruff check .
 step $bin/lint-imports --no-cache
+step $bin/pyright & # both take one core
+pyright=$!
 step $bin/mypy
-step $bin/pyright
+wait $pyright
 step $bin/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder "$@"

@@ -15,7 +15,7 @@ from acquisition.excitation import FourierTrajectory
 from acquisition.joint_path import joint_path_motion, joint_table_motion
 from acquisition.motion_limits import beyond_limits, refuse, violations
 from acquisition.motion_samples import MotionSamples, Phase, phases_of, verify_limits
-from acquisition.multipoint import multipoint_path
+from acquisition.multipoint import multipoint_moves_s, multipoint_path
 from acquisition.multisine import realisation_motions
 from acquisition.path_geometry import stretches
 from acquisition.path_motion import path_motion
@@ -84,6 +84,9 @@ def plan_motion(
         samples = _plan_path(motion, robot, sample_period_s)
     else:
         if isinstance(motion, MultipointMotion):
+            seconds = sum(multipoint_moves_s(motion, robot)) + motion.points * motion.dwell_s
+            what = f"its {motion.points} points at {motion.speed_fraction:g} of the joints' speed"
+            _refuse_longer(seconds, what)
             path = multipoint_path(motion, robot, sample_period_s)
         else:
             path, _ = constant_velocity_runs(motion, robot, sample_period_s)

@@ -39,15 +39,23 @@ def multipoint_path(
     up to whole samples.
     """
     poses = random_poses(motion, robot)
-    velocity_limit = motion.speed_fraction * np.array([j.limits.velocity for j in robot.joints])
-    acceleration_limit = motion.speed_fraction * np.array(
-        [joint.limits.acceleration for joint in robot.joints]
-    )
     dwell = max(1, math.ceil(motion.dwell_s / sample_period_s))
     pieces = [standstill(poses[0], dwell)]
-    for start, end in itertools.pairwise(poses):
-        duration_s = rest_to_rest_duration(end - start, velocity_limit, acceleration_limit)
+    moves_s = multipoint_moves_s(motion, robot)
+    for (start, end), duration_s in zip(itertools.pairwise(poses), moves_s, strict=True):
         samples = max(1, math.ceil(duration_s / sample_period_s))
         pieces.append(rest_to_rest(start, end, samples, sample_period_s))
         pieces.append(standstill(end, dwell))
     return join(pieces)
+
+
+def multipoint_moves_s(motion: MultipointMotion, robot: RobotDescription) -> list[float]:
+    """Return how long each of the moves takes [s]."""
+    velocity_limit = motion.speed_fraction * np.array([j.limits.velocity for j in robot.joints])
+    acceleration_limit = motion.speed_fraction * np.array(
+        [joint.limits.acceleration for joint in robot.joints]
+    )
+    return [
+        rest_to_rest_duration(end - start, velocity_limit, acceleration_limit)
+        for start, end in itertools.pairwise(random_poses(motion, robot))
+    ]

@@ -136,7 +136,8 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     """
     if recording.samples_per_period is None or recording.sample_period_s is None:
         raise DataQualityError(
-            "the recording is not periodic, so there are no periods to average: smooth it instead"
+            "the recording is not periodic, so there are no periods to average; `rid-daq identify`"
+            " uses it as it is"
         )
     samples = recording.samples_per_period
     values, there = cut_periods(recording, samples)

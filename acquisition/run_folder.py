@@ -22,6 +22,7 @@ from config.errors import ConfigError, RecordingError
 from config.model import ConfigModel
 from config.whole_file import write_whole
 
+LATEST = "latest"
 MANIFEST = "manifest.json"
 RECORDING = "recording.mcap"
 FORMAT = 1
@@ -107,13 +108,14 @@ class RunFolder:
         Raises
         ------
         ConfigError
-            The label has other characters.
+            The label has other characters, or means another run.
         RecordingError
             The folder cannot be made.
         """
-        if not _LABEL.fullmatch(label):
+        if not _LABEL.fullmatch(label) or label == LATEST:
             raise ConfigError(
-                f"label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and '-'"
+                f"label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and '-', and"
+                f" not {LATEST!r}, which means the newest run"
             )
         created_ns = time.time_ns() if now_ns is None else now_ns
         try:
@@ -197,8 +199,7 @@ class RunFolder:
         path = self.path
         for part in parts:
             path = path / part
-            if path.is_symlink():
-                raise RecordingError(f"{path}: is a symbolic link; a run folder has none")
+            _refuse_link(path)
         return path
 
     def read(self, name: str) -> bytes:
@@ -300,9 +301,7 @@ class RunFolder:
         names = []
         for folder, folders, files in os.walk(self.path, followlinks=False):
             for name in (*folders, *files):
-                path = Path(folder) / name
-                if path.is_symlink():
-                    raise RecordingError(f"{path}: is a symbolic link; a run folder has none")
+                _refuse_link(Path(folder) / name)
             names += [str((Path(folder) / name).relative_to(self.path)) for name in files]
         return sorted(name for name in names if name != MANIFEST and not name.endswith(".tmp"))
 
@@ -315,6 +314,15 @@ class RunFolder:
         except OSError as error:
             raise RecordingError(f"{path.parent}: cannot be made: {error.strerror}") from error
         write_whole(path, data)
+
+
+def _refuse_link(path: Path) -> None:
+    try:
+        is_link = path.is_symlink()
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    if is_link:
+        raise RecordingError(f"{path}: is a symbolic link; a run folder has none")
 
 
 def _read(path: Path, limit: int | None) -> bytes:

@@ -2,29 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
-from acquisition.run_folder import MANIFEST, Manifest, RunFolder
+from acquisition.run_folder import LATEST, MANIFEST, Manifest, RunFolder
 from acquisition.run_id import RUN_ID
 from config.errors import ConfigError, RecordingError
 
 
 def list_runs(root: Path) -> tuple[tuple[RunFolder, Manifest], ...]:
     """Return the runs under `root`, oldest first; what is not a readable run is left out."""
+    return tuple(
+        (folder, manifest)
+        for folder, manifest in _runs(root)
+        if isinstance(manifest, Manifest) and manifest.run_id == folder.run_id
+    )
+
+
+def damaged_runs(root: Path) -> tuple[tuple[RunFolder, RecordingError], ...]:
+    """Return the runs under `root` whose manifest cannot be read, and why, oldest first."""
+    return tuple(
+        (folder, manifest)
+        for folder, manifest in _runs(root)
+        if isinstance(manifest, RecordingError)
+    )
+
+
+def _runs(root: Path) -> Iterator[tuple[RunFolder, Manifest | RecordingError]]:
+    """Yield every folder that is named as runs are."""
     if not root.is_dir():
-        return ()
-    runs = []
+        return
     for path in sorted(root.resolve().iterdir()):
         if not RUN_ID.fullmatch(path.name) or path.is_symlink():
             continue
         folder = RunFolder(path, path.name)
         try:
-            manifest = folder.manifest()
-        except RecordingError:
-            continue
-        if manifest.run_id == path.name:
-            runs.append((folder, manifest))
-    return tuple(runs)
+            yield folder, folder.manifest()
+        except RecordingError as error:
+            yield folder, error
 
 
 def find_run(root: Path, reference: str) -> RunFolder:
@@ -42,12 +57,15 @@ def find_run(root: Path, reference: str) -> RunFolder:
     ConfigError
         No run is meant, or more than one.
     RecordingError
-        The folder at that path is not a run.
+        The folder at that path is not a run, or the latest one is damaged.
     """
     if (Path(reference) / MANIFEST).exists():
         return RunFolder.open(Path(reference))
     runs = list_runs(root)
-    if reference == "latest" and runs:
+    if reference == LATEST and runs:
+        for folder, problem in damaged_runs(root):
+            if folder.run_id > runs[-1][0].run_id:
+                raise RecordingError(f"the latest run is damaged: {problem}; name the one you mean")
         return runs[-1][0]
     meant = [
         folder

@@ -250,11 +250,15 @@ def _read(
     if folder is not None and not path.is_absolute():
         path = folder / path
     if not looks_like_path and not path.is_file():
+        if (path / f"{kind[:-1]}.yaml").is_file():
+            raise ConfigError(f"{path}: is a folder: give {path / f'{kind[:-1]}.yaml'}")
         names = bundled_names(kind)
         hint = difflib.get_close_matches(reference, names, n=1)
         meant = f" Did you mean {hint[0]}?" if hint else ""
         known = f" Bundled {kind}: {', '.join(names)}." if names else ""
         raise ConfigError(f"no file and no bundled {kind[:-1]} {reference!r}.{meant}{known}")
+    if path.exists() and not path.is_file():
+        raise ConfigError(f"{path}: is no file")
     try:
         return path.read_bytes(), str(path), path.parent
     except OSError as error:

@@ -13,16 +13,19 @@ from config.errors import RecordingError
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file so that a reader, even after a power cut, finds all of it or what was before.
 
-    The bytes go into `<name>.tmp` beside it, reach the disk, are read back and compared, and take
-    the file's place.
+    The bytes go into a `.tmp` file beside it, reach the disk, are read back and compared, and take
+    the file's place. Where the path is a link, they take the place of what it points at.
 
     Raises
     ------
     RecordingError
         The file cannot be written, or reads back otherwise; what was there before is untouched.
     """
-    temporary = path.with_name(f"{path.name}.tmp")
     try:
+        target = path.resolve() if path.is_symlink() else path
+        if not target.name or (target.exists() and not target.is_file()):
+            raise RecordingError(f"{path}: cannot be written: is no file; choose another name")
+        temporary = target.with_name(f"{target.name}.{os.getpid()}.tmp")
         try:
             temporary.unlink(missing_ok=True)
             flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
@@ -32,12 +35,12 @@ def write_whole(path: Path, data: bytes) -> None:
                 os.fsync(file.fileno())
             if temporary.read_bytes() != data:
                 raise OSError(errno.EIO, "what was written reads back otherwise; check the disk")
-            temporary.replace(path)
+            temporary.replace(target)
         except OSError:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
             raise
-        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        folder = os.open(target.parent, os.O_RDONLY | os.O_DIRECTORY)
         try:
             os.fsync(folder)
         finally:

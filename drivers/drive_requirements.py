@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from config.cell import CellConfig
+from config.errors import ConfigError
 from drivers.canopen.frames import rpdo_cob_id, tpdo_cob_id
 from drivers.canopen.heartbeat import consumer_entry
 from drivers.canopen.pdo import ON_EVENT, RPDO_COMMUNICATION, MappedObject, PdoMapping
@@ -42,8 +43,20 @@ class Requirement:
         return f"{value & (1 << 8 * self.size) - 1:X}h" if self.hexadecimal else str(value)
 
     def encoded(self, value: int) -> bytes:
-        """Return a value as it is written."""
-        return value.to_bytes(self.size, "little", signed=self.signed)
+        """Return a value as it is written.
+
+        Raises
+        ------
+        ConfigError
+            It does not fit.
+        """
+        try:
+            return value.to_bytes(self.size, "little", signed=self.signed)
+        except OverflowError:
+            raise ConfigError(
+                f"{self.name}: the cell asks for {value}, which does not fit the"
+                f" {8 * self.size} bits of {self.index:04X}h; correct the cell file"
+            ) from None
 
 
 def identity_requirement(

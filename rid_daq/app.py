@@ -18,8 +18,8 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
-from config.errors import RidDaqError
-from rid_daq.console import printable
+from config.errors import RecordingError, RidDaqError
+from rid_daq.console import output_error, printable
 from rid_daq.exit_codes import ExitCode, exit_code_of
 
 # Small factorisations gain nothing from threads of BLAS, and lose much where the cores are busy.
@@ -129,7 +129,8 @@ def run(arguments: Sequence[str]) -> int:
     """
     try:
         typer.main.get_command(root)(args=list(arguments), prog_name="rid-daq")
-    except RidDaqError as error:
+    except (RidDaqError, OSError) as caught:
+        error = _typed(caught)
         code = exit_code_of(error)
         typer.echo(f"rid-daq: {printable(str(error))}", err=True)
         if "--json" in arguments:
@@ -139,6 +140,15 @@ def run(arguments: Sequence[str]) -> int:
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else ExitCode.DONE
     return ExitCode.DONE
+
+
+def _typed(error: RidDaqError | OSError) -> RidDaqError:
+    """Return what the system says of a file, such as one that may not be looked at, as an error."""
+    if isinstance(error, RidDaqError):
+        return error
+    if error.filename is None:
+        raise error
+    return RecordingError(f"{error.filename}: {error.strerror}")
 
 
 def _end_once(number: int, _frame: FrameType | None) -> NoReturn:
@@ -154,4 +164,16 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) != signal.SIG_IGN:  # as nohup leaves it
             signal.signal(number, _end_once)
-    sys.exit(run(sys.argv[1:]))
+    sys.exit(_written_out(run(sys.argv[1:])))
+
+
+def _written_out(code: int) -> int:
+    """Return the exit code, or another one where what was said could not be written.
+
+    Who closed a pipe wants to hear no more: that is no error.
+    """
+    error = output_error()
+    if error is None or isinstance(error, BrokenPipeError):
+        return code
+    typer.echo(f"rid-daq: standard output: {error.strerror}", err=True)
+    return code or ExitCode.STORAGE

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,6 +15,8 @@ import typer
 
 _INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
+_refused: list[OSError] = []
+
 AsJson = Annotated[
     bool, typer.Option("--json", help="One JSON document on stdout instead of sentences.")
 ]
@@ -23,6 +26,24 @@ AsJson = Annotated[
 def printable(text: str) -> str:
     """Return text with control characters made visible: it may come from a device or a file."""
     return "".join(c if c.isprintable() or c in "\n\t" else _escaped(c) for c in text)
+
+
+def as_command(*words: object) -> str:
+    """Return a command of this program as it is typed, names with spaces in quotes."""
+    return f"rid-daq {shlex.join(map(str, words))}"
+
+
+def output_error() -> OSError | None:
+    """Return why standard output did not take what was written, the first time; None if it did."""
+    return _refused[0] if _refused else None
+
+
+def _write(text: str) -> None:
+    """Write a line; a motion does not end because nobody takes what is said of it."""
+    try:
+        typer.echo(text)
+    except OSError as error:
+        _refused.append(error)
 
 
 def _escaped(character: str) -> str:
@@ -54,12 +75,16 @@ class Console:
     @property
     def is_terminal(self) -> bool:
         """Whether a person sees this as it is written."""
-        return not self.as_json and sys.stdout.isatty()
+        return not self.as_json and sys.stdout is not None and sys.stdout.isatty()
 
     def say(self, text: str = "") -> None:
         """Write a sentence for people; nothing with `--json`."""
         if not self.as_json:
-            typer.echo(printable(text))
+            _write(printable(text))
+
+    def next_step(self, *words: object, then: str = "") -> None:
+        """Write the command that comes next, as a shell takes it."""
+        self.say(f"Next: {as_command(*words)}{then}")
 
     def verdict(self, passed: bool | None, text: str) -> None:
         """Write the sentence that matters, green or red on a terminal."""
@@ -76,7 +101,7 @@ class Console:
         """Write the command's result for programs; nothing without `--json`."""
         if self.as_json:
             text = json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False)
-            typer.echo(_INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
+            _write(_INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
     def table(
         self,
@@ -150,9 +175,7 @@ class _Lines:
         tenth = int(10.0 * done / self._total) if self._total > 0 else 10
         if tenth > self._shown:
             self._shown = tenth
-            typer.echo(
-                f"{self._title}: {_count(done)} of {_count(self._total)} {self._unit}  {line}"
-            )
+            _write(f"{self._title}: {_count(done)} of {_count(self._total)} {self._unit}  {line}")
 
 
 @contextmanager

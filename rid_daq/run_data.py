@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from acquisition.import_csv import import_csv
 from acquisition.import_report import ImportReport
 from acquisition.journal import read_journal
+from acquisition.journal_file import being_written
 from acquisition.monitor_stream import as_warm_as_measured
 from acquisition.plate_alignment import with_plate
 from acquisition.plate_journal import PLATE_RECORDING, read_plate_journal
 from acquisition.recording import Recording
-from acquisition.run_folder import RECORDING, RunFolder
-from config.errors import DataQualityError, RecordingError
+from acquisition.run_folder import RECORDING, RunFolder, RunStatus
+from config.errors import DataQualityError, LockedError, RecordingError
 from config.import_map import ImportMap
 from config.load import load_bundled_or_path, load_robot
 from config.robot import RobotDescription
+from rid_daq.console import Console
 from rid_daq.result import RESULT, Result, new_result, read_result
 from rid_daq.sections import run_section
 
@@ -64,6 +67,8 @@ def read_run(folder: RunFolder) -> RunData:
     ------
     RecordingError
         The folder holds no recording, or it cannot be read.
+    LockedError
+        It is still being recorded.
     ConfigError, DataQualityError
         The robot or map file in it was changed so that it cannot be meant.
     """
@@ -74,6 +79,8 @@ def read_run(folder: RunFolder) -> RunData:
         )
     robot = load_robot(str(folder.file(ROBOT)))
     if folder.file(RECORDING).exists():
+        if being_written(folder.file(RECORDING)):
+            raise LockedError(f"{folder.path}: is still being recorded; wait until it has ended")
         journal = read_journal(folder.file(RECORDING))
         recording, cold = as_warm_as_measured(journal.recording(), folder.path, robot)
         recording, notes = _with_plate(folder, recording)
@@ -82,6 +89,16 @@ def read_run(folder: RunFolder) -> RunData:
     import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
     recording, report = import_csv(folder.file(SOURCE), import_map, robot, run_id=folder.run_id)
     return RunData(folder, replace(recording, robot_name=robot.name), robot, report)
+
+
+def tell_lacks(console: Console, runs: Sequence[RunData]) -> None:
+    """Say what runs lack: that one was stopped before its end, rows that are lost."""
+    for data in runs:
+        name = data.folder.manifest().label or data.folder.run_id
+        if data.folder.manifest().status == RunStatus.STOPPED:
+            console.say(f"note: {name}: was stopped before its end")
+        for note in data.damage:
+            console.say(f"note: {name}: {note}")
 
 
 def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tuple[str, ...]]:

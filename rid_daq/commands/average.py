@@ -10,7 +10,7 @@ from acquisition.periods import average_periods
 from acquisition.run_list import find_run
 from rid_daq.console import AsJson, Console
 from rid_daq.result import write_result
-from rid_daq.run_data import read_run, result_of
+from rid_daq.run_data import read_run, result_of, tell_lacks
 from rid_daq.sections import average_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
@@ -28,6 +28,7 @@ def average(
     """
     console = Console(as_json)
     data = read_run(find_run(runs, run))
+    tell_lacks(console, [data])
     section = average_section(average_periods(data.recording), data.robot)
     result = result_of(data) | {"average": section}
     path = write_result(data.folder, result)

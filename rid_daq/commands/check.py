@@ -96,7 +96,7 @@ def check(
         return
     console.verdict(False, f"Cell {loaded.config.name} is not ready: no motion.")
     failure: RidDaqError = PreflightError(
-        f"cell {loaded.config.name}: {len(red)} red lines in the preflight; the actions are named"
+        f"cell {loaded.config.name}: red lines in the preflight: {len(red)}; the actions are named"
         " above"
     )
     if problem is not None and not (red and isinstance(problem, PreflightError)):

@@ -90,7 +90,7 @@ def compensate(
         _tell(console, tuning, names)
     changes = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, more, strict=True))
     console.say(f"Largest correction of the speed [rad/s or m/s]: {changes}.")
-    console.say(f"Next: rid-daq record {cell} {motion} --feedforward {output}")
+    console.next_step("record", cell, motion, "--feedforward", output)
 
 
 def _tuned(

@@ -158,7 +158,7 @@ def design(
             constant_velocity_motion(robot, loaded.config.workspace, seed=seed),
             output,
         )
-        console.say(f"Next: rid-daq record {cell} {output}")
+        console.next_step("record", cell, output)
         return
     if kind is Kind.MULTISINE:
         write_multisine(
@@ -175,7 +175,7 @@ def design(
             model=model,
             seed=seed,
         )
-        console.say(f"Next: rid-daq record {cell} {output}, then rid-daq loop latest")
+        console.next_step("record", cell, output, then=", then rid-daq loop latest")
         return
     found: Search | None = None
     period_s, periods = period_s or DEFAULT_PERIOD_S, periods or DEFAULT_PERIODS
@@ -222,7 +222,7 @@ def design(
         write_friction_motion(console, loaded, reversed_motion(motion), output)
     else:
         _write(console, loaded, motion, output, origin, found)
-    console.say(f"Next: rid-daq record {cell} {output}")
+    console.next_step("record", cell, output)
     if found is not None and found.interrupted_by is not None:
         interrupted = found.interrupted_by is signal.SIGINT
         raise typer.Exit(ExitCode.INTERRUPTED if interrupted else ExitCode.TERMINATED)

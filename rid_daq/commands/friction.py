@@ -19,7 +19,7 @@ from rid_daq.console import AsJson, Console
 from rid_daq.friction_section import friction_section
 from rid_daq.report.render import number
 from rid_daq.result import write_result
-from rid_daq.run_data import RunData, read_run, result_of
+from rid_daq.run_data import RunData, read_run, result_of, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 
@@ -43,6 +43,7 @@ def friction(
     """
     console = Console(as_json)
     data = [read_run(find_run(runs, name)) for name in run]
+    tell_lacks(console, data)
     first = data[0]
     curves: dict[str, list[FrictionCurve]] = {}
     for one in data:

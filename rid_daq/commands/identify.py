@@ -35,7 +35,7 @@ from rid_daq.identification_job import (
 from rid_daq.plate_section import plate_section, tell_plate, weight_words
 from rid_daq.report.render import number
 from rid_daq.result import write_result
-from rid_daq.run_data import RunData, read_run, result_of
+from rid_daq.run_data import RunData, read_run, result_of, tell_lacks
 from rid_daq.sections import average_section, comparison_section, estimate_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
@@ -124,7 +124,11 @@ def identify(
     shift and used in the time domain. The model file is complete in itself.
     """
     console = Console(as_json)
-    data = [read_run(find_run(runs, name)) for name in run]
+    folders = [find_run(runs, name) for name in run]
+    if len({folder.run_id for folder in folders}) < len(folders):
+        raise ConfigError("a run is named twice, or with its copy: it would count twice")
+    data = [read_run(folder) for folder in folders]
+    tell_lacks(console, data)
     how = HowToEstimate(
         options=ModelOptions(
             kind=model.value,
@@ -206,7 +210,7 @@ def identify(
         console.say(finding)
     console.verdict(True, f"Model: {output}")
     console.say(f"Report: {path}")
-    console.say(f"Next: rid-daq validate {output} RUN, with a run that was not used here")
+    console.next_step("validate", output, "RUN", then=", with a run that was not used here")
 
 
 def _existence(estimate: Estimate) -> str:
@@ -244,6 +248,8 @@ def _terms(text: str | None) -> tuple[FrictionTerm, ...] | None:
     if text is None:
         return None
     terms = tuple(term.strip() for term in text.split(",") if term.strip())
+    if not terms:
+        raise ConfigError("--friction-terms names none; --no-friction leaves friction out")
     known = get_args(FrictionTerm)
     strangers = [term for term in terms if term not in known]
     if strangers or len(set(terms)) != len(terms):

@@ -77,7 +77,7 @@ def import_(
         console.say(line)
     console.verdict(True, f"Imported: {folder.path}")
     console.say(f"Report: {path}")
-    console.say(f"Next: rid-daq identify {folder.path}")
+    console.next_step("identify", folder.path)
 
 
 def _row_range(text: str) -> RowRange:

@@ -10,7 +10,7 @@ import typer
 
 from config.errors import ConfigError
 from config.whole_file import write_whole
-from rid_daq.console import AsJson, Console
+from rid_daq.console import AsJson, Console, as_command
 
 
 def init(
@@ -66,11 +66,11 @@ def init(
     cell, motion = folder / "cell.yaml", folder / "motion.yaml"
     if "motion.yaml" in files:
         console.say("Next, on the simulated cell that they describe:")
-        console.say(f"  rid-daq check {cell}")
+        console.say(f"  {as_command('check', cell)}")
     else:
         console.say("Next, after a look at limits and rotors in robot.yaml:")
-        console.say(f"  rid-daq design {cell} -o {motion}")
-    console.say(f"  rid-daq record {cell} {motion}")
+        console.say(f"  {as_command('design', cell, '-o', motion)}")
+    console.say(f"  {as_command('record', cell, motion)}")
 
 
 def _starter_files() -> dict[str, str]:

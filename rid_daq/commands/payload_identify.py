@@ -171,7 +171,7 @@ def identify(
     console.say(f"Payload: {output}")
     console.say(f"Report: {path}")
     if payload.passed:
-        console.say(f"Next: rid-daq payload export {output} --to FORMAT -o FILE")
+        console.next_step("payload", "export", output, "--to", "FORMAT", "-o", "FILE")
     else:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
 

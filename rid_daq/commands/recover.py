@@ -89,7 +89,7 @@ def _tell(console: Console, recovery: Recovery, *, is_run: bool) -> None:
         return
     console.verdict(not recovery.lost_rows, f"Recovered: {recovery.target}")
     if is_run and "recording.mcap" in recovery.repairs:
-        console.say(f"Next: rid-daq average {recovery.target}")
+        console.next_step("average", recovery.target)
 
 
 def _entry(repair: Repair) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.run_list import list_runs
+from acquisition.run_list import damaged_runs, list_runs
 from config.errors import RecordingError
 from rid_daq.console import AsJson, Console
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
@@ -35,10 +35,11 @@ def runs(
         if verify:
             entry["problems"] = list(run.verify())
         found.append(entry)
-    console.document({"runs": found})
-    if not found:
+    damaged = [(run.run_id, str(problem)) for run, problem in damaged_runs(folder)]
+    console.document({"runs": found, "damaged": [problem for _, problem in damaged]})
+    if not found and not damaged:
         console.say(f"{folder}: no runs yet. `rid-daq demo` or `rid-daq record` make some.")
-    else:
+    elif found:
         console.table(
             ("run", "created (UTC)", "kind", "status", "label", "more"),
             [
@@ -55,6 +56,11 @@ def runs(
             red=[entry["status"] != "complete" or bool(entry.get("problems")) for entry in found],
         )
     problems = [(e["run"], problem) for e in found for problem in e.get("problems", [])]
+    if verify:
+        problems += damaged
+    else:
+        for _, problem in damaged:
+            console.verdict(False, f"damaged: {problem}")
     if problems:
         lines = "\n".join(f"  {run}: {problem}" for run, problem in problems)
-        raise RecordingError(f"{len(problems)} problems in the run folders:\n{lines}")
+        raise RecordingError(f"problems in the run folders: {len(problems)}\n{lines}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import time
 from collections.abc import Callable
@@ -24,6 +25,7 @@ LOOK_S = 0.002
 STOP_PATIENCE_S = 2.0
 REST_PATIENCE_S = 15.0
 END_PATIENCE_S = 30.0
+_NAME = re.compile(r"^name:[ \t]*[\"']?([\w.-]+)", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,8 @@ def stop(
     if not results:
         where = "" if name is None else f" on cell {name}"
         console.verdict(False, f"No session runs{where} on this machine: nothing was stopped.")
+        for session in running_sessions():
+            console.verdict(False, f"Still running: {session.words}; `rid-daq stop` stops it.")
         raise typer.Exit(ExitCode.VERDICT_FAILED)
     for session, result in results:
         console.verdict(result.seen, f"{session.words}: {result.sentence}")
@@ -95,12 +99,13 @@ def stop(
 
 
 def _cell_name(cell: str) -> str:
-    """Return the name in a cell file, or what was given where that is no file."""
-    if not Path(cell).is_file():
+    """Return the name in a cell file, whatever else is wrong there, or what was given."""
+    try:
+        text = Path(cell).read_text(encoding="utf-8", errors="replace")
+    except OSError:
         return cell
-    from config.load import load_cell
-
-    return load_cell(cell).config.name
+    named = _NAME.search(text)
+    return cell if named is None else named[1]
 
 
 def _ask(session: RunningSession) -> Callable[[], Stopped]:

@@ -12,7 +12,7 @@ from rid_daq.console import AsJson, Console
 from rid_daq.motion_runs import MotionRun, read_motion_run
 from rid_daq.report.render import number
 from rid_daq.result import verdict, write_result
-from rid_daq.run_data import result_of
+from rid_daq.run_data import result_of, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.tracking_section import followed, tracking_section
 
@@ -38,6 +38,7 @@ def tracking(
     console = Console(as_json)
     driven = [read_motion_run(find_run(runs, one)) for one in run]
     others = [read_motion_run(find_run(runs, one)) for one in against or ()]
+    tell_lacks(console, [one.data for one in (*driven, *others)])
     robot = driven[0].data.robot
     for one in (*driven, *others):
         if one.data.robot != robot:

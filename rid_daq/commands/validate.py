@@ -36,7 +36,7 @@ from rid_daq.plate_section import (
 )
 from rid_daq.report.render import number
 from rid_daq.result import check, verdict, write_result
-from rid_daq.run_data import RunData, read_run, result_of
+from rid_daq.run_data import RunData, read_run, result_of, tell_lacks
 from rid_daq.sections import estimate_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
@@ -89,6 +89,7 @@ def validate(
         _predict(console, estimate, Path(run), base, cell, mass_kg)
         return
     data = read_run(find_run(runs, run))
+    tell_lacks(console, [data])
     validation = compare(
         estimate,
         data.recording,

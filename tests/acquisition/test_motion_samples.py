@@ -255,3 +255,8 @@ def test_an_endless_motion_is_refused_before_it_fills_the_memory(
 ) -> None:
     with pytest.raises(ConfigError, match=r"the motion takes .* at most 14400 s"):
         plan_motion(fourier(**changes), load_robot("ir361"), 0.008)
+
+
+def test_so_is_one_from_point_to_point() -> None:
+    with pytest.raises(ConfigError, match=r"the motion takes .* at most 14400 s"):
+        plan_motion(multipoint(speed_fraction=1e-9), ROBOT, T)

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -10,7 +12,7 @@ from hypothesis import strategies as st
 
 from acquisition.run_folder import MANIFEST, RunFolder, RunStatus
 from acquisition.run_id import RUN_ID, new_run_id
-from acquisition.run_list import find_run, list_runs
+from acquisition.run_list import damaged_runs, find_run, list_runs
 from config.errors import ConfigError, RecordingError
 
 NOW_NS = 1_760_000_000_000_000_000
@@ -215,3 +217,34 @@ def test_an_unclear_reference_is_refused(root: Path, reference: str, message: st
         RunFolder.create(root, "same", now_ns=NOW_NS)
     with pytest.raises(ConfigError, match=message):
         find_run(root, reference)
+
+
+def test_a_run_whose_manifest_is_torn_is_named_and_not_passed_over(
+    root: Path, folder: RunFolder
+) -> None:
+    later = RunFolder.create(root, "second", now_ns=NOW_NS + 10**9)
+    (later.path / MANIFEST).write_text('{"la')
+    ((damaged, problem),) = damaged_runs(root)
+    assert damaged.path == later.path
+    assert MANIFEST in str(problem)
+    assert [found.run_id for found, _ in list_runs(root)] == [folder.run_id]
+    with pytest.raises(RecordingError, match="the latest run is damaged"):
+        find_run(root, "latest")
+
+
+def test_a_disk_that_is_gone_is_a_typed_error(
+    folder: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(path: Path) -> bool:
+        raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+
+    monkeypatch.setattr(Path, "is_symlink", gone)
+    with pytest.raises(
+        RecordingError, match=r"recording\.mcap: cannot be read: Input/output error"
+    ):
+        folder.file("recording.mcap")
+    folder.path.joinpath("recording.mcap").touch()
+    with pytest.raises(
+        RecordingError, match=r"recording\.mcap: cannot be read: Input/output error"
+    ):
+        folder.finish(RunStatus.STOPPED)

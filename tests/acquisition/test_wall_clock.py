@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from acquisition.control_block import ControlBlock, TaskState
 from acquisition.cyclic_task import CyclicTask
@@ -29,12 +27,11 @@ from acquisition.set_points import PlannedMotion
 from acquisition.termination import TERMINATION
 from config.cell import CellConfig
 from config.robot import RobotDescription
-from drivers.socketcan_port import on_monotonic
 
 ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ("acquisition", "compensation", "config", "drivers", "dynamics", "identification")
 LABELS_ONLY = {"acquisition/run_folder.py"}
-TO_READ_STAMPS = {"drivers/socketcan_port.py"}
+TO_READ_STAMPS = {"drivers/kernel_stamps.py"}
 WALL_CLOCK = {
     ("time", "time"), ("time", "time_ns"), ("time", "localtime"), ("time", "gmtime"),
     ("time", "strftime"), ("datetime", "now"), ("datetime", "utcnow"), ("datetime", "today"),
@@ -124,19 +121,3 @@ def test_no_computation_driver_or_task_reads_the_time_of_day(
     assert readers == LABELS_ONLY | TO_READ_STAMPS
     assert len(files) > 150
     measured("1 file reads the time of day for a label, 1 to turn a kernel's stamps into monotonic")
-
-
-HOUR_NS = 3_600_000_000_000
-
-
-@given(
-    now_ns=st.integers(10**9, 10**18),
-    age_ns=st.integers(0, 10**9),
-    step_ns=st.sampled_from([0, HOUR_NS, -HOUR_NS]),
-)
-def test_a_kernels_stamp_is_monotonic_whatever_the_date_is_set_to(
-    now_ns: int, age_ns: int, step_ns: int
-) -> None:
-    date_ns = now_ns + 10**18
-    found_s = on_monotonic(date_ns - age_ns, date_ns + step_ns, now_ns)
-    assert found_s == pytest.approx((now_ns - (0 if step_ns else age_ns)) * 1e-9, abs=1e-6)

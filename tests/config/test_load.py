@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,6 +27,13 @@ def test_every_bundled_cell_and_robot_loads() -> None:
         assert load_cell(name).config.name == name
     for name in bundled_names("robots"):
         assert load_robot(name).name == name
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, Path.mkdir])
+def test_what_is_no_file_is_not_waited_for(tmp_path: Path, make: Callable[[Path], None]) -> None:
+    make(tmp_path / "cell.yaml")
+    with pytest.raises(ConfigError, match=r"cell\.yaml: is no file"):
+        load_cell(str(tmp_path / "cell.yaml"))
 
 
 def test_a_cell_file_finds_the_files_that_it_names_beside_itself(tmp_path: Path) -> None:

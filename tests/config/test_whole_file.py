@@ -29,10 +29,26 @@ def test_a_folder_that_is_not_there_is_a_storage_error(tmp_path: Path) -> None:
 def test_a_planted_link_is_not_followed(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.write_bytes(b"untouched")
-    (tmp_path / "model.json.tmp").symlink_to(victim)
+    (tmp_path / f"model.json.{os.getpid()}.tmp").symlink_to(victim)
     write_whole(tmp_path / "model.json", b"new")
     assert victim.read_bytes() == b"untouched"
     assert (tmp_path / "model.json").read_bytes() == b"new"
+
+
+def test_a_link_stays_one_and_what_it_points_at_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "link.json").symlink_to("model.json")
+    write_whole(tmp_path / "link.json", b"new")
+    assert (tmp_path / "link.json").is_symlink()
+    assert (tmp_path / "model.json").read_bytes() == b"new"
+
+
+def test_what_is_no_file_is_left_alone(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/null"), Path("")):
+        with pytest.raises(RecordingError, match="is no file; choose another name"):
+            write_whole(path, b"new")
+    assert (tmp_path / "pipe").is_fifo()
+    assert Path("/dev/null").is_char_device()
 
 
 def test_what_was_there_stays_where_the_new_cannot_be_put(tmp_path: Path) -> None:

@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+import errno
 import json
+import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,6 +15,7 @@ import typer
 from config import errors
 from rid_daq import app
 from rid_daq.app import COMMANDS, printable, run
+from rid_daq.console import as_command
 from rid_daq.exit_codes import ExitCode, exit_code_of
 
 CODES = {
@@ -104,6 +108,17 @@ def test_an_error_is_one_message_and_its_code(
     assert captured.out == ""
 
 
+def test_what_the_system_says_of_a_file_is_one_message(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def closed(*_arguments: object) -> object:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), "secret/manifest.json")
+
+    monkeypatch.setattr("rid_daq.commands.runs.list_runs", closed)
+    assert run(["runs"]) == ExitCode.STORAGE
+    assert capsys.readouterr().err == "rid-daq: secret/manifest.json: Permission denied\n"
+
+
 def test_with_json_an_error_is_a_document_too(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -149,3 +164,9 @@ def test_the_first_signal_ends_the_program_and_later_ones_change_nothing(
     finally:
         for other, handler in before.items():
             signal.signal(other, handler)
+
+
+def test_a_command_that_is_shown_can_be_typed() -> None:
+    words = ("check", Path("Zelle Ü 1") / "cell.yaml")
+    assert as_command(*words) == "rid-daq check 'Zelle Ü 1/cell.yaml'"
+    assert as_command("check", "ir361") == "rid-daq check ir361"

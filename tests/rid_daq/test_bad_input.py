@@ -84,7 +84,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("record ir361 tag.yaml", 2, "tag"),
     ("record ir361 octal.yaml", 2, "octal"),
     ("record ir361 empty.yaml", 2, "empty"),
-    ("record ir361 real", 2, "no file"),
+    ("record ir361 real", 2, "is a folder: give real/motion.yaml"),
     ("record ir361 good.yaml --label ../../etc", 2, "label"),
     ("record ir361 good.yaml --runs good.yaml", 7, "no run folder can be made"),
     ("record ir361 good.yaml --seed -1", 2, "--seed"),
@@ -92,6 +92,8 @@ TABLE: list[tuple[str, int, str]] = [
     ("record real/cell.yaml real/motion.yaml --i-have-cleared-the-cell", 4, "nocan9"),
     ("check real/cell.yaml", 4, "nocan9"),
     ("check nowhere", 2, "nowhere"),
+    ("check real", 2, "is a folder: give real/cell.yaml"),
+    ("record ir361 good.yaml --label latest", 2, "the newest run"),
     ("check ir361 --seconds 0", 2, "--seconds"),
     ("mock real/cell.yaml", 2, "simulated"),
     ("design ir361 -o good.yaml", 2, "already there"),
@@ -161,4 +163,4 @@ def test_a_cell_that_waits_for_the_wrong_drive_is_told_which(
         assert other_gear == 3
         captured = capsys.readouterr()
         assert "RED axis2, node 2, 6091h:00 gear ratio" in captured.out
-        assert "1 red lines" in captured.err
+        assert "red lines in the preflight: 1" in captured.err

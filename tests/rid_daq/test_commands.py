@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import re
@@ -17,7 +18,7 @@ import pytest
 
 from acquisition.journal import read_journal
 from acquisition.motion_samples import Phase
-from acquisition.run_folder import RunFolder
+from acquisition.run_folder import RunFolder, RunStatus
 from acquisition.run_list import find_run
 from config.errors import ConfigError
 from rid_daq.app import run
@@ -82,6 +83,37 @@ def test_identify_writes_a_model_with_intervals(
     assert parameters["fv_axis1"]["value"] == pytest.approx(25.0, rel=0.1)
     assert all(entry["std"] > 0.0 for entry in parameters.values())
     assert Path(told["report"]).read_text().count("<svg") >= 4
+
+
+def test_a_run_counts_once_its_copy_included_and_not_before_it_has_ended(
+    workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(find_run(workshop / "runs", "excitation").path, tmp_path / "copy")
+    for twice in ("excitation", str(tmp_path / "copy")):
+        assert run(["identify", "excitation", twice, *runs]) == 2
+        assert "a run is named twice, or with its copy" in capsys.readouterr().err
+    with (tmp_path / "copy" / "recording.mcap").open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        assert run(["identify", str(tmp_path / "copy"), *runs]) == 8
+    assert "is still being recorded; wait until it has ended" in capsys.readouterr().err
+
+
+def test_what_a_run_lacks_is_told_wherever_it_is_used(
+    workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = RunFolder.create(tmp_path, "torn")
+    whole = find_run(workshop / "runs", "excitation")
+    for name in ("cell.yaml", "robot.yaml", "motion.yaml"):
+        folder.write(name, whole.read(name))
+    recording = bytearray(whole.read("recording.mcap"))
+    recording[len(recording) // 2] ^= 1
+    folder.file("recording.mcap").write_bytes(recording)
+    folder.finish(RunStatus.STOPPED)
+    for words in (["average"], ["validate", str(workshop / "model.json")]):
+        run([*words, str(folder.path), *runs])
+        said = capsys.readouterr().out
+        assert "note: torn: was stopped before its end\n" in said
+        assert re.search(r"note: torn: rows \d+ to \d+ are lost", said)
 
 
 @pytest.mark.fault(35)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -99,15 +100,21 @@ def test_a_motion_is_stopped_from_another_process_and_seen_to_rest(
     measured("`rid-daq stop` in mid-motion: " + session["text"].partition("; ")[2].split(",")[0])
 
 
-def test_a_session_without_a_motion_is_ended(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_session_without_a_motion_is_ended_by_a_name_whatever_else_is_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", HOLDER], stdout=subprocess.PIPE, text=True
     ) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
         assert run(["stop", "another_cell"]) == 1
-        assert "No session runs on cell another_cell" in capsys.readouterr().out
-        assert run(["stop", "ir361"]) == 0
+        said = capsys.readouterr().out
+        assert "No session runs on cell another_cell" in said
+        assert re.search(r"Still running: .* on ir361 .*`rid-daq stop` stops it", said)
+        torn = tmp_path / "cell.yaml"
+        torn.write_text("format: [\nname: ir361 # as it was\n}{")
+        assert run(["stop", str(torn)]) == 0
     assert holder.returncode == 143
     assert "ended; no motion was under way" in capsys.readouterr().out
 
