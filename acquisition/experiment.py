@@ -40,12 +40,12 @@ from acquisition.run_folder import RECORDING, RunFolder
 from acquisition.set_points import PlannedMotion, SetPointSource
 from acquisition.stop_reason import StopCode, StopReason
 from acquisition.task_process import run_cyclic_task
-from acquisition.termination import Interruption, termination_calls, termination_held
 from config.amplifier_profile import AmplifierProfile
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.robot import RobotDescription
+from config.termination import Interruption, termination_calls, termination_held
 from dynamics.clearances import Clearances
 
 RING_S = 10.0

@@ -13,9 +13,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-from acquisition.termination import ignore_termination, termination_held
 from config.cell import CanBusConfig
 from config.errors import ConfigError, RecordingError, TransportError
+from config.termination import ignore_termination, termination_held
 from drivers.python_can import can
 from drivers.transport import listen_can
 

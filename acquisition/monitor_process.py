@@ -21,10 +21,10 @@ from acquisition.monitor_row import (
     message_definition,
     monitor_body,
 )
-from acquisition.termination import ignore_termination
 from config.drive_profile import DriveProfile
 from config.errors import DriverError, RidDaqError
 from config.monitor import MonitorConfig
+from config.termination import ignore_termination
 from drivers.drive_monitor import open_drive_monitor
 from drivers.interfaces import DriveMonitor, MonitorReading
 

@@ -31,10 +31,10 @@ from acquisition.plate_row import (
     ROW_TOPIC,
     overloaded,
 )
-from acquisition.termination import ignore_termination
 from config.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
 from config.errors import DeviceFaultError, DriverError, RidDaqError, TransportError
 from config.plate import AmplifierConfig, PlateConfig
+from config.termination import ignore_termination
 from drivers.amplifier_serial import SerialAmplifier, open_amplifier
 from drivers.amplifier_stream import StreamCounts
 from drivers.interfaces import PlateRead

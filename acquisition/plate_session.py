@@ -11,9 +11,9 @@ from acquisition.control_block import ControlBlock, Progress
 from acquisition.plate_block import PlateBlock, PlateState
 from acquisition.plate_recorder import PlateTask, run_plate_recorder
 from acquisition.stop_reason import StopCode
-from acquisition.termination import termination_held
 from config.errors import RecordingError
 from config.plate import CHANNEL_NAMES
+from config.termination import termination_held
 
 START_PATIENCE_S = 60.0
 STOP_PATIENCE_S = 30.0

@@ -16,9 +16,9 @@ from acquisition.disk_reserve import RESERVE_BYTES
 from acquisition.journal_file import FLUSH_PERIOD_S, SYNC_PERIOD_S, JournalFile
 from acquisition.journal_header import JournalHeader
 from acquisition.ring import Ring
-from acquisition.termination import ignore_termination
 from config.errors import RecordingError
 from config.process_name import ProcessName, bear_name
+from config.termination import ignore_termination
 
 TOPIC = "/cycle"
 IDLE_S = 0.005

@@ -11,11 +11,11 @@ from acquisition.cyclic_task import PAUSE_S, RECORDER_PATIENCE_S, CyclicTask
 from acquisition.realtime import become_realtime, freeze_garbage
 from acquisition.ring import Ring
 from acquisition.set_points import SetPointSource
-from acquisition.termination import ignore_termination
 from config.cell import CellConfig
 from config.errors import RecordingError, RidDaqError
 from config.process_name import ProcessName, bear_name
 from config.robot import RobotDescription
+from config.termination import ignore_termination
 from drivers.cell import open_cell
 from drivers.clock import MonotonicClock
 

@@ -21,13 +21,13 @@ from types import TracebackType
 from typing import Final
 
 from acquisition.arrays import FloatArray
-from acquisition.termination import ignore_termination, termination_held
 from compensation.point_codec import PointDecoder, farewell, greeting
 from compensation.point_feed import PAUSE_S, PointGate, feed
 from compensation.point_ring import PointRing, PointsFailed
 from config.bodies import Workspace
 from config.errors import TransportError
 from config.robot import RobotDescription
+from config.termination import ignore_termination, termination_held
 
 LOOK_S: Final = 0.05
 SILENCE_S: Final = 2.0

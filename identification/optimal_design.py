@@ -12,9 +12,9 @@ import joblib
 from scipy.optimize import minimize
 
 from acquisition.arrays import FloatArray
-from acquisition.termination import termination_held
 from config.errors import ConfigError
 from config.motion import FourierMotion
+from config.termination import termination_held
 from identification.excitation_problem import ExcitationProblem
 from identification.motion_check import MotionCheck, check_motion
 

@@ -11,12 +11,12 @@ import ctypes
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator
-from multiprocessing import resource_tracker
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
 from config.errors import TransportError
+from config.termination import termination_held
 
 SCHEDULER_PRIORITY = 10
 """Below the cyclic task's own."""
@@ -45,11 +45,10 @@ class DeviceProcess:
 
     def __init__(self, serve: Callable[..., None], *arguments: Any) -> None:
         context = multiprocessing.get_context("spawn")
-        resource_tracker.ensure_running()  # starting the first process would unblock signals again
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(*arguments, theirs), daemon=True)
         try:
-            with held_back(signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+            with termination_held():
                 self._process.start()
         except BaseException:
             self.end()
@@ -99,16 +98,6 @@ def leave_signals_to_parent() -> None:
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTTOU):
         signal.signal(number, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGTERM])
-
-
-@contextlib.contextmanager
-def held_back(*signals: signal.Signals) -> Iterator[None]:
-    """Let signals wait, also for a process that is started in here."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def catch_terminate() -> int:

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from acquisition.experiment import FREE_BYTES
 from acquisition.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY, become_realtime
-from acquisition.termination import ignore_termination, termination_held
 from config.errors import RecordingError
+from config.termination import ignore_termination, termination_held
 from drivers.clock import MonotonicClock
 from rid_daq.check_line import CheckLine
 

@@ -14,10 +14,10 @@ import typer
 from acquisition.arrays import FloatArray
 from acquisition.excitation import samples_of_period
 from acquisition.stop_reason import StopCode
-from acquisition.termination import termination_calls
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.robot import RobotDescription
+from config.termination import termination_calls
 from dynamics.cad import cad_parameters
 from dynamics.robot_model import RobotModel, regressor
 from identification.base_load import base_limits, weighed

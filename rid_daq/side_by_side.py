@@ -12,9 +12,9 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, NoReturn
 
 from acquisition.run_folder import RunFolder
-from acquisition.termination import TERMINATION, termination_held
 from config import errors
 from config.errors import DriverError, RidDaqError
+from config.termination import TERMINATION, termination_held
 from rid_daq.console import Console
 from rid_daq.demo_story import Motions, tell_story
 from rid_daq.exit_codes import ExitCode

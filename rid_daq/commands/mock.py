@@ -10,11 +10,11 @@ from typing import Annotated
 
 import typer
 
-from acquisition.termination import TERMINATION, ignore_termination
 from config.cell import CellConfig
 from config.errors import ConfigError, LockedError, TransportError
 from config.faults import NO_SCRIPT
 from config.load import LoadedCell, load_cell, load_faults
+from config.termination import TERMINATION, ignore_termination
 from config.whole_file import write_whole
 from mock_hw.cell import SimulatedCell
 from mock_hw.drive_objects import DriveIdentity

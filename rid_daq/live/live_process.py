@@ -13,7 +13,7 @@ from typing import Any
 from acquisition.control_block import ControlBlock
 from acquisition.ring import Ring
 from acquisition.stop_reason import StopCode
-from acquisition.termination import ignore_termination
+from config.termination import ignore_termination
 from rid_daq.live.access import Access
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.live.server import REQUEST_PATIENCE_S, LiveServer

@@ -33,9 +33,9 @@ from acquisition.recorder import run_recorder
 from acquisition.ring import Ring
 from acquisition.set_points import PlannedMotion
 from acquisition.stop_reason import StopCode, StopReason
-from acquisition.termination import TERMINATION
 from config.cell import CellConfig
 from config.robot import RobotDescription
+from config.termination import TERMINATION
 
 HEADER = JournalHeader(joint_names=("joint1", "joint2", "joint3"), sample_period_s=0.008)
 PATIENCE_S = 60.0

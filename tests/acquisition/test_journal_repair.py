@@ -25,9 +25,9 @@ from acquisition.monitor_row import MonitorHeader
 from acquisition.monitor_stream import read_monitor
 from acquisition.recorder import JournalWriter, run_recorder
 from acquisition.ring import Ring
-from acquisition.termination import TERMINATION
 from benchmarks.recover import HEADER, KILLED, invented_rows
 from config.errors import RecordingError
+from config.termination import TERMINATION
 from drivers.interfaces import MonitorReading
 
 ROWS = 4000

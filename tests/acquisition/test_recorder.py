@@ -14,7 +14,7 @@ from acquisition.journal import read_journal
 from acquisition.journal_header import JournalHeader
 from acquisition.recorder import run_recorder
 from acquisition.ring import Ring
-from acquisition.termination import TERMINATION
+from config.termination import TERMINATION
 
 HEADER = JournalHeader(joint_names=("a", "b"), sample_period_s=0.008)
 ROWS = 300

@@ -24,9 +24,9 @@ from acquisition.ring import Ring
 from acquisition.run_folder import RunFolder
 from acquisition.run_list import find_run
 from acquisition.set_points import PlannedMotion
-from acquisition.termination import TERMINATION
 from config.cell import CellConfig
 from config.robot import RobotDescription
+from config.termination import TERMINATION
 
 ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ("acquisition", "compensation", "config", "drivers", "dynamics", "identification")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any, cast
@@ -45,19 +45,24 @@ def tell_stories(folder: Path) -> None:
 
 
 @pytest.fixture
-def started(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Let Ctrl-C come as each process has just been started; list them."""
+def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
+    """Let Ctrl-C come as each process has just been started; list them.
+
+    The kernel hands it to any thread that takes it: here not to the one that starts processes.
+    """
     pids: list[int] = []
     start = SpawnProcess.start
+    with ThreadPoolExecutor(1) as other:
+        other.submit(int).result()  # it runs, and takes signals
 
-    def interrupted(process: SpawnProcess) -> None:
-        start(process)
-        assert process.pid is not None
-        pids.append(process.pid)
-        os.kill(os.getpid(), signal.SIGINT)
+        def interrupted(process: SpawnProcess) -> None:
+            start(process)
+            assert process.pid is not None
+            pids.append(process.pid)
+            other.submit(signal.raise_signal, signal.SIGINT).result()
 
-    monkeypatch.setattr(SpawnProcess, "start", interrupted)
-    return pids
+        monkeypatch.setattr(SpawnProcess, "start", interrupted)
+        yield pids
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from types import FrameType
 
@@ -25,7 +25,7 @@ class Interruption:
         self.signal: signal.Signals | None = None
 
 
-@contextmanager
+@contextlib.contextmanager
 def termination_calls(
     stop: Callable[[], None], *, then_ignored: bool = False
 ) -> Iterator[Interruption]:
@@ -65,12 +65,33 @@ def termination_calls(
             signal.signal(number, signal.SIG_IGN if ignored else handler)
 
 
-@contextmanager
+@contextlib.contextmanager
 def termination_held() -> Iterator[None]:
-    """Start processes in here: they are deaf to termination signals from the first instruction."""
+    """Let termination signals wait until the end of the `with`.
+
+    Processes that are started in here are deaf to them from their first instruction, until they say
+    otherwise, and no owner is interrupted before it has noted what it started. The mask alone is
+    not enough: the kernel hands a signal to any other thread, for which Python then interrupts the
+    main thread.
+    """
     resource_tracker.ensure_running()  # starting the first process would unblock signals again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION)
-    try:
+    came: list[int] = []
+    with contextlib.ExitStack() as at_end:
+        at_end.callback(_raise_all, came)
+        if threading.current_thread() is threading.main_thread():
+            for number in TERMINATION:
+                handler = signal.signal(number, lambda came_in, _frame: came.append(came_in))
+                at_end.callback(signal.signal, number, handler)
+        at_end.callback(
+            signal.pthread_sigmask,
+            signal.SIG_SETMASK,
+            signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION),
+        )
         yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _raise_all(signals: list[int]) -> None:
+    """Let this program have signals, all of them, even where one raises an exception."""
+    with contextlib.ExitStack() as stack:
+        for number in reversed(signals):
+            stack.callback(signal.raise_signal, number)
