@@ -167,7 +167,9 @@ def _read(
     rows: list[int] = []
     last = import_map.rows.last or math.inf
     first = max(import_map.rows.first, import_map.header_rows + 1)
-    for row, line in enumerate(_lines(path), start=1):
+    lines = _lines(path)
+    _refuse_rows_beyond(path, import_map, lines)
+    for row, line in enumerate(lines, start=1):
         if row < first or row > last or not line.strip():
             continue
         if import_map.decimal == ",":
@@ -196,6 +198,14 @@ def _read(
         temperature=values[:, 1 + 3 * n :],
     )
     return table, damaged, len(rows) + len(damaged)
+
+
+def _refuse_rows_beyond(path: Path, import_map: ImportMap, lines: list[str]) -> None:
+    """Refuse a range of rows that the file has not: another file was meant, or other rows."""
+    end = max((row for row, line in enumerate(lines, start=1) if line.strip()), default=0)
+    asked = import_map.rows.last or import_map.rows.first
+    if asked > max(end, 1):
+        raise ConfigError(f"{path}: has {end} rows, and rows to {asked} are asked for")
 
 
 def _lines(path: Path) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from acquisition.run_folder import LATEST, MANIFEST, Manifest, RunFolder
@@ -40,6 +40,27 @@ def _runs(root: Path) -> Iterator[tuple[RunFolder, Manifest | RecordingError]]:
             yield folder, folder.manifest()
         except RecordingError as error:
             yield folder, error
+
+
+def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:
+    """Return the runs that `references` mean, each of them another one.
+
+    Raises
+    ------
+    ConfigError
+        One of them means no run, or more than one; or a run, or its copy, is named twice.
+    RecordingError
+        As `find_run` does.
+    """
+    found = tuple(find_run(root, reference) for reference in references)
+    seen: set[str] = set()
+    for folder in found:
+        if folder.run_id in seen:
+            raise ConfigError(
+                f"run {folder.run_id} is named twice, or with its copy: it would count twice"
+            )
+        seen.add(folder.run_id)
+    return found
 
 
 def find_run(root: Path, reference: str) -> RunFolder:

@@ -13,6 +13,9 @@ from typing import Annotated, Any, Protocol
 
 import typer
 
+from config.errors import RidDaqError
+from rid_daq.exit_codes import exit_code_of
+
 _INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
 _refused: list[OSError] = []
@@ -102,6 +105,10 @@ class Console:
         if self.as_json:
             text = json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False)
             _write(_INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
+
+    def failure(self, error: RidDaqError) -> RidDaqError | typer.Exit:
+        """Return what to raise where a document that has been written says what is wrong."""
+        return typer.Exit(exit_code_of(error)) if self.as_json else error
 
     def table(
         self,

@@ -25,7 +25,6 @@ from rid_daq.check_line import CheckLine
 from rid_daq.clearance import Cleared, require_cleared
 from rid_daq.computer_check import computer_lines
 from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import exit_code_of
 from rid_daq.monitor_check import monitor_lines
 from rid_daq.plate_check import PlateCheck
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
@@ -101,9 +100,7 @@ def check(
     )
     if problem is not None and not (red and isinstance(problem, PreflightError)):
         failure = problem
-    if as_json:
-        raise typer.Exit(exit_code_of(failure))  # the document has said what is wrong
-    raise failure
+    raise console.failure(failure)
 
 
 def preflight(

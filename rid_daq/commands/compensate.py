@@ -29,6 +29,7 @@ from rid_daq.cells import CellName
 from rid_daq.commands.record import check_robot
 from rid_daq.console import AsJson, Console
 from rid_daq.motion_runs import MotionRun, read_motion_run, sha256_of
+from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 
@@ -47,6 +48,7 @@ def compensate(
             help="Tune scale and delay of every axis by this run of a periodic motion.",
         ),
     ] = None,
+    overwrite: Overwrite = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -57,6 +59,7 @@ def compensate(
     moves. `rid-daq record CELL MOTION --feedforward FEEDFORWARD` runs the motion with it.
     """
     console = Console(as_json)
+    refuse_output(output, overwrite)
     loaded = load_cell(cell)
     asked = load_motion(motion)
     check_robot(asked, loaded, motion)

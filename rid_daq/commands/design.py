@@ -6,14 +6,14 @@ import signal
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import numpy as np
 import typer
 
 from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
-from config.errors import ConfigError, RecordingError
+from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, to_yaml
 from config.motion import FourierMotion
 from config.robot import RobotDescription
@@ -27,7 +27,9 @@ from rid_daq.design_job import Search, chosen_criterion, excitation_problem, sea
 from rid_daq.exit_codes import ExitCode
 from rid_daq.friction_section import write_friction_motion
 from rid_daq.multisine_job import Grid, Phases, write_multisine
+from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.sections import units
+from rid_daq.unread_options import is_given, refuse_unread
 
 DEFAULT_PERIOD_S = 10.0
 DEFAULT_PERIODS = 16
@@ -56,7 +58,14 @@ class CriterionName(StrEnum):
     D_OPTIMAL = "d-optimal"
 
 
+_PERIODIC: Final = frozenset({"period_s", "periods", "highest_harmonic"})
+_OF_OPTIMAL: Final = frozenset({"criterion", "starts", "budget_s", "scheduler", "given", "wanted"})
+_OF_MULTISINES: Final = frozenset({"band", "grid", "phases", "realisations", "slow"})
+_OF_EXCITATIONS: Final = frozenset({"method", "tries", "highest_harmonic"}) | _OF_OPTIMAL
+
+
 def design(
+    context: typer.Context,
     cell: CellName,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="MOTION", help="The motion file to write.")
@@ -134,7 +143,7 @@ def design(
         bool, typer.Option("--slow/--no-slow", help="Multisines: a slow sine beneath.")
     ] = True,
     seed: Annotated[int, typer.Option(min=0, help="Where they are drawn from.")] = 0,
-    overwrite: Annotated[bool, typer.Option(help="Replace MOTION if it is there.")] = False,
+    overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
     """Choose an excitation and verify it densely.
@@ -145,10 +154,8 @@ def design(
     harmonic an axis. The motion written has passed the check of every limit, ramps included.
     """
     console = Console(as_json)
-    if output.exists() and not overwrite:
-        raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
-    if not output.parent.is_dir():
-        raise RecordingError(f"{output}: cannot be written: there is no folder {output.parent}")
+    _refuse_unread(context, kind, method)
+    refuse_output(output, overwrite)
     loaded = load_cell(cell)
     robot = loaded.robot
     if kind is Kind.CONSTANT_VELOCITY:
@@ -181,6 +188,8 @@ def design(
     period_s, periods = period_s or DEFAULT_PERIOD_S, periods or DEFAULT_PERIODS
     if method is Method.OPTIMAL:
         names = [name.strip() for name in wanted.split(",") if name.strip()]
+        if names and is_given(context, "criterion"):
+            raise ConfigError("--for takes the place of --criterion: leave one of them out")
         problem = excitation_problem(
             loaded.config,
             robot,
@@ -226,6 +235,19 @@ def design(
     if found is not None and found.interrupted_by is not None:
         interrupted = found.interrupted_by is signal.SIGINT
         raise typer.Exit(ExitCode.INTERRUPTED if interrupted else ExitCode.TERMINATED)
+
+
+def _refuse_unread(context: typer.Context, kind: Kind, method: Method) -> None:
+    """Refuse what the kind, or the method, of this motion does not know."""
+    by = f"with --kind {kind.value}"
+    if kind is Kind.CONSTANT_VELOCITY:
+        refuse_unread(context, _PERIODIC | _OF_MULTISINES | _OF_EXCITATIONS | {"model"}, by)
+    elif kind is Kind.MULTISINE:
+        refuse_unread(context, _OF_EXCITATIONS, by)
+    else:
+        refuse_unread(context, _OF_MULTISINES, by)
+        others = {"tries"} if method is Method.OPTIMAL else _OF_OPTIMAL | {"model"}
+        refuse_unread(context, others, f"with --method {method.value}")
 
 
 def _write(

@@ -23,8 +23,10 @@ from identification.export_function import c_function, python_function
 from identification.export_model import ExportModel
 from identification.export_table import csv_table, json_table
 from rid_daq.console import AsJson, Console
+from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.run_data import read_run
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.unread_options import refuse_unread
 
 
 class Format(StrEnum):
@@ -48,6 +50,7 @@ _NEED_NO_LINKS: Final = (Format.C, Format.PYTHON, Format.CSV, Format.JSON)
 
 
 def export(
+    context: typer.Context,
     what: Annotated[
         str,
         typer.Argument(
@@ -83,7 +86,7 @@ def export(
             " file says so.",
         ),
     ] = False,
-    overwrite: Annotated[bool, typer.Option(help="Replace FILE if it is there.")] = False,
+    overwrite: Overwrite = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -95,9 +98,9 @@ def export(
     every row is written as it was recorded.
     """
     console = Console(as_json)
-    if output.exists() and not overwrite:
-        raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
+    refuse_output(output, overwrite)
     if not _is_model(what):
+        refuse_unread(context, {"as_identified", "despite_misfit"}, "with a recording")
         _export_recording(console, find_run(runs, what), to, output)
         return
     if to in _RECORDINGS_ONLY:
@@ -109,6 +112,7 @@ def export(
         )
     estimate = read_estimate(Path(what))
     if as_identified:
+        refuse_unread(context, {"despite_misfit"}, "with --as-identified")
         chosen, sentence = _identified(estimate), "Parameters as identified."
     else:
         found = consistent(estimate)

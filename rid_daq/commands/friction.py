@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.run_list import find_run
+from acquisition.run_list import find_runs
 from config.errors import ConfigError
 from config.load import load_motion
 from config.motion import ConstantVelocityMotion, ReversedMotion
@@ -42,7 +42,7 @@ def friction(
     robot are taken together.
     """
     console = Console(as_json)
-    data = [read_run(find_run(runs, name)) for name in run]
+    data = [read_run(folder) for folder in find_runs(runs, run)]
     tell_lacks(console, data)
     first = data[0]
     curves: dict[str, list[FrictionCurve]] = {}

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from acquisition.periods import average_periods
-from acquisition.run_list import find_run
+from acquisition.run_list import find_run, find_runs
 from config.errors import ConfigError, EstimationError
 from config.robot import FrictionTerm
 from identification.comparison import FRICTION_CANDIDATES, Comparison
@@ -32,6 +32,7 @@ from rid_daq.identification_job import (
     gains_of_drives,
     plate_findings,
 )
+from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.plate_section import plate_section, tell_plate, weight_words
 from rid_daq.report.render import number
 from rid_daq.result import write_result
@@ -115,6 +116,7 @@ def identify(
     rotors: Annotated[bool, typer.Option(help="Rotors with their coupling.")] = True,
     friction: Annotated[bool, typer.Option(help="Friction as the robot file names it.")] = True,
     spring: Annotated[bool, typer.Option(help="The gravity spring.")] = True,
+    overwrite: Overwrite = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -124,10 +126,8 @@ def identify(
     shift and used in the time domain. The model file is complete in itself.
     """
     console = Console(as_json)
-    folders = [find_run(runs, name) for name in run]
-    if len({folder.run_id for folder in folders}) < len(folders):
-        raise ConfigError("a run is named twice, or with its copy: it would count twice")
-    data = [read_run(folder) for folder in folders]
+    refuse_output(output, overwrite)
+    data = [read_run(folder) for folder in find_runs(runs, run)]
     tell_lacks(console, data)
     how = HowToEstimate(
         options=ModelOptions(

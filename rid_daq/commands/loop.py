@@ -12,10 +12,11 @@ from compensation.cascade import advise
 from compensation.loop_file import write_loops
 from compensation.loop_measurement import measure_loops
 from config.cell import CellConfig
-from config.errors import ConfigError, RecordingError
+from config.errors import ConfigError
 from config.load import load_bundled_or_path, load_motion
 from config.motion import MultisineMotion
 from rid_daq.console import AsJson, Console
+from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.report.render import number
 from rid_daq.result import write_result
 from rid_daq.run_data import RunData, read_run, result_of, tell_lacks
@@ -36,6 +37,7 @@ def loop(
             help="The file of loops; RUN/loops.json if not given.",
         ),
     ] = None,
+    overwrite: Overwrite = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -46,11 +48,10 @@ def loop(
     of current, velocity and position loop together; the run's report draws everything.
     """
     console = Console(as_json)
+    refuse_output(output, overwrite)
     data = read_run(find_run(runs, run))
     tell_lacks(console, [data])
     motion = _motion(data)
-    if output is not None and not output.parent.is_dir():
-        raise RecordingError(f"{output}: cannot be written: there is no folder {output.parent}")
     cell = load_bundled_or_path(str(data.folder.file("cell.yaml")), "cells", CellConfig)
     found = measure_loops(data.recording, motion, data.robot, cell.position_gain_per_s)
     section = velocity_loop_section(data.robot, found, advise(found.cascades))

@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
-from config.errors import ConfigError, EstimationError
+from config.errors import EstimationError
 from config.whole_file import write_whole
 from identification.load_data import LoadFormat, load_data
 from identification.payload_file import JudgedPayload, read_payload
 from rid_daq.console import AsJson, Console
+from rid_daq.output_file import Overwrite, refuse_output
 
 
 def export(
@@ -22,7 +23,7 @@ def export(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="The file to write.")
     ],
-    overwrite: Annotated[bool, typer.Option(help="Replace FILE if it is there.")] = False,
+    overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a payload as a maker's controller wants it, units and frame at the top.
@@ -31,8 +32,7 @@ def export(
     exist. Nothing is written without a passed verdict; what was written is read back and compared.
     """
     console = Console(as_json)
-    if output.exists() and not overwrite:
-        raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
+    refuse_output(output, overwrite)
     judged = read_payload(payload)
     refuse_unpassed(judged, payload)
     estimate = judged.estimate

@@ -8,7 +8,7 @@ from typing import Annotated, Final, get_args
 
 import typer
 
-from acquisition.run_list import find_run
+from acquisition.run_list import find_runs
 from config.errors import ConfigError, EstimationError
 from identification.estimate_file import read_estimate
 from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
@@ -22,6 +22,7 @@ from identification.payload_verdict import PayloadLimits
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode
 from rid_daq.flange import compared
+from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.payload_job import Weighing, weigh_runs
 from rid_daq.payload_section import payload_section, payload_verdict, tell_payload
 from rid_daq.result import write_result
@@ -109,6 +110,7 @@ def identify(
         float, typer.Option("--standstill", min=0.0, help="Lowest speed used for friction [rad/s].")
     ] = STANDSTILL_RAD_S,
     rotors: Annotated[bool, typer.Option(help="Rotors with their coupling.")] = True,
+    overwrite: Overwrite = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -118,11 +120,9 @@ def identify(
     for; what the motion does not show is named, with the motion that would.
     """
     console = Console(as_json)
+    refuse_output(output, overwrite)
     names = [*(unloaded or []), *loaded]
-    folders = [find_run(runs, name) for name in names]
-    if len({folder.run_id for folder in folders}) < len(folders):
-        raise ConfigError("a run is named twice, or as loaded and as unloaded")
-    data = [read_run(folder) for folder in folders]
+    data = [read_run(folder) for folder in find_runs(runs, names)]
     flags = [False] * (len(names) - len(loaded)) + [True] * len(loaded)
     robot = None if model is None else read_estimate(model)
     if procedure is None:

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from acquisition.motion_samples import verify_limits
-from acquisition.run_list import find_run
+from acquisition.run_list import find_runs
 from compensation.feedforward_file import Origin, RefinementEntry, write_feedforward
 from compensation.loop_file import read_loops
 from compensation.online import in_order
@@ -21,6 +21,7 @@ from config.errors import ConfigError, DataQualityError
 from identification.estimate_file import read_estimate
 from rid_daq.console import AsJson, Console
 from rid_daq.motion_runs import MotionRun, read_motion_run, sha256_of
+from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 GROWN = 1.2
@@ -37,6 +38,7 @@ def refine(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FEEDFORWARD", help="The file to write.")
     ],
+    overwrite: Overwrite = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -48,7 +50,8 @@ def refine(
     that grows is refused.
     """
     console = Console(as_json)
-    driven = [read_motion_run(find_run(runs, one)) for one in run]
+    refuse_output(output, overwrite)
+    driven = [read_motion_run(folder) for folder in find_runs(runs, run)]
     first = driven[0]
     _refuse_mixed(driven)
     samples = first.samples()

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from acquisition.run_list import damaged_runs, list_runs
-from config.errors import RecordingError
+from config.errors import ConfigError, RecordingError
 from rid_daq.console import AsJson, Console
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
@@ -21,6 +21,8 @@ def runs(
 ) -> None:
     """List the runs, oldest first; with --verify, check that no file was changed."""
     console = Console(as_json)
+    if verify and not (list_runs(folder) or damaged_runs(folder)):
+        raise ConfigError(f"{folder}: there are no runs, so nothing can be verified")
     found: list[dict[str, Any]] = []
     for run, manifest in list_runs(folder):
         entry: dict[str, Any] = {
@@ -63,4 +65,6 @@ def runs(
             console.verdict(False, f"damaged: {problem}")
     if problems:
         lines = "\n".join(f"  {run}: {problem}" for run, problem in problems)
-        raise RecordingError(f"problems in the run folders: {len(problems)}\n{lines}")
+        raise console.failure(
+            RecordingError(f"problems in the run folders: {len(problems)}\n{lines}")
+        )

@@ -34,8 +34,10 @@ from identification.sensitivity_cases import (
 )
 from identification.sensitivity_draws import Doubt, Draws, collected, monte_carlo
 from rid_daq.console import AsJson, Console
+from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.report.render import number
 from rid_daq.truth import true_parameters
+from rid_daq.unread_options import refuse_unread
 
 PAYLOAD = "medium"
 
@@ -48,6 +50,7 @@ class Against(StrEnum):
 
 
 def sensitivity(
+    context: typer.Context,
     cell: Annotated[
         str, typer.Argument(metavar="CELL", help="A bundled cell, or a path to a cell file.")
     ] = "kr15",
@@ -104,6 +107,7 @@ def sensitivity(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="CSV", help="The table as CSV.")
     ] = None,
+    overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
     """Tell what wrong torque constants, links, rotors, coupling or gears do to a payload.
@@ -113,6 +117,10 @@ def sensitivity(
     --draws, noise and doubts are drawn by chance, on all cores or on a Dask cluster.
     """
     console = Console(as_json)
+    refuse_output(output, overwrite)
+    if not draws:
+        doubts = {"doubt_torque_percent", "doubt_links_percent", "doubt_rotors_percent"}
+        refuse_unread(context, doubts | {"seed", "scheduler"}, "without --draws")
     problems = _problems(load_cell(cell), payload, model, motion)
     how: Comparison | None = None
     if against is not None:

@@ -44,10 +44,12 @@ from rid_daq.recording_job import (
 from rid_daq.result import write_result
 from rid_daq.run_quality import RunQuality
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
+from rid_daq.unread_options import refuse_unread
 from rid_daq.versions import software_versions
 
 
 def stream(
+    context: typer.Context,
     cell: CellName,
     model: Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")],
     loop: Annotated[Path, typer.Option(metavar="LOOPS", help="Velocity loops by `loop`.")],
@@ -96,6 +98,8 @@ def stream(
     """
     console = Console(as_json)
     loaded = load_cell(cell)
+    if motion is not None:
+        refuse_unread(context, {"wait"}, "with a motion file")
     asked, samples = _planned(loaded, motion, socket)
     robot, loops = read_loops(loop)
     if robot != loaded.robot.name:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.run_list import find_run
+from acquisition.run_list import find_runs
 from config.errors import ConfigError, DataQualityError
 from rid_daq.console import AsJson, Console
 from rid_daq.motion_runs import MotionRun, read_motion_run
@@ -36,8 +36,8 @@ def tracking(
     file.
     """
     console = Console(as_json)
-    driven = [read_motion_run(find_run(runs, one)) for one in run]
-    others = [read_motion_run(find_run(runs, one)) for one in against or ()]
+    driven = [read_motion_run(folder) for folder in find_runs(runs, run)]
+    others = [read_motion_run(folder) for folder in find_runs(runs, against or ())]
     tell_lacks(console, [one.data for one in (*driven, *others)])
     robot = driven[0].data.robot
     for one in (*driven, *others):

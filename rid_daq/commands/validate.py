@@ -39,9 +39,11 @@ from rid_daq.result import check, verdict, write_result
 from rid_daq.run_data import RunData, read_run, result_of, tell_lacks
 from rid_daq.sections import estimate_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.unread_options import refuse_unread
 
 
 def validate(
+    context: typer.Context,
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model file of `identify`.")],
     run: Annotated[
         str,
@@ -84,10 +86,15 @@ def validate(
     Exit code 1 where an axis, or the reaction on the base, exceeds its limit.
     """
     console = Console(as_json)
-    estimate = read_estimate(model)
     if is_motion_file(run):
-        _predict(console, estimate, Path(run), base, cell, mass_kg)
+        of_runs = {"limits", "band_hz", "standstill_rad_s", "runs"}
+        refuse_unread(context, of_runs, "with a motion file")
+        _predict(console, read_estimate(model), Path(run), base, cell, mass_kg)
         return
+    refuse_unread(context, {"cell"}, "with a run, which has its own")
+    if not base:
+        refuse_unread(context, {"mass_kg"}, "without --base-limits")
+    estimate = read_estimate(model)
     data = read_run(find_run(runs, run))
     tell_lacks(console, [data])
     validation = compare(

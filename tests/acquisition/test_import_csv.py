@@ -159,6 +159,13 @@ class TestSoundFile:
         assert report.rows_read == 200
         np.testing.assert_allclose(recording.time_s[[0, -1]], sound_table()[[100, 299], 0])
 
+    @pytest.mark.parametrize("rows", [{"first": 300, "last": 401}, {"first": 401}])
+    def test_is_refused_where_the_rows_asked_for_are_not(
+        self, write: Write, rows: dict[str, int]
+    ) -> None:
+        with pytest.raises(ConfigError, match="has 400 rows, and rows to 401 are asked for"):
+            import_csv(write(as_lines(sound_table())), two_joint_map(rows=rows))
+
     def test_of_a_known_period_can_be_averaged(self, write: Write) -> None:
         lines = as_lines(sound_table(1200))
         recording, _ = import_csv(write(lines), two_joint_map(period_s=2.0))

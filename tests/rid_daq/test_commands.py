@@ -89,9 +89,10 @@ def test_a_run_counts_once_its_copy_included_and_not_before_it_has_ended(
     workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(find_run(workshop / "runs", "excitation").path, tmp_path / "copy")
-    for twice in ("excitation", str(tmp_path / "copy")):
-        assert run(["identify", "excitation", twice, *runs]) == 2
-        assert "a run is named twice, or with its copy" in capsys.readouterr().err
+    for command in ("identify", "friction"):
+        for twice in ("excitation", str(tmp_path / "copy")):
+            assert run([command, "excitation", twice, *runs]) == 2
+            assert "is named twice, or with its copy" in capsys.readouterr().err
     with (tmp_path / "copy" / "recording.mcap").open("rb") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         assert run(["identify", str(tmp_path / "copy"), *runs]) == 8
@@ -170,8 +171,18 @@ def test_a_changed_file_is_found(
     try:
         assert run(["runs", "--verify", *runs]) == 7
         assert "motion.yaml" in capsys.readouterr().err
+        assert run(["runs", "--verify", "--json", *runs]) == 7
+        (listed,) = [each for each in document(capsys)["runs"] if each["problems"]]
+        assert "motion.yaml" in listed["problems"][0]
     finally:
         motion.write_bytes(before)
+
+
+def test_where_there_are_no_runs_nothing_is_verified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["runs", "--verify", "--runs", str(tmp_path / "rums")]) == 2
+    assert "there are no runs" in capsys.readouterr().err
 
 
 def test_design_writes_a_motion_that_record_takes(
