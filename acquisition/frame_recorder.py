@@ -17,7 +17,7 @@ from config.cell import CanBusConfig
 from config.errors import ConfigError, RecordingError, TransportError
 from config.termination import ignore_termination, termination_held
 from drivers.python_can import can
-from drivers.transport import listen_can
+from drivers.python_can_bus import open_bus
 
 LISTENED: Final = ("rid_sim", "socketcan", "udp_multicast")
 """The interfaces that several programs can open at once."""
@@ -143,7 +143,11 @@ def run_frame_recorder(bus: CanBusConfig, path: Path, pipe: Connection) -> None:
 
 def _record(config: CanBusConfig, path: Path, pipe: Connection) -> int:
     count = 0
-    with listen_can(config) as bus, path.open("xb") as file, can.BLFWriter(file) as writer:
+    with (
+        open_bus(config, listening=True) as bus,
+        path.open("xb") as file,
+        can.BLFWriter(file) as writer,
+    ):
         pipe.send(0)
         ending = False
         while True:

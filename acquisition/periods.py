@@ -29,6 +29,11 @@ class RejectedPeriod:
     index: int
     reason: str
 
+    @property
+    def number(self) -> int:
+        """The period as people count, from 1."""
+        return self.index + 1
+
 
 @dataclass(frozen=True, eq=False)
 class PeriodAverage:
@@ -156,11 +161,15 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     good = np.array([index not in rejected for index in range(len(present))])
     reasons = tuple(RejectedPeriod(i, rejected[i]) for i in sorted(rejected))
     kept = int(good.sum())
+    if len(present) == 1 and not reasons:
+        raise DataQualityError(
+            "there is one period, whose noise nobody can tell: record two or more (`periods`)"
+        )
     if kept < 2 or len(reasons) > rejected_limit:
-        words = "; ".join(f"period {period.index}: {period.reason}" for period in reasons)
+        words = "; ".join(f"period {period.number}: {period.reason}" for period in reasons)
         raise DataQualityError(
             f"{kept} of {len(present)} periods are good, {len(reasons)} are rejected (at least 2"
-            f" good ones are needed, at most {rejected_limit} may be rejected): {words or 'none'}"
+            f" good ones are needed, at most {rejected_limit} may be rejected): {words}"
         )
     values, present = values[good], present[good]
     count = present.sum(axis=0)
@@ -290,7 +299,7 @@ def cut_periods(recording: Recording, samples: int) -> tuple[FloatArray, BoolArr
         raise DataQualityError(
             f"{_of_joint(recording, worst)}{missing[worst]} of {reached} rows of the main periods"
             f" are missing or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much (it is"
-            f" more in {_listed(where)}): look for lost frames on the bus"
+            f" more in {_listed(where + 1)}): look for lost frames on the bus"
         )
     return values.reshape(periods, samples, 2 * n), present.reshape(periods, samples, n)
 
@@ -301,7 +310,7 @@ def _of_joint(recording: Recording, joint: int) -> str:
 
 
 def _listed(periods: IntArray) -> str:
-    """Name periods, those in sequence together."""
+    """Name periods by their numbers, those in sequence together."""
     runs = np.split(periods, np.flatnonzero(np.diff(periods) > 1) + 1)
     words = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
     return ("periods " if len(periods) > 1 else "period ") + ", ".join(words)

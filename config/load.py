@@ -318,11 +318,29 @@ def _describe(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     if detail["type"] == "missing":
         missing = detail["loc"][-1]
         return f"{prefix}the key {missing!r} is missing"
+    context = detail.get("ctx", {})
+    kind = context.get("discriminator", "").strip("'")
+    if detail["type"] == "union_tag_not_found":
+        return f"{prefix}the key {kind!r} is missing: it says which of several this is"
+    if detail["type"] == "union_tag_invalid":
+        return _unknown_kind(tree, (*path, kind), context)
     message = detail["msg"].removeprefix("Value error, ")
     given = detail.get("input")
     if isinstance(given, (str, int, float, bool)) and detail["type"] != "value_error":
         return f"{prefix}{message} (got {given!r})"
     return f"{prefix}{message}"
+
+
+def _unknown_kind(tree: YamlTree, path: tuple[int | str, ...], context: dict[str, Any]) -> str:
+    """Say which kinds there are, at the key that names none of them."""
+    kinds = [kind.strip("'") for kind in context["expected_tags"].split(", ")]
+    close = difflib.get_close_matches(context["tag"], kinds, n=1)
+    meant = f"; did you mean {close[0]}?" if close else "."
+    key = ".".join(str(part) for part in path)
+    return (
+        f"{tree.where(path)}: {key}: there is no {context['tag']!r}{meant} Allowed:"
+        f" {', '.join(kinds)}"
+    )
 
 
 def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | str, ...]:

@@ -11,7 +11,6 @@ import termios
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from types import TracebackType
-from typing import Any
 
 import serial
 
@@ -21,20 +20,12 @@ from drivers.can_ports import Arrival, FramePort, PythonCanPort
 from drivers.canopen.frames import Frame
 from drivers.clock import Clock, MonotonicClock, SimulatedClock
 from drivers.python_can import can
+from drivers.python_can_bus import not_opened, open_bus
 from drivers.socketcan_port import SocketCanPort
 
 _READ_BYTES = 1 << 16
 _WRITE_TIMEOUT_S = 1.0
 _POLL_S = 0.02
-_OPENING_ERRORS = (  # whatever a driver that is missing, or does not suit, makes python-can raise
-    can.CanError,
-    OSError,
-    ValueError,
-    TypeError,
-    ImportError,
-    AttributeError,
-    NotImplementedError,
-)
 _PORT_ERRORS = (OSError, ValueError, termios.error)  # serial.SerialException is an OSError
 
 
@@ -200,55 +191,20 @@ def open_can(config: CanBusConfig, *, watch_errors: bool = True) -> CanLink:
 
     Raises
     ------
+    ConfigError
+        The interface is unknown.
     TransportError
-        The interface is unknown, its driver is missing or the channel cannot be opened.
+        Its driver is missing or the channel cannot be opened.
     """
     bus: can.BusABC | FramePort
     if config.interface != "socketcan":
-        bus = _python_can(config, _options(config))
+        bus = open_bus(config)
     else:
         try:
             bus = SocketCanPort(config.channel, watch_errors=watch_errors)
-        except _OPENING_ERRORS as error:
-            raise _not_opened(config, error) from error
+        except (OSError, ValueError) as error:
+            raise not_opened(config, error) from error
     return CanLink(bus, hears_itself=config.interface == "udp_multicast")
-
-
-def listen_can(config: CanBusConfig) -> can.BusABC:
-    """Open a bus that somebody else drives, to hear every frame on it; nothing is to be sent.
-
-    Raises
-    ------
-    TransportError
-        As of `open_can`.
-    """
-    options = _options(config)
-    options.pop("participant", None)
-    return _python_can(config, options)
-
-
-def _python_can(config: CanBusConfig, options: dict[str, Any]) -> can.BusABC:
-    try:
-        return can.Bus(interface=config.interface, ignore_config=True, **options)
-    except _OPENING_ERRORS as error:
-        raise _not_opened(config, error) from error
-
-
-def _not_opened(config: CanBusConfig, error: Exception) -> TransportError:
-    return TransportError(
-        f"CAN bus {config.interface}:{config.channel} cannot be opened ({error});"
-        " check can.interface and can.channel in the cell file, and that the adapter is"
-        " plugged in and up"
-    )
-
-
-def _options(config: CanBusConfig) -> dict[str, Any]:
-    """Return what python-can's interface is told; UDP multicast stays on this computer."""
-    if config.interface == "udp_multicast":
-        group, _, port = config.channel.partition("@")
-        return {"channel": group, "hop_limit": 0} | ({"port": int(port)} if port else {})
-    options: dict[str, Any] = {"channel": config.channel, "bitrate": config.bitrate}
-    return options | ({"participant": True} if config.interface == "rid_sim" else {})
 
 
 class SerialLink:

@@ -55,7 +55,7 @@ class RunQuality:
                     f"{self.average.missing_samples} single rows are left out of the mean period."
                 )
             said += [
-                f"Period {period.index} is left out: {period.reason}."
+                f"Period {period.number} is left out: {period.reason}."
                 for period in self.average.rejected
             ]
         return said
@@ -69,7 +69,7 @@ class RunQuality:
             "rows": self.rows,
             "lost_answers": dict(zip(self.joint_names, self.lost, strict=True)),
             "periods_kept": None if self.average is None else self.average.periods_kept,
-            "rejected": [{"index": each.index, "reason": each.reason} for each in rejected],
+            "rejected": [{"number": each.number, "reason": each.reason} for each in rejected],
         }
 
 

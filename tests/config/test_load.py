@@ -139,8 +139,12 @@ def test_a_motion_written_reads_back_equal(tmp_path: Path) -> None:
 
 def test_a_motion_of_an_unknown_kind_names_the_kinds(tmp_path: Path) -> None:
     path = tmp_path / "motion.yaml"
-    path.write_text("kind: spiral\nrobot: ir361\n")
-    with pytest.raises(ConfigError, match="'fourier', 'multipoint'"):
+    path.write_text("robot: ir361\nkind: forier\n")
+    said = r"yaml:2:1: kind: there is no 'forier'; did you mean fourier.*, multipoint"
+    with pytest.raises(ConfigError, match=said):
+        load_motion(path)
+    path.write_text("robot: ir361\n")
+    with pytest.raises(ConfigError, match="yaml:1:1: the key 'kind' is missing"):
         load_motion(path)
 
 

@@ -95,7 +95,7 @@ def test_one_percent_of_random_loss_is_borne_and_told(
     assert quality["periods_kept"] == PERIODS - len(rejected)
     assert 0 < len(rejected) <= 5
     for period in rejected:
-        assert f"Period {period['index']} is left out: " in done.report
+        assert f"Period {period['number']} is left out: " in done.report
     share = sum(lost.values()) / (3 * rows)
     measured(
         f"{100 * share:.1f} % of {3 * rows} answers: exit 0, {len(rejected)} of {PERIODS} short"
@@ -113,7 +113,7 @@ def test_more_than_five_bad_periods_are_exit_6_and_named(
     assert not quality["good"]
     assert quality["lost_answers"] == {"axis1": 0, "axis2": 30, "axis3": 0}
     named = [word for word in quality["trouble"].split("; ") if "'axis2': 5 of 200" in word]
-    assert [word.split(": joint")[0].split(" ")[-1] for word in named] == list("123456")
+    assert [word.split(": joint")[0].split(" ")[-1] for word in named] == list("234567")
     assert "not good enough to go on with" in done.report
     assert quality["trouble"].split("; ")[1] in done.report.replace("&#39;", "'")
     measured("6 of 8 periods miss 5 of 200 answers: exit 6, 30 of 30 counted, all 6 named")
