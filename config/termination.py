@@ -67,14 +67,23 @@ def termination_calls(
 
 @contextlib.contextmanager
 def termination_held() -> Iterator[None]:
-    """Let termination signals wait until the end of the `with`.
+    """Start processes in here: they are deaf to termination signals until they say otherwise.
 
-    Processes that are started in here are deaf to them from their first instruction, until they say
-    otherwise, and no owner is interrupted before it has noted what it started. The mask alone is
-    not enough: the kernel hands a signal to any other thread, for which Python then interrupts the
-    main thread.
+    They are from their first instruction, and no owner is interrupted before it has noted what it
+    started.
     """
     resource_tracker.ensure_running()  # starting the first process would unblock signals again
+    with termination_waits():
+        yield
+
+
+@contextlib.contextmanager
+def termination_waits() -> Iterator[None]:
+    """Let termination signals wait until the end of the `with`.
+
+    The mask alone is not enough: the kernel hands a signal to any other thread, for which Python
+    then interrupts the main thread.
+    """
     came: list[int] = []
     with contextlib.ExitStack() as at_end:
         at_end.callback(_raise_all, came)

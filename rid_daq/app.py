@@ -7,7 +7,6 @@ not wait for numerics that they do not use. This is the one place that catches `
 from __future__ import annotations
 
 import importlib
-import json
 import os
 import signal
 import sys
@@ -19,7 +18,8 @@ import typer
 from typer.core import TyperGroup
 
 from config.errors import RecordingError, RidDaqError
-from rid_daq.console import output_error, printable
+from config.termination import TERMINATION, termination_waits
+from rid_daq.console import Console, documents_written, output_error, printable
 from rid_daq.exit_codes import ExitCode, exit_code_of
 
 # Small factorisations gain nothing from threads of BLAS, and lose much where the cores are busy.
@@ -73,7 +73,8 @@ class LazyCommands(TyperGroup):
             return None
         # `import` is a word of the language, so its module is import_.
         module_name = "import_" if cmd_name == "import" else cmd_name
-        module = importlib.import_module(f"rid_daq.commands.{module_name}")
+        with termination_waits():  # an exception inside of pydantic's modules becomes another one
+            module = importlib.import_module(f"rid_daq.commands.{module_name}")
         found = getattr(module, "group", None) or getattr(module, module_name)
         if isinstance(found, typer.Typer):  # a command with commands of its own
             return typer.main.get_command(found)
@@ -127,19 +128,36 @@ def run(arguments: Sequence[str]) -> int:
     arguments
         The words after the program's name.
     """
+    written = documents_written()
     try:
         typer.main.get_command(root)(args=list(arguments), prog_name="rid-daq")
     except (RidDaqError, OSError) as caught:
         error = _typed(caught)
-        code = exit_code_of(error)
-        typer.echo(f"rid-daq: {printable(str(error))}", err=True)
-        if "--json" in arguments:
-            problem = {"kind": type(error).__name__, "message": str(error), "exit_code": int(code)}
-            typer.echo(json.dumps({"error": problem}, ensure_ascii=False, indent=2))
-        return code
+        code, kind, message = int(exit_code_of(error)), type(error).__name__, str(error)
+        typer.echo(f"rid-daq: {printable(message)}", err=True)
     except SystemExit as end:
-        return end.code if isinstance(end.code, int) else ExitCode.DONE
-    return ExitCode.DONE
+        code = end.code if isinstance(end.code, int) else ExitCode.DONE
+        kind, message = _ENDINGS.get(code, ("Failure", "the exit code says what"))
+        if isinstance(end, _Interrupted):
+            typer.echo(f"rid-daq: {message}", err=True)
+    else:
+        return ExitCode.DONE
+    if code and "--json" in arguments and documents_written() == written:
+        problem = {"kind": kind, "message": message, "exit_code": code}
+        Console(as_json=True).document({"error": problem})
+    return code
+
+
+_ENDINGS: dict[int, tuple[str, str]] = {
+    ExitCode.USAGE: ("UsageError", "a mistyped command line; standard error says what"),
+    ExitCode.INTERRUPTED: ("Interrupted", "interrupted"),
+    ExitCode.TERMINATED: ("Terminated", "terminated"),
+}
+"""What a document says where a command ended before it could say anything itself."""
+
+
+class _Interrupted(SystemExit):
+    """A signal came where nothing else was ready for it."""
 
 
 def _typed(error: RidDaqError | OSError) -> RidDaqError:
@@ -153,15 +171,15 @@ def _typed(error: RidDaqError | OSError) -> RidDaqError:
 
 def _end_once(number: int, _frame: FrameType | None) -> NoReturn:
     """Begin to leave; further signals change nothing, so that the clean-up always completes."""
-    for other in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for other in TERMINATION:
         signal.signal(other, signal.SIG_IGN)
-    raise SystemExit(ExitCode.INTERRUPTED if number == signal.SIGINT else ExitCode.TERMINATED)
+    raise _Interrupted(ExitCode.INTERRUPTED if number == signal.SIGINT else ExitCode.TERMINATED)
 
 
 def main() -> None:
     """Run the program on the process's own arguments: the `rid-daq` script."""
     # Leaving by an exception closes every `with`: drives disabled, files closed, children joined.
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in TERMINATION:
         if signal.getsignal(number) != signal.SIG_IGN:  # as nohup leaves it
             signal.signal(number, _end_once)
     sys.exit(_written_out(run(sys.argv[1:])))

@@ -13,12 +13,17 @@ from typing import Annotated, Any, Protocol
 
 import typer
 
-from config.errors import RidDaqError
-from rid_daq.exit_codes import exit_code_of
-
 _INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
-_refused: list[OSError] = []
+
+class _Output:
+    """What this process has done with standard output."""
+
+    documents = 0
+    refused: OSError | None = None
+
+
+_output = _Output()
 
 AsJson = Annotated[
     bool, typer.Option("--json", help="One JSON document on stdout instead of sentences.")
@@ -38,7 +43,12 @@ def as_command(*words: object) -> str:
 
 def output_error() -> OSError | None:
     """Return why standard output did not take what was written, the first time; None if it did."""
-    return _refused[0] if _refused else None
+    return _output.refused
+
+
+def documents_written() -> int:
+    """Return how many documents this process has written for programs."""
+    return _output.documents
 
 
 def _write(text: str) -> None:
@@ -46,7 +56,7 @@ def _write(text: str) -> None:
     try:
         typer.echo(text)
     except OSError as error:
-        _refused.append(error)
+        _output.refused = _output.refused or error
 
 
 def _escaped(character: str) -> str:
@@ -103,12 +113,9 @@ class Console:
     def document(self, document: dict[str, Any]) -> None:
         """Write the command's result for programs; nothing without `--json`."""
         if self.as_json:
+            _output.documents += 1
             text = json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False)
             _write(_INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
-
-    def failure(self, error: RidDaqError) -> RidDaqError | typer.Exit:
-        """Return what to raise where a document that has been written says what is wrong."""
-        return typer.Exit(exit_code_of(error)) if self.as_json else error
 
     def table(
         self,

@@ -100,7 +100,7 @@ def check(
     )
     if problem is not None and not (red and isinstance(problem, PreflightError)):
         failure = problem
-    raise console.failure(failure)
+    raise failure
 
 
 def preflight(

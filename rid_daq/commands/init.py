@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from config.errors import ConfigError
+from config.errors import ConfigError, RecordingError
 from config.whole_file import write_whole
 from rid_daq.console import AsJson, Console, as_command
 
@@ -56,7 +56,7 @@ def init(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ConfigError(f"{folder}: cannot make the folder: {error.strerror}") from None
+        raise RecordingError(f"{folder}: cannot make the folder: {error.strerror}") from None
     for name, text in files.items():
         write_whole(folder / name, text.encode())
     console.document({"folder": str(folder), "files": list(files), "notes": list(notes)})

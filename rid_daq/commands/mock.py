@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from config.cell import CellConfig
-from config.errors import ConfigError, LockedError, TransportError
+from config.errors import ConfigError, LockedError, RecordingError, TransportError
 from config.faults import NO_SCRIPT
 from config.load import LoadedCell, load_cell, load_faults
 from config.termination import TERMINATION, ignore_termination
@@ -79,6 +79,8 @@ def mock(
             " `rid-daq record --faults`"
         )
     _check_channel(loaded.config)
+    if log is not None and (log.is_dir() or not log.parent.is_dir()):
+        raise RecordingError(f"{log}: cannot be written: is no file that there can be")
     with SimulatedCell(
         loaded.config,
         loaded.robot,
@@ -152,7 +154,7 @@ def _write_sheets(loaded: LoadedCell, folder: Path, console: Console) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ConfigError(f"{folder}: cannot make the folder: {error.strerror}") from None
+        raise RecordingError(f"{folder}: cannot make the folder: {error.strerror}") from None
     for name, content in sheets.items():
         write_whole(folder / name, content)
     console.document({"cell": loaded.config.name, "folder": str(folder), "files": [*sheets]})
@@ -191,8 +193,11 @@ def _wait(cell: CellConfig) -> None:
         The simulated bus is not served any more.
     """
     ending = {number for number in TERMINATION if signal.getsignal(number) != signal.SIG_IGN}
+    came: list[int] = []
+    for number in ending:  # for those that the kernel hands to another thread
+        signal.signal(number, lambda came_in, _frame: came.append(came_in))
     signal.pthread_sigmask(signal.SIG_BLOCK, ending)
-    while signal.sigtimedwait(ending, _LOOK_S) is None:
+    while not came and signal.sigtimedwait(ending, _LOOK_S) is None:
         if not is_served(cell):
             raise TransportError(f"cell {cell.name}: its simulated bus died; start it again")
     ignore_termination()

@@ -51,11 +51,9 @@ def reset(
     stuck = [drive for drive in drives if drive.is_faulty or drive.refusal]
     if stuck:
         console.verdict(False, f"Cell {loaded.config.name}: a fault remains.")
-        raise console.failure(
-            PreflightError(
-                "; ".join(_sentence(drive) for drive in stuck)
-                + ": remove the cause first, or see the drive's manual for how it is reset"
-            )
+        raise PreflightError(
+            "; ".join(_sentence(drive) for drive in stuck)
+            + ": remove the cause first, or see the drive's manual for how it is reset"
         )
     count = sum(drive.was_faulty for drive in drives)
     what = "No drive was in fault." if not count else f"Reset: {count} of {len(drives)} drives."

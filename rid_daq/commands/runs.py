@@ -65,6 +65,4 @@ def runs(
             console.verdict(False, f"damaged: {problem}")
     if problems:
         lines = "\n".join(f"  {run}: {problem}" for run, problem in problems)
-        raise console.failure(
-            RecordingError(f"problems in the run folders: {len(problems)}\n{lines}")
-        )
+        raise RecordingError(f"problems in the run folders: {len(problems)}\n{lines}")

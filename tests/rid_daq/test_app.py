@@ -88,6 +88,8 @@ def test_a_mistyped_command_line_is_usage(
     captured = capsys.readouterr()
     assert said in captured.err
     assert captured.out == ""
+    assert run([*words, "--json"]) == ExitCode.USAGE
+    assert json.loads(capsys.readouterr().out)["error"]["kind"] == "UsageError"
 
 
 def _command_that_raises(error: BaseException) -> Any:
@@ -134,6 +136,55 @@ def test_ctrl_c_is_130(monkeypatch: pytest.MonkeyPatch) -> None:
         sys.modules, "rid_daq.commands.runs", _command_that_raises(KeyboardInterrupt())
     )
     assert run(["runs"]) == ExitCode.INTERRUPTED
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_told_with_json_too(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def runs(as_json: bool = typer.Option(False, "--json")) -> None:
+        signal.signal(number, app._end_once)
+        signal.raise_signal(number)
+
+    module = type("Module", (), {"runs": staticmethod(runs)})
+    monkeypatch.setitem(sys.modules, "rid_daq.commands.runs", module)
+    code, word = (130, "interrupted") if number is signal.SIGINT else (143, "terminated")
+    assert run(["runs", "--json"]) == code
+    captured = capsys.readouterr()
+    assert captured.err == f"rid-daq: {word}\n"
+    assert json.loads(captured.out)["error"] == {
+        "kind": word.capitalize(),
+        "message": word,
+        "exit_code": code,
+    }
+
+
+def test_ctrl_c_while_a_command_is_imported_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _frame: heard.append(number))
+
+    def imported(_name: str) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        assert not heard
+        return _command_that_raises(SystemExit(0))
+
+    monkeypatch.setattr("rid_daq.app.importlib.import_module", imported)
+    run(["runs"])
+    assert heard == [signal.SIGINT]
+
+
+def test_ctrl_c_while_the_program_is_imported_leaves_no_traceback() -> None:
+    program = (
+        "import os, signal, sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, *_rest):\n"
+        "        if name == 'rid_daq.app':\n"
+        "            os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "import rid_daq.__main__\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True)
+    assert (ended.returncode, ended.stderr) == (-signal.SIGINT, b"")
 
 
 def test_a_bug_is_not_dressed_up_as_a_users_error(monkeypatch: pytest.MonkeyPatch) -> None:
