@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Final
 
 from config.cell import CanBusConfig
-from config.errors import ConfigError, RecordingError, TransportError
+from config.errors import ConfigError, RecordingError, RidDaqError, TransportError
 from config.termination import ignore_termination, termination_held
 from drivers.python_can import can
 from drivers.python_can_bus import open_bus
@@ -110,7 +110,7 @@ class FrameRecorder:
             said = None
         if isinstance(said, int):
             return said
-        if isinstance(said, TransportError | RecordingError):
+        if isinstance(said, RidDaqError):
             raise said
         raise RecordingError(f"{self._path}: the process that writes it does not answer")
 
@@ -130,10 +130,10 @@ def run_frame_recorder(bus: CanBusConfig, path: Path, pipe: Connection) -> None:
     Says 0 once it listens, and at the end how many frames it has written; or what went wrong.
     """
     ignore_termination()
-    said: int | TransportError | RecordingError
+    said: int | RidDaqError
     try:
         said = _record(bus, path, pipe)
-    except (TransportError, RecordingError) as error:
+    except RidDaqError as error:
         said = error
     except OSError as error:
         said = RecordingError(f"{path}: cannot be written ({error.strerror or error})")

@@ -20,7 +20,7 @@ from acquisition.motion_samples import Phase
 from acquisition.recording import Recording
 from acquisition.smoothing import GAP_STEPS, resample_periods
 from config.errors import ConfigError, DataQualityError
-from config.import_map import ImportMap
+from config.import_map import ImportMap, RowRange
 from config.robot import RobotDescription
 
 LARGEST_FILE_BYTES = 500_000_000
@@ -156,6 +156,20 @@ def import_csv(
     return recording, report
 
 
+def refuse_rows_beyond(path: Path, rows: RowRange) -> None:
+    """Refuse a range of rows that a file does not have: another file was meant, or other rows.
+
+    Raises
+    ------
+    ConfigError
+        It ends before, or cannot be read.
+    """
+    end = max((row for row, line in enumerate(_lines(path), start=1) if line.strip()), default=0)
+    asked = rows.last or rows.first
+    if asked > end:
+        raise ConfigError(f"{path}: has {end} rows, and rows to {asked} are asked for")
+
+
 def _read(
     path: Path, import_map: ImportMap, conversion: ImportColumns
 ) -> tuple[_Table, list[DamagedRow], int]:
@@ -167,9 +181,7 @@ def _read(
     rows: list[int] = []
     last = import_map.rows.last or math.inf
     first = max(import_map.rows.first, import_map.header_rows + 1)
-    lines = _lines(path)
-    _refuse_rows_beyond(path, import_map, lines)
-    for row, line in enumerate(lines, start=1):
+    for row, line in enumerate(_lines(path), start=1):
         if row < first or row > last or not line.strip():
             continue
         if import_map.decimal == ",":
@@ -198,14 +210,6 @@ def _read(
         temperature=values[:, 1 + 3 * n :],
     )
     return table, damaged, len(rows) + len(damaged)
-
-
-def _refuse_rows_beyond(path: Path, import_map: ImportMap, lines: list[str]) -> None:
-    """Refuse a range of rows that the file has not: another file was meant, or other rows."""
-    end = max((row for row, line in enumerate(lines, start=1) if line.strip()), default=0)
-    asked = import_map.rows.last or import_map.rows.first
-    if asked > max(end, 1):
-        raise ConfigError(f"{path}: has {end} rows, and rows to {asked} are asked for")
 
 
 def _lines(path: Path) -> list[str]:

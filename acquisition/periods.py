@@ -175,8 +175,8 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     count = present.sum(axis=0)
     if (count < 2).any():
         raise DataQualityError(
-            f"sample {int(np.argmin(count))} of the period is valid in fewer than two good periods:"
-            " record more periods"
+            f"sample {int(np.argmin(count)) + 1} of the period is valid in fewer than two good"
+            " periods: record more periods"
         )
     missing = int(present.size - present.sum())
     weights = present[:, :, np.newaxis]

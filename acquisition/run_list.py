@@ -56,9 +56,7 @@ def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:
     seen: set[str] = set()
     for folder in found:
         if folder.run_id in seen:
-            raise ConfigError(
-                f"run {folder.run_id} is named twice, or with its copy: it would count twice"
-            )
+            raise ConfigError(f"run {folder.run_id} is named twice, or with its copy")
         seen.add(folder.run_id)
     return found
 

@@ -311,19 +311,20 @@ def _describe(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     prefix = f"{where}: {key}: " if key else f"{where}: "
     if detail["type"] == "extra_forbidden":
         kinds = {part for part in detail["loc"] if part not in path}
-        allowed = sorted(_allowed_keys(model, path[:-1], kinds))
+        allowed = sorted(
+            {name for each in _models_at(model, path[:-1], kinds) for name in each.model_fields}
+        )
         close = difflib.get_close_matches(str(path[-1]), allowed, n=1)
         meant = f"; did you mean {close[0]}?" if close else "."
         return f"{prefix}unknown key{meant} Allowed: {', '.join(allowed)}"
     if detail["type"] == "missing":
         missing = detail["loc"][-1]
         return f"{prefix}the key {missing!r} is missing"
-    context = detail.get("ctx", {})
-    kind = context.get("discriminator", "").strip("'")
-    if detail["type"] == "union_tag_not_found":
-        return f"{prefix}the key {kind!r} is missing: it says which of several this is"
-    if detail["type"] == "union_tag_invalid":
-        return _unknown_kind(tree, (*path, kind), context)
+    if detail["type"] in ("union_tag_not_found", "union_tag_invalid"):
+        found = _models_at(model, path, set())
+        return _unknown_kind(
+            tree, path, detail.get("input"), sorted(set().union(*map(_kinds, found)))
+        )
     message = detail["msg"].removeprefix("Value error, ")
     given = detail.get("input")
     if isinstance(given, (str, int, float, bool)) and detail["type"] != "value_error":
@@ -331,16 +332,16 @@ def _describe(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     return f"{prefix}{message}"
 
 
-def _unknown_kind(tree: YamlTree, path: tuple[int | str, ...], context: dict[str, Any]) -> str:
-    """Say which kinds there are, at the key that names none of them."""
-    kinds = [kind.strip("'") for kind in context["expected_tags"].split(", ")]
-    close = difflib.get_close_matches(context["tag"], kinds, n=1)
+def _unknown_kind(tree: YamlTree, path: tuple[int | str, ...], given: Any, kinds: list[str]) -> str:
+    """Say which kinds there are, where `kind` is missing or names none of them."""
+    kind = given.get("kind") if isinstance(given, dict) else None
+    if kind is None:
+        return f"{tree.where(path)}: the key 'kind' is missing. It is one of: {', '.join(kinds)}"
+    close = difflib.get_close_matches(str(kind), kinds, n=1)
     meant = f"; did you mean {close[0]}?" if close else "."
+    path = (*path, "kind")
     key = ".".join(str(part) for part in path)
-    return (
-        f"{tree.where(path)}: {key}: there is no {context['tag']!r}{meant} Allowed:"
-        f" {', '.join(kinds)}"
-    )
+    return f"{tree.where(path)}: {key}: there is no {kind!r}{meant} Allowed: {', '.join(kinds)}"
 
 
 def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
@@ -351,22 +352,25 @@ def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | 
     return path
 
 
-def _allowed_keys(annotation: Any, path: tuple[int | str, ...], kinds: set[int | str]) -> set[str]:
-    """Collect the keys allowed at `path` below a model or annotation, of these kinds if any is."""
+def _models_at(
+    annotation: Any, path: tuple[int | str, ...], kinds: set[int | str]
+) -> list[type[BaseModel]]:
+    """Collect the models at `path` below a model or annotation, of these kinds if any is."""
     if isinstance(annotation, TypeAdapter):
         annotation = Motion
     models = _models_in(annotation)
     models = [model for model in models if kinds & _kinds(model)] or models
     if not path:
-        return {name for model in models for name in model.model_fields}
+        return models
     if isinstance(path[0], int):
-        return _allowed_keys(annotation, path[1:], kinds)
-    keys: set[str] = set()
-    for model in models:
-        field = model.model_fields.get(path[0])
-        if field is not None:
-            keys |= _allowed_keys(field.annotation, path[1:], kinds)
-    return keys
+        return _models_at(annotation, path[1:], kinds)
+    fields = [model.model_fields.get(path[0]) for model in models]
+    return [
+        model
+        for field in fields
+        if field is not None
+        for model in _models_at(field.annotation, path[1:], kinds)
+    ]
 
 
 def _kinds(model: type[BaseModel]) -> set[str]:

@@ -87,15 +87,14 @@ def termination_waits() -> Iterator[None]:
     came: list[int] = []
     with contextlib.ExitStack() as at_end:
         at_end.callback(_raise_all, came)
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION)
+        at_end.callback(signal.pthread_sigmask, signal.SIG_SETMASK, mask)
         if threading.current_thread() is threading.main_thread():
             for number in TERMINATION:
-                handler = signal.signal(number, lambda came_in, _frame: came.append(came_in))
-                at_end.callback(signal.signal, number, handler)
-        at_end.callback(
-            signal.pthread_sigmask,
-            signal.SIG_SETMASK,
-            signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION),
-        )
+                handler = signal.getsignal(number)
+                if handler not in (signal.SIG_IGN, None):  # as nohup leaves it
+                    signal.signal(number, lambda came_in, _frame: came.append(came_in))
+                    at_end.callback(signal.signal, number, handler)
         yield
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, TypeVar
 
 import typer
 
 from config.cell import CellConfig
 from config.errors import PreflightError
+
+T = TypeVar("T")
 
 Cleared = Annotated[
     bool,
@@ -19,6 +22,20 @@ Cleared = Annotated[
     ),
 ]
 """The option that every command has that moves a real robot."""
+
+
+def asked(ask: Callable[..., T], question: str) -> T:
+    """Ask a person by `typer.prompt` or `typer.confirm`, beside what programs read.
+
+    Raises
+    ------
+    PreflightError
+        There is no answer: the input has ended.
+    """
+    try:
+        return ask(question, err=True)
+    except typer.Abort:
+        raise PreflightError("nothing was moved: nobody answered") from None
 
 
 def require_cleared(cell: CellConfig, cleared: bool) -> None:
@@ -41,8 +58,10 @@ def require_cleared(cell: CellConfig, cleared: bool) -> None:
     advice = "clear the cell, then type its name, or give --i-have-cleared-the-cell"
     if not sys.stdin.isatty():
         raise PreflightError(f"cell {cell.name} is real and nobody can be asked: {advice}")
-    answer = typer.prompt(
-        f"Robot will move. Nobody in cell {cell.name}, emergency stop at hand? Type the cell's name"
+    answer = asked(
+        typer.prompt,
+        f"Robot will move. Nobody in cell {cell.name}, emergency stop at hand? Type the cell's"
+        " name",
     )
     if answer != cell.name:
         raise PreflightError(f"nothing was moved: {answer!r} is not {cell.name!r}; {advice}")

@@ -16,6 +16,9 @@ import typer
 _INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
 
+_NAME_LENGTH = 26  # a run id; what is longer may be broken into lines
+
+
 class _Output:
     """What this process has done with standard output."""
 
@@ -143,8 +146,9 @@ class Console:
             from rich.text import Text
 
             table = Table(box=None, pad_edge=False, header_style="bold")
-            for column in columns:
-                table.add_column(column)
+            names = all(len(row[0]) <= _NAME_LENGTH for row in rows)
+            for number, column in enumerate(columns):
+                table.add_column(column, no_wrap=names and not number, overflow="fold")
             for number, row in enumerate(rows):
                 style = "red" if red is not None and red[number] else None
                 table.add_row(*[Text(cell) for cell in row], style=style)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -37,3 +38,5 @@ def refuse_output(output: Path | None, overwrite: bool) -> None:
         raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
     if not output.parent.is_dir():
         raise RecordingError(f"{output}: cannot be written: there is no folder {output.parent}")
+    if not os.access(output.parent, os.W_OK | os.X_OK):
+        raise RecordingError(f"{output}: cannot be written: {output.parent} may not be written to")

@@ -19,6 +19,7 @@ from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, to_yaml
 from config.motion import FourierMotion
+from rid_daq.clearance import asked
 from rid_daq.console import Console
 from rid_daq.flange import note_flange
 from rid_daq.live.live_page import LivePage
@@ -189,11 +190,11 @@ def require_yes(console: Console, question: str, answered: bool) -> None:
     PreflightError
         Nobody can be asked, or the answer is no.
     """
-    console.say(question)
     if answered:
+        console.say(question)
         console.say("  answered by flag")
         return
     if not sys.stdin.isatty():
         raise PreflightError(f"{question} Nobody can be asked here: answer by the flags (--yes)")
-    if not typer.confirm("Done?"):
+    if not asked(typer.confirm, f"{question} Done?"):
         raise PreflightError("nothing was moved further: the answer was no")

@@ -69,7 +69,7 @@ class RunQuality:
             "rows": self.rows,
             "lost_answers": dict(zip(self.joint_names, self.lost, strict=True)),
             "periods_kept": None if self.average is None else self.average.periods_kept,
-            "rejected": [{"number": each.number, "reason": each.reason} for each in rejected],
+            "rejected": [{"index": each.index, "reason": each.reason} for each in rejected],
         }
 
 

@@ -168,7 +168,7 @@ def average_section(average: PeriodAverage, robot: RobotDescription) -> dict[str
         "periods_kept": average.periods_kept,
         "samples_per_period": average.samples_per_period,
         "missing_samples": average.missing_samples,
-        "rejected": [{"number": p.number, "reason": p.reason} for p in average.rejected],
+        "rejected": [{"index": p.index, "reason": p.reason} for p in average.rejected],
         "axes": axes,
     }
 

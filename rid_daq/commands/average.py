@@ -35,7 +35,7 @@ def average(
     console.document({"run": data.folder.run_id, "average": section, "report": str(path)})
     console.say(section["sentence"])
     for period in section["rejected"]:
-        console.say(f"  period {period['number']} rejected: {period['reason']}")
+        console.say(f"  period {period['index'] + 1} rejected: {period['reason']}")
     console.table(
         ("axis", "torque noise", "position noise"),
         [

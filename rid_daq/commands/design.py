@@ -58,7 +58,7 @@ class CriterionName(StrEnum):
     D_OPTIMAL = "d-optimal"
 
 
-_PERIODIC: Final = frozenset({"period_s", "periods", "highest_harmonic"})
+_PERIODIC: Final = frozenset({"period_s", "periods"})
 _OF_OPTIMAL: Final = frozenset({"criterion", "starts", "budget_s", "scheduler", "given", "wanted"})
 _OF_MULTISINES: Final = frozenset({"band", "grid", "phases", "realisations", "slow"})
 _OF_EXCITATIONS: Final = frozenset({"method", "tries", "highest_harmonic"}) | _OF_OPTIMAL

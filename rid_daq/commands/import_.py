@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from acquisition.import_csv import import_csv
+from acquisition.import_csv import import_csv, refuse_rows_beyond
 from acquisition.run_folder import RunFolder, RunStatus
 from config.errors import ConfigError
 from config.import_map import RowRange
@@ -45,6 +45,7 @@ def import_(
     columns, robot = load_import_map(import_map)
     if rows is not None:
         columns = columns.model_copy(update={"rows": _row_range(rows)})
+        refuse_rows_beyond(file, columns.rows)
     recording, report = import_csv(file, columns, robot)
     folder = RunFolder.create(
         runs, label or as_label(file.stem), kind="import", software=software_versions()

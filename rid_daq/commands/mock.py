@@ -23,6 +23,7 @@ from mock_hw.runtime_directory import runtime_directory
 from mock_hw.served_bus import SIMULATED
 from rid_daq.cells import is_served, refuse_one_process
 from rid_daq.console import AsJson, Console
+from rid_daq.output_file import refuse_output
 
 _LOOK_S = 2.0
 
@@ -79,8 +80,7 @@ def mock(
             " `rid-daq record --faults`"
         )
     _check_channel(loaded.config)
-    if log is not None and (log.is_dir() or not log.parent.is_dir()):
-        raise RecordingError(f"{log}: cannot be written: is no file that there can be")
+    refuse_output(log, overwrite=True)
     with SimulatedCell(
         loaded.config,
         loaded.robot,

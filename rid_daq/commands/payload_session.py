@@ -207,6 +207,8 @@ class _Guide:
         for sentence in quality.sentences():
             console.say(f"{name}: {sentence}")
         if not quality.good:
+            told = {"step": name, "folder": str(folder.path), "quality": quality.to_dict()}
+            console.document(told)
             console.verdict(False, f"Step {name} is not good enough to weigh by: {quality.trouble}")
             console.say(f"Drive it again with: {self._resume}")
             raise typer.Exit(ExitCode.DATA_QUALITY)

@@ -120,7 +120,7 @@ def sensitivity(
     refuse_output(output, overwrite)
     if not draws:
         doubts = {"doubt_torque_percent", "doubt_links_percent", "doubt_rotors_percent"}
-        refuse_unread(context, doubts | {"seed", "scheduler"}, "without --draws")
+        refuse_unread(context, doubts | {"seed", "scheduler"}, "without draws")
     problems = _problems(load_cell(cell), payload, model, motion)
     how: Comparison | None = None
     if against is not None:

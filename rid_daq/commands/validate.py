@@ -87,7 +87,7 @@ def validate(
     """
     console = Console(as_json)
     if is_motion_file(run):
-        of_runs = {"limits", "band_hz", "standstill_rad_s", "runs"}
+        of_runs = {"limits", "band_hz", "standstill_rad_s"}
         refuse_unread(context, of_runs, "with a motion file")
         _predict(console, read_estimate(model), Path(run), base, cell, mass_kg)
         return
@@ -95,6 +95,8 @@ def validate(
     if not base:
         refuse_unread(context, {"mass_kg"}, "without --base-limits")
     estimate = read_estimate(model)
+    if estimate.options.kind == "external":
+        refuse_unread(context, {"limits"}, "with an external model, which knows no friction")
     data = read_run(find_run(runs, run))
     tell_lacks(console, [data])
     validation = compare(

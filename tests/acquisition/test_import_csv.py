@@ -12,12 +12,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from acquisition.import_csv import import_csv
+from acquisition.import_csv import import_csv, refuse_rows_beyond
 from acquisition.import_report import DamagedRow, group_damaged
 from acquisition.motion_samples import Phase
 from acquisition.periods import average_periods
 from config.errors import ConfigError, DataQualityError, RidDaqError
-from config.import_map import ImportMap
+from config.import_map import ImportMap, RowRange
 
 ROWS = 400
 W = 2.0 * math.pi * 0.5
@@ -159,12 +159,14 @@ class TestSoundFile:
         assert report.rows_read == 200
         np.testing.assert_allclose(recording.time_s[[0, -1]], sound_table()[[100, 299], 0])
 
-    @pytest.mark.parametrize("rows", [{"first": 300, "last": 401}, {"first": 401}])
+    @pytest.mark.parametrize("rows", [RowRange(first=300, last=401), RowRange(first=401)])
     def test_is_refused_where_the_rows_asked_for_are_not(
-        self, write: Write, rows: dict[str, int]
+        self, write: Write, rows: RowRange
     ) -> None:
+        path = write([*as_lines(sound_table()), "", ""])
+        refuse_rows_beyond(path, RowRange(first=399, last=400))
         with pytest.raises(ConfigError, match="has 400 rows, and rows to 401 are asked for"):
-            import_csv(write(as_lines(sound_table())), two_joint_map(rows=rows))
+            refuse_rows_beyond(path, rows)
 
     def test_of_a_known_period_can_be_averaged(self, write: Write) -> None:
         lines = as_lines(sound_table(1200))

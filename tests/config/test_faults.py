@@ -35,7 +35,7 @@ def test_the_script_of_the_guide_loads(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "where", "message"),
     [
-        ("bus: [{kind: lose}]", "1:7", "'drop', 'duplicate'"),
+        ("bus: [{kind: lose}]", "1:8", "no 'lose'. Allowed: bus_off, corrupt"),
         ("bus:\n  - {kind: drop, joint: axis9}", "2:18", "no joint 'axis9'; it has axis1"),
         ("drives:\n  - {kind: reset, joint: arm}", "2:19", "no joint 'arm'"),
         ("bus: [{kind: delay}]", "1:7", "delay needs delay_s"),
@@ -52,7 +52,7 @@ def test_the_script_of_the_guide_loads(tmp_path: Path) -> None:
         ("drives: [{kind: clock, factor: 2.0, ppm: 3.0}]", "1:10", "one of them"),
         ("drives: [{kind: clock, factor: 0.0}]", "1:24", "greater than 0"),
         ("drives: [{kind: reset, ppm: 3.0}]", "1:10", "ppm belongs to clock, this is reset"),
-        ("program: [{kind: crash}]", "1:11", "'kill', 'freeze', 'signal', 'disk_full'"),
+        ("program: [{kind: crash}]", "1:12", "no 'crash'. Allowed: disk_error"),
         ("program: [{kind: kill, process: hub}]", "1:24", "'recorder', 'task' or 'program'"),
         ("program: [{kind: kill}]", "1:11", "the key 'process' is missing"),
         ("program: [{kind: freeze, process: task}]", "1:11", "the key 'duration_s' is missing"),

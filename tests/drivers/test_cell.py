@@ -149,12 +149,7 @@ def test_a_configuration_error_closes_the_bus(
     assert closed
 
 
-@pytest.mark.parametrize(
-    ("interface", "channel"), [("no_such_thing", "x"), ("socketcan", "no_such_can7")]
-)
-def test_a_bus_that_cannot_be_opened(
-    cell: CellConfig, robot: RobotDescription, interface: str, channel: str
-) -> None:
-    bus = CanBusConfig(interface=interface, channel=channel)
-    with pytest.raises(TransportError, match=rf"{interface}:{channel} cannot be opened.*check"):
+def test_a_bus_that_cannot_be_opened(cell: CellConfig, robot: RobotDescription) -> None:
+    bus = CanBusConfig(interface="socketcan", channel="no_such_can7")
+    with pytest.raises(TransportError, match=r"socketcan:no_such_can7 cannot be opened.*check"):
         open_cell(cell.model_copy(update={"can": bus}), robot)

@@ -95,7 +95,7 @@ def test_one_percent_of_random_loss_is_borne_and_told(
     assert quality["periods_kept"] == PERIODS - len(rejected)
     assert 0 < len(rejected) <= 5
     for period in rejected:
-        assert f"Period {period['number']} is left out: " in done.report
+        assert f"Period {period['index'] + 1} is left out: " in done.report
     share = sum(lost.values()) / (3 * rows)
     measured(
         f"{100 * share:.1f} % of {3 * rows} answers: exit 0, {len(rejected)} of {PERIODS} short"

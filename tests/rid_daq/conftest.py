@@ -116,7 +116,7 @@ def result() -> dict[str, Any]:
         ],
         "average": {
             "sentence": "15 of 16 periods averaged, 1250 samples each.",
-            "rejected": [{"number": 4, "reason": "7 samples are missing"}],
+            "rejected": [{"index": 3, "reason": "7 samples are missing"}],
             "axes": [
                 {
                     "joint": joint,

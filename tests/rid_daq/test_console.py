@@ -76,3 +76,17 @@ def test_a_run_folder_from_elsewhere_cannot_steer_the_terminal(
     for text in (told.out, told.err):
         assert text
         assert all(c.isprintable() or c == "\n" for c in text)
+
+
+def test_on_a_narrow_terminal_an_id_stays_whole_and_nothing_is_cut(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Console, "is_terminal", True)
+    monkeypatch.setenv("COLUMNS", "60")
+    run_id, label = "01KAM9Y2Q3Z7XW5V8T6S4R2P1N", "a-label-longer-than-its-column"
+    Console().table(("run", "label", "more"), [(run_id, label, "robot ir361, rows 12345")])
+    shown = capsys.readouterr().out
+    assert run_id in shown
+    column = "".join(line[28:44].strip() for line in shown.splitlines()[1:])
+    assert label in column
+    assert "…" not in shown

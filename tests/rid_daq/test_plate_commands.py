@@ -104,7 +104,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_combined_model_tells_what_the_plate_improved(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    output = ["-o", str(workshop / "again.json")]
+    output = ["--overwrite", "-o", str(workshop / "again.json")]
     assert run(["identify", "excitation", "--model", "combined", "--json", *output, *runs]) == 0
     plate = document(capsys)["plate"]
     assert plate["improvement"]["determinant_ratio"] > 3.0
@@ -122,7 +122,7 @@ def test_the_combined_model_tells_what_the_plate_improved(
 def test_it_says_so_to_people(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    output = ["-o", str(workshop / "again.json")]
+    output = ["--overwrite", "-o", str(workshop / "again.json")]
     assert run(["identify", "excitation", "--model", "combined", *output, *runs]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "The force plate divides the standard deviations" in text
@@ -140,7 +140,8 @@ def test_the_average_says_what_became_of_the_channels(
 def test_the_internal_model_mentions_the_plate(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["identify", "excitation", "-o", str(workshop / "again.json"), *runs]) == 0
+    output = ["--overwrite", "-o", str(workshop / "again.json")]
+    assert run(["identify", "excitation", *output, *runs]) == 0
     assert "--model combined" in capsys.readouterr().out
 
 
@@ -225,7 +226,8 @@ def test_a_plate_that_cannot_be_used_leaves_the_torques(
     kept = file.read_bytes()
     try:
         file.write_bytes(kept[:50])
-        assert run(["identify", "excitation", "-o", str(workshop / "again.json"), *runs]) == 0
+        output = ["--overwrite", "-o", str(workshop / "again.json")]
+        assert run(["identify", "excitation", *output, *runs]) == 0
         assert run(["identify", "excitation", "--model", "combined", *runs]) != 0
         assert "needs a force plate" in " ".join(capsys.readouterr().err.split())
     finally:

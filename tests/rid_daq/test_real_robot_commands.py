@@ -72,5 +72,5 @@ def test_drive_gains_by_the_weighed_payload_and_three_cross_checks(
     findings = " ".join(document["estimate"]["findings"])
     for words_of_method in ("Energies:", "Joint after joint:", "Kalman filter:", "can exist"):
         assert words_of_method in findings
-    assert run([*words[:3], *words[5:], "--load-mass", "2.805"]) == 2
-    assert "--loaded" in capsys.readouterr().err
+    assert run([*words[:3], *words[5:], "--load-mass", "2.805", "--overwrite"]) == 2
+    assert "name the runs with it (--loaded)" in capsys.readouterr().err

@@ -40,7 +40,7 @@ def test_a_motion_goes_on_where_nobody_takes_what_is_said(
     workshop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     files = [str(workshop / "cell.yaml"), str(workshop / "validation.yaml")]
-    monkeypatch.setattr("rid_daq.console._refused", [])
+    monkeypatch.setattr("rid_daq.console._output.refused", None)
     with (
         contextlib.suppress(OSError),  # closing it fails too
         open("/dev/full", "w") as full,
