@@ -162,8 +162,8 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
         shutil.copytree(recorded, changed)
         file = json.loads((changed / "feedforward.json").read_text())
         capsys.readouterr()
-        again = ["refine", str(recorded), *by(workshop), "--json", "--overwrite", "-o"]
-        assert run([*again, str(tmp_path / "x.json")]) == 0
+        again = ["refine", str(recorded), *by(workshop), "--overwrite", "-o"]
+        assert run([*again, str(tmp_path / "x.json"), "--json"]) == 0
         rms = [factor * axis["rms"] for axis in document(capsys)["axes"]]
         file["origin"]["refinements"][-1]["rms"] = rms
         (changed / "feedforward.json").write_text(json.dumps(file))
