@@ -8,7 +8,6 @@ single damaged length cannot hide what follows it.
 
 from __future__ import annotations
 
-import mmap
 import re
 import struct
 import zlib
@@ -33,8 +32,6 @@ _MAYBE_CHUNK = re.compile(rb"\x06(?=.{4}\0{4}.{16}.{4}\0{4}.{4}\0{4}.{4}\0{4})",
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _FOOTER_BODY = struct.Struct("<QQI")
 _TAIL_BYTES = _RECORD.size + _FOOTER_BODY.size + len(_MAGIC)
-
-_Buffer = mmap.mmap
 
 
 @dataclass(frozen=True)
@@ -121,11 +118,12 @@ def read_raw_journal(path: Path) -> RawJournal:
         The file cannot be read, or its messages are in no order.
     """
     try:
-        with path.open("rb") as file:
-            if file.seek(0, 2) == 0:
-                raise RecordingError(f"{path}: the file is empty")
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                return _read(data)
+        if path.exists() and not path.is_file():
+            raise RecordingError(f"{path}: is no file")
+        data = path.read_bytes()  # a mapped file on a failing disk would end the program by SIGBUS
+        if not data:
+            raise RecordingError(f"{path}: the file is empty")
+        return _read(data)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
     except RecordingError as error:
@@ -133,7 +131,7 @@ def read_raw_journal(path: Path) -> RawJournal:
         raise RecordingError(text if text.startswith(str(path)) else f"{path}: {text}") from error
 
 
-def _read(data: _Buffer) -> RawJournal:
+def _read(data: bytes) -> RawJournal:
     channels: list[int] = []
     payloads: list[bytes] = []
     sequences: list[int] = []
@@ -167,7 +165,7 @@ def _read(data: _Buffer) -> RawJournal:
     return RawJournal(channels, payloads, sequences, times_ns, known, damage)
 
 
-def _end_of_index(data: _Buffer, position: int) -> int:
+def _end_of_index(data: bytes, position: int) -> int:
     """Return where the index records end that follow the last chunk."""
     while position + _RECORD.size <= len(data):
         opcode, length = _RECORD.unpack_from(data, position)
@@ -183,7 +181,7 @@ def _gaps(sequences: list[int], total: int | None) -> tuple[tuple[int, int], ...
     return tuple((int(numbers[i]) + 1, int(missing[i])) for i in np.flatnonzero(missing > 0))
 
 
-def _chunks(data: _Buffer) -> Iterator[tuple[bytes | None, int]]:
+def _chunks(data: bytes) -> Iterator[tuple[bytes | None, int]]:
     """Yield every intact chunk's records and its end; None for one that fails its CRC."""
     position, size = 0, len(data)
     budget = 4 * size + MAX_CHUNK_BYTES
@@ -241,7 +239,7 @@ def _pairs(data: bytes, position: int) -> dict[str, str] | None:
     return dict(zip(texts[0::2], texts[1::2], strict=False))
 
 
-def _metadata_pairs(data: _Buffer) -> dict[str, str] | None:
+def _metadata_pairs(data: bytes) -> dict[str, str] | None:
     """Return the metadata record near the file's start, None where it is damaged."""
     name = struct.pack("<I", len(METADATA_NAME)) + METADATA_NAME.encode()
     start = data.find(name, 0, 1 << 16)
@@ -261,7 +259,7 @@ def _channel_pairs(body: bytes) -> dict[str, str] | None:
     return _pairs(body, position)
 
 
-def _messages_written(data: _Buffer) -> int | None:
+def _messages_written(data: bytes) -> int | None:
     """Return the count of messages in the summary of a finished file, None where it has none."""
     tail = len(data) - _TAIL_BYTES
     if tail < 0 or data[-len(_MAGIC) :] != _MAGIC:

@@ -53,7 +53,8 @@ def _speed(runs: Path, folder: Path) -> CheckLine:
     try:
         taken_s = write_seconds(folder, WRITE_BYTES)
     except RecordingError as error:
-        return CheckLine(str(runs), "writing to disk", required, str(error), "red", action)
+        other = "choose another folder with --runs, or let this user write to it"
+        return CheckLine(str(runs), "writing to disk", required, str(error), "red", other)
     rate = WRITE_BYTES / taken_s
     good = rate >= SLOWEST_BYTES_S and taken_s <= LONGEST_WRITE_S
     return CheckLine(

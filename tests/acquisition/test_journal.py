@@ -185,6 +185,14 @@ def test_what_is_no_journal_is_refused_with_its_name(path: Path) -> None:
         read_journal(path)
 
 
+def test_a_disk_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
+    unreadable = Path("/proc/self/mem")  # a regular file whose first page is an input/output error
+    with pytest.raises(RecordingError, match="/proc/self/mem: cannot be read: Input/output error"):
+        read_journal(unreadable)
+    with pytest.raises(RecordingError, match="is no file"):
+        read_journal(tmp_path)
+
+
 def test_a_recording_is_never_replaced(path: Path) -> None:
     path.write_bytes(b"x")
     with pytest.raises(RecordingError, match="exists already"):

@@ -27,6 +27,14 @@ def test_how_late_cycles_begin_is_measured_as_the_task_would_begin_them(tmp_path
     assert 0.0 <= median <= worst + 0.005
 
 
+def test_a_folder_that_cannot_be_written_to_is_no_slow_disk() -> None:
+    (line,) = [
+        each for each in computer_lines(Path("/proc/runs")) if each.what == "writing to disk"
+    ]
+    assert (line.verdict, line.found.split(":")[0]) == ("red", "/proc")
+    assert line.next_action.startswith("choose another folder with --runs")
+
+
 def test_nobody_who_waits_for_the_measurement_any_more_is_no_error() -> None:
     """Ctrl-C ends the program while its process still sleeps."""
     context = multiprocessing.get_context("spawn")
