@@ -110,7 +110,7 @@ class SmoothedProblem:
         for block in time_blocks(model, self.base, self.runs, self.standstill_rad_s, standard):
             for j, columns in enumerate(structure):
                 use = np.flatnonzero(block.use[:, j])
-                matrix = block.columns[use[:, np.newaxis], j, columns]
+                matrix = block.columns[use, j][:, columns]
                 rhs = block.rhs[use, j]
                 if previous is not None:
                     misfit = rhs - matrix @ previous.solution.values[columns]

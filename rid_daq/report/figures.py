@@ -10,6 +10,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 MEASURED, PREDICTED, WRONG, FAINT, GRID = "#1f2933", "#3b82f6", "#c2410c", "#b6c0cb", "#e3e8ee"
@@ -223,7 +224,9 @@ def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
 def as_svg(figure: Figure, name: str) -> str:
     """Return a drawing as an element to put into a page, its ids made its own by a word."""
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    # `savefig` would draw everything twice, once to lay it out; drawing lays it out as well.
+    canvas: Any = FigureCanvasSVG(figure)
+    canvas.print_svg(buffer, metadata={"Date": None, "Creator": None})
     drawing = buffer.getvalue()
     drawing = drawing[drawing.index("<svg") :]
     drawing = re.sub(r'\bid="', f'id="{name}-', drawing)

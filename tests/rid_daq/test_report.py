@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import copy
 import json
 import re
 from html.parser import HTMLParser
@@ -14,6 +13,7 @@ from config.errors import RecordingError
 from rid_daq.report.path_figures import magnification
 from rid_daq.report.render import duration, number, render_report
 from rid_daq.result import check, new_result, read_result, verdict, write_result
+from tests.rid_daq.invented import whole_result
 
 
 class _Page(HTMLParser):
@@ -40,8 +40,13 @@ def _read(page: str) -> _Page:
     return parser
 
 
-def test_the_page_needs_nothing_from_anywhere(result: dict[str, Any]) -> None:
-    page = render_report(result)
+@pytest.fixture(scope="module")
+def page() -> str:
+    """The report with everything in it."""
+    return render_report(whole_result())
+
+
+def test_the_page_needs_nothing_from_anywhere(page: str) -> None:
     parsed = _read(page)
     assert all(link.startswith("#") for link in parsed.loaded)
     assert parsed.scripts == 0
@@ -49,27 +54,24 @@ def test_the_page_needs_nothing_from_anywhere(result: dict[str, Any]) -> None:
     assert "@import" not in page
 
 
-def test_every_drawing_has_ids_of_its_own(result: dict[str, Any]) -> None:
-    ids = _read(render_report(result)).ids
+def test_every_drawing_has_ids_of_its_own(page: str) -> None:
+    ids = _read(page).ids
     assert len(ids) == len(set(ids))
 
 
-def test_links_inside_the_drawings_arrive(result: dict[str, Any]) -> None:
-    page = render_report(result)
+def test_links_inside_the_drawings_arrive(page: str) -> None:
     parsed = _read(page)
     wanted = {link[1:] for link in parsed.loaded} | set(re.findall(r"url\(#([^)]+)\)", page))
     assert wanted <= set(parsed.ids)
 
 
-def test_the_verdict_stands_before_everything_else(result: dict[str, Any]) -> None:
-    page = render_report(result)
+def test_the_verdict_stands_before_everything_else(page: str, result: dict[str, Any]) -> None:
     assert page.index("Passed: the model predicts") < page.index("<h2>")
     result["verdict"] = verdict([check("error", 2.0, "≤", 1.3)], "Failed: badly off", "It is.")
     assert 'class="verdict failed"' in render_report(result)
 
 
-def test_the_page_shows_what_the_issue_asks_for(result: dict[str, Any]) -> None:
-    page = render_report(result)
+def test_the_page_shows_what_the_issue_asks_for(page: str) -> None:
     for part in (
         "What was run",
         "Predicted against measured torque",
@@ -125,8 +127,8 @@ def test_text_of_devices_and_files_cannot_become_markup(result: dict[str, Any]) 
     assert page.count("&lt;script&gt;") == 3
 
 
-def test_the_same_numbers_give_the_same_bytes(result: dict[str, Any]) -> None:
-    assert render_report(result) == render_report(copy.deepcopy(result))
+def test_the_same_numbers_give_the_same_bytes(page: str, result: dict[str, Any]) -> None:
+    assert render_report(result) == page
 
 
 @pytest.mark.parametrize(
