@@ -112,11 +112,7 @@ class RunFolder:
         RecordingError
             The folder cannot be made.
         """
-        if not _LABEL.fullmatch(label) or label == LATEST:
-            raise ConfigError(
-                f"label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and '-', and"
-                f" not {LATEST!r}, which means the newest run"
-            )
+        require_label(label)
         created_ns = time.time_ns() if now_ns is None else now_ns
         try:
             root.mkdir(parents=True, exist_ok=True)
@@ -314,6 +310,21 @@ class RunFolder:
         except OSError as error:
             raise RecordingError(f"{path.parent}: cannot be made: {error.strerror}") from error
         write_whole(path, data)
+
+
+def require_label(label: str) -> None:
+    """Refuse what no run can be called.
+
+    Raises
+    ------
+    ConfigError
+        It has other characters, or means another run.
+    """
+    if not _LABEL.fullmatch(label) or label == LATEST:
+        raise ConfigError(
+            f"label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and '-', and"
+            f" not {LATEST!r}, which means the newest run"
+        )
 
 
 def _refuse_link(path: Path) -> None:

@@ -18,7 +18,7 @@ from config.errors import RidDaqError, TransportError
 from config.faults import NO_SCRIPT, FaultScript
 from config.plant import PlantConfig
 from config.robot import RobotDescription
-from config.termination import termination_held
+from config.termination import termination_waits
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
 from drivers.transport import CanLink, open_can
 from mock_hw.amplifier_port import AmplifierPort, PlateSettings
@@ -114,7 +114,7 @@ def _rack_on_bus(
 ) -> Iterator[tuple[DriveRack, DeviceClient]]:
     """Build the rack, its kernels compiled, and join the bus; the snapshot goes at the end."""
     cell, robot, plant, seed = settings.cell, settings.robot, settings.plant, settings.seed
-    with termination_held():  # an exception that a compiler's callback raises is lost
+    with termination_waits():  # an exception that a compiler's callback raises is lost
         DriveRack(cell, robot, plant, seed).advance_to(LONGEST_WAIT_S)
     pipe.recv()
     snapshots = SnapshotWriter(settings.snapshot, len(robot.joints))

@@ -12,7 +12,7 @@ from acquisition.frame_recorder import require_listenable
 from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
 from acquisition.rehearsal import SLOWER, rehearsal
-from acquisition.run_folder import RunFolder
+from acquisition.run_folder import RunFolder, require_label
 from compensation.feedforward_file import read_feedforward
 from compensation.torque_limits import refuse_torque
 from config.cell import CellConfig
@@ -131,6 +131,8 @@ def record(
     accuracy = None
     if until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(until or (), loaded.robot, samples)
+    name = label or as_label(motion.stem)
+    require_label(name)
     require_cleared(loaded.config, cleared)
     if frames:
         require_listenable(loaded.config.can)
@@ -142,14 +144,13 @@ def record(
             simulated,
         ),
     ):
-        name = label or as_label(motion.stem)
         if rehearse:
             _rehearse(reachable, loaded, samples, runs, name, console)
         folder = RunFolder.create(runs, name, software=software_versions())
         with unfinished(folder):
             facts: dict[str, JsonValue] = {"robot": loaded.robot.name}
-            for name, content in loaded.files.items():
-                folder.write(name, content)
+            for file_name, content in loaded.files.items():
+                folder.write(file_name, content)
             if simulated is not None:
                 facts |= note_flange(folder, loaded, simulated.attached)
             whole = isinstance(asked, JointTableMotion)  # with the rows of the file that it names

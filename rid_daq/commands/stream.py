@@ -11,7 +11,7 @@ import typer
 from acquisition.experiment import RecordOutcome
 from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
-from acquisition.run_folder import RunFolder
+from acquisition.run_folder import RunFolder, require_label
 from acquisition.set_points import SetPointSource
 from compensation.loop_file import read_loops
 from compensation.online import OnlineFeedforward
@@ -106,9 +106,10 @@ def stream(
         raise ConfigError(f"{loop}: is of robot {robot!r}, the cell has {loaded.robot.name!r}")
     forward = OnlineFeedforward.identified(loaded.config, loaded.robot, read_estimate(model), loops)
     options = StreamOptions(compensated=not plain, buffer_s=buffer, patience_s=wait)
+    name = label or as_label("stream" if motion is None else motion.stem)
+    require_label(name)
     require_cleared(loaded.config, cleared)
     with reachable_cell(loaded, realtime=realtime, seed=seed) as reachable:
-        name = label or as_label("stream" if motion is None else motion.stem)
         folder = RunFolder.create(runs, name, software=software_versions())
         with unfinished(folder):
             for file_name, content in loaded.files.items():

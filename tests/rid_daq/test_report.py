@@ -109,6 +109,12 @@ def test_a_result_without_a_section_still_has_a_report(
     result: dict[str, Any], section: str
 ) -> None:
     del result[section]
+    if section not in (
+        "runs",
+        "estimate",
+        "tracking",
+    ):  # drawn beside these alone, which takes its time
+        result.pop("curves", None)
     assert "</html>" in render_report(result)
 
 
