@@ -35,7 +35,8 @@ def asked(ask: Callable[..., T], question: str) -> T:
     try:
         return ask(question, err=True)
     except typer.Abort:
-        raise PreflightError("nothing was moved: nobody answered") from None
+        typer.echo(err=True)  # the question's line has no end
+        raise PreflightError("nobody answered: nothing more is moved") from None
 
 
 def require_cleared(cell: CellConfig, cleared: bool) -> None:

@@ -21,8 +21,6 @@ def runs(
 ) -> None:
     """List the runs, oldest first; with --verify, check that no file was changed."""
     console = Console(as_json)
-    if verify and not (list_runs(folder) or damaged_runs(folder)):
-        raise ConfigError(f"{folder}: there are no runs, so nothing can be verified")
     found: list[dict[str, Any]] = []
     for run, manifest in list_runs(folder):
         entry: dict[str, Any] = {
@@ -38,6 +36,8 @@ def runs(
             entry["problems"] = list(run.verify())
         found.append(entry)
     damaged = [(run.run_id, str(problem)) for run, problem in damaged_runs(folder)]
+    if verify and not found and not damaged:
+        raise ConfigError(f"{folder}: there are no runs, so nothing can be verified")
     console.document({"runs": found, "damaged": [problem for _, problem in damaged]})
     if not found and not damaged:
         console.say(f"{folder}: no runs yet. `rid-daq demo` or `rid-daq record` make some.")
