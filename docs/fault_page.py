@@ -86,6 +86,50 @@ ROWS: dict[int, Row] = {
     34: Row("an export that reads back differently", "red, taken back", "100 %"),
     35: Row("the same recording again", "the same parameters", "≤ 1e-12"),
     36: Row("eight hours with a fault a minute", "every reaction right", "≤ 1 % memory an hour"),
+    37: Row(
+        "a quick-stop deceleration that is none, or whose ramp does not fit the joint's range",
+        "refused, with the time and distance that it would take; what the drive reads back counts",
+        "exit 3, 0 frames of motion",
+    ),
+    38: Row(
+        "an axis that does not slow down as it must, or runs into its limit, while stopping",
+        "power off",
+        "≤ the stated patience",
+    ),
+    39: Row(
+        "any other number that the stop rests on, so that the stop would fail",
+        "refused; where the preflight is green, every axis stops",
+        "2,000 cells",
+    ),
+    40: Row(
+        "a lock that lies: a foreign process, 0, a number of 20 digits",
+        "not believed; the others are stopped all the same",
+        "0 signals to strangers",
+    ),
+    41: Row("a lock that another user left", "taken over, or explained", "no wrong process"),
+    42: Row("files of a run that do not belong together", "refused, named", "every reader"),
+    43: Row("Ctrl-Z in the terminal while the robot moves", "the stop works", "≤ 2 T"),
+    44: Row("a stray file in the run folder", "left alone; the run is finished", "exit 0"),
+    45: Row(
+        "a complete run whose recording was cut is recovered",
+        "counted against the manifest; no result carried over",
+        "count exact",
+    ),
+    46: Row(
+        "a second `stream` on the same socket", "refused; the first undisturbed", "0 rows changed"
+    ),
+    47: Row("an unfinished run is read", "said; used only where asked for", "every reader"),
+    48: Row("the recording is deleted or cut in motion", "quick stop, named", "no process killed"),
+    49: Row(
+        "a node that answers before another, or twice, in every cycle",
+        "counted, told; persistent: quick stop",
+        "≤ the stated cycles",
+    ),
+    50: Row(
+        "a file of a gigabyte, no memory, no room, numbers that are none, processes killed at once",
+        "an error that has a name",
+        "no traceback, nothing left",
+    ),
 }
 
 _HEAD = """# Faults
