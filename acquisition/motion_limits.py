@@ -8,11 +8,13 @@ import numpy as np
 
 from acquisition.arrays import FloatArray
 from acquisition.ramp import Path
+from config.cell import CellConfig
 from config.errors import LimitError, PreflightError
 from config.robot import RobotDescription
 from drivers.wrist_coupling import WristCoupling
 
 CHUNK_ROWS = 10_000
+LIMIT_MARGIN_SHARE = 0.05
 
 
 def violations(
@@ -116,3 +118,19 @@ def refuse_pose(robot: RobotDescription, position: Sequence[float]) -> None:
                 f"joint {joint.name} stands at {value:.4f}, outside its limits {low:g} to"
                 f" {high:g}: move the robot inside them by hand, or correct the robot file"
             )
+
+
+def position_bounds(cell: CellConfig, robot: RobotDescription) -> tuple[list[float], list[float]]:
+    """Return between which positions each joint may be found, its limits with a margin [rad or m].
+
+    The margin is the following error that is allowed at standstill, and a twentieth of the joint's
+    range at most.
+    """
+    low, high = [], []
+    for joint in robot.joints:
+        limits = joint.limits
+        share = LIMIT_MARGIN_SHARE * (limits.position_max - limits.position_min)
+        margin = min(cell.supervision.following_error_min_rad, share)
+        low.append(limits.position_min - margin)
+        high.append(limits.position_max + margin)
+    return low, high

@@ -1,28 +1,33 @@
 """`StopSequence`: a quick stop, a look at whether the axes come to rest, and the power off.
 
-An axis that is told to and does not slow down is not waited for: power off is next.
+An axis that does not slow down as it must, or runs beyond its limit, is not waited for: power off
+is next, with its brake.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from acquisition.control_block import ControlBlock
+from acquisition.motion_limits import position_bounds
+from acquisition.slowing_down import SlowingDown
 from config.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot import RobotDescription
 from drivers.clock import Clock
 from drivers.interfaces import ServoAxes
+from drivers.stop_ramp import LONGEST_STOP_S
 
 STOP_MARGIN_S = 0.5
 REST_VELOCITY = 0.01
 REST_CYCLES = 5
-OBEY_CYCLES = 8
 
 
 class StopSequence:
     """How a motion ends. A bus that fails meanwhile is noted in the control block, not raised.
+
+    Its patience is what the ramp takes from top speed, as the preflight has allowed it
+    (`drivers.stop_ramp.LONGEST_STOP_S` at most), and `STOP_MARGIN_S`.
 
     Parameters
     ----------
@@ -31,7 +36,7 @@ class StopSequence:
     clock : Clock
         The clock of their bus.
     cell, robot : CellConfig, RobotDescription
-        Cycle time, deceleration of a quick stop, largest velocities.
+        Cycle time, deceleration of a quick stop, largest velocities, limits.
     control : ControlBlock
         Takes the time to rest and the notes.
     """
@@ -50,7 +55,8 @@ class StopSequence:
         self._period_s = cell.cycle_time_s
         self._deceleration = cell.drive_safety.quick_stop_deceleration_rad_s2
         ramp_s = max(joint.limits.velocity for joint in robot.joints) / self._deceleration
-        self._cycles = math.ceil((ramp_s + STOP_MARGIN_S) / self._period_s)
+        self._patience_s = min(ramp_s, LONGEST_STOP_S) + STOP_MARGIN_S
+        self._low, self._high = position_bounds(cell, robot)
 
     def come_to_rest(self, cycle: Callable[[], tuple[float, int]]) -> None:
         """Quick stop, by set-point frames alone, and watch until everything rests.
@@ -63,54 +69,51 @@ class StopSequence:
         """
         axes = self._axes
         before = axes.position.tolist()
+        began_s = time_s = self._clock.now_s()
+        slowing = SlowingDown(self._deceleration, self._period_s, before, began_s)
         resting = 0
-        first: list[float] = []
-        began_s = self._clock.now_s()
         try:
             axes.quick_stop()
-            for number in range(self._cycles):
+            while time_s < began_s + self._patience_s:
                 time_s, periods = cycle()
                 received, position = axes.received.tolist(), axes.position.tolist()
                 most = REST_VELOCITY * self._period_s * periods
                 rest = all(received) and all(
                     abs(now - then) <= most for now, then in zip(position, before, strict=True)
                 )
-                speed = [
-                    abs(now - then) / (self._period_s * periods)
-                    for now, then in zip(position, before, strict=True)
-                ]
-                before = position
                 resting = resting + 1 if rest else 0
                 if resting >= REST_CYCLES:
                     self._control.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
                     return
-                first = first or speed
-                if number == OBEY_CYCLES and (deaf := self._disobedient(first, speed, received)):
-                    self._control.add_note(
-                        f"the quick stop did not slow down {', '.join(deaf)}: the power was taken"
-                        " away at once"
-                    )
+                beyond = self._beyond(before, position, most)
+                before = position
+                if why := self._why_at_once(beyond, slowing.deaf(time_s, position, received)):
+                    self._control.add_note(f"{why}: the power was taken away at once")
                     return
         except (DriverError, SafetyStop) as error:
             self._control.add_note(f"while stopping: {error}")
             return
         self._control.add_note(
-            "standstill could not be seen within the time that the ramp takes; the drives were"
-            " disabled all the same"
+            f"standstill was not seen within {self._patience_s:.2g} s: the power was taken away"
         )
 
-    def _disobedient(
-        self, first: list[float], speed: list[float], received: list[bool]
-    ) -> list[str]:
-        """Return the axes that have slowed down by less than half of what the quick stop asks."""
-        slower = 0.5 * self._deceleration * (OBEY_CYCLES - 2) * self._period_s
+    def _beyond(self, before: list[float], position: list[float], most: float) -> list[int]:
+        """Return the axes that are outside their limits and still on their way out, by number."""
+        moves = zip(before, position, self._low, self._high, strict=True)
         return [
-            name
-            for name, then, now, answered in zip(
-                self._axes.joint_names, first, speed, received, strict=True
-            )
-            if answered and now > max(10.0 * REST_VELOCITY, then - slower)
+            i
+            for i, (then, now, low, high) in enumerate(moves)
+            if (now > high and now - then > most) or (now < low and then - now > most)
         ]
+
+    def _why_at_once(self, beyond: list[int], deaf: list[int]) -> str:
+        """Return why the ramp is not waited for; empty where it may go on."""
+        names = self._axes.joint_names
+        if beyond:
+            return f"{', '.join(names[i] for i in beyond)} ran beyond its limit while stopping"
+        if deaf:
+            return f"the quick stop did not slow down {', '.join(names[i] for i in deaf)}"
+        return ""
 
     def disable(self) -> None:
         """Take the power away, whether the axes rest or not."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
+from acquisition.motion_limits import position_bounds
 from acquisition.stop_reason import StopCode, StopReason
 from acquisition.stuck_encoders import StuckEncoders
 from config.cell import CellConfig
@@ -63,8 +64,7 @@ class Supervisor:
         self._velocity_step = [
             PLAUSIBLE_FACTOR * each.acceleration * self._period_s for each in limits
         ]
-        self._low = [each.position_min - rules.following_error_min_rad for each in limits]
-        self._high = [each.position_max + rules.following_error_min_rad for each in limits]
+        self._low, self._high = position_bounds(cell, robot)
         self._velocity_limit = [each.velocity * margin for each in limits]
         self._torque_limit = [each.torque * margin for each in limits]
         self._encoders = StuckEncoders(rules, robot)

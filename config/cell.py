@@ -66,6 +66,9 @@ class DriveSafety(ConfigModel):
     withholds this computer's heartbeat until each has stopped by itself; without it, it does so
     without power and sees their emergency message.
 
+    Numbers with which an axis would not stop in time, or not within its range, are refused by what
+    the drive reads back: see the preflight's lines on a stop and on rest after a fault.
+
     On a cell that is not simulated neither heartbeat's time-out may be longer than 100 ms: for as
     long a robot goes on after this computer, or a drive, has died.
     """
@@ -109,13 +112,14 @@ class Supervision(ConfigModel):
     `stuck_encoder_torque_fraction` of the joint's limit since it stands: stiction gives way before.
 
     Following error: `following_error_min_rad` at standstill, growing with the commanded speed by
-    `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR).
+    `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR). As far beyond its
+    position limit, and a twentieth of its range at most, a joint may be found.
     """
 
     missed_frames_limit: Annotated[int, Field(ge=1)] = 3
     late_cycles_limit: Annotated[int, Field(ge=1)] = 3
     late_by_cycles_limit: Annotated[float, Field(gt=0.0)] = 2.0
-    late_answers_limit: Annotated[int, Field(ge=1)] = 3
+    late_answers_limit: Annotated[int, Field(ge=1, le=100)] = 3
     following_error_min_rad: Positive = 0.02
     following_error_per_velocity_s: NonNegative = 0.1
     stuck_encoder_cycles: Annotated[int, Field(ge=2)] = 5

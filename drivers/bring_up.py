@@ -117,7 +117,7 @@ def refuse_red(settings: Iterable[DriveSetting]) -> None:
     """Raise `PreflightError`, naming every setting that is not as required."""
     red = [
         f"{s.joint} (node {s.node_id}): {s.name} {s.object_name} is {s.found},"
-        f" required: {s.required}"
+        f" required: {s.required}" + (f" ({s.next_action})" if s.next_action else "")
         for s in settings
         if s.verdict == "red"
     ]

@@ -14,6 +14,7 @@ from drivers.canopen.frames import rpdo_cob_id, tpdo_cob_id
 from drivers.canopen.heartbeat import consumer_entry
 from drivers.canopen.pdo import ON_EVENT, RPDO_COMMUNICATION, MappedObject, PdoMapping
 from drivers.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, AxisUnits
+from drivers.stop_ramp import uses_profile_deceleration
 
 STATUS_EVENT_MS = 100
 
@@ -111,6 +112,9 @@ def safety_requirements(cell: CellConfig, units: AxisUnits) -> tuple[Requirement
     deceleration = abs(
         round(safety.quick_stop_deceleration_rad_s2 * units.velocity_units_per_rad_s)
     )
+    by_profile = ()
+    if uses_profile_deceleration(cell):
+        by_profile = (Requirement(0x6084, 0, 4, "profile deceleration", deceleration),)
     master = consumer_entry(safety.master_node_id, safety.master_heartbeat_timeout_ms)
     return (
         Requirement(0x1005, 0, 4, "SYNC identifier", 0x80, mask=0x4000_07FF, write=False),
@@ -131,6 +135,7 @@ def safety_requirements(cell: CellConfig, units: AxisUnits) -> tuple[Requirement
         Requirement(0x605D, 0, 2, "halt reaction", signed=True, optional=True),
         Requirement(0x605E, 0, 2, "fault reaction", safety.fault_reaction_option, signed=True),
         Requirement(0x6085, 0, 4, "quick-stop deceleration", deceleration),
+        *by_profile,
         Requirement(0x6065, 0, 4, "following-error window", window),
         Requirement(0x6066, 0, 2, "following-error time [ms]", safety.following_error_timeout_ms),
         Requirement(

@@ -39,6 +39,7 @@ from drivers.drive_requirements import (
 )
 from drivers.interfaces import DriveSetting
 from drivers.sdo_port import SdoPort, is_missing
+from drivers.stop_ramp import stop_settings
 from drivers.transport import CanLink
 
 GEAR_TOLERANCE = 1e-4
@@ -85,6 +86,7 @@ class DriveSetup:
         self._cell = cell
         self._port = SdoPort(link, axis.node_id, others)
         self._settings: list[DriveSetting] = []
+        self._held: dict[tuple[int, int], int] = {}
 
     def run(self) -> SetupResult:
         """Identify, configure and read back the drive.
@@ -105,6 +107,7 @@ class DriveSetup:
         if units is not None:
             for requirement in safety_requirements(self._cell, units):
                 self._require(requirement)
+            self._settings += stop_settings(self._cell, self._axis, self._joint, units, self._held)
             pdos = cyclic_pdos(self._axis.node_id, self._cell.exchange)
             for pdo in pdos:
                 self._configure_pdo(pdo)
@@ -220,6 +223,7 @@ class DriveSetup:
             text = "not in this drive" if is_missing(abort) else abort_text(abort.code)
             self._note(r.index, r.subindex, r.name, required, text, verdict)
             return
+        self._held[r.index, r.subindex] = found
         if r.value is None:
             verdict = "shown"
         else:

@@ -72,6 +72,8 @@ class DriveSetting:
     verdict
         ``"ok"``, ``"red"`` (no motion), ``"allowed"`` (would be red; the cell file names this drive
         in allow_drive_without_watchdog) or ``"shown"``.
+    next_action
+        What to do where it is red; empty where that follows from the object alone.
     """
 
     joint: str
@@ -81,6 +83,7 @@ class DriveSetting:
     required: str
     found: str
     verdict: Literal["ok", "red", "allowed", "shown"]
+    next_action: str = ""
 
 
 class ServoAxes(Protocol):

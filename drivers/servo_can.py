@@ -26,6 +26,7 @@ from drivers.drive_service import DriveService
 from drivers.drive_setup import DriveSetup, SetupResult
 from drivers.drive_watch import DriveWatch
 from drivers.interfaces import DriveEvent, DriveSetting
+from drivers.stop_ramp import LONGEST_STOP_S
 from drivers.transport import CanLink
 from drivers.wrist_coupling import WristCoupling
 
@@ -33,6 +34,7 @@ COLLECT_FRACTION = 0.6
 START_TIMEOUT_S = 2.0
 ENABLE_TIMEOUT_S = 4.0
 HALT_MARGIN_S = 0.5
+DISABLE_S = 0.25
 DISABLE_CYCLES = 5
 REST_CYCLES = 5
 
@@ -292,7 +294,8 @@ class CanServoAxes:
     def halt(self) -> bool:
         """Quick stop, and wait until no drive is powered or none moves any more.
 
-        The wait ends after the time that the fastest axis needs to stop, and 0.5 s.
+        The wait ends after the time that the fastest axis needs to stop, `LONGEST_STOP_S` at most,
+        and 0.5 s.
 
         Returns
         -------
@@ -303,7 +306,8 @@ class CanServoAxes:
             return True
         deceleration = self._cell.drive_safety.quick_stop_deceleration_rad_s2
         fastest = max(joint.limits.velocity for joint in self._robot.joints)
-        until_s = self._clock.now_s() + fastest / deceleration + HALT_MARGIN_S
+        ramp_s = min(fastest / deceleration, LONGEST_STOP_S)
+        until_s = self._clock.now_s() + ramp_s + HALT_MARGIN_S
         words = [ControlWord.QUICK_STOP] * len(self._axes)
         still = [0] * len(self._axes)
         self.quick_stop()
@@ -332,7 +336,7 @@ class CanServoAxes:
         Returns
         -------
         tuple of str
-            The joints whose drive did not confirm within a few cycles that it is without power.
+            The joints whose drive did not confirm in time that it is without power.
         """
         if self._phase is _Phase.CLOSED:
             return ()
@@ -341,7 +345,8 @@ class CanServoAxes:
         unconfirmed = list(self.joint_names) if running else []
         try:
             words = [ControlWord.DISABLE_VOLTAGE] * len(self._axes)
-            for _ in range(DISABLE_CYCLES if running else 0):
+            cycles = max(DISABLE_CYCLES, math.ceil(DISABLE_S / self._cell.cycle_time_s))
+            for _ in range(cycles if running else 0):
                 self._cycle(words)
                 unconfirmed = [
                     answer.joint

@@ -44,6 +44,7 @@ _NEXT: dict[str, str] = {
     "6065": "change drive_safety.following_error_rad, or the drive",
     "6066": "change drive_safety.following_error_timeout_ms, or the drive",
     "6072": "change drive_safety.torque_limit_fraction, or the drive",
+    "6084": "change drive_safety.quick_stop_deceleration_rad_s2, or the drive",
     "6085": "change drive_safety.quick_stop_deceleration_rad_s2, or the drive",
 }
 _NEXT_OTHERWISE = "the drive did not take this setting: see its manual, or set it in its own tool"
@@ -209,14 +210,14 @@ def _devices(
 
 
 def _setting(setting: DriveSetting) -> CheckLine:
-    number = setting.object_name[:4].upper()
+    action = setting.next_action or _NEXT.get(setting.object_name[:4].upper(), _NEXT_OTHERWISE)
     return CheckLine(
         where=f"{setting.joint}, node {setting.node_id}",
         what=f"{setting.object_name} {setting.name}",
         required=setting.required,
         found=setting.found,
         verdict=setting.verdict,
-        next_action=_NEXT.get(number, _NEXT_OTHERWISE) if setting.verdict == "red" else "",
+        next_action=action if setting.verdict == "red" else "",
         of_drive=True,
     )
 

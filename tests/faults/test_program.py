@@ -180,13 +180,13 @@ def test_a_disk_that_is_really_full_is_exit_7_and_the_file_is_whole(
 def test_a_task_that_the_computer_holds_up_stops_before_it_goes_on(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], measured: Measured
 ) -> None:
-    """SIGSTOP for a second, in real time, where nothing but that second is too late."""
+    """SIGSTOP for 0.6 s, in real time, where nothing but that is too late."""
     patient = {
-        "late_cycles_limit: 3": "late_cycles_limit: 10000\n  late_answers_limit: 10000\n"
+        "late_cycles_limit: 3": "late_cycles_limit: 10000\n  late_answers_limit: 100\n"
         "  late_by_cycles_limit: 60",
-        "missed_frames_limit: 3": "missed_frames_limit: 10000",
-        "master_heartbeat_timeout_ms: 80": "master_heartbeat_timeout_ms: 2000",
-        "drive_heartbeat_timeout_ms: 100": "drive_heartbeat_timeout_ms: 2000",
+        "missed_frames_limit: 3": "missed_frames_limit: 90",
+        "master_heartbeat_timeout_ms: 80": "master_heartbeat_timeout_ms: 750",
+        "drive_heartbeat_timeout_ms: 100": "drive_heartbeat_timeout_ms: 750",
     }
     text = (workshop / "cell.yaml").read_text()
     for now, then in patient.items():
@@ -194,7 +194,7 @@ def test_a_task_that_the_computer_holds_up_stops_before_it_goes_on(
         text = text.replace(now, then)
     (tmp_path / "cell.yaml").write_text(text)
     shutil.copy(workshop / "robot.yaml", tmp_path)
-    script = f"{{kind: freeze, process: task, duration_s: 1.0, at_cycle: {AT}}}"
+    script = f"{{kind: freeze, process: task, duration_s: 0.6, at_cycle: {AT}}}"
     words = words_of(workshop, script, tmp_path / "runs")
     words[1] = str(tmp_path / "cell.yaml")
     assert run([*words, "--realtime"]) == 5

@@ -1,0 +1,165 @@
+"""Every number that a stop rests on: where the preflight is green, every axis stops. Row 39."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from acquisition.motion_limits import position_bounds
+from config.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
+from config.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from tests.faults.obedient_cell import Outcome
+
+CELLS = 2000 if os.environ.get("RID_DAQ_SLOW") else 250
+CYCLES = 80
+Measured = Callable[[str], None]
+
+
+NUMBERS: dict[str, tuple[float, float, float]] = {
+    # name: (what people write, the least and the largest that the file's schema takes)
+    "master_heartbeat_timeout_ms": (80, 2, 65535),
+    "drive_heartbeat_timeout_ms": (100, 2, 65535),
+    "quick_stop_deceleration_rad_s2": (8.0, 1e-30, 1e9),
+    "following_error_rad": (0.1, 1e-9, 1e9),
+    "following_error_timeout_ms": (20, 1, 65535),
+    "torque_limit_fraction": (3.0, 1e-6, 6.5),
+    "missed_frames_limit": (3, 1, 10**6),
+    "late_cycles_limit": (3, 1, 10**6),
+    "late_by_cycles_limit": (2.0, 1e-3, 1e6),
+    "late_answers_limit": (3, 1, 100),
+    "following_error_min_rad": (0.05, 1e-6, 1e6),
+    "following_error_per_velocity_s": (0.1, 1e-6, 1e6),
+    "stuck_encoder_cycles": (5, 2, 10**6),
+    "stuck_encoder_velocity_rad_s": (0.05, 1e-6, 1e6),
+    "stuck_encoder_torque_fraction": (0.35, 1e-6, 2.0),
+    "limit_margin_fraction": (0.1, 1e-6, 0.5),
+}
+
+
+def wide(low: float, high: float) -> st.SearchStrategy[float]:
+    """Numbers of every size, as many between 0.001 and 0.01 as between 1 and 10."""
+    return st.floats(math.log(low), math.log(high)).map(
+        lambda size: min(max(math.exp(size), low), high)
+    )
+
+
+@st.composite
+def numbers(draw: st.DrawFn) -> dict[str, Any]:
+    """Every number of `drive_safety` and `supervision`: most as people write them, some wild."""
+    wild = draw(st.sets(st.sampled_from(sorted(NUMBERS)), max_size=3))
+    found: dict[str, Any] = {}
+    for name, (usual, low, high) in NUMBERS.items():
+        size = wide(low, high)
+        if name not in wild:
+            size = wide(max(low, 0.7 * usual), min(high, 1.4 * usual))
+        value = draw(size)
+        found[name] = round(value) if isinstance(usual, int) else value
+    return found
+
+
+@st.composite
+def safety_of(draw: st.DrawFn, of: dict[str, Any]) -> DriveSafety:
+    wanted = {name: of[name] for name in NUMBERS if name in DriveSafety.model_fields}
+    return DriveSafety(
+        master_heartbeat_ms=draw(st.integers(1, wanted["master_heartbeat_timeout_ms"] // 2)),
+        drive_heartbeat_ms=draw(st.integers(1, wanted["drive_heartbeat_timeout_ms"] // 2)),
+        abort_connection=draw(st.sampled_from((1, 2, 3))),
+        quick_stop_option=draw(st.sampled_from((1, 2, 5, 6))),
+        fault_reaction_option=draw(st.sampled_from((0, 1, 2))),
+        **wanted,
+    )
+
+
+@st.composite
+def cells(draw: st.DrawFn) -> tuple[CellConfig, RobotDescription, int]:
+    """A cell of one or two axes, its robot, and its encoders' increments a revolution."""
+    count = draw(st.integers(1, 2))
+    of = draw(numbers())
+    rules = {name: of[name] for name in NUMBERS if name in Supervision.model_fields}
+    units = st.sampled_from(("increments_per_s", "rpm", "0.1rpm"))
+    cell = CellConfig(
+        name="random", robot="random",
+        cycle_time_ms=draw(st.sampled_from((1, 2, 4, 8, 8, 20, 100))),
+        can=CanBusConfig(interface="virtual", channel="random"),
+        axes=tuple(
+            DriveAxis(joint=f"j{i}", node_id=i + 1, velocity_unit=draw(units),
+                      direction=draw(st.sampled_from((1, -1))))
+            for i in range(count)
+        ),
+        position_gain_per_s=10.0, drive_safety=draw(safety_of(of)), simulated=True, plant="ir361",
+        supervision=Supervision(**rules),
+    )  # fmt: skip
+    joints = tuple(
+        Joint(
+            name=f"j{i}",
+            gear_ratio=draw(st.sampled_from((1.0, 50.0, 121.0))),
+            limits=JointLimits(
+                position_min=-draw(wide(0.3, 6.0)), position_max=draw(wide(0.3, 6.0)),
+                velocity=draw(wide(0.2, 4.0)), acceleration=draw(wide(2.0, 20.0)), torque=300.0,
+            ),
+        )
+        for i in range(count)
+    )  # fmt: skip
+    rows = tuple(KinematicRow(a_m=0.1) for _ in range(count))
+    kinematics = Kinematics(convention="modified_dh", rows=rows)
+    robot = RobotDescription(name="random", kinematics=kinematics, joints=joints)
+    return cell, robot, draw(st.sampled_from((4096, 65536, 1 << 20)))
+
+
+SEEN: Counter[str] = Counter()
+
+
+@settings(
+    max_examples=CELLS, deadline=None, derandomize=True, database=None,
+    suppress_health_check=list(HealthCheck), phases=(Phase.generate,),
+)  # fmt: skip
+@given(made=cells(), share=st.floats(0.02, 1.0), sign=st.sampled_from((1, -1)))
+def every_axis_stops_where_the_preflight_is_green(
+    made: tuple[CellConfig, RobotDescription, int], share: float, sign: int
+) -> None:
+    cell, robot, increments = made
+    rows = 1 + int(share * CYCLES)
+    outcome = Outcome(cell, robot, increments, rows, sign)
+    SEEN["tried"] += 1
+    trace = outcome.bus.trace
+    if not trace:
+        assert outcome.error is not None
+        SEEN["refused"] += 1
+        return
+    assert not any(trace[-1][3]), "an axis is left under power"
+    SEEN["moved"] += 1
+    low, high = position_bounds(cell, robot)
+    lag_s = 4.0 * cell.cycle_time_s
+    for i, joint in enumerate(robot.joints):
+        rest_s = outcome.ordered_s + 1.01 * outcome.stated_s(joint.name) + lag_s
+        outside_s = np.inf
+        for time_s, position, speed, powered in trace:
+            if time_s < outcome.ordered_s:
+                continue
+            if time_s > rest_s:
+                assert speed[i] == 0.0 or not powered[i], f"{joint.name} moves after {rest_s} s"
+            inside = low[i] <= position[i] <= high[i]
+            outside_s = np.inf if inside else min(outside_s, time_s)
+            if powered[i] and speed[i] > 0.02:
+                assert time_s <= outside_s + lag_s, f"{joint.name} under power beyond its limit"
+
+
+@pytest.mark.fault(39)
+def test_every_axis_stops_where_the_preflight_is_green(measured: Measured) -> None:
+    SEEN.clear()
+    every_axis_stops_where_the_preflight_is_green()
+    assert SEEN["tried"] >= CELLS
+    assert SEEN["moved"] >= CELLS / 10, "too few cells were let move"
+    assert SEEN["refused"] >= CELLS / 10, "too few cells were refused"
+    measured(
+        f"{SEEN['tried']} cells: {SEEN['refused']} refused before power, {SEEN['moved']} moved and"
+        " stopped within the stated time, inside their range or without power"
+    )
