@@ -112,7 +112,7 @@ def safety_requirements(cell: CellConfig, units: AxisUnits) -> tuple[Requirement
     deceleration = abs(
         round(safety.quick_stop_deceleration_rad_s2 * units.velocity_units_per_rad_s)
     )
-    by_profile = ()
+    by_profile: tuple[Requirement, ...] = ()
     if uses_profile_deceleration(cell):
         by_profile = (Requirement(0x6084, 0, 4, "profile deceleration", deceleration),)
     master = consumer_entry(safety.master_node_id, safety.master_heartbeat_timeout_ms)
