@@ -152,6 +152,7 @@ def every_axis_stops_where_the_preflight_is_green(
                 assert time_s <= outside_s + lag_s, f"{joint.name} under power beyond its limit"
 
 
+@pytest.mark.timeout(1500)
 @pytest.mark.fault(39)
 def test_every_axis_stops_where_the_preflight_is_green(measured: Measured) -> None:
     SEEN.clear()
