@@ -140,6 +140,27 @@ class JournalFile:
         """Whether the disk is full, and the file goes on in the room kept free for its end."""
         return self._output.full
 
+    @property
+    def trouble(self) -> str:
+        """What became of the file while it is written, as a clause; empty as long as it is whole.
+
+        Asked for every flush, a deleted file is noticed within `MOST_LOST_S` of the time of day.
+        """
+        try:
+            own, size = os.fstat(self._file.fileno()), self._file.tell()
+            if own.st_nlink == 0:
+                return "was deleted while it was being written"
+            if own.st_size < size:
+                return f"was cut while it was being written: {own.st_size} of {size} bytes are left"
+            there = os.stat(self.path, follow_symlinks=False)
+        except FileNotFoundError:
+            return "was moved away while it was being written"
+        except OSError as error:
+            return f"cannot be looked at: {error.strerror}"
+        if (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
+            return "was replaced by another file while it was being written"
+        return ""
+
     def add_channel(
         self, topic: str, message_name: str, definition: str, metadata: dict[str, str]
     ) -> int:
