@@ -70,13 +70,13 @@ def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun
     ConfigError, DataQualityError, RecordingError
         It has none, or cannot be read.
     """
+    data = read_run(folder, unfinished=unfinished)
     paths = [folder.file(name) for name in (CELL, MOTION)]
     if not all(path.exists() for path in paths):
         raise DataQualityError(
             f"run {folder.run_id} says nothing of where the robot should have been: a run of this"
             " program's own is needed"
         )
-    data = read_run(folder, unfinished=unfinished)
     ahead = folder.file(FEEDFORWARD)
     return MotionRun(
         data=data,
