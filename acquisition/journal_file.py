@@ -28,8 +28,11 @@ SYNC_PERIOD_S = 1.0
 
 
 def open_new(path: Path) -> FileIO:
-    """Open a file that must not exist, without a buffer."""
-    return path.open("xb", buffering=0)
+    """Open a file that must not exist, without a buffer.
+
+    Every write goes to its end: a file that somebody cuts stays shorter than what was written.
+    """
+    return FileIO(path, "xb", opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666))
 
 
 def being_written(path: Path) -> bool:
@@ -65,13 +68,16 @@ class _Unbuffered:
         self._file = file
         self._reserve = reserve
         self.full = False
+        self.written = 0
         self.tell = file.tell
 
     def write(self, data: bytes) -> None:
         rest = memoryview(data)
         while rest:
             try:
-                rest = rest[self._file.write(rest) :]
+                count = self._file.write(rest)
+                self.written += count
+                rest = rest[count:]
             except OSError as error:
                 if error.errno not in FULL or not self._reserve.release():
                     raise
@@ -147,11 +153,11 @@ class JournalFile:
         Asked for every flush, a deleted file is noticed within `MOST_LOST_S` of the time of day.
         """
         try:
-            own, size = os.fstat(self._file.fileno()), self._file.tell()
+            own, size = os.fstat(self._file.fileno()), self._output.written
             if own.st_nlink == 0:
                 return "was deleted while it was being written"
             if own.st_size < size:
-                return f"was cut while it was being written: {own.st_size} of {size} bytes are left"
+                return f"was cut while it was being written: {size - own.st_size} bytes are gone"
             there = os.stat(self.path, follow_symlinks=False)
         except FileNotFoundError:
             return "was moved away while it was being written"
