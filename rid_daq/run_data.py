@@ -148,9 +148,15 @@ def require_own(folder: RunFolder) -> None:
     """
     for name, what in folder.differences(READ).items():
         path = folder.file(name)
-        words = f"{path}: {what}{_whose(folder, name)}."
+        whose = _whose(folder, name)
+        words = f"{path}: {what}{whose}."
         if "put into" in what:
             raise RecordingError(f"{words} Take it out of the folder")
+        if path.suffix == ".mcap" and path.exists() and not whose:
+            raise RecordingError(
+                f"{words} Put the original back, or write what is readable of it as a new run:"
+                f" `rid-daq recover {folder.path}`"
+            )
         again = "import" if folder.file(SOURCE).exists() else "record"
         raise RecordingError(
             f"{words} Put the original back; if the new one is right, {again} a run with it"

@@ -296,6 +296,8 @@ def test_a_cut_run_is_recovered_by_the_manifests_count_and_without_its_results(
     os.truncate(copy.path / RECORDING, size - size // 3)
     kept = read_journal(copy.path / RECORDING).rows
     capsys.readouterr()
+    assert run(["average", str(copy.path)]) == 7
+    assert f"as a new run: `rid-daq recover {copy.path}`" in capsys.readouterr().err
     assert run(["recover", str(copy.path), "--json"]) == 1
     told = document(capsys)
     assert told["rows_lost"] == len(whole) - len(kept) > 500
