@@ -249,6 +249,10 @@ class ControlBlock:
         fields.cycles = cycles
         fields.task_beat += 1
 
+    def beat_task(self) -> None:
+        """Give a sign of life of a task that waits."""
+        self._fields.task_beat += 1
+
     def report_stop(self, reason: StopReason) -> None:
         """Say why the motion is being stopped; the first reason stays."""
         fields = self._fields
@@ -312,10 +316,10 @@ class ControlBlock:
         self._fields.recorder_error = _clipped(text, 1023)
         self.recorder_state = RecorderState.FAILED
 
-    def fill_recorder(self, text: str) -> None:
-        """Say that there is room for the motion's end, and for nothing more."""
+    def end_recorder(self, text: str) -> None:
+        """Say why the motion must end; its end is still recorded, as far as it can be."""
         self._fields.recorder_error = _clipped(text, 1023)
-        self.recorder_state = RecorderState.FULL
+        self.recorder_state = RecorderState.ENDING
 
     # the drive monitor's side
 

@@ -215,6 +215,7 @@ class CyclicTask:
             while control.periods_judged < periods and time.monotonic() < until_s:
                 if self._order_to_stop() is not None:
                     return False
+                control.beat_task()  # a judgement may take longer than a task may be silent
                 time.sleep(PAUSE_S)
         return control.enough
 
@@ -233,7 +234,7 @@ class CyclicTask:
         if control.stop_code:
             code = StopCode(control.stop_code)
             return StopReason(code, _TEXT_OF_ORDER.get(code, code.name.lower()))
-        if control.recorder_state in (RecorderState.FAILED, RecorderState.FULL):
+        if control.recorder_state in (RecorderState.FAILED, RecorderState.ENDING):
             return StopReason(StopCode.RECORDER, control.recorder_error)
         if not self._lockstep and (fill := self._ring.fill) > RING_LIMIT:
             return StopReason(

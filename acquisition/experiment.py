@@ -205,7 +205,7 @@ def record_motion(
         finally:
             if plate is not None:
                 notes += plate.close()
-    return _outcome(path, task, recorder, control, interruption, len(robot.joints), notes)
+    return _outcome(path, header, task, recorder, control, interruption, notes)
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:
@@ -315,11 +315,11 @@ def _wind_up(task: SpawnProcess, recorder: SpawnProcess, control: ControlBlock) 
 
 def _outcome(
     path: Path,
+    header: JournalHeader,
     task: SpawnProcess,
     recorder: SpawnProcess,
     control: ControlBlock,
     interruption: Interruption,
-    joints: int,
     notes: list[str],
 ) -> RecordOutcome:
     notes += control.notes
@@ -351,9 +351,14 @@ def _outcome(
         notes.append(control.recorder_error)
     elif control.recorder_state is not RecorderState.FINISHED:
         notes.append(f"the recorder died (exit code {recorder_exit}); its file is not closed")
-    rows = np.empty(0, dtype=row_dtype(joints))
+    rows = np.empty(0, dtype=row_dtype(len(header.joint_names)))
     try:
         journal = read_journal(path)
+        if journal.header != header:
+            raise RecordingError(
+                f"{path}: is the recording of run {journal.header.run_id or '?'} by now: another"
+                " file or folder has taken the place of this motion's"
+            )
         rows = journal.rows
         notes += journal.damage.notes
     except RecordingError as damage:

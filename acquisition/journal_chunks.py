@@ -8,6 +8,7 @@ single damaged length cannot hide what follows it.
 
 from __future__ import annotations
 
+import os
 import re
 import struct
 import zlib
@@ -129,6 +130,27 @@ def read_raw_journal(path: Path) -> RawJournal:
     except RecordingError as error:
         text = str(error)
         raise RecordingError(text if text.startswith(str(path)) else f"{path}: {text}") from error
+
+
+def messages_written(path: Path) -> int | None:
+    """Return how many messages a closed file says that it holds; None where it does not say.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(0, size - _TAIL_BYTES))
+            start = _summary_start(file.read())
+            if start is None or start >= size:
+                return None
+            file.seek(start)
+            return _messages_written(file.read(), start)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def _read(data: bytes) -> RawJournal:
@@ -259,19 +281,29 @@ def _channel_pairs(body: bytes) -> dict[str, str] | None:
     return _pairs(body, position)
 
 
-def _messages_written(data: bytes) -> int | None:
-    """Return the count of messages in the summary of a finished file, None where it has none."""
+def _summary_start(tail: bytes) -> int | None:
+    """Return where the summary of a finished file begins, by its last bytes; None without one."""
+    if len(tail) < _TAIL_BYTES or tail[-len(_MAGIC) :] != _MAGIC:
+        return None
+    opcode, length = _RECORD.unpack_from(tail)
+    start: int = _FOOTER_BODY.unpack_from(tail, _RECORD.size)[0]
+    return start if opcode == _FOOTER and length == _FOOTER_BODY.size and start > 0 else None
+
+
+def _messages_written(data: bytes, origin: int = 0) -> int | None:
+    """Return the count of messages in the summary of a finished file, None where it has none.
+
+    `data` are the file's bytes from `origin` on.
+    """
     tail = len(data) - _TAIL_BYTES
-    if tail < 0 or data[-len(_MAGIC) :] != _MAGIC:
+    begin = _summary_start(data[max(tail, 0) :])
+    if begin is None or not 0 <= begin - origin <= tail:
         return None
-    opcode, length = _RECORD.unpack_from(data, tail)
-    start, _, crc = _FOOTER_BODY.unpack_from(data, tail + _RECORD.size)
-    if opcode != _FOOTER or length != _FOOTER_BODY.size or not 0 < start <= tail:
+    crc = _FOOTER_BODY.unpack_from(data, tail + _RECORD.size)[2]
+    if zlib.crc32(data[begin - origin : tail + _RECORD.size + 16]) != crc:
         return None
-    if zlib.crc32(data[start : tail + _RECORD.size + 16]) != crc:
-        return None
-    summary = data[start:tail]
-    for opcode, begin, end in _records(summary):
-        if opcode == _STATISTICS and end - begin >= 8:
-            return int(struct.unpack_from("<Q", summary, begin)[0])
+    summary = data[begin - origin : tail]
+    for opcode, start, end in _records(summary):
+        if opcode == _STATISTICS and end - start >= 8:
+            return int(struct.unpack_from("<Q", summary, start)[0])
     return None

@@ -28,8 +28,11 @@ SYNC_PERIOD_S = 1.0
 
 
 def open_new(path: Path) -> FileIO:
-    """Open a file that must not exist, without a buffer."""
-    return path.open("xb", buffering=0)
+    """Open a file that must not exist, without a buffer.
+
+    Every write goes to its end: a file that somebody cuts stays shorter than what was written.
+    """
+    return FileIO(path, "xb", opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666))
 
 
 def being_written(path: Path) -> bool:
@@ -65,13 +68,16 @@ class _Unbuffered:
         self._file = file
         self._reserve = reserve
         self.full = False
+        self.written = 0
         self.tell = file.tell
 
     def write(self, data: bytes) -> None:
         rest = memoryview(data)
         while rest:
             try:
-                rest = rest[self._file.write(rest) :]
+                count = self._file.write(rest)
+                self.written += count
+                rest = rest[count:]
             except OSError as error:
                 if error.errno not in FULL or not self._reserve.release():
                     raise
@@ -139,6 +145,27 @@ class JournalFile:
     def disk_full(self) -> bool:
         """Whether the disk is full, and the file goes on in the room kept free for its end."""
         return self._output.full
+
+    @property
+    def trouble(self) -> str:
+        """What became of the file while it is written, as a clause; empty as long as it is whole.
+
+        Asked for every flush, a deleted file is noticed within `MOST_LOST_S` of the time of day.
+        """
+        try:
+            own, size = os.fstat(self._file.fileno()), self._output.written
+            if own.st_nlink == 0:
+                return "was deleted while it was being written"
+            if own.st_size < size:
+                return f"was cut while it was being written: {size - own.st_size} bytes are gone"
+            there = os.stat(self.path, follow_symlinks=False)
+        except FileNotFoundError:
+            return "was moved away while it was being written"
+        except OSError as error:
+            return f"cannot be looked at: {error.strerror}"
+        if (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
+            return "was replaced by another file while it was being written"
+        return ""
 
     def add_channel(
         self, topic: str, message_name: str, definition: str, metadata: dict[str, str]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,13 +32,16 @@ class Repair:
     Attributes
     ----------
     kept_rows, lost_rows : int
-        Messages read, and messages known to be missing before the last one read or counted.
+        Messages read, and messages known to be missing: by their numbers, by the count of a closed
+        file, or by what was written when the run ended.
     kept_s, lost_s : float
         The time that they cover [s].
     torn_rows : float
         Rows that the torn bytes at the end would hold.
     damage : JournalDamage
         What is missing, in particular.
+    run_id : str
+        The run that the file says that it belongs to; empty where it does not say.
     """
 
     kept_rows: int
@@ -47,6 +50,7 @@ class Repair:
     lost_s: float
     torn_rows: float
     damage: JournalDamage
+    run_id: str = ""
 
     @property
     def whole(self) -> bool:
@@ -72,19 +76,28 @@ class Repair:
         return tuple(said)
 
 
-def examine_journal(path: Path) -> Repair:
+def examine_journal(path: Path, written: int | None = None) -> Repair:
     """Return what can be kept of a journal, without writing anything.
+
+    Parameters
+    ----------
+    path : Path
+        The journal.
+    written : int, optional
+        Rows that it held when its run ended, where that is known.
 
     Raises
     ------
     RecordingError
         The file cannot be read, is no journal of this program, or holds nothing readable.
     """
-    raw, _ = _read(path)
-    return _repair(raw)
+    raw, header = _read(path)
+    return _repair(raw, header.run_id, written)
 
 
-def repair_journal(source: Path, target: Path, run_id: str | None = None) -> Repair:
+def repair_journal(
+    source: Path, target: Path, run_id: str | None = None, written: int | None = None
+) -> Repair:
     """Write what is readable of a journal as a new one, closed and whole.
 
     Every message keeps its number, so that lost ones stay visible to every reader. What was written
@@ -98,6 +111,8 @@ def repair_journal(source: Path, target: Path, run_id: str | None = None) -> Rep
         The file to write; it must not exist.
     run_id : str, optional
         The run that the new file belongs to; the old one's if not given.
+    written : int, optional
+        Rows that the journal held when its run ended, where that is known.
 
     Raises
     ------
@@ -105,6 +120,7 @@ def repair_journal(source: Path, target: Path, run_id: str | None = None) -> Rep
         The source holds nothing readable, or the target cannot be written.
     """
     raw, header = _read(source)
+    was = header.run_id
     if run_id is not None:
         header = header.model_copy(update={"run_id": run_id})
     with _writer(target, header) as writer:
@@ -115,7 +131,7 @@ def repair_journal(source: Path, target: Path, run_id: str | None = None) -> Rep
     again = read_raw_journal(target)
     if (again.payloads, again.sequences) != (raw.payloads, raw.sequences):
         raise RecordingError(f"{target}: does not hold what was written; check the disk")
-    return _repair(raw)
+    return _repair(raw, was, written)
 
 
 def _read(path: Path) -> tuple[RawJournal, _Header]:
@@ -147,23 +163,35 @@ def _writer(target: Path, header: _Header) -> JournalFile:
             return MonitorWriter(target, header)
 
 
-def _repair(raw: RawJournal) -> Repair:
+def _repair(raw: RawJournal, run_id: str, written: int | None) -> Repair:
+    damage = _with_end(raw, written or 0)
     time_s = np.array(raw.times_ns, dtype=float) / 1e9
     row_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
-    after = np.searchsorted(raw.sequences, [first for first, _ in raw.damage.gaps])
+    after = np.searchsorted(raw.sequences, [first for first, _ in damage.gaps])
     lost_s = 0.0
-    for place, (_, count) in zip(after.tolist(), raw.damage.gaps, strict=True):
+    for place, (_, count) in zip(after.tolist(), damage.gaps, strict=True):
         inside = 0 < place < len(time_s)
         lost_s += time_s[place] - time_s[place - 1] - row_s if inside else count * row_s
     torn_rows = 0.0
     if raw.payloads:
         size = _HEAD_BYTES + sum(map(len, raw.payloads)) / len(raw.payloads)
-        torn_rows = raw.damage.torn_bytes / size
+        torn_rows = damage.torn_bytes / size
     return Repair(
         kept_rows=len(raw.payloads),
-        lost_rows=raw.damage.rows_lost,
+        lost_rows=damage.rows_lost,
         kept_s=float(time_s[-1] - time_s[0]) + row_s if len(time_s) else 0.0,
         lost_s=max(float(lost_s), 0.0),
         torn_rows=torn_rows,
-        damage=raw.damage,
+        damage=damage,
+        run_id=run_id,
     )
+
+
+def _with_end(raw: RawJournal, written: int) -> JournalDamage:
+    """Return a journal's damage with the rows that its end lacks of those once written."""
+    damage = raw.damage
+    lacking = written - len(raw.payloads) - damage.rows_lost
+    if lacking <= 0:
+        return damage
+    first = raw.sequences[-1] + 1 if raw.sequences else 0
+    return replace(damage, gaps=(*damage.gaps, (first, lacking)))

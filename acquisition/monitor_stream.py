@@ -34,6 +34,8 @@ class MonitorStream:
         Which drives answered; the other values mean nothing.
     notes : tuple of str
         What the file has lost, one sentence each.
+    run_id : str
+        The run that it was recorded in; empty where the file does not say.
     """
 
     joint_names: tuple[str, ...]
@@ -42,6 +44,7 @@ class MonitorStream:
     operating_time_s: FloatArray
     valid: BoolArray
     notes: tuple[str, ...] = ()
+    run_id: str = ""
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
@@ -94,6 +97,7 @@ def read_monitor(path: Path) -> MonitorStream:
         operating_time_s=rows["operating_time_s"],
         valid=rows["valid"] != 0,
         notes=raw.damage.notes,
+        run_id=header.run_id,
     )
 
 
@@ -129,7 +133,7 @@ def with_temperatures(recording: Recording, folder: Path) -> tuple[Recording, tu
     Raises
     ------
     RecordingError
-        The monitor was of another robot.
+        The monitor was of another robot or run.
     """
     path = folder / MONITOR
     if not path.exists():
@@ -142,6 +146,11 @@ def with_temperatures(recording: Recording, folder: Path) -> tuple[Recording, tu
         raise RecordingError(
             f"{path}: monitors {', '.join(stream.joint_names)}, the recording is of"
             f" {', '.join(recording.joint_names)}: it belongs to another run"
+        )
+    if "" not in (stream.run_id, recording.run_id) and stream.run_id != recording.run_id:
+        raise RecordingError(
+            f"{path}: belongs to run {stream.run_id}, the recording to run {recording.run_id}: put"
+            " the original back"
         )
     temperature_k = stream.temperatures_at(recording.time_s)
     if temperature_k is None:

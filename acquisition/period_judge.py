@@ -11,7 +11,7 @@ from acquisition.control_block import ControlBlock, Progress
 from acquisition.journal import read_journal
 from acquisition.motion_samples import MotionSamples
 from acquisition.period_ends import period_ends
-from config.errors import RidDaqError
+from config.errors import RecordingError, RidDaqError
 
 FEWEST_PERIODS = 3
 FLUSH_PATIENCE_S = 10.0
@@ -80,6 +80,8 @@ class PeriodJudge:
         try:
             if periods >= FEWEST_PERIODS and self._written(periods):
                 enough = self._enough(self._path, periods)
+        except RecordingError:
+            pass  # the recorder sees what becomes of its file, and ends the motion by name
         finally:
             self._control.judge(periods, enough)
 

@@ -32,7 +32,13 @@ from acquisition.plate_row import (
     overloaded,
 )
 from config.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
-from config.errors import DeviceFaultError, DriverError, RidDaqError, TransportError
+from config.errors import (
+    DeviceFaultError,
+    DriverError,
+    RecordingError,
+    RidDaqError,
+    TransportError,
+)
 from config.plate import AmplifierConfig, PlateConfig
 from config.termination import ignore_termination
 from drivers.amplifier_serial import SerialAmplifier, open_amplifier
@@ -365,5 +371,7 @@ class _Recorder:
         if now_s - self._flushed_s >= FLUSH_PERIOD_S:
             to_disk = now_s - self._synced_s >= SYNC_PERIOD_S
             writer.flush(to_disk=to_disk)
+            if trouble := writer.trouble:
+                raise RecordingError(f"{writer.path}: {trouble}")
             self._flushed_s = now_s
             self._synced_s = now_s if to_disk else self._synced_s

@@ -106,8 +106,11 @@ def _carry(ring: Ring, control: ControlBlock, writer: JournalWriter, parent: int
             writer.flush(to_disk=to_disk)
             flushed = now
             synced = now if to_disk else synced
+            trouble = writer.trouble
+            if trouble and control.recorder_state is RecorderState.RECORDING:
+                control.end_recorder(f"{writer.path}: {trouble}")
         if writer.disk_full and control.recorder_state is RecorderState.RECORDING:
-            control.fill_recorder(f"{writer.path}: the disk is full")
+            control.end_recorder(f"{writer.path}: the disk is full")
         if os.getppid() != parent:
             if control.task_beat != beat:
                 beat, alive = control.task_beat, now

@@ -1,7 +1,8 @@
 """`RunFolder`: everything about one run in one folder, complete and portable.
 
-`manifest.json` names every file with its SHA-256. Files are written whole or not at all. The id is
-generated, the label is text: neither can lead outside the folder.
+`manifest.json` names every file of the run with its SHA-256, as it was when the run was made. Files
+are written whole or not at all. The id is generated, the label is text: neither can lead outside
+the folder. What somebody else puts into the folder is a stray: it is left alone.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import hashlib
 import os
 import re
 import time
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -17,6 +19,7 @@ from pathlib import Path
 
 from pydantic import Field, JsonValue, ValidationError
 
+from acquisition.journal_chunks import messages_written
 from acquisition.run_id import RUN_ID, new_run_id, time_of_run_id
 from config.errors import ConfigError, RecordingError
 from config.model import ConfigModel
@@ -25,13 +28,15 @@ from config.whole_file import write_whole
 LATEST = "latest"
 MANIFEST = "manifest.json"
 RECORDING = "recording.mcap"
-FORMAT = 1
+FORMAT = 2  # 1 did not count the rows of recordings
 CLOCK_STEP_NS = 24 * 3600 * 10**9  # a clock set back by more was wrong before
 
 _LABEL = re.compile(r"[\w .-]{1,64}")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 _DEVICE = re.compile(r"(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?", re.IGNORECASE)
 _MANIFEST_BYTES = 4 << 20
+_JOURNAL = ".mcap"
+_NOT_BY_WRITE = (_JOURNAL, ".blf", ".json")  # what recorders and estimators put in by themselves
 
 
 class RunStatus(StrEnum):
@@ -44,10 +49,11 @@ class RunStatus(StrEnum):
 
 
 class FileEntry(ConfigModel):
-    """One file of a run."""
+    """One file of a run; `rows` are those that a recording held when the run ended, if closed."""
 
     sha256: str
     size_bytes: int
+    rows: int | None = None
 
 
 class Manifest(ConfigModel):
@@ -165,9 +171,10 @@ class RunFolder:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
             raise RecordingError(f"{path}: damaged: {where} {first['msg']}") from error
-        if manifest.format != FORMAT:
+        if not 1 <= manifest.format <= FORMAT:
             raise RecordingError(
-                f"{path}: format {manifest.format}, this program reads {FORMAT}: use a newer one"
+                f"{path}: format {manifest.format}, this program reads up to {FORMAT}: use a newer"
+                " program"
             )
         return manifest
 
@@ -187,11 +194,8 @@ class RunFolder:
             A link stands in its way.
         """
         parts = name.split("/")
-        for part in parts:
-            if not _NAME.fullmatch(part) or _DEVICE.fullmatch(part) or part.endswith("."):
-                raise ConfigError(
-                    f"file name {name[:120]!r}: use letters, digits, '_', '.' and '-'"
-                )
+        if not all(_is_plain(part) for part in parts):
+            raise ConfigError(f"file name {name[:120]!r}: use letters, digits, '_', '.' and '-'")
         path = self.path
         for part in parts:
             path = path / part
@@ -204,13 +208,59 @@ class RunFolder:
         Raises
         ------
         RecordingError
-            It cannot be read, or is a link.
+            It cannot be read, is a link, or is not what was written.
         """
         path = self.file(name)
         try:
-            return _read(path, None)
+            data = _read(path, None)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+        entry = self.manifest().files.get(name)
+        if entry is not None and entry.sha256 != hashlib.sha256(data).hexdigest():
+            raise RecordingError(
+                f"{path}: is not what was written (its SHA-256 differs): put the original back, or"
+                " delete the file and repeat the step that made it"
+            )
+        return data
+
+    def holds(self, name: str, entry: FileEntry) -> bool:
+        """Return whether a file has the contents that an entry of a manifest says.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be read.
+        """
+        return _digest(self.file(name)) == (entry.sha256, entry.size_bytes)
+
+    def differences(self, names: Iterable[str]) -> dict[str, str]:
+        """Return which files are not those that the run was made with, and what is wrong.
+
+        Journals of a run that was never finished have no hash yet: they are not compared.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Files to compare; those that the run never had and has not now are none.
+
+        Raises
+        ------
+        RecordingError
+            The folder cannot be read, or a link stands in it.
+        """
+        manifest = self.manifest()
+        ended = manifest.files and manifest.status in (RunStatus.COMPLETE, RunStatus.STOPPED)
+        found = {}
+        for name in names:
+            path, entry = self.file(name), manifest.files.get(name)
+            if entry is None:
+                if ended and path.exists():
+                    found[name] = "was put into the folder after the run had ended"
+            elif not path.exists():
+                found[name] = "is missing"
+            elif not self.holds(name, entry):
+                found[name] = f"is not the file of run {manifest.run_id} (its SHA-256 differs)"
+        return found
 
     def write(self, name: str, data: bytes) -> Path:
         """Write a file whole or not at all, replacing an older one; note it in the manifest.
@@ -225,14 +275,21 @@ class RunFolder:
         path = self.file(name)
         if name == MANIFEST:
             raise ConfigError(f"{MANIFEST} is written by the run folder itself")
-        manifest = self.manifest()
+        manifest = self._own_manifest()
         self._write(path, data)
         entry = FileEntry(sha256=hashlib.sha256(data).hexdigest(), size_bytes=len(data))
         self._save(manifest.model_copy(update={"files": {**manifest.files, name: entry}}))
         return path
 
-    def finish(self, status: RunStatus, facts: dict[str, JsonValue] | None = None) -> Manifest:
-        """Say what became of the run and note every file that is in the folder.
+    def finish(
+        self,
+        status: RunStatus,
+        facts: dict[str, JsonValue] | None = None,
+        missing: Mapping[str, FileEntry] | None = None,
+    ) -> Manifest:
+        """Say what became of the run and note the recordings that are in the folder.
+
+        Files that were written before keep the hash that they had then. Strays are left alone.
 
         Parameters
         ----------
@@ -240,20 +297,24 @@ class RunFolder:
             The outcome.
         facts : dict, optional
             What a list of runs should show; added to what is there.
+        missing : dict of str to FileEntry, optional
+            Files that belong to the run and are not there; only they will be taken, later.
 
         Raises
         ------
         RecordingError
-            The folder cannot be read or written.
+            The folder cannot be read or written, or is that of another run by now.
         """
-        manifest = self.manifest()
-        files = {name: _entry(self.file(name)) for name in self._present()}
+        manifest = self._own_manifest()
+        new = [name for name in self._present()[0] if name not in manifest.files]
+        files = {name: _entry(self.file(name)) for name in new if _is_made_here(name)}
         finished = manifest.model_copy(
             update={
+                "format": FORMAT,
                 "status": str(status),
                 "finished_utc": _utc(time.time_ns()),
                 "facts": {**manifest.facts, **(facts or {})},
-                "files": files,
+                "files": {**(missing or {}), **manifest.files, **files},
             }
         )
         self._save(finished)
@@ -270,36 +331,68 @@ class RunFolder:
         Raises
         ------
         RecordingError
-            The manifest itself cannot be read.
+            The manifest itself, or the folder, cannot be read.
         """
         manifest = self.manifest()
         problems = []
         if manifest.status == RunStatus.UNFINISHED:
             problems.append("the run was not finished: it is still running, or was killed")
-        present = set()
-        try:
-            present = set(self._present())
-        except RecordingError as error:
-            problems.append(str(error))
         for name, entry in manifest.files.items():
             try:
-                found = _entry(self.file(name))
+                unchanged = self.holds(name, entry)
             except (ConfigError, RecordingError) as error:
                 problems.append(f"{name}: {error}")
                 continue
-            if found != entry:
+            if not unchanged:
                 problems.append(f"{name}: is not what was written (its SHA-256 differs)")
-        extra = sorted(present - manifest.files.keys())
-        problems += [f"{name}: is not in the manifest" for name in extra]
         return tuple(problems)
 
-    def _present(self) -> list[str]:
-        names = []
-        for folder, folders, files in os.walk(self.path, followlinks=False):
-            for name in (*folders, *files):
-                _refuse_link(Path(folder) / name)
-            names += [str((Path(folder) / name).relative_to(self.path)) for name in files]
-        return sorted(name for name in names if name != MANIFEST and not name.endswith(".tmp"))
+    def strays(self) -> tuple[str, ...]:
+        """Return what is in the folder and not in the manifest: left alone, and never read.
+
+        Raises
+        ------
+        RecordingError
+            The manifest, or the folder, cannot be read.
+        """
+        files, others = self._present()
+        known = self.manifest().files
+        found = {*others, *(name for name in files if name not in known)}
+        return tuple(sorted(name.encode(errors="backslashreplace").decode() for name in found))
+
+    def _present(self) -> tuple[list[str], list[str]]:
+        """Return the files that may be the run's by their names, and everything else."""
+        files: list[str] = []
+        others: list[str] = []
+        for folder, folders, names in os.walk(self.path, followlinks=False):
+            for name in (*folders, *names):
+                path = Path(folder) / name
+                relative = str(path.relative_to(self.path))
+                if relative == MANIFEST or name.endswith(".tmp"):
+                    continue
+                plain = all(_is_plain(part) for part in relative.split("/"))
+                if _is_link(path) or not plain or not (path.is_file() or name in folders):
+                    others.append(relative)
+                elif name in names:
+                    files.append(relative)
+        return sorted(files), others
+
+    def _own_manifest(self) -> Manifest:
+        """Read the manifest, which must still be this run's.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be read, or another run's folder has taken this one's place.
+        """
+        manifest = self.manifest()
+        if manifest.run_id != self.run_id:
+            raise RecordingError(
+                f"{self.path}: is the folder of run {manifest.run_id} by now, and nothing was"
+                f" written into it. The folder of run {self.run_id} was moved or deleted meanwhile:"
+                " put it back, then `rid-daq recover` it"
+            )
+        return manifest
 
     def _save(self, manifest: Manifest) -> None:
         self._write(self.path / MANIFEST, manifest.model_dump_json(indent=2).encode() + b"\n")
@@ -327,13 +420,25 @@ def require_label(label: str) -> None:
         )
 
 
+def _is_plain(name: str) -> bool:
+    return bool(_NAME.fullmatch(name)) and not _DEVICE.fullmatch(name) and not name.endswith(".")
+
+
+def _is_made_here(name: str) -> bool:
+    """Return whether this program puts such files into a run, or it is of a run inside it."""
+    return name.endswith(_NOT_BY_WRITE) or any(map(RUN_ID.fullmatch, name.split("/")[:-1]))
+
+
 def _refuse_link(path: Path) -> None:
+    if _is_link(path):
+        raise RecordingError(f"{path}: is a symbolic link; a run folder has none")
+
+
+def _is_link(path: Path) -> bool:
     try:
-        is_link = path.is_symlink()
+        return path.is_symlink()
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-    if is_link:
-        raise RecordingError(f"{path}: is a symbolic link; a run folder has none")
 
 
 def _read(path: Path, limit: int | None) -> bytes:
@@ -344,6 +449,13 @@ def _read(path: Path, limit: int | None) -> bytes:
 
 
 def _entry(path: Path) -> FileEntry:
+    sha256, size_bytes = _digest(path)
+    rows = messages_written(path) if path.suffix == _JOURNAL else None
+    return FileEntry(sha256=sha256, size_bytes=size_bytes, rows=rows)
+
+
+def _digest(path: Path) -> tuple[str, int]:
+    """Return SHA-256 and size of a file."""
     digest = hashlib.sha256()
     size = 0
     try:
@@ -353,7 +465,7 @@ def _entry(path: Path) -> FileEntry:
                 size += len(block)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-    return FileEntry(sha256=digest.hexdigest(), size_bytes=size)
+    return digest.hexdigest(), size
 
 
 def _after_others(root: Path, now_ns: int) -> int:

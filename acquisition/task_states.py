@@ -24,13 +24,13 @@ class TaskState(IntEnum):
 
 
 class RecorderState(IntEnum):
-    """How far the recorder has come; FULL writes on, in the last room, and wants an end."""
+    """How far the recorder has come; ENDING still writes, and wants the motion to end."""
 
     STARTING = 0
     RECORDING = 1
     FINISHED = 2
     FAILED = 3
-    FULL = 4
+    ENDING = 4
 
 
 class MonitorState(IntEnum):

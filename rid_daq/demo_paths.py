@@ -26,7 +26,8 @@ from config.motion import AnyMotion, CircleMotion, MultisineMotion
 from config.path_motion import ArcSegment, LineSegment, PathMotion, SplineSegment
 from config.robot import RobotDescription
 from identification.estimate import Estimate
-from rid_daq.motion_runs import FEEDFORWARD, MotionRun, read_motion_run
+from rid_daq.motion_runs import MotionRun, read_motion_run
+from rid_daq.run_data import FEEDFORWARD
 from rid_daq.sections import motion_sentence, run_section
 from rid_daq.tracking_section import followed, tracking_section
 

@@ -17,9 +17,8 @@ from dynamics.kinematics import FloatArray
 from identification.payload import PayloadEstimate
 from identification.payload_body import PayloadBody, flange_pose, reported, to_link
 from identification.payload_file import JudgedPayload
-from rid_daq.run_data import RunData
+from rid_daq.run_data import PLANT, RunData
 
-PLANT = "plant.yaml"
 NOTHING = "nothing"
 FACT = "simulated_flange"
 

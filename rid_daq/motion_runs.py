@@ -14,9 +14,7 @@ from config.cell import CellConfig
 from config.errors import ConfigError, DataQualityError
 from config.load import load_bundled_or_path, load_motion
 from config.motion import AnyMotion
-from rid_daq.run_data import RunData, read_run
-
-FEEDFORWARD = "feedforward.json"
+from rid_daq.run_data import CELL, FEEDFORWARD, MOTION, RunData, read_run
 
 
 @dataclass(frozen=True)
@@ -64,15 +62,16 @@ class MotionRun:
         return "never used"
 
 
-def read_motion_run(folder: RunFolder) -> MotionRun:
-    """Read a run with its motion.
+def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun:
+    """Read a run with its motion; `unfinished` as in `read_run`.
 
     Raises
     ------
     ConfigError, DataQualityError, RecordingError
         It has none, or cannot be read.
     """
-    paths = [folder.file(name) for name in ("cell.yaml", "motion.yaml")]
+    data = read_run(folder, unfinished=unfinished)
+    paths = [folder.file(name) for name in (CELL, MOTION)]
     if not all(path.exists() for path in paths):
         raise DataQualityError(
             f"run {folder.run_id} says nothing of where the robot should have been: a run of this"
@@ -80,7 +79,7 @@ def read_motion_run(folder: RunFolder) -> MotionRun:
         )
     ahead = folder.file(FEEDFORWARD)
     return MotionRun(
-        data=read_run(folder),
+        data=data,
         cell=load_bundled_or_path(str(paths[0]), "cells", CellConfig),
         motion=load_motion(paths[1]),
         file=read_feedforward(ahead) if ahead.exists() else None,

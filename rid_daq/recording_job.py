@@ -45,7 +45,8 @@ _WHAT_TO_DO = {
     StopCode.INTERRUPTED: _AGAIN,
     StopCode.STOP_COMMAND: _AGAIN,
     StopCode.STOP_BUTTON: _AGAIN,
-    StopCode.RECORDER: "Check the disk (free space, speed), then start again.",
+    StopCode.RECORDER: "Check the disk (free space, speed) and who else works in the run folder,"
+    " then start again.",
     StopCode.BUS: "Then run `rid-daq check`.",
     StopCode.MISSED_FRAMES: "Check cable and bus load, then run `rid-daq check`.",
     StopCode.PLATE_LINE: "Check the amplifier's cable and adapter, then run `rid-daq check`.",
@@ -229,7 +230,7 @@ def judge(run: RecordedRun, folder: RunFolder) -> RunQuality | None:
     """Judge a run that was not stopped, and put that into its result; None for one that was."""
     if run.recording is None or run.outcome.stop is not None:
         return None
-    data = read_run(folder)
+    data = read_run(folder, unfinished=True)
     quality = run_quality(data.recording)
     if quality.average is not None:
         run.result["average"] = average_section(quality.average, data.robot)

@@ -10,7 +10,7 @@ from acquisition.periods import average_periods
 from acquisition.run_list import find_run
 from rid_daq.console import AsJson, Console
 from rid_daq.result import write_result
-from rid_daq.run_data import read_run, result_of, tell_lacks
+from rid_daq.run_data import Unfinished, read_run, result_of, tell_lacks
 from rid_daq.sections import average_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
@@ -19,6 +19,7 @@ def average(
     run: Annotated[
         str, typer.Argument(metavar="RUN", help="A run folder, its id or label, or `latest`.")
     ],
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -27,12 +28,19 @@ def average(
     The scatter between periods is the measurement noise. Exit code 6 where too little is left.
     """
     console = Console(as_json)
-    data = read_run(find_run(runs, run))
-    tell_lacks(console, [data])
+    data = read_run(find_run(runs, run), unfinished=unfinished)
+    notes = tell_lacks(console, [data])
     section = average_section(average_periods(data.recording), data.robot)
-    result = result_of(data) | {"average": section}
+    result = result_of(data, notes) | {"average": section}
     path = write_result(data.folder, result)
-    console.document({"run": data.folder.run_id, "average": section, "report": str(path)})
+    console.document(
+        {
+            "run": data.folder.run_id,
+            "average": section,
+            "notes": notes,
+            "report": str(path),
+        }
+    )
     console.say(section["sentence"])
     for period in section["rejected"]:
         console.say(f"  period {period['index'] + 1} rejected: {period['reason']}")

@@ -19,7 +19,7 @@ from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode
 from rid_daq.report.render import number
 from rid_daq.result import check, verdict
-from rid_daq.run_data import RunData, read_run
+from rid_daq.run_data import RunData, Unfinished, read_run, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 MODEL = "model.json"
@@ -46,6 +46,7 @@ def compare(
             help="Predict this run's torques with both; if not given, the runs named.",
         ),
     ] = None,
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -55,11 +56,12 @@ def compare(
     explains: the robot, its load or its surroundings have changed, or a model lacks something.
     """
     console = Console(as_json)
-    sides = [_side(first, runs), _side(second, runs)]
+    sides = [_side(each, runs, unfinished) for each in (first, second)]
     difference = compare_estimates(sides[0].estimate, sides[1].estimate)
     judged = [each.data for each in sides if each.data is not None]
     if on is not None:
-        judged = [read_run(find_run(runs, on))]
+        judged = [read_run(find_run(runs, on), unfinished=unfinished)]
+    notes = tell_lacks(console, judged)
     predictions = [_prediction(sides, data) for data in judged]
     worst = difference.worst
     line = check(
@@ -85,6 +87,7 @@ def compare(
             "only_second": list(difference.only_second),
             "shared_runs": list(difference.shared_runs),
             "predictions": predictions,
+            "notes": notes,
         }
     )
     _tell(console, sides, difference, predictions)
@@ -93,7 +96,7 @@ def compare(
         raise typer.Exit(ExitCode.VERDICT_FAILED)
 
 
-def _side(what: str, runs: Path) -> _Side:
+def _side(what: str, runs: Path, unfinished: bool) -> _Side:
     """Return what is meant: a model file, or a run with the model identified from it."""
     path = Path(what)
     if path.is_file() or (path.suffix == ".json" and not path.is_dir()):
@@ -103,8 +106,9 @@ def _side(what: str, runs: Path) -> _Side:
         raise ConfigError(
             f"run {what!r} has no {MODEL}: identify it first: rid-daq identify {folder.path}"
         )
-    label = folder.manifest().label
-    return _Side(label, read_estimate(folder.file(MODEL)), read_run(folder))
+    data = read_run(folder, unfinished=unfinished)
+    folder.read(MODEL)  # as it was written there, or refused
+    return _Side(folder.manifest().label, read_estimate(folder.file(MODEL)), data)
 
 
 def _prediction(sides: list[_Side], data: RunData) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from rid_daq.commands.record import check_robot
 from rid_daq.console import AsJson, Console
 from rid_daq.motion_runs import MotionRun, read_motion_run, sha256_of
 from rid_daq.output_file import Overwrite, refuse_output
+from rid_daq.run_data import Unfinished, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 
@@ -49,6 +50,7 @@ def compensate(
         ),
     ] = None,
     overwrite: Overwrite = False,
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -68,9 +70,11 @@ def compensate(
         raise ConfigError(f"{loop}: is of robot {robot!r}, the cell has {loaded.robot.name!r}")
     samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
     estimate = read_estimate(model)
-    tuning = None
+    tuning, notes = None, []
     if reference is not None:
-        tuning = _tuned(read_motion_run(find_run(runs, reference)), asked, estimate, loops)
+        driven = read_motion_run(find_run(runs, reference), unfinished=unfinished)
+        notes = tell_lacks(console, [driven.data])
+        tuning = _tuned(driven, asked, estimate, loops)
     compensated = compensated_motion(
         samples, estimate, loops, None if tuning is None else tuning.as_tuning()
     )
@@ -87,6 +91,7 @@ def compensate(
             "rows": len(samples),
             "largest_correction": dict(zip(names, more.tolist(), strict=True)),
             "tuning": None if tuning is None else tuning.model_dump(mode="json"),
+            "notes": notes,
         }
     )
     if tuning is not None:

@@ -24,7 +24,7 @@ from identification.export_model import ExportModel
 from identification.export_table import csv_table, json_table
 from rid_daq.console import AsJson, Console
 from rid_daq.output_file import Overwrite, refuse_output
-from rid_daq.run_data import read_run
+from rid_daq.run_data import RunData, Unfinished, read_run, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.unread_options import refuse_unread
 
@@ -87,6 +87,7 @@ def export(
         ),
     ] = False,
     overwrite: Overwrite = False,
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -101,8 +102,10 @@ def export(
     refuse_output(output, overwrite)
     if not _is_model(what):
         refuse_unread(context, {"as_identified", "despite_misfit"}, "with a recording")
-        _export_recording(console, find_run(runs, what), to, output)
+        data = _recorded(find_run(runs, what), to, unfinished)
+        _export_recording(console, data, to, output)
         return
+    refuse_unread(context, {"unfinished"}, "with a model file")
     if to in _RECORDINGS_ONLY:
         raise ConfigError(f"--to {to.value} is for recordings, and {what} is a model file")
     if as_identified and to not in _NEED_NO_LINKS:
@@ -139,28 +142,32 @@ def _is_model(what: str) -> bool:
     return path.is_file() or (bool(path.suffix) and not path.is_dir())
 
 
-def _export_recording(console: Console, folder: RunFolder, to: Format, output: Path) -> None:
+def _recorded(folder: RunFolder, to: Format, unfinished: bool) -> RunData:
+    """Return the run whose recording is to be written in a format for recordings."""
     if to not in _RECORDINGS:
         model = folder.path / "model.json"
         raise ConfigError(
             f"--to {to.value} is for models: give a model file"
             + (f", as {model}" if model.exists() else " of `rid-daq identify`")
         )
-    data = read_run(folder)
+    return read_run(folder, unfinished=unfinished)
+
+
+def _export_recording(console: Console, data: RunData, to: Format, output: Path) -> None:
+    notes = tell_lacks(console, [data])
     table = recording_table(data.recording, data.robot)
     write_whole(output, recording_bytes(table, RecordingFormat(to.value)))
     console.document(
         {
             "file": str(output),
             "format": to.value,
-            "run": folder.run_id,
+            "run": data.folder.run_id,
             "rows": len(data.recording),
             "columns": [{"name": each.name, "unit": each.unit} for each in table.columns],
             "damage": list(data.damage),
+            "notes": notes,
         }
     )
-    for note in data.damage:
-        console.say(f"note: {note}")
     console.verdict(
         True, f"Wrote {output}: {len(data.recording)} rows, {len(table.columns)} columns"
     )

@@ -19,7 +19,7 @@ from rid_daq.console import AsJson, Console
 from rid_daq.friction_section import friction_section
 from rid_daq.report.render import number
 from rid_daq.result import write_result
-from rid_daq.run_data import RunData, read_run, result_of, tell_lacks
+from rid_daq.run_data import RunData, Unfinished, read_run, result_of, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 
@@ -32,6 +32,7 @@ def friction(
         Path | None,
         typer.Option("--model", metavar="MODEL", help="A model file to compare with."),
     ] = None,
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -42,8 +43,8 @@ def friction(
     robot are taken together.
     """
     console = Console(as_json)
-    data = [read_run(folder) for folder in find_runs(runs, run)]
-    tell_lacks(console, data)
+    data = [read_run(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
+    notes = tell_lacks(console, data)
     first = data[0]
     curves: dict[str, list[FrictionCurve]] = {}
     for one in data:
@@ -61,9 +62,16 @@ def friction(
         first.robot,
         None if model is None else read_estimate(model),
     )
-    result = result_of(first) | {"friction": section}
+    result = result_of(first, notes) | {"friction": section}
     path = write_result(first.folder, result)
-    console.document({"run": first.folder.run_id, "friction": section, "report": str(path)})
+    console.document(
+        {
+            "run": first.folder.run_id,
+            "friction": section,
+            "notes": notes,
+            "report": str(path),
+        }
+    )
     _tell(console, section)
     console.say(f"Report: {path}")
 

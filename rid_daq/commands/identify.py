@@ -36,7 +36,7 @@ from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.plate_section import plate_section, tell_plate, weight_words
 from rid_daq.report.render import number
 from rid_daq.result import write_result
-from rid_daq.run_data import RunData, read_run, result_of, tell_lacks
+from rid_daq.run_data import RunData, Unfinished, note_output, read_run, result_of, tell_lacks
 from rid_daq.sections import average_section, comparison_section, estimate_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
@@ -117,6 +117,7 @@ def identify(
     friction: Annotated[bool, typer.Option(help="Friction as the robot file names it.")] = True,
     spring: Annotated[bool, typer.Option(help="The gravity spring.")] = True,
     overwrite: Overwrite = False,
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -127,8 +128,8 @@ def identify(
     """
     console = Console(as_json)
     refuse_output(output, overwrite)
-    data = [read_run(folder) for folder in find_runs(runs, run)]
-    tell_lacks(console, data)
+    data = [read_run(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
+    notes = tell_lacks(console, data)
     how = HowToEstimate(
         options=ModelOptions(
             kind=model.value,
@@ -160,15 +161,10 @@ def identify(
         gains = gains_of_drives(estimate, data, how, load_mass_kg, load_mass_sigma_kg)
     plate = plate_section(estimate, *plate_findings(data, how, robot=robot))
     first = data[0]
-    if output is None:
-        output = first.folder.file(MODEL)
-        inside = True
-    else:
-        inside = False
+    output = output or first.folder.file(MODEL)
     write_estimate(output, estimate)
-    if inside:
-        first.folder.write(MODEL, output.read_bytes())
-    result = result_of(first)
+    note_output(first.folder, output)
+    result = result_of(first, notes)
     result["estimate"] = estimate_section(estimate)
     weight = weight_words(estimate)
     weak = [each for each in weak_parameters(estimate) if each.words not in weight]
@@ -198,7 +194,7 @@ def identify(
         result["average"] = average_section(average, first.robot)
         result["curves"] = period_curves(estimate, average)
     path = write_result(first.folder, result)
-    console.document({**document, "report": str(path)})
+    console.document({**document, "notes": notes, "report": str(path)})
     if comparison is not None:
         _tell_comparison(console, comparison)
     _tell(console, estimate, result["estimate"]["sentence"])

@@ -19,7 +19,7 @@ from rid_daq.console import AsJson, Console
 from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.report.render import number
 from rid_daq.result import write_result
-from rid_daq.run_data import RunData, read_run, result_of, tell_lacks
+from rid_daq.run_data import RunData, Unfinished, note_output, read_run, result_of, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.velocity_loop_section import velocity_loop_section
 
@@ -38,6 +38,7 @@ def loop(
         ),
     ] = None,
     overwrite: Overwrite = False,
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -49,20 +50,19 @@ def loop(
     """
     console = Console(as_json)
     refuse_output(output, overwrite)
-    data = read_run(find_run(runs, run))
-    tell_lacks(console, [data])
+    data = read_run(find_run(runs, run), unfinished=unfinished)
+    notes = tell_lacks(console, [data])
     motion = _motion(data)
     cell = load_bundled_or_path(str(data.folder.file("cell.yaml")), "cells", CellConfig)
     found = measure_loops(data.recording, motion, data.robot, cell.position_gain_per_s)
     section = velocity_loop_section(data.robot, found, advise(found.cascades))
     output = output or data.folder.file("loops.json")
-    inside = output.resolve().parent == data.folder.path.resolve()
     write_loops(output, found.loops, data.robot.name, data.folder.run_id)
-    if inside:
-        data.folder.write(output.name, output.read_bytes())
-    report = write_result(data.folder, result_of(data) | {"velocity_loops": section})
+    note_output(data.folder, output)
+    report = write_result(data.folder, result_of(data, notes) | {"velocity_loops": section})
     console.document(
         {"run": data.folder.run_id, "loops": str(output), "report": str(report), **section}
+        | {"notes": notes}
     )
     _tell(console, section)
     console.say(f"Report: {report}")

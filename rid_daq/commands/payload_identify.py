@@ -26,7 +26,7 @@ from rid_daq.output_file import Overwrite, refuse_output
 from rid_daq.payload_job import Weighing, weigh_runs
 from rid_daq.payload_section import payload_section, payload_verdict, tell_payload
 from rid_daq.result import write_result
-from rid_daq.run_data import read_run, result_of
+from rid_daq.run_data import Unfinished, note_output, read_run, result_of, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 PAYLOAD: Final = "payload.json"
@@ -111,6 +111,7 @@ def identify(
     ] = STANDSTILL_RAD_S,
     rotors: Annotated[bool, typer.Option(help="Rotors with their coupling.")] = True,
     overwrite: Overwrite = False,
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -122,7 +123,8 @@ def identify(
     console = Console(as_json)
     refuse_output(output, overwrite)
     names = [*(unloaded or []), *loaded]
-    data = [read_run(folder) for folder in find_runs(runs, names)]
+    data = [read_run(folder, unfinished=unfinished) for folder in find_runs(runs, names)]
+    notes = tell_lacks(console, data)
     flags = [False] * (len(names) - len(loaded)) + [True] * len(loaded)
     robot = None if model is None else read_estimate(model)
     if procedure is None:
@@ -145,13 +147,10 @@ def identify(
     )
     payload, repeats = weigh_runs(data, flags, weighing)
     first = data[flags.index(True)]
-    if output is None:
-        output = first.folder.file(PAYLOAD)
-        write_payload(output, payload)
-        first.folder.write(PAYLOAD, output.read_bytes())
-    else:
-        write_payload(output, payload)
-    result = result_of(first)
+    output = output or first.folder.file(PAYLOAD)
+    write_payload(output, payload)
+    note_output(first.folder, output)
+    result = result_of(first, notes)
     section = payload_section(payload, repeats)
     section["findings"] += compared(data, flags, payload)
     result["title"] = f"Payload on {first.robot.name}"
@@ -163,6 +162,7 @@ def identify(
             "file": str(output),
             "payload": section,
             "verdict": result["verdict"],
+            "notes": notes,
             "report": str(path),
         }
     )

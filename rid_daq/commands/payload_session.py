@@ -13,7 +13,7 @@ from acquisition.run_folder import RunFolder, RunStatus
 from acquisition.run_list import find_run
 from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError
-from config.load import LoadedCell, load_cell, load_motion, to_yaml
+from config.load import LoadedCell, load_cell, load_motion, load_robot, to_yaml
 from config.motion import FourierMotion
 from identification.estimate_file import read_estimate
 from identification.payload_file import write_payload
@@ -42,7 +42,7 @@ from rid_daq.payload_steps import (
 from rid_daq.payload_watch import MassWatch, WarmUpWatch, Watch
 from rid_daq.recording_job import stop_document
 from rid_daq.result import new_result, write_result
-from rid_daq.run_data import read_run
+from rid_daq.run_data import ROBOT, read_run, require_own
 from rid_daq.run_quality import run_quality
 from rid_daq.sections import cell_section, motion_sentence, run_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder, unfinished
@@ -253,6 +253,12 @@ def _begin(
         state = SessionState.read(find_run(runs, resume))
         if state.cell != loaded.config.name:
             raise ConfigError(f"--resume {resume}: was a session on cell {state.cell}")
+        require_own(state.folder)
+        if load_robot(str(state.folder.file(ROBOT))) != loaded.robot:
+            raise ConfigError(
+                f"--resume {resume}: the robot file of cell {state.cell} has changed since: put the"
+                " old one back, or begin a new session"
+            )
         asked = load_motion(state.folder.file("motion.yaml"))
         console.say(f"Resumed; done already: {', '.join(state.done) or 'nothing'}.")
     elif motion is not None:

@@ -22,6 +22,7 @@ from identification.estimate_file import read_estimate
 from rid_daq.console import AsJson, Console
 from rid_daq.motion_runs import MotionRun, read_motion_run, sha256_of
 from rid_daq.output_file import Overwrite, refuse_output
+from rid_daq.run_data import Unfinished, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 
 GROWN = 1.2
@@ -39,6 +40,7 @@ def refine(
         Path, typer.Option("--output", "-o", metavar="FEEDFORWARD", help="The file to write.")
     ],
     overwrite: Overwrite = False,
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -51,7 +53,8 @@ def refine(
     """
     console = Console(as_json)
     refuse_output(output, overwrite)
-    driven = [read_motion_run(folder) for folder in find_runs(runs, run)]
+    driven = [read_motion_run(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
+    notes = tell_lacks(console, [one.data for one in driven])
     first = driven[0]
     _refuse_mixed(driven)
     samples = first.samples()
@@ -88,7 +91,7 @@ def refine(
     refined = replace(samples, feedforward=ahead)
     verify_limits(refined, first.data.robot)
     write_feedforward(output, first.motion, refined, origin)
-    _tell(console, output, names, measured, found, finished, stalled and not found.finished)
+    _tell(console, output, names, measured, found, finished, stalled and not found.finished, notes)
 
 
 def _refuse_mixed(driven: list[MotionRun]) -> None:
@@ -139,6 +142,7 @@ def _tell(
     found: Refinement,
     finished: bool,
     stalled: bool,
+    notes: list[str],
 ) -> None:
     axes: list[dict[str, Any]] = [
         {"joint": name, "rms": rms, "over_noise": over, "bound": bound}
@@ -159,6 +163,7 @@ def _tell(
             "noise_limit": found.noise_limit,
             "band_hz": found.bound.band_hz,
             "axes": axes,
+            "notes": notes,
         }
     )
     console.table(

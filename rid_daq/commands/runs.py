@@ -19,7 +19,10 @@ def runs(
     folder: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
-    """List the runs, oldest first; with --verify, check that no file was changed."""
+    """List the runs, oldest first; with --verify, check that no file was changed.
+
+    Files that do not belong to a run are named, and are no problem.
+    """
     console = Console(as_json)
     found: list[dict[str, Any]] = []
     for run, manifest in list_runs(folder):
@@ -34,6 +37,7 @@ def runs(
         }
         if verify:
             entry["problems"] = list(run.verify())
+            entry["strays"] = list(run.strays())
         found.append(entry)
     damaged = [(run.run_id, str(problem)) for run, problem in damaged_runs(folder)]
     if verify and not found and not damaged:
@@ -57,6 +61,10 @@ def runs(
             ],
             red=[entry["status"] != "complete" or bool(entry.get("problems")) for entry in found],
         )
+    for entry in found:
+        if entry.get("strays"):
+            names = ", ".join(entry["strays"])
+            console.say(f"note: {entry['run']}: not of the run, and left alone: {names}")
     problems = [(e["run"], problem) for e in found for problem in e.get("problems", [])]
     if verify:
         problems += damaged

@@ -12,7 +12,7 @@ from rid_daq.console import AsJson, Console
 from rid_daq.motion_runs import MotionRun, read_motion_run
 from rid_daq.report.render import number
 from rid_daq.result import verdict, write_result
-from rid_daq.run_data import result_of, tell_lacks
+from rid_daq.run_data import Unfinished, result_of, tell_lacks
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.tracking_section import followed, tracking_section
 
@@ -26,6 +26,7 @@ def tracking(
         list[str] | None,
         typer.Option(metavar="RUN", help="The same motion without compensation; repeat for more."),
     ] = None,
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -36,9 +37,11 @@ def tracking(
     file.
     """
     console = Console(as_json)
-    driven = [read_motion_run(folder) for folder in find_runs(runs, run)]
-    others = [read_motion_run(folder) for folder in find_runs(runs, against or ())]
-    tell_lacks(console, [one.data for one in (*driven, *others)])
+    driven = [read_motion_run(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
+    others = [
+        read_motion_run(folder, unfinished=unfinished) for folder in find_runs(runs, against or ())
+    ]
+    notes = tell_lacks(console, [one.data for one in (*driven, *others)])
     robot = driven[0].data.robot
     for one in (*driven, *others):
         if one.data.robot != robot:
@@ -54,12 +57,14 @@ def tracking(
                 " same motion"
             )
     section = tracking_section([followed(*pair) for pair in pairs], robot)
-    result = result_of(driven[0].data)
+    result = result_of(driven[0].data, notes)
     result["title"] = f"Paths of {robot.name}"
     result["tracking"] = section
     result["verdict"] = verdict([], *_sentences(section))
     path = write_result(driven[0].data.folder, result)
-    console.document(_document(pairs, section, robot.joint_names) | {"report": str(path)})
+    console.document(
+        _document(pairs, section, robot.joint_names) | {"notes": notes, "report": str(path)}
+    )
     console.table(
         (
             "motion",

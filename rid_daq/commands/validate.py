@@ -36,7 +36,7 @@ from rid_daq.plate_section import (
 )
 from rid_daq.report.render import number
 from rid_daq.result import check, verdict, write_result
-from rid_daq.run_data import RunData, read_run, result_of, tell_lacks
+from rid_daq.run_data import RunData, Unfinished, read_run, result_of, tell_lacks
 from rid_daq.sections import estimate_section
 from rid_daq.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.unread_options import refuse_unread
@@ -78,6 +78,7 @@ def validate(
         str | None,
         typer.Option(metavar="CELL", help="Of a motion file: the cell, for its limits and cycle."),
     ] = None,
+    unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -87,7 +88,7 @@ def validate(
     """
     console = Console(as_json)
     if is_motion_file(run):
-        of_runs = {"limits", "band_hz", "standstill_rad_s"}
+        of_runs = {"limits", "band_hz", "standstill_rad_s", "unfinished"}
         refuse_unread(context, of_runs, "with a motion file")
         _predict(console, read_estimate(model), Path(run), base, cell, mass_kg)
         return
@@ -97,8 +98,8 @@ def validate(
     estimate = read_estimate(model)
     if estimate.options.kind == "external":
         refuse_unread(context, {"limits"}, "with an external model, which knows no friction")
-    data = read_run(find_run(runs, run))
-    tell_lacks(console, [data])
+    data = read_run(find_run(runs, run), unfinished=unfinished)
+    notes = tell_lacks(console, [data])
     validation = compare(
         estimate,
         data.recording,
@@ -107,7 +108,7 @@ def validate(
         limits_percent=None if estimate.options.kind == "external" else _limits(limits, data),
         noise_nm=_noise(data),
     )
-    result = result_of(data)
+    result = result_of(data, notes)
     same = data.folder.run_id in estimate.run_ids
     sentence = f"Run {data.folder.manifest().label!r} predicted by {model.name}."
     if estimate.options.kind == "external":
@@ -135,7 +136,13 @@ def validate(
     result["verdict"] = _verdict(section, estimate, plate.get("base_load"))
     path = write_result(data.folder, result)
     console.document(
-        {"validation": section, **plate, "verdict": result["verdict"], "report": str(path)}
+        {
+            "validation": section,
+            **plate,
+            "verdict": result["verdict"],
+            "notes": notes,
+            "report": str(path),
+        }
     )
     _tell(console, validation, section)
     if "reaction" in plate:

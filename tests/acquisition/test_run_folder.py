@@ -92,9 +92,8 @@ def test_a_link_in_the_folder_is_refused(folder: RunFolder, tmp_path: Path) -> N
             folder.read(name)
         with pytest.raises(RecordingError, match="symbolic link"):
             folder.write(name, b"x")
-    with pytest.raises(RecordingError, match="symbolic link"):
-        folder.finish(RunStatus.COMPLETE)
-    assert any("symbolic link" in problem for problem in folder.verify())
+    assert folder.finish(RunStatus.COMPLETE).files == {}
+    assert (folder.verify(), folder.strays()) == ((), ("dir", "link"))
     assert (outside / "secret").read_bytes() == b"secret"
 
 
@@ -112,10 +111,7 @@ def test_a_waiting_temporary_link_is_replaced_not_followed(
 def test_a_finished_run_names_every_file_and_verifies(folder: RunFolder) -> None:
     folder.write("cell.yaml", b"a")
     (folder.path / "recording.mcap").write_bytes(b"rows")
-    assert folder.verify() == (
-        "the run was not finished: it is still running, or was killed",
-        "recording.mcap: is not in the manifest",
-    )
+    assert folder.verify() == ("the run was not finished: it is still running, or was killed",)
     manifest = folder.finish(RunStatus.COMPLETE, {"rows": 12})
     assert set(manifest.files) == {"cell.yaml", "recording.mcap"}
     assert manifest.facts == {"rows": 12}
@@ -123,7 +119,9 @@ def test_a_finished_run_names_every_file_and_verifies(folder: RunFolder) -> None
     assert folder.verify() == ()
 
 
-def test_verify_finds_changed_missing_and_added_files(folder: RunFolder) -> None:
+def test_verify_finds_changed_and_missing_files_and_added_ones_are_strays(
+    folder: RunFolder,
+) -> None:
     for name in ("a.txt", "b.txt"):
         folder.write(name, b"x")
     folder.finish(RunStatus.STOPPED)
@@ -131,10 +129,22 @@ def test_verify_finds_changed_missing_and_added_files(folder: RunFolder) -> None
     (folder.path / "b.txt").unlink()
     (folder.path / "c.txt").write_bytes(b"z")
     problems = folder.verify()
-    assert len(problems) == 3
+    assert len(problems) == 2
     assert problems[0] == "a.txt: is not what was written (its SHA-256 differs)"
     assert problems[1].startswith("b.txt:")
-    assert problems[2] == "c.txt: is not in the manifest"
+    assert folder.strays() == ("c.txt",)
+
+
+def test_a_file_that_was_changed_meanwhile_keeps_the_hash_that_it_was_written_with(
+    folder: RunFolder,
+) -> None:
+    folder.write("robot.yaml", b"gear 121")
+    (folder.path / "robot.yaml").write_bytes(b"gear 60")
+    folder.finish(RunStatus.COMPLETE)
+    assert folder.verify() == ("robot.yaml: is not what was written (its SHA-256 differs)",)
+    assert set(folder.differences(["robot.yaml", "cell.yaml"])) == {"robot.yaml"}
+    with pytest.raises(RecordingError, match="is not what was written"):
+        folder.read("robot.yaml")
 
 
 def test_later_steps_may_add_results(folder: RunFolder) -> None:
@@ -170,8 +180,8 @@ def test_a_damaged_manifest_is_a_clear_error(folder: RunFolder, text: str, messa
 
 def test_a_newer_format_is_refused(folder: RunFolder) -> None:
     manifest = json.loads((folder.path / MANIFEST).read_text())
-    (folder.path / MANIFEST).write_text(json.dumps({**manifest, "format": 2}))
-    with pytest.raises(RecordingError, match="format 2"):
+    (folder.path / MANIFEST).write_text(json.dumps({**manifest, "format": 3}))
+    with pytest.raises(RecordingError, match="format 3"):
         folder.manifest()
 
 

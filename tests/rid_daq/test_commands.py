@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.journal import read_journal
+from acquisition.journal_repair import repair_journal
 from acquisition.motion_samples import Phase
 from acquisition.run_folder import RunFolder, RunStatus
 from acquisition.run_list import find_run
@@ -106,9 +107,11 @@ def test_what_a_run_lacks_is_told_wherever_it_is_used(
     whole = find_run(workshop / "runs", "excitation")
     for name in ("cell.yaml", "robot.yaml", "motion.yaml"):
         folder.write(name, whole.read(name))
-    recording = bytearray(whole.read("recording.mcap"))
+    path = folder.file("recording.mcap")
+    repair_journal(whole.file("recording.mcap"), path, folder.run_id)
+    recording = bytearray(path.read_bytes())
     recording[len(recording) // 2] ^= 1
-    folder.file("recording.mcap").write_bytes(recording)
+    path.write_bytes(recording)
     folder.finish(RunStatus.STOPPED)
     for words in (["average"], ["validate", str(workshop / "model.json")]):
         run([*words, str(folder.path), *runs])

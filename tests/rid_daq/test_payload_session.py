@@ -104,7 +104,7 @@ def test_a_session_that_was_interrupted_goes_on_where_it_was(
     state_file = runs / document["session"] / "session.json"
     state = json.loads(state_file.read_text(encoding="utf-8"))
     del state["done"]["loaded 1"]
-    state_file.write_text(json.dumps(state), encoding="utf-8")
+    RunFolder.open(state_file.parent).write("session.json", json.dumps(state).encode())
     words = ["--resume", document["session"], "--payload", "medium", "--warm-up", "0"]
     capsys.readouterr()
     assert run(session(motion, runs, *words, "--centre-limit", "30")) == 0
