@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from compensation.point_codec import PROTOCOL, PointDecoder, greeting
 from compensation.point_feed import PointFeed, PointGate, feed
 from compensation.point_ring import READ, PointRing, PointsFailed
-from compensation.point_server import PointService, listen, serve
+from compensation.point_server import PointService, listening, serve
 from config.bodies import Plane, Workspace
 from config.errors import ConfigError, ProtocolError, TransportError
 from config.load import load_robot
@@ -182,9 +182,8 @@ def served() -> Iterator[tuple[Path, PointRing]]:
     """The server in a thread of this process, at a socket in a folder of our own."""
     ring = PointRing.create(3, 50)
     over = threading.Event()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, listening(Path(folder) / "points") as listener:
         path = Path(folder) / "points"
-        listener = listen(path)
         service = PointService(ROBOT, Workspace(), 0.008, 64, silence_s=0.1)
         thread = threading.Thread(target=serve, args=(listener, ring, service, over.is_set))
         thread.start()
@@ -285,19 +284,36 @@ class TestSocket:
 
     def test_a_folder_that_is_open_to_others_is_refused(self, tmp_path: Path) -> None:
         tmp_path.chmod(0o755)
-        with pytest.raises(TransportError, match=r"open to other users.*chmod 700"):
-            listen(tmp_path / "points")
+        with (
+            pytest.raises(TransportError, match=r"open to other users.*chmod 700"),
+            listening(tmp_path / "points"),
+        ):
+            pass
+        assert [*tmp_path.iterdir()] == []
 
     def test_a_socket_left_by_a_dead_program_is_replaced_a_living_one_is_not(self) -> None:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "points"
-            listen(path).close()
-            with listen(path), pytest.raises(TransportError, match="no socket can be made"):
-                listen(path)
+            with socket.socket(socket.AF_UNIX) as other:
+                other.bind(str(path))
+            with listening(path):
+                assert not refused(path)
+            with socket.socket(socket.AF_UNIX) as other:
+                other.bind(str(path))
+                other.listen()
+                with (
+                    pytest.raises(TransportError, match="no socket can be made"),
+                    listening(path),
+                ):
+                    pass
+                assert not refused(path)
 
     def test_a_path_that_is_too_long_is_told(self) -> None:
-        with pytest.raises(TransportError, match="longer than the 107 bytes"):
-            listen(Path("/tmp") / ("x" * 120) / "points")
+        with (
+            pytest.raises(TransportError, match="longer than the 107 bytes"),
+            listening(Path("/tmp") / ("x" * 120) / "points"),
+        ):
+            pass
 
 
 def refused(path: Path) -> bool:
