@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import signal
 import socket
 import struct
+import subprocess
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -23,7 +27,7 @@ from compensation.point_feed import PointFeed, PointGate, feed
 from compensation.point_ring import READ, PointRing, PointsFailed
 from compensation.point_server import PointService, listening, serve
 from config.bodies import Plane, Workspace
-from config.errors import ConfigError, ProtocolError, TransportError
+from config.errors import ConfigError, LockedError, ProtocolError, TransportError
 from config.load import load_robot
 
 Points = NDArray[np.float64]
@@ -281,6 +285,45 @@ class TestSocket:
             until(lambda: refused(path))
             first.sendall(HELLO + struct.pack("<I", 0))
             until(lambda: ring.ended)
+
+    @pytest.mark.fault(46)
+    def test_a_second_session_is_refused_and_the_first_hears_nothing_of_it(
+        self, served: tuple[Path, PointRing], measured: Callable[[str], None]
+    ) -> None:
+        path, ring = served
+        points = path_of(40)
+
+        def second_is_refused() -> None:
+            told = rf"another session takes points here \(process {os.getpid()}\).*rid-daq stop"
+            with pytest.raises(LockedError, match=told), listening(path):
+                pass
+            assert path.is_socket()
+
+        second_is_refused()  # while the first waits
+        with client(path) as first:
+            first.recv(500)
+            until(lambda: refused(path))
+            second_is_refused()  # while it is served: nobody listens any more
+            first.sendall(HELLO + struct.pack("<I", 40) + points.tobytes() + struct.pack("<I", 0))
+            until(lambda: ring.ended)
+        np.testing.assert_array_equal(drain(ring, 50), points)
+        measured("refused while the first waits and while it is served; its points: 0 changed")
+
+    def test_what_a_killed_session_left_is_taken_over(self, tmp_path: Path) -> None:
+        tmp_path.chmod(0o700)
+        path = tmp_path / "points"
+        program = f"""
+import os, signal
+from pathlib import Path
+from compensation.point_server import listening
+with listening(Path({str(path)!r})):
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+        assert subprocess.run([sys.executable, "-c", program], check=False).returncode == -9
+        assert {left.name for left in tmp_path.iterdir()} == {"points", "points.lock"}
+        with listening(path):
+            client(path).close()
+        assert [*tmp_path.iterdir()] == []
 
     def test_a_folder_that_is_open_to_others_is_refused(self, tmp_path: Path) -> None:
         tmp_path.chmod(0o755)
