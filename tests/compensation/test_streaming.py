@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import signal
 import socket
 import struct
 import subprocess
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 from compensation.point_codec import PROTOCOL, PointDecoder, greeting
 from compensation.point_feed import PointFeed, PointGate, feed
 from compensation.point_ring import READ, PointRing, PointsFailed
-from compensation.point_server import PointService, listening, serve
+from compensation.point_server import PointServer, PointService, listening, serve
 from config.bodies import Plane, Workspace
 from config.errors import ConfigError, LockedError, ProtocolError, TransportError
 from config.load import load_robot
@@ -295,8 +294,10 @@ class TestSocket:
 
         def second_is_refused() -> None:
             told = rf"another session takes points here \(process {os.getpid()}\).*rid-daq stop"
-            with pytest.raises(LockedError, match=told), listening(path):
-                pass
+            with pytest.raises(LockedError, match=told):
+                PointServer(
+                    path, PointRing.create(3, 50), PointService(ROBOT, Workspace(), 0.008, 64)
+                )
             assert path.is_socket()
 
         second_is_refused()  # while the first waits

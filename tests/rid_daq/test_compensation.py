@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import socket
 import struct
@@ -25,7 +24,6 @@ from acquisition.stop_reason import StopCode
 from compensation.loop_file import read_loops
 from compensation.online import OnlineFeedforward
 from compensation.point_codec import PROTOCOL
-from compensation.point_server import listening
 from compensation.stream import stream_points
 from compensation.tracking_error import tracking_error
 from config.faults import FaultScript, FrameFault
@@ -319,28 +317,6 @@ class TestStream:
         path = str(workshop / "points")
         assert run(["stream", arm, "--socket", path, "--wait", "0.1", *given]) == 4
         assert "no client sent points within 0.1 s" in capsys.readouterr().err
-
-    @pytest.mark.fault(46)
-    def test_a_second_stream_on_the_same_socket_is_refused_before_it_starts(
-        self,
-        workshop: Path,
-        capsys: pytest.CaptureFixture[str],
-        measured: Callable[[str], None],
-    ) -> None:
-        path = workshop / "points"
-        words = ["stream", str(workshop / "arm.yaml"), "--socket", str(path)]
-        workshop.chmod(0o700)
-        with listening(path) as first:
-            assert run([*words, *model_of(workshop)]) == 8
-            said = capsys.readouterr().err
-            assert f"another session takes points here (process {os.getpid()})" in said
-            with socket.socket(socket.AF_UNIX) as robot:
-                robot.connect(str(path))
-            first.settimeout(30.0)
-            connection, _ = first.accept()
-            assert connection.recv(10) == b"", "the client is the first that ever came"
-            connection.close()
-        measured("`stream` on a socket that is in use: exit 8, nobody connected to it")
 
 
 LIMITS = [joint.limits for joint in load_robot("ir361").joints]

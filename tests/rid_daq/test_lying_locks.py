@@ -7,128 +7,29 @@ points at answer afterwards, which they could not if anything had been sent to t
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 import signal
 import stat
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from acquisition.journal_file import JournalFile, being_written
 from config import file_locks
-from config.cell import CanBusConfig, CellConfig
-from config.errors import LockedError, RecordingError
+from config.cell import CellConfig
+from config.errors import LockedError
 from config.load import load_cell
-from mock_hw.served_bus import hold_served_bus, is_bus_served
 from rid_daq.app import run
 from rid_daq.process_identity import ProcessIdentity
 from rid_daq.running_sessions import RunningSession, running_sessions
 from rid_daq.session import hold_cell
+from tests.rid_daq.people import LIAR, ME, PERSON, STRANGER, People, heard, lives
 
-STRANGER = "import sys; [print('alive', flush=True) for _ in sys.stdin]"
-"""A process that has nothing to do with rid-daq."""
-
-LIAR = """
-import contextlib, fcntl, os, sys
-from pathlib import Path
-path, kind, text = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
-if kind == "folder":
-    path.mkdir()
-elif kind == "fifo":
-    os.mkfifo(path)
-else:
-    path.write_bytes(bytes.fromhex(text))
-    path.chmod(0 if kind == "closed" else 0o644)
-if kind == "link":
-    path = path.rename(path.with_suffix(".target"))
-    Path(sys.argv[1]).symlink_to(path)
-with contextlib.suppress(PermissionError):
-    descriptor = os.open(path, os.O_RDWR if kind == "fifo" else os.O_RDONLY)
-    fcntl.flock(descriptor, fcntl.LOCK_EX)
-print("alive", flush=True)
-for _ in sys.stdin:
-    print("alive", flush=True)
-"""
-"""A process that holds a file which says something else."""
-
-PERSON = """
-import ctypes, os, signal, sys
-import rid_daq.commands.stop, mock_hw.runtime_directory, mock_hw.served_bus
-from config.load import load_cell
-from rid_daq.app import _end_once, run
-from rid_daq.session import hold_cell
-cell = load_cell("ir361").config
-bus = cell.can.model_copy(update={"interface": "socketcan", "channel": "can0"})
-cell = cell.model_copy(update={"can": bus})
-user, what = int(sys.argv[1]), sys.argv[2]
-if user != os.getuid():
-    os.setgroups([])
-    os.setgid(user)
-    os.setuid(user)
-    ctypes.CDLL(None).prctl(4, 1, 0, 0, 0)  # PR_SET_DUMPABLE: as any program of that user
-if what == "stop":
-    sys.exit(run(["stop", "--json"]))
-signal.signal(signal.SIGTERM, _end_once)
-os.umask(0o077)
-with hold_cell(cell):
-    exec(sys.argv[3] if len(sys.argv) > 3 else "")
-    print("alive", flush=True)
-    signal.pause()
-"""
-"""A person at this computer, who runs a session or `rid-daq stop`."""
-
-ME = os.getuid()
 COLLEAGUE, NEXT = 64001, 64002
 needs_root = pytest.mark.skipif(ME != 0, reason="only root can act as two other users")
-
-
-class People:
-    """Processes of persons, strangers and liars; all end with the test."""
-
-    def __init__(self, stack: contextlib.ExitStack) -> None:
-        self._stack = stack
-
-    def start(self, program: str, *words: object) -> subprocess.Popen[str]:
-        process = self._stack.enter_context(
-            subprocess.Popen(
-                [sys.executable, "-c", program, *map(str, words)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                text=True,
-            )
-        )
-        self._stack.callback(process.kill)
-        return process
-
-    def session(self, *words: object, user: int = ME) -> subprocess.Popen[str]:
-        process = self.start(PERSON, user, "hold", *words)
-        assert heard(process)
-        return process
-
-    def stop(self, user: int) -> tuple[int, list[dict[str, Any]]]:
-        process = self.start(PERSON, user, "stop")
-        said, _ = process.communicate(timeout=120.0)
-        return process.returncode, json.loads(said)["sessions"]
-
-
-def heard(process: subprocess.Popen[str]) -> bool:
-    assert process.stdout is not None
-    return process.stdout.readline() == "alive\n"
-
-
-def lives(process: subprocess.Popen[str]) -> bool:
-    """Whether it still answers."""
-    assert process.stdin is not None
-    process.stdin.write("?\n")
-    process.stdin.flush()
-    return heard(process)
 
 
 @pytest.fixture
@@ -421,80 +322,3 @@ def test_a_lock_that_the_kernel_does_not_show_is_explained(
         monkeypatch.setattr(file_locks, "LOCKS", tmp_path / "empty")
         with pytest.raises(LockedError, match="runs in another container"), hold_cell(cell):
             pass
-
-
-@pytest.mark.fault(50)
-def test_looking_never_keeps_a_session_from_starting(
-    locks: Path,
-    cell: CellConfig,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    measured: Callable[[str], None],
-) -> None:
-    with hold_cell(cell):
-        names = [path.name for path in locks.iterdir()]
-    for name in names:  # as of a session that was killed
-        (locks / name).touch()
-    bus = CanBusConfig(interface="udp_multicast", channel="239.74.163.2")
-    journal = tmp_path / "recording.mcap"
-    journal.touch()
-    starts: list[str] = []
-
-    def start_a_session() -> None:
-        with hold_cell(cell):
-            starts.append("session")
-        for name in names:
-            (locks / name).touch()
-
-    def serve_a_bus() -> None:
-        with hold_served_bus(bus):
-            starts.append("bus")
-
-    def record() -> None:
-        with journal.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            starts.append("journal")
-
-    for look, start in (
-        (running_sessions, start_a_session),
-        (lambda: is_bus_served(bus), serve_a_bus),
-        (lambda: being_written(journal), record),
-    ):
-        with monkeypatch.context() as patch:
-            freeze_at_every_step(patch, start)
-            assert not look()
-    assert set(starts) == {"session", "bus", "journal"}
-    measured(f"{len(starts)} starts at every step of somebody's look at the locks: none fails")
-
-
-def freeze_at_every_step(patch: pytest.MonkeyPatch, start: Callable[[], None]) -> None:
-    """Let somebody start before and after everything that a look does with a descriptor."""
-    busy = False
-
-    def at_this_moment(call: Callable[..., Any]) -> Callable[..., Any]:
-        def called(*words: Any, **named: Any) -> Any:
-            nonlocal busy
-            if busy:
-                return call(*words, **named)
-            busy = True
-            try:
-                start()
-                result = call(*words, **named)
-                if call is not os.close:
-                    start()
-                return result
-            finally:
-                busy = False
-
-        return called
-
-    for name in ("open", "close", "fstat", "pread"):
-        patch.setattr(os, name, at_this_moment(getattr(os, name)))
-
-
-def test_a_recorder_is_seen_while_it_records(tmp_path: Path) -> None:
-    with JournalFile(tmp_path / "recording.mcap", {}):
-        assert being_written(tmp_path / "recording.mcap")
-    assert not being_written(tmp_path / "recording.mcap")
-    with pytest.raises(RecordingError, match="cannot be read"):
-        being_written(tmp_path / "missing.mcap")
