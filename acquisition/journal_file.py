@@ -19,6 +19,7 @@ from acquisition.cycle_row import CDR_LITTLE_ENDIAN
 from acquisition.disk_reserve import FULL, DiskReserve
 from acquisition.journal_chunks import METADATA_NAME
 from config.errors import RecordingError
+from config.file_locks import lock_holder
 
 CHUNK_BYTES = 8 * 1024  # what a single damage costs at most
 FLUSH_PERIOD_S = 0.08
@@ -48,14 +49,9 @@ def being_written(path: Path) -> bool:
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:  # a file system without locks
-        return False
+        return lock_holder(descriptor) is not None
     finally:
         os.close(descriptor)
-    return False
 
 
 class _Unbuffered:

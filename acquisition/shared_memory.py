@@ -6,6 +6,7 @@ how `rid-daq stop` reaches a motion without asking the program that may be too b
 
 from __future__ import annotations
 
+import fcntl
 import mmap
 import os
 import weakref
@@ -31,13 +32,16 @@ class SharedMemory:
     @classmethod
     def create(cls, label: str, size: int) -> SharedMemory:
         """Return fresh memory of `size` bytes; `label` says to other programs what it is."""
-        descriptor = os.memfd_create(label, os.MFD_CLOEXEC)
+        descriptor = os.memfd_create(label, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         os.ftruncate(descriptor, size)
+        fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW)
         return cls(descriptor)
 
     @classmethod
     def of_process(cls, pid: int, label: str, size: int) -> Iterator[SharedMemory]:
         """Yield what another process has of this label and size, the newest first.
+
+        Memory that its owner could still shrink is left out: who reads beyond its end is killed.
 
         Raises
         ------
@@ -58,7 +62,7 @@ class SharedMemory:
             except (FileNotFoundError, ProcessLookupError):
                 continue
             status = os.fstat(descriptor)
-            if status.st_ino in seen or status.st_size != size:
+            if status.st_ino in seen or status.st_size != size or not _keeps_size(descriptor):
                 os.close(descriptor)
                 continue
             seen.add(status.st_ino)
@@ -66,6 +70,13 @@ class SharedMemory:
 
     def __reduce__(self) -> tuple[Callable[..., SharedMemory], tuple[Any]]:
         return _received, (reduction.DupFd(self._descriptor),)
+
+
+def _keeps_size(descriptor: int) -> bool:
+    try:
+        return bool(fcntl.fcntl(descriptor, fcntl.F_GET_SEALS) & fcntl.F_SEAL_SHRINK)
+    except OSError:  # not a memory file
+        return False
 
 
 def _received(duplicate: Any) -> SharedMemory:

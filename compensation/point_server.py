@@ -25,7 +25,8 @@ from compensation.point_codec import PointDecoder, farewell, greeting
 from compensation.point_feed import PAUSE_S, PointGate, feed
 from compensation.point_ring import PointRing, PointsFailed
 from config.bodies import Workspace
-from config.errors import TransportError
+from config.errors import LockedError, TransportError
+from config.file_locks import file_holder, held_file
 from config.robot import RobotDescription
 from config.termination import ignore_termination, termination_held
 
@@ -77,12 +78,16 @@ class PointServer:
     ------
     TransportError
         The folder is open to other users, the path too long, or taken.
+    LockedError
+        Another session listens there, or is served.
     """
 
     def __init__(self, path: Path, ring: PointRing, service: PointService) -> None:
         self.path = path
         self._ring = ring
-        self._listener = listen(path)
+        with contextlib.ExitStack() as stack:
+            self._listener = stack.enter_context(listening(path))
+            self._socket = stack.pop_all()
         self._process = get_context("spawn").Process(
             target=run_point_server,
             args=(self._listener, ring, service, os.getpid()),
@@ -126,17 +131,49 @@ class PointServer:
                 self._process.kill()
                 self._process.join()
         self._process.close()
-        self.path.unlink(missing_ok=True)
+        self._socket.close()
 
 
-def listen(path: Path) -> socket.socket:
-    """Return a listening socket, for this user alone, at a path in a folder of the user's own.
+@contextlib.contextmanager
+def listening(path: Path) -> Iterator[socket.socket]:
+    """Listen, for this user alone, at a path in a folder of the user's own.
+
+    The path is this session's until the end of the `with`, also when the socket listens no more
+    since its client has come: a lock file beside it says so.
 
     Raises
     ------
     TransportError
-        None can be made there.
+        No socket can be made there.
+    LockedError
+        Another session listens there, or is served.
     """
+    _refuse_unfit(path)
+    lock = path.with_name(f"{path.name}.lock")
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(held_file(lock))
+            if path.is_socket() and not _answers(path):
+                path.unlink()  # left by a program that died
+            listener = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+            listener.bind(os.fspath(path))
+            stack.callback(path.unlink, missing_ok=True)
+            path.chmod(0o600)
+            listener.listen(1)
+        except BlockingIOError:
+            raise LockedError(
+                f"{path}: another session takes points here (process {file_holder(lock)}). Wait"
+                " until it ends, stop it (`rid-daq stop`), or choose another path with --socket"
+            ) from None
+        except OSError as error:
+            raise TransportError(
+                f"{path}: no socket can be made there: {error.strerror}"
+            ) from error
+        yield listener
+
+
+def _refuse_unfit(path: Path) -> None:
+    """Refuse a path that is too long, or in a folder that others can reach."""
     if len(os.fsencode(path)) > _LONGEST_PATH:
         raise TransportError(
             f"{path}: longer than the {_LONGEST_PATH} bytes of a socket's path; choose a shorter"
@@ -144,24 +181,13 @@ def listen(path: Path) -> socket.socket:
         )
     try:
         folder = path.parent.lstat()
-        if folder.st_uid != os.getuid() or stat.S_IMODE(folder.st_mode) & 0o077:
-            raise TransportError(
-                f"{path.parent}: is open to other users, and a socket there would be too: give one"
-                " in a folder of your own (chmod 700)"
-            )
-        if path.is_socket() and not _answers(path):
-            path.unlink()  # left by a program that died
     except OSError as error:
         raise TransportError(f"{path}: no socket can be made there: {error.strerror}") from error
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        listener.bind(os.fspath(path))
-        path.chmod(0o600)
-        listener.listen(1)
-    except OSError as error:
-        listener.close()
-        raise TransportError(f"{path}: no socket can be made there: {error.strerror}") from error
-    return listener
+    if folder.st_uid != os.getuid() or stat.S_IMODE(folder.st_mode) & 0o077:
+        raise TransportError(
+            f"{path.parent}: is open to other users, and a socket there would be too: give one"
+            " in a folder of your own (chmod 700)"
+        )
 
 
 def _answers(path: Path) -> bool:

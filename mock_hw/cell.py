@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import shutil
-import tempfile
 import threading
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -32,8 +30,8 @@ from mock_hw.program_faults import ProgramFaults
 from mock_hw.register_service import RegisterSettings, ServerCertificates
 from mock_hw.runtime_directory import (
     plate_path,
+    private_folder,
     registers_path,
-    runtime_directory,
     socket_path,
 )
 from mock_hw.served_bus import ONE_PROCESS, SIMULATED, as_served, served_name
@@ -220,8 +218,7 @@ class SimulatedCell:
         name = served_name(self._cell).rsplit("/", 1)[-1]
         folder = self._directory
         if folder is None:
-            folder = Path(tempfile.mkdtemp(prefix=f"{name}-", dir=runtime_directory()))
-            stack.callback(shutil.rmtree, folder, ignore_errors=True)
+            folder = stack.enter_context(private_folder(name))
         socket = socket_path(str(folder / f"{name}.sock"))
         snapshot = socket.with_suffix(".axes")
         bus = self._other_bus(folder, name)

@@ -32,6 +32,7 @@ from mock_hw.hub_protocol import Role
 from mock_hw.lawicel_port import LawicelPort
 from mock_hw.plate_service import PlateService
 from mock_hw.register_service import DriveRegisters, RegisterService, RegisterSettings
+from mock_hw.runtime_directory import folder_in_use
 from mock_hw.served_bus import adapter_path, hold_served_bus
 from mock_hw.simulated_registers import SimulatedRegisters
 
@@ -74,14 +75,15 @@ def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
     leave_signals_to_parent()
     signal.signal(signal.SIGTERM, _exit)
     with contextlib.ExitStack() as stack:
-        if settings.private_folder:
-            stack.callback(shutil.rmtree, settings.socket.parent, ignore_errors=True)
-        if settings.bus is not None:
-            try:
+        try:
+            if settings.private_folder:
+                stack.callback(shutil.rmtree, settings.socket.parent, ignore_errors=True)
+                stack.enter_context(folder_in_use(settings.socket.parent))
+            if settings.bus is not None:
                 stack.enter_context(hold_served_bus(settings.bus))
-            except RidDaqError as error:
-                pipe.send(str(error))
-                return
+        except (OSError, RidDaqError) as error:
+            pipe.send(str(error))
+            return
         serve_until(settings, pipe, _after_the_parent())
 
 

@@ -19,6 +19,7 @@ from config.faults import NO_SCRIPT, FaultScript
 from mock_hw.bus_faults import BusFaults
 from mock_hw.can_hub import CanHub
 from mock_hw.device_process import catch_terminate, keep_pace, leave_signals_to_parent
+from mock_hw.runtime_directory import folder_in_use
 
 LINGER_NS = 3_000_000_000
 """How long the hub outlives the process that started it, so that the drives can stop."""
@@ -73,6 +74,7 @@ def serve_hub(settings: HubSettings, ready: Connection) -> None:
         with contextlib.ExitStack() as stack:
             if settings.private_folder:
                 stack.callback(shutil.rmtree, settings.path.parent, ignore_errors=True)
+                stack.enter_context(folder_in_use(settings.path.parent))
             log = None
             if settings.log is not None:
                 log = stack.enter_context(settings.log.open("w", encoding="ascii"))

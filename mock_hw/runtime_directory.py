@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import os
+import shutil
 import stat
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from config.errors import TransportError
 
 _SOCKET_PATH_BYTES = 107
+_IN_USE = "in-use"
 
 
 def runtime_directory() -> Path:
@@ -36,6 +42,73 @@ def runtime_directory() -> Path:
     if stat.S_IMODE(status.st_mode) & 0o077:
         raise TransportError(f"{directory}: is open to other users; run 'chmod 700 {directory}'")
     return directory
+
+
+@contextlib.contextmanager
+def private_folder(name: str) -> Iterator[Path]:
+    """Yield a new folder for one bus, which is removed at the end.
+
+    Before, folders are removed whose processes were all killed at once.
+
+    Raises
+    ------
+    TransportError
+        As `runtime_directory`; or the folder cannot be made.
+    """
+    runtime = runtime_directory()
+    with contextlib.ExitStack() as stack:
+        try:
+            with _alone_in(runtime):
+                for folder in runtime.iterdir():
+                    _remove_unserved(folder)
+                folder = Path(tempfile.mkdtemp(prefix=f"{name}-", dir=runtime))
+                stack.callback(shutil.rmtree, folder, ignore_errors=True)
+                (folder / _IN_USE).touch(mode=0o600)
+                stack.enter_context(folder_in_use(folder))
+        except OSError as error:
+            raise TransportError(f"{runtime}: cannot make a bus's folder there ({error})") from None
+        yield folder
+
+
+@contextlib.contextmanager
+def folder_in_use(folder: Path) -> Iterator[None]:
+    """Keep a private folder from being removed as left over; each process that serves there does.
+
+    Raises
+    ------
+    OSError
+        It is gone.
+    """
+    descriptor = os.open(folder / _IN_USE, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+@contextlib.contextmanager
+def _alone_in(runtime: Path) -> Iterator[None]:
+    """Let nobody else make or remove private folders meanwhile."""
+    descriptor = os.open(runtime, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _remove_unserved(folder: Path) -> None:
+    """Remove a private folder that no process uses."""
+    with contextlib.suppress(OSError):  # a file, or in use, or already gone
+        folder.rmdir()  # one whose maker was killed before it could say that it is in use
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder / _IN_USE, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            os.close(descriptor)
 
 
 def socket_path(channel: str) -> Path:

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import os
 import re
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from config.cell import CanBusConfig, CellConfig
 from config.errors import TransportError
+from config.file_locks import file_holder, held_file
 from mock_hw.runtime_directory import runtime_directory
 
 SIMULATED = "rid_sim"
 ONE_PROCESS = "virtual"
-_PATIENCE_S = 1.0
-_PAUSE_S = 0.02
 
 
 def served_name(cell: CellConfig) -> str:
@@ -56,44 +53,27 @@ def hold_served_bus(can: CanBusConfig) -> Iterator[None]:
     TransportError
         Another process does.
     """
-    descriptor = _open(can)
-    try:
-        until_s = time.monotonic() + _PATIENCE_S  # somebody may just be looking
-        while not _locked(descriptor, fcntl.LOCK_EX):
-            if time.monotonic() > until_s:
-                raise TransportError(
-                    f"CAN bus {can.interface}:{can.channel}: simulated devices are served there"
-                    " already; stop those first"
-                )
-            time.sleep(_PAUSE_S)
+    with contextlib.ExitStack() as stack:
+        path = _lock_path(can)
+        try:
+            stack.enter_context(held_file(path))
+        except BlockingIOError:
+            raise TransportError(
+                f"CAN bus {can.interface}:{can.channel}: simulated devices are served there"
+                " already; stop those first"
+            ) from None
+        except OSError as error:
+            raise TransportError(f"{path}: cannot open the lock file ({error})") from None
         yield
-    finally:
-        os.close(descriptor)
 
 
 def is_bus_served(can: CanBusConfig) -> bool:
     """Return whether a process of this user serves simulated devices on a bus."""
-    descriptor = _open(can)
-    try:
-        return not _locked(descriptor, fcntl.LOCK_SH)
-    finally:
-        os.close(descriptor)
+    return file_holder(_lock_path(can)) is not None
 
 
-def _open(can: CanBusConfig) -> int:
+def _lock_path(can: CanBusConfig) -> Path:
     bus = f"{can.interface}:{can.channel}"
     words = re.sub(r"[^\w.-]", "_", bus)[-40:]
     digest = hashlib.sha256(bus.encode()).hexdigest()[:8]
-    path = runtime_directory() / f"served-{words}-{digest}.lock"
-    try:
-        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-    except OSError as error:
-        raise TransportError(f"{path}: cannot open the lock file ({error})") from None
-
-
-def _locked(descriptor: int, mode: int) -> bool:
-    try:
-        fcntl.flock(descriptor, mode | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
+    return runtime_directory() / f"served-{words}-{digest}.lock"

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
-import os
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
@@ -17,7 +14,8 @@ import typer
 from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig
 from config.errors import LockedError, RecordingError, RidDaqError
-from rid_daq.running_sessions import machine_lock_folders
+from config.file_locks import file_holder, held_file
+from rid_daq.running_sessions import machine_lock_folders, session_on, signed
 
 RunsFolder = Annotated[
     Path, typer.Option("--runs", help="The folder that holds the run folders.", show_default=True)
@@ -31,7 +29,8 @@ DEFAULT_RUNS = Path("runs")
 def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
     """Hold a cell's bus alone for as long as the `with` lasts.
 
-    The lock belongs to the operating system: it ends with this process, however that ends.
+    The lock belongs to the operating system: it ends with this process, however that ends. A file
+    beside it says to `rid-daq stop` what holds it.
 
     Parameters
     ----------
@@ -46,24 +45,23 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
     LockedError
         Another session holds the bus; the message says which.
     RecordingError
-        The lock file cannot be written.
+        The lock file cannot be opened, or the session's not be written.
     """
     path = _lock_path(cell, folder or lock_folder(cell))
-    descriptor = _open_lock(path)
-    try:
+    with contextlib.ExitStack() as stack:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            stack.enter_context(held_file(path))
         except BlockingIOError:
-            holder = os.pread(descriptor, 200, 0).decode("utf-8", "replace").partition("\n")[0]
             raise LockedError(
                 f"cell {cell.name}: bus {cell.can.interface}:{cell.can.channel} is held by another"
-                f" session ({holder or 'of another user'}). Wait until it ends, or stop it:"
-                " `rid-daq stop`."
+                f" session ({_holder(path)}). Wait until it ends, or stop it: `rid-daq stop`."
             ) from None
-        _sign(descriptor, cell)
+        except OSError as error:
+            raise RecordingError(
+                f"{path}: cannot open the lock file: {error.strerror}{_advice(error)}"
+            ) from None
+        stack.enter_context(signed(path, cell.name))
         yield
-    finally:
-        os.close(descriptor)
 
 
 def as_label(text: str) -> str:
@@ -99,21 +97,15 @@ def _lock_path(cell: CellConfig, folder: Path) -> Path:
     return folder / f"rid-daq-{words}-{hashlib.sha256(bus.encode()).hexdigest()[:8]}.lock"
 
 
-def _open_lock(path: Path) -> int:
-    try:
-        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
-    except PermissionError:
-        # Another user's file: it cannot be signed, but it can be locked.
-        with contextlib.suppress(OSError):
-            return os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
-        raise RecordingError(f"{path}: cannot open the lock file; is it yours?") from None
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot open the lock file: {error.strerror}") from None
+def _holder(path: Path) -> str:
+    """Say who holds the lock of a bus."""
+    pid = file_holder(path)
+    if pid is None:
+        return "which has just ended, or runs in another container"
+    session = session_on(path, pid)
+    return f"process {pid}: {session.command}" if session and session.command else f"process {pid}"
 
 
-def _sign(descriptor: int, cell: CellConfig) -> None:
-    with contextlib.suppress(OSError):
-        os.ftruncate(descriptor, 0)
-        command = " ".join(("rid-daq", *(Path(word).name for word in sys.argv[1:3])))
-        text = f"process {os.getpid()}: {command}\ncell {cell.name}\n"
-        os.pwrite(descriptor, text.encode(), 0)
+def _advice(error: OSError) -> str:
+    closed = isinstance(error, PermissionError)
+    return "; its owner or root can remove it while no session runs" if closed else ""

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
-import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -109,29 +106,45 @@ def _cell_name(cell: str) -> str:
 
 
 def _ask(session: RunningSession) -> Callable[[], Stopped]:
-    """Tell a session to stop; return what waits until it has."""
-    if not session.ours:
-        refused = Stopped(
-            False, "belongs to another user; only that user or root can stop it from here"
-        )
+    """Tell a session to stop; return what waits until it has.
+
+    Whatever goes wrong with it is told as its result: the others are stopped all the same.
+    """
+    try:
+        wait = _told(session)
+    except Exception as error:
+        failed = _failed(error)
+        return lambda: failed
+
+    def waited() -> Stopped:
+        try:
+            return wait()
+        except Exception as error:
+            return _failed(error)
+
+    return waited
+
+
+def _failed(error: Exception) -> Stopped:
+    return Stopped(False, f"could not be stopped from here: {error or type(error).__name__}")
+
+
+def _told(session: RunningSession) -> Callable[[], Stopped]:
+    if session.refusal is not None:
+        refused = Stopped(False, session.refusal)
         return lambda: refused
     try:
         control = session.control()
-    except PermissionError:
+    except (OSError, ValueError):
         # as for a program with capabilities of its own: it can be told, but not watched
-        _terminate(session)
+        session.terminate()
         return lambda: _wait_for_end(session, "told to end; whether its axes rest was not seen")
     if control is None:
-        _terminate(session)
+        session.terminate()
         return lambda: _wait_for_end(session, None)
     began_s = time.monotonic()
     control.request_stop(StopCode.STOP_COMMAND)
     return lambda: _wait_for_rest(session, control, began_s)
-
-
-def _terminate(session: RunningSession) -> None:
-    with contextlib.suppress(ProcessLookupError):
-        os.kill(session.pid, signal.SIGTERM)
 
 
 def _wait_for_end(session: RunningSession, doubt: str | None) -> Stopped:

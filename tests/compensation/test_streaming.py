@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import socket
 import struct
+import subprocess
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -21,9 +24,9 @@ from numpy.typing import NDArray
 from compensation.point_codec import PROTOCOL, PointDecoder, greeting
 from compensation.point_feed import PointFeed, PointGate, feed
 from compensation.point_ring import READ, PointRing, PointsFailed
-from compensation.point_server import PointService, listen, serve
+from compensation.point_server import PointServer, PointService, listening, serve
 from config.bodies import Plane, Workspace
-from config.errors import ConfigError, ProtocolError, TransportError
+from config.errors import ConfigError, LockedError, ProtocolError, TransportError
 from config.load import load_robot
 
 Points = NDArray[np.float64]
@@ -182,9 +185,8 @@ def served() -> Iterator[tuple[Path, PointRing]]:
     """The server in a thread of this process, at a socket in a folder of our own."""
     ring = PointRing.create(3, 50)
     over = threading.Event()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, listening(Path(folder) / "points") as listener:
         path = Path(folder) / "points"
-        listener = listen(path)
         service = PointService(ROBOT, Workspace(), 0.008, 64, silence_s=0.1)
         thread = threading.Thread(target=serve, args=(listener, ring, service, over.is_set))
         thread.start()
@@ -283,21 +285,79 @@ class TestSocket:
             first.sendall(HELLO + struct.pack("<I", 0))
             until(lambda: ring.ended)
 
+    @pytest.mark.fault(46)
+    def test_a_second_session_is_refused_and_the_first_hears_nothing_of_it(
+        self, served: tuple[Path, PointRing], measured: Callable[[str], None]
+    ) -> None:
+        path, ring = served
+        points = path_of(40)
+
+        def second_is_refused() -> None:
+            told = rf"another session takes points here \(process {os.getpid()}\).*rid-daq stop"
+            with pytest.raises(LockedError, match=told):
+                PointServer(
+                    path, PointRing.create(3, 50), PointService(ROBOT, Workspace(), 0.008, 64)
+                )
+            assert path.is_socket()
+
+        second_is_refused()  # while the first waits
+        with client(path) as first:
+            first.recv(500)
+            until(lambda: refused(path))
+            second_is_refused()  # while it is served: nobody listens any more
+            first.sendall(HELLO + struct.pack("<I", 40) + points.tobytes() + struct.pack("<I", 0))
+            until(lambda: ring.ended)
+        np.testing.assert_array_equal(drain(ring, 50), points)
+        measured("refused while the first waits and while it is served; its points: 0 changed")
+
+    def test_what_a_killed_session_left_is_taken_over(self, tmp_path: Path) -> None:
+        tmp_path.chmod(0o700)
+        path = tmp_path / "points"
+        program = f"""
+import os, signal
+from pathlib import Path
+from compensation.point_server import listening
+with listening(Path({str(path)!r})):
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+        assert subprocess.run([sys.executable, "-c", program], check=False).returncode == -9
+        assert {left.name for left in tmp_path.iterdir()} == {"points", "points.lock"}
+        with listening(path):
+            client(path).close()
+        assert [*tmp_path.iterdir()] == []
+
     def test_a_folder_that_is_open_to_others_is_refused(self, tmp_path: Path) -> None:
         tmp_path.chmod(0o755)
-        with pytest.raises(TransportError, match=r"open to other users.*chmod 700"):
-            listen(tmp_path / "points")
+        with (
+            pytest.raises(TransportError, match=r"open to other users.*chmod 700"),
+            listening(tmp_path / "points"),
+        ):
+            pass
+        assert [*tmp_path.iterdir()] == []
 
     def test_a_socket_left_by_a_dead_program_is_replaced_a_living_one_is_not(self) -> None:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "points"
-            listen(path).close()
-            with listen(path), pytest.raises(TransportError, match="no socket can be made"):
-                listen(path)
+            with socket.socket(socket.AF_UNIX) as other:
+                other.bind(str(path))
+            with listening(path):
+                assert not refused(path)
+            with socket.socket(socket.AF_UNIX) as other:
+                other.bind(str(path))
+                other.listen()
+                with (
+                    pytest.raises(TransportError, match="no socket can be made"),
+                    listening(path),
+                ):
+                    pass
+                assert not refused(path)
 
     def test_a_path_that_is_too_long_is_told(self) -> None:
-        with pytest.raises(TransportError, match="longer than the 107 bytes"):
-            listen(Path("/tmp") / ("x" * 120) / "points")
+        with (
+            pytest.raises(TransportError, match="longer than the 107 bytes"),
+            listening(Path("/tmp") / ("x" * 120) / "points"),
+        ):
+            pass
 
 
 def refused(path: Path) -> bool:

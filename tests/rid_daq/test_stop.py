@@ -9,7 +9,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -124,18 +123,6 @@ def test_without_a_session_it_says_so_and_fails(capsys: pytest.CaptureFixture[st
     assert "No session runs on this machine: nothing was stopped." in capsys.readouterr().out
 
 
-def test_a_session_of_another_user_is_named_and_left_alone(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    session = RunningSession(Path("x"), 17, "rid-daq record", "ir361", ours=False)
-    monkeypatch.setattr("rid_daq.commands.stop.running_sessions", lambda cell: [session])
-    killed: list[Any] = []
-    monkeypatch.setattr(os, "kill", lambda *arguments: killed.append(arguments))
-    assert run(["stop"]) == 4
-    assert "belongs to another user" in capsys.readouterr().out
-    assert not killed
-
-
 def test_a_lock_file_that_nobody_holds_is_no_session(loaded: LoadedCell) -> None:
     with hold_cell(loaded.config):
         (session,) = running_sessions("ir361")
@@ -158,7 +145,7 @@ def test_a_motion_that_ended_meanwhile_is_no_failure(
         block.task_state = TaskState.FINISHED
 
     monkeypatch.setattr(ControlBlock, "request_stop", end)
-    session = RunningSession(Path("x"), 17, "rid-daq record", "ir361", ours=True)
+    session = RunningSession(Path("x"), 17, "rid-daq record", "ir361")
     monkeypatch.setattr("rid_daq.commands.stop.running_sessions", lambda cell: [session])
     assert run(["stop"]) == 0
     assert "ended by itself meanwhile" in capsys.readouterr().out
