@@ -213,10 +213,13 @@ class ProcessFrozen(TimedFault):
 
 
 class ProgramSignalled(TimedFault):
-    """A signal is sent to the program itself, `count` times, `period_s` of its clock apart."""
+    """A signal is sent to the program itself, `count` times, `period_s` of its clock apart.
+
+    `TSTP` is what Ctrl-Z sends: where nothing moves it suspends the program.
+    """
 
     kind: Literal["signal"]
-    signal: Literal["INT", "TERM", "HUP"]
+    signal: Literal["INT", "TERM", "HUP", "TSTP"]
     count: Annotated[int, Field(ge=1, le=1000)] = 1
     period_s: Positive = 0.02
 
