@@ -111,8 +111,6 @@ class CanServoAxes:
         self._beats = HeartbeatProducer(cell.drive_safety.master_heartbeat_ms / 1000.0)
         self._beat = heartbeat_frame(cell.drive_safety.master_node_id, NmtState.OPERATIONAL)
 
-    # ---- bring-up -------------------------------------------------------------------------
-
     def bring_up(self) -> None:
         """Reset, configure and read back every drive (CiA 301 order); no power, no motion.
 
@@ -363,8 +361,6 @@ class CanServoAxes:
             self._order(NmtCommand.RESET_COMMUNICATION)
         return tuple(unconfirmed)
 
-    # ---- one step of any of these ----------------------------------------------------------
-
     def _step(
         self, words: Sequence[int], until_s: float, verb: str, waiting: Sequence[str]
     ) -> None:
@@ -376,8 +372,7 @@ class CanServoAxes:
                 " check supply, brakes, enable inputs and emergency stop"
             )
         self._cycle(words)
-        faults = self._watch.faults()
-        if faults:
+        if faults := self._watch.faults():
             raise DeviceFaultError("; ".join(event.text for event in faults))
 
     def _cycle(self, words: Sequence[int]) -> None:
