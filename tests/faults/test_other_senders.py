@@ -97,7 +97,7 @@ def test_two_answers_that_differ_once_cost_their_row_and_nothing_else(
     assert run.reason is None
     assert np.argwhere(run.rows["valid"] == 0)[:, 1].tolist() == [0]
     (note,) = run.notes
-    assert note.startswith("axis1: node 1 answered twice in 1 cycles, in 1 of them with other data")
+    assert note.startswith("axis1: node 1 answered twice in 1 cycle, 1 of them with other data")
     measured("a single pair that differs: 1 marked value, told at the end")
 
 
