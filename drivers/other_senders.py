@@ -24,7 +24,8 @@ def other_senders(
     second, different = exchange.second_answers.tolist(), exchange.contradictions.tolist()
     notes = [
         f"{axis.joint}: node {axis.node_id} answered twice in {cycles} cycle{'s' * (cycles != 1)},"
-        f" {differing} of them with other data: two devices send with its identifier, or a gateway repeats it"
+        f" {differing} of them with other data: two devices send with its identifier, or a gateway"
+        " repeats it"
         for axis, cycles, differing in zip(axes, second, different, strict=True)
         if cycles
     ]
