@@ -154,7 +154,7 @@ class CyclicTask:
             control.report_stop(reason)
             control.task_state = TaskState.STOPPING
             self._stop()
-        for note in source.notes:
+        for note in (*source.notes, *axes.bus_notes()):
             control.add_note(note)
         self._ending.disable()
         return reason
@@ -255,6 +255,7 @@ class CyclicTask:
         reason = (
             supervisor.check_events(axes.take_events())
             or supervisor.check_late_frames(late_frames)
+            or supervisor.check_second_answers(axes.second_answers.tolist())
             or supervisor.check_target(target.position, target.velocity, periods)
             or supervisor.check_measured(
                 axes.received.tolist(),

@@ -45,7 +45,12 @@ from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.robot import RobotDescription
-from config.termination import Interruption, termination_calls, termination_held
+from config.termination import (
+    Interruption,
+    suspension_refused,
+    termination_calls,
+    termination_held,
+)
 from dynamics.clearances import Clearances
 
 RING_S = 10.0
@@ -57,6 +62,7 @@ START_PATIENCE_S = 60.0
 BEAT_PATIENCE_S = 10.0
 STOP_PATIENCE_S = 15.0
 FINISH_PATIENCE_S = 30.0
+NO_PAUSE = "Ctrl-Z does not pause a robot: the motion goes on. Ctrl-C stops it."
 
 
 @dataclass(frozen=True)
@@ -108,7 +114,9 @@ def record_motion(
 
     Ctrl-C, SIGTERM and SIGHUP stop the motion (quick stop) and are reported in the outcome, however
     often they come; the clean-up always completes, and once one came this process ignores further
-    ones, so that what was recorded can be written down. Every wait is limited.
+    ones, so that what was recorded can be written down. Every wait is limited. Ctrl-Z is answered
+    with a sentence: the processes of a motion stand apart from the terminal, and this one, which
+    watches them, goes on too.
 
     Parameters
     ----------
@@ -185,13 +193,16 @@ def record_motion(
     if looker is not None:
         processes.insert(0, looker)
     joints = JointWatch(ring, cell, robot)
-    with termination_calls(
-        lambda: control.request_stop(StopCode.INTERRUPTED), then_ignored=True
-    ) as interruption:
+    with (
+        suspension_refused(NO_PAUSE),
+        termination_calls(
+            lambda: control.request_stop(StopCode.INTERRUPTED), then_ignored=True
+        ) as interruption,
+    ):
         plate = _start_plate(cell, source, folder, profile)
         notes: list[str] = []
         try:
-            with termination_held():
+            with termination_held(apart=True):
                 for process in processes:
                     process.start()
             try:

@@ -15,7 +15,7 @@ from typing import Final
 
 from config.cell import CanBusConfig
 from config.errors import ConfigError, RecordingError, RidDaqError, TransportError
-from config.termination import ignore_termination, termination_held
+from config.termination import leave_terminal, termination_held
 from drivers.python_can import can
 from drivers.python_can_bus import open_bus
 
@@ -65,7 +65,7 @@ class FrameRecorder:
             target=run_frame_recorder, args=(bus, path, theirs), name="frame recorder", daemon=True
         )
         try:
-            with termination_held():
+            with termination_held(apart=True):
                 self._process.start()
         except BaseException:
             self._end()
@@ -129,7 +129,7 @@ def run_frame_recorder(bus: CanBusConfig, path: Path, pipe: Connection) -> None:
 
     Says 0 once it listens, and at the end how many frames it has written; or what went wrong.
     """
-    ignore_termination()
+    leave_terminal()
     said: int | RidDaqError
     try:
         said = _record(bus, path, pipe)

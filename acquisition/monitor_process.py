@@ -24,7 +24,7 @@ from acquisition.monitor_row import (
 from config.drive_profile import DriveProfile
 from config.errors import DriverError, RidDaqError
 from config.monitor import MonitorConfig
-from config.termination import ignore_termination
+from config.termination import leave_terminal
 from drivers.drive_monitor import open_drive_monitor
 from drivers.interfaces import DriveMonitor, MonitorReading
 
@@ -70,7 +70,7 @@ def run_monitor(
     parent : int
         Process id of the program.
     """
-    ignore_termination()
+    leave_terminal()
     try:
         with open_drive_monitor(config, profile) as monitor, MonitorWriter(path, header) as writer:
             control.monitor_state = MonitorState.POLLING

@@ -40,7 +40,7 @@ from config.errors import (
     TransportError,
 )
 from config.plate import AmplifierConfig, PlateConfig
-from config.termination import ignore_termination
+from config.termination import leave_terminal
 from drivers.amplifier_serial import SerialAmplifier, open_amplifier
 from drivers.amplifier_stream import StreamCounts
 from drivers.interfaces import PlateRead
@@ -192,7 +192,7 @@ def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
     parent : int
         Process id of the program.
     """
-    ignore_termination()
+    leave_terminal()
     try:
         _Recorder(task, block, parent).run()
         block.state = PlateState.FINISHED

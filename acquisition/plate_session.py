@@ -48,7 +48,7 @@ class PlateSession:
             args=(task, self._block, os.getpid()),
             name="rid-daq plate recorder",
         )
-        with termination_held():
+        with termination_held(apart=True):
             self._process.start()
         self._await_rows()
 

@@ -18,7 +18,7 @@ from acquisition.journal_header import JournalHeader
 from acquisition.ring import Ring
 from config.errors import RecordingError
 from config.process_name import ProcessName, bear_name
-from config.termination import ignore_termination
+from config.termination import leave_terminal
 
 TOPIC = "/cycle"
 IDLE_S = 0.005
@@ -77,7 +77,7 @@ def run_recorder(
     parent : int
         Process id of the program.
     """
-    ignore_termination()
+    leave_terminal()
     bear_name(ProcessName.RECORDER)
     try:
         with JournalWriter(path, header) as writer:

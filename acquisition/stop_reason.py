@@ -35,6 +35,7 @@ class StopCode(IntEnum):
     STOP_BUTTON = 24
     POINTS_LOST = 31
     POINTS_REFUSED = 32
+    SECOND_ANSWERS = 33
 
 
 @dataclass(frozen=True)

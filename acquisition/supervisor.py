@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from acquisition.motion_limits import position_bounds
+from acquisition.second_answers import SecondAnswers
 from acquisition.stop_reason import StopCode, StopReason
 from acquisition.stuck_encoders import StuckEncoders
 from config.cell import CellConfig
@@ -76,6 +77,7 @@ class Supervisor:
                 for i, motors in enumerate(self._coupling.motors_of)
             ]
         self._late_answers: deque[bool] = deque(maxlen=LATE_ANSWERS_WINDOW)
+        self._second_answers = SecondAnswers(cell, robot)
         self.begin([0.0] * n)
 
     def begin(self, position: Sequence[float]) -> None:
@@ -86,6 +88,7 @@ class Supervisor:
         self._plausible = list(position)  # the last ones
         self._late = 0
         self._late_answers.clear()
+        self._second_answers.begin()
         self._missed = [0] * n
         self._implausible = [0] * n
         self._encoders.begin()
@@ -149,6 +152,10 @@ class Supervisor:
             )
         return None
 
+    def check_second_answers(self, counts: Sequence[int]) -> StopReason | None:
+        """Check in how many cycles each drive's identifier has answered more than once, so far."""
+        return self._second_answers.check(counts)
+
     def check_measured(
         self,
         received: Sequence[bool],
@@ -164,7 +171,7 @@ class Supervisor:
         Parameters
         ----------
         received : sequence of bool, length joints
-            Whose answer came in time.
+            Whose answer came in time, and was not contradicted.
         position, torque_nm : sequence of float
             Link side [rad or m; N m or N].
         statusword : sequence of int
@@ -183,7 +190,7 @@ class Supervisor:
             if not received[i]:
                 self._missed[i] += 1
                 if self._missed[i] >= rules.missed_frames_limit:
-                    return self._missed_frames(i)
+                    return self._second_answers.explain(i) or self._missed_frames(i)
                 continue
             self._missed[i] = 0
             word = statusword[i]

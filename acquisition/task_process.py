@@ -15,7 +15,7 @@ from config.cell import CellConfig
 from config.errors import RecordingError, RidDaqError
 from config.process_name import ProcessName, bear_name
 from config.robot import RobotDescription
-from config.termination import ignore_termination
+from config.termination import leave_terminal
 from drivers.cell import open_cell
 from drivers.clock import MonotonicClock
 
@@ -44,7 +44,7 @@ def run_cyclic_task(
     parent : int
         Process id of the program.
     """
-    ignore_termination()
+    leave_terminal()
     bear_name(ProcessName.TASK)
     control.task_state = TaskState.BRING_UP
 

@@ -65,6 +65,13 @@ FAULTS: Final = (
     Fault("one answer is lost", "bus", {"kind": "drop", "joint": "axis2"}),
     Fault("an answer comes twice", "bus", {"kind": "duplicate"}),
     Fault(
+        "another node answers first",
+        "bus",
+        {"kind": "spoof", "joint": "axis3", "count": 12, "torque_permille": 100},
+        (StopCode.SECOND_ANSWERS,),
+    ),
+    Fault("Ctrl-Z", "program", {"kind": "signal", "signal": "TSTP"}),
+    Fault(
         "the operator stops",
         "program",
         {"kind": "signal", "signal": "INT"},

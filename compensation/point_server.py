@@ -28,7 +28,7 @@ from config.bodies import Workspace
 from config.errors import LockedError, TransportError
 from config.file_locks import file_holder, held_file
 from config.robot import RobotDescription
-from config.termination import ignore_termination, termination_held
+from config.termination import leave_terminal, termination_held
 
 LOOK_S: Final = 0.05
 SILENCE_S: Final = 2.0
@@ -96,7 +96,7 @@ class PointServer:
 
     def __enter__(self) -> PointServer:
         try:
-            with termination_held():
+            with termination_held(apart=True):
                 self._process.start()
         except BaseException as error:  # a signal that came meanwhile, perhaps
             self._end(str(error))
@@ -215,7 +215,7 @@ def run_point_server(
     parent : int
         Process id of the program: without it, there is nobody to take points for.
     """
-    ignore_termination()
+    leave_terminal()
     serve(listener, ring, service, lambda: ring.concluded or os.getppid() != parent)
 
 

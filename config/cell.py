@@ -105,7 +105,9 @@ class Supervision(ConfigModel):
     """When the cyclic task stops the motion by itself.
 
     `missed_frames_limit` and `late_cycles_limit` count in a row; `late_answers_limit` counts the
-    cycles, of the last 100, whose drives' answers came after their cycle.
+    cycles, of the last 100, whose drives' answers came after their cycle. `second_answers_limit`
+    counts the cycles, of the last 100, in which a drive's identifier answered more than once;
+    answers of one cycle that differ are not used and count as missing besides.
 
     A stuck encoder stands still for `stuck_encoder_cycles` while more than
     `stuck_encoder_velocity_rad_s` is commanded; or while less is, and the torque has changed by
@@ -120,6 +122,7 @@ class Supervision(ConfigModel):
     late_cycles_limit: Annotated[int, Field(ge=1)] = 3
     late_by_cycles_limit: Annotated[float, Field(gt=0.0)] = 2.0
     late_answers_limit: Annotated[int, Field(ge=1, le=100)] = 3
+    second_answers_limit: Annotated[int, Field(ge=1, le=100)] = 20
     following_error_min_rad: Positive = 0.02
     following_error_per_velocity_s: NonNegative = 0.1
     stuck_encoder_cycles: Annotated[int, Field(ge=2)] = 5

@@ -53,9 +53,11 @@ class FrameFault(TimedFault):
     `drop`: it never arrives. `duplicate`: it comes twice. `delay`: it comes `delay_s` later, and
     holds nothing else up. `reorder`: it comes after the next frame of the same identifier.
     `corrupt`: one bit is flipped (`bit`, or a random one). `wrong_length`: it has `length` bytes.
+    `spoof`: another node answers before the drive, with its identifier and data but for
+    `position_counts` or `torque_permille`, which it adds.
     """
 
-    kind: Literal["drop", "duplicate", "delay", "reorder", "corrupt", "wrong_length"]
+    kind: Literal["drop", "duplicate", "delay", "reorder", "corrupt", "wrong_length", "spoof"]
     frames: FrameKind = "answer"
     joint: str | None = None
     at_frame: Annotated[int, Field(ge=1)] | None = None
@@ -65,6 +67,8 @@ class FrameFault(TimedFault):
     delay_s: Positive | None = None
     bit: Annotated[int, Field(ge=0, le=63)] | None = None
     length: Annotated[int, Field(ge=0, le=8)] | None = None
+    position_counts: Annotated[int, Field(ge=-(2**31), lt=2**31)] = 0
+    torque_permille: Annotated[int, Field(ge=-(2**15), lt=2**15)] = 0
 
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> FrameFault:
@@ -78,6 +82,11 @@ class FrameFault(TimedFault):
                 raise ValueError(f"{name} belongs to {kind}, this is {self.kind}")
         if self.bit is not None and self.kind != "corrupt":
             raise ValueError(f"bit belongs to corrupt, this is {self.kind}")
+        adds = bool(self.position_counts or self.torque_permille)
+        if adds != (self.kind == "spoof"):
+            raise ValueError("spoof, and nothing else, needs position_counts or torque_permille")
+        if self.kind == "spoof" and self.frames != "answer":
+            raise ValueError("spoof is of answers")
         if self.lasting and self.count is not None:
             raise ValueError("give count or lasting, not both")
         return self
@@ -204,10 +213,13 @@ class ProcessFrozen(TimedFault):
 
 
 class ProgramSignalled(TimedFault):
-    """A signal is sent to the program itself, `count` times, `period_s` of its clock apart."""
+    """A signal is sent to the program itself, `count` times, `period_s` of its clock apart.
+
+    `TSTP` is what Ctrl-Z sends: where nothing moves it suspends the program.
+    """
 
     kind: Literal["signal"]
-    signal: Literal["INT", "TERM", "HUP"]
+    signal: Literal["INT", "TERM", "HUP", "TSTP"]
     count: Annotated[int, Field(ge=1, le=1000)] = 1
     period_s: Positive = 0.02
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -10,12 +12,61 @@ from multiprocessing import resource_tracker
 from types import FrameType
 
 TERMINATION = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SUSPENSION = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
+"""What a terminal suspends processes by: Ctrl-Z, and reading or writing in the background."""
+
+
+def ending_signals() -> tuple[signal.Signals, ...]:
+    """Return the signals that end this program.
+
+    A hang-up that is ignored stays ignored: that is what `nohup` asks for. An interrupt never does:
+    shells start what is put into the background deaf to it, which nobody asked for, and who sends
+    one wants the robot to stop.
+    """
+    nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    return tuple(each for each in TERMINATION if not (nohup and each == signal.SIGHUP))
 
 
 def ignore_termination() -> None:
     """Ignore Ctrl-C, SIGTERM and a closed terminal: the program alone decides when to stop."""
     for number in TERMINATION:
         signal.signal(number, signal.SIG_IGN)
+
+
+def leave_terminal() -> None:
+    """Let this process go on whatever the terminal does; first of all in its main function.
+
+    Beside ignoring what ends the program, it leaves the program's process group: Ctrl-Z, or any
+    signal to the group, suspends or kills nothing that a stop needs. It can write to the terminal
+    from there. A program's own process, which is no part of it, stays where it is.
+    """
+    ignore_termination()
+    if multiprocessing.parent_process() is None:
+        return
+    for number in SUSPENSION:
+        signal.signal(number, signal.SIG_IGN)
+    os.setpgid(0, 0)
+
+
+@contextlib.contextmanager
+def suspension_refused(why: str) -> Iterator[None]:
+    """Answer Ctrl-Z with a sentence on standard error instead of being suspended.
+
+    Outside the main thread, which alone may handle signals, nothing is changed.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def tell(_number: int, _frame: FrameType | None) -> None:
+        with contextlib.suppress(OSError):
+            os.write(2, f"\n{why}\n".encode())
+
+    before = signal.signal(signal.SIGTSTP, tell)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTSTP, before)
 
 
 class Interruption:
@@ -56,7 +107,7 @@ def termination_calls(
             interruption.signal = signal.Signals(number)
         stop()
 
-    before = {number: signal.signal(number, handle) for number in TERMINATION}
+    before = {number: signal.signal(number, handle) for number in ending_signals()}
     try:
         yield interruption
     finally:
@@ -66,15 +117,19 @@ def termination_calls(
 
 
 @contextlib.contextmanager
-def termination_held() -> Iterator[None]:
+def termination_held(*, apart: bool = False) -> Iterator[None]:
     """Start processes in here: they are deaf to termination signals until they say otherwise.
 
     They are from their first instruction, and no owner is interrupted before it has noted what it
-    started.
+    started. Those that stand `apart` from the terminal (`leave_terminal`) are deaf to Ctrl-Z too.
     """
     resource_tracker.ensure_running()  # starting the first process would unblock signals again
     with termination_waits():
-        yield
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, SUSPENSION if apart else ())
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 @contextlib.contextmanager

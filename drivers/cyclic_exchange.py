@@ -30,6 +30,9 @@ _BARE_BITS = 47  # of a frame without data, intermission included, no stuff bit
 
 MOST_FRAMES = 1024
 LATE_CYCLES = 4
+WATCHED_CYCLES = 10
+"""For how many cycles `collect` waits for second answers once one came."""
+
 LATER, EARLIER = 0.1, 0.02
 """How fast `collect` learns that answers come later, or earlier, than it had expected."""
 
@@ -65,7 +68,8 @@ class CyclicExchange:
     Attributes
     ----------
     received : ndarray of bool, shape (n,)
-        Whether the drive answered in this cycle; if not, the other arrays keep its last values.
+        Whether the drive answered in this cycle, and nobody contradicted it under its identifier;
+        if not, the other arrays keep its last values.
     position : ndarray of float, shape (n,)
         Of the joints [rad or m].
     torque_nm : ndarray of float, shape (n,)
@@ -75,6 +79,10 @@ class CyclicExchange:
     late_frames, duplicate_frames
         How many TPDOs came after their cycle, or twice; they are not used. An answer too many is a
         late one where its drive did not answer in one of the `LATE_CYCLES` cycles before.
+    second_answers, contradictions : ndarray of int64, shape (n,)
+        In how many cycles an identifier answered more than once, and in how many of these with
+        other data: then neither is used. What comes after `collect` has returned belongs to the
+        cycle before, whose first answer was used; the next `WATCHED_CYCLES` cycles wait for both.
     left_enabled
         Whether an answer has shown another state than Operation Enabled; set here, cleared by the
         owner.
@@ -105,10 +113,17 @@ class CyclicExchange:
         self.statusword = np.zeros(count, dtype=np.uint16)
         self.late_frames = 0
         self.duplicate_frames = 0
+        self.second_answers: NDArray[np.int64] = np.zeros(count, dtype=np.int64)
+        self.contradictions: NDArray[np.int64] = np.zeros(count, dtype=np.int64)
         self.left_enabled = False
         self.sync_time_s = -math.inf
         self._cycle = 0
         self._missed_in = [-LATE_CYCLES - 1] * count  # the last cycle without an answer
+        self._answers = [b""] * count  # the last ones that came first in their cycle
+        self._answered_in = [-1] * count  # which was this
+        self._doubled_in = [-1] * count  # the last cycle with a second answer
+        self._contradicted_in = [-1] * count
+        self._watched_until = -1
         self._slots = {tpdo_cob_id(node): axis for axis, node in enumerate(node_ids)}
         self._zero_counts = [0] * count
         self._counts_per_rad = [1.0] * count
@@ -143,8 +158,8 @@ class CyclicExchange:
         Where frames bear no stamps that tell, what still waits from the cycle before is read first,
         so that it is not taken for an answer to this SYNC.
         """
-        for axis, received in enumerate(self.received.tolist()):
-            if not received:
+        for axis, answered_in in enumerate(self._answered_in):
+            if answered_in != self._cycle:
                 self._missed_in[axis] = self._cycle
         if not self._stamped:
             self._read_waiting()
@@ -160,24 +175,40 @@ class CyclicExchange:
             for arrival in arrived:
                 axis = self._slots.get(arrival.cob_id)
                 if axis is not None:
-                    self._count_surplus(axis)
+                    self._take_surplus(axis, arrival.data, self._cycle)
                 else:
                     self._other_frame(arrival)
 
-    def _count_surplus(self, axis: int) -> None:
-        """Count an answer too many: that of an earlier cycle that lacks one, or a copy."""
+    def _take_surplus(self, axis: int, data: bytes, cycle: int) -> None:
+        """Take an answer too many: that of an earlier cycle that lacks one, or a second one."""
         if self._cycle - self._missed_in[axis] <= LATE_CYCLES:
             self._missed_in[axis] = -LATE_CYCLES - 1
             self.late_frames += 1
-        else:
-            self.duplicate_frames += 1
+            return
+        self.duplicate_frames += 1
+        self._watched_until = self._cycle + WATCHED_CYCLES
+        if self._doubled_in[axis] != cycle:
+            self._doubled_in[axis] = cycle
+            self.second_answers[axis] += 1
+        if self._answered_in[axis] == cycle and data != self._answers[axis]:
+            self._contradict(axis, data, cycle)
+
+    def _contradict(self, axis: int, data: bytes, cycle: int) -> None:
+        """Note that two differ; one that shows a drive without power may be the true one."""
+        if self._contradicted_in[axis] != cycle:
+            self._contradicted_in[axis] = cycle
+            self.contradictions[axis] += 1
+        if not self._trimmed:
+            for each in (data, self._answers[axis]):
+                if len(each) == _ANSWER.size:  # what is read before SYNC was not looked at yet
+                    self._look_at_status(_STATUS.unpack_from(each)[0])
 
     def collect(self, deadline_s: float) -> None:
         """Wait for every axis's answer, at most until `deadline_s` [s]; fill the arrays.
 
-        An axis whose answer does not come keeps its last values and has `received` False. A drive's
-        heartbeat counts as lost if its time-out will have ended by the time that a quick stop which
-        is sent now is on the bus.
+        An axis whose answer does not come, or comes twice and says two things, keeps its last
+        values and has `received` False. A drive's heartbeat counts as lost if its time-out will
+        have ended by the time that a quick stop which is sent now is on the bus.
         """
         received = self.received
         received.fill(False)
@@ -187,7 +218,12 @@ class CyclicExchange:
             link.clock.sleep_until(min(expected_s, deadline_s))
         missing, taken, read_s, last_s = len(received), 0, self.sync_time_s, 0.0
         slots, sync_s, size = self._slots, self.sync_time_s, self._answer_bytes
-        while missing and taken < MOST_FRAMES and (arrived := link.receive_all(deadline_s)):
+        cycle, answered_in, answers = self._cycle, self._answered_in, self._answers
+        while (
+            (missing or cycle <= self._watched_until)
+            and taken < MOST_FRAMES
+            and (arrived := link.receive_all(deadline_s))
+        ):
             taken += len(arrived)
             read_s = arrived[-1].time_s
             for arrival in arrived:
@@ -197,16 +233,22 @@ class CyclicExchange:
                     self._other_frame(arrival)
                 elif len(data) != size:
                     self._watch.wrong_length(axis, len(data), time_s, size)
-                elif received[axis] or time_s < sync_s:
-                    self._count_surplus(axis)
+                elif time_s < sync_s:
+                    self._take_surplus(axis, data, cycle - 1)
+                elif answered_in[axis] == cycle:
+                    self._take_surplus(axis, data, cycle)
                 else:
-                    received[axis] = True
-                    self._take_answer(axis, data)
+                    answered_in[axis] = cycle
+                    answers[axis] = bytes(data)
                     missing -= 1
                     last_s = time_s
+        for axis, data in enumerate(answers):
+            if answered_in[axis] == cycle != self._contradicted_in[axis]:
+                received[axis] = True
+                self._take_answer(axis, data)
         if not missing:
             self._learn(last_s - sync_s)
-        elif taken < MOST_FRAMES:
+        if (missing or cycle <= self._watched_until) and taken < MOST_FRAMES:
             read_s = max(read_s, deadline_s)  # nothing more came until then
         if self._coupling is not None:
             self._coupling.to_joints(self._motor_position, self.position)
@@ -233,6 +275,9 @@ class CyclicExchange:
 
     def _take_status(self, axis: int, status: int) -> None:
         self.statusword[axis] = status
+        self._look_at_status(status)
+
+    def _look_at_status(self, status: int) -> None:
         if status & 0x6F != PowerState.OPERATION_ENABLED:
             self.left_enabled = True
 

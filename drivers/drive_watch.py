@@ -27,6 +27,7 @@ from drivers.device_text import printable
 from drivers.interfaces import DriveEvent, EventKind
 
 MOST_EVENTS = 64
+MOST_NAMED = 4
 
 
 class DriveWatch:
@@ -164,6 +165,12 @@ class DriveWatch:
         for axis, consumer in enumerate(self.heartbeats):
             if consumer.expired(now_s + telling_s):
                 self._note(EventKind.HEARTBEAT_LOST, axis, now_s, "stopped sending its heartbeat")
+
+    @property
+    def unexpected_identifiers(self) -> str:
+        """The first identifiers that nobody in the cell has, in words."""
+        named = ", ".join(f"{cob_id:03X}h" for cob_id in sorted(self._seen)[:MOST_NAMED])
+        return named + (", …" if len(self._seen) > MOST_NAMED else "")
 
     def take_events(self) -> tuple[DriveEvent, ...]:
         """Return and forget what happened."""

@@ -102,11 +102,17 @@ class ServoAxes(Protocol):
     position_counts: NDArray[np.int32]
     torque_raw: NDArray[np.int16]
     statusword: NDArray[np.uint16]
+    second_answers: NDArray[np.int64]
+    """In how many cycles so far each drive's identifier answered more than once."""
 
     @property
     @abstractmethod
     def late_frames(self) -> int:
         """How many answers came after their cycle so far; they are not used."""
+
+    @abstractmethod
+    def bus_notes(self) -> tuple[str, ...]:
+        """Return what a person should know of the bus, such as who else sends on it."""
 
     @abstractmethod
     def bring_up(self) -> None:

@@ -26,6 +26,7 @@ from drivers.drive_service import DriveService
 from drivers.drive_setup import DriveSetup, SetupResult
 from drivers.drive_watch import DriveWatch
 from drivers.interfaces import DriveEvent, DriveSetting
+from drivers.other_senders import other_senders
 from drivers.stop_ramp import LONGEST_STOP_S
 from drivers.transport import CanLink
 from drivers.wrist_coupling import WristCoupling
@@ -103,14 +104,14 @@ class CanServoAxes:
         self.position_counts = self._exchange.position_counts
         self.torque_raw = self._exchange.torque_raw
         self.statusword = self._exchange.statusword
+        self.second_answers = self._exchange.second_answers
+        self.contradictions = self._exchange.contradictions
         self.service = DriveService(link, cell, self._axes, self._watch)
         self._setups: tuple[SetupResult, ...] = ()
         self._phase = _Phase.CLOSED
         self.last_beat_s = -math.inf
         self._beats = HeartbeatProducer(cell.drive_safety.master_heartbeat_ms / 1000.0)
         self._beat = heartbeat_frame(cell.drive_safety.master_node_id, NmtState.OPERATIONAL)
-
-    # ---- bring-up -------------------------------------------------------------------------
 
     def bring_up(self) -> None:
         """Reset, configure and read back every drive (CiA 301 order); no power, no motion.
@@ -198,13 +199,17 @@ class CanServoAxes:
 
     @property
     def duplicate_frames(self) -> int:
-        """How many TPDOs came twice in a cycle; the first counts."""
+        """How many TPDOs came twice in a cycle."""
         return self._exchange.duplicate_frames
 
     @property
     def unexpected_frames(self) -> int:
-        """How many frames came with identifiers that nobody in the cell has."""
+        """How many frames came with identifiers of nobody."""
         return self._watch.unexpected_frames
+
+    def bus_notes(self) -> tuple[str, ...]:
+        """Return who else sends on this bus, as far as it could be seen."""
+        return other_senders(self._axes, self._exchange, self._watch)
 
     @property
     def lost_frames(self) -> int:
@@ -361,8 +366,6 @@ class CanServoAxes:
             self._order(NmtCommand.RESET_COMMUNICATION)
         return tuple(unconfirmed)
 
-    # ---- one step of any of these ----------------------------------------------------------
-
     def _step(
         self, words: Sequence[int], until_s: float, verb: str, waiting: Sequence[str]
     ) -> None:
@@ -370,12 +373,11 @@ class CanServoAxes:
         if self._clock.now_s() > until_s:
             states = "; ".join(str(a) for a in self._answers() if a.joint in waiting)
             raise DeviceTimeoutError(
-                f"the drives could not {verb} in time: {states}; check supply, brakes, enable"
-                " inputs and emergency stop"
+                f"the drives could not {verb} in time: {'; '.join((states, *self.bus_notes()))};"
+                " check supply, brakes, enable inputs and emergency stop"
             )
         self._cycle(words)
-        faults = self._watch.faults()
-        if faults:
+        if faults := self._watch.faults():
             raise DeviceFaultError("; ".join(event.text for event in faults))
 
     def _cycle(self, words: Sequence[int]) -> None:

@@ -7,6 +7,7 @@ time on the wire, a second copy does.
 from __future__ import annotations
 
 import random
+import struct
 from collections.abc import Mapping
 
 from config.faults import (
@@ -94,6 +95,8 @@ class _Spoiler:
             return []
         if fault.kind == "duplicate":
             return [queued, queued]
+        if fault.kind == "spoof":
+            return [(_STRANGER, _spoofed(frame, fault)), queued]
         if fault.kind == "reorder":
             self._held[frame.can_id] = queued
             return []
@@ -111,6 +114,16 @@ class _Spoiler:
         flipped = bytearray(frame.data)
         flipped[bit // 8] ^= 1 << bit % 8
         return [(source, frame._replace(data=bytes(flipped)))]
+
+
+def _spoofed(frame: WireFrame, fault: FrameFault) -> WireFrame:
+    """Return a drive's answer, full or trimmed, with another position and torque."""
+    answer = struct.Struct("<Hih" if frame.length == 8 else "<ih")
+    *status, position, torque = answer.unpack(frame.data[: frame.length])
+    position = (position + fault.position_counts + 2**31) % 2**32 - 2**31
+    torque = (torque + fault.torque_permille + 2**15) % 2**16 - 2**15
+    data = answer.pack(*status, position, torque).ljust(len(frame.data), b"\0")
+    return frame._replace(data=data)
 
 
 class BusFaults:

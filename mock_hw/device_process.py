@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from config.errors import TransportError
-from config.termination import termination_held
+from config.termination import SUSPENSION, termination_held
 
 SCHEDULER_PRIORITY = 10
 """Below the cyclic task's own."""
@@ -48,7 +48,7 @@ class DeviceProcess:
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(*arguments, theirs), daemon=True)
         try:
-            with termination_held():
+            with termination_held(apart=True):
                 self._process.start()
         except BaseException:
             self.end()
@@ -89,13 +89,13 @@ def wait_until_ready(what: str, pipe: Connection) -> int | None:
 def leave_signals_to_parent() -> None:
     """Let this process be ended by its starter alone: the starter stops the robot first.
 
-    A process group of its own keeps away what is sent to all of a program's processes: Ctrl-C, a
-    closed terminal, the SIGTERM of `timeout`. Interrupts and hang-ups that are sent to this process
-    itself are ignored, and so is a terminal's refusal to let it write; SIGTERM is how it is ended,
-    from here on.
+    A process group of its own keeps away what is sent to all of a program's processes: Ctrl-C,
+    Ctrl-Z, a closed terminal, the SIGTERM of `timeout`. Interrupts and hang-ups that are sent to
+    this process itself are ignored, and so is a terminal's refusal to let it write; SIGTERM is how
+    it is ended, from here on.
     """
     os.setpgid(0, 0)
-    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTTOU):
+    for number in (signal.SIGINT, signal.SIGHUP, *SUSPENSION):
         signal.signal(number, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGTERM])
 

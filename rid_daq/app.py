@@ -18,7 +18,7 @@ import typer
 from typer.core import TyperGroup
 
 from config.errors import RecordingError, RidDaqError
-from config.termination import TERMINATION, termination_waits
+from config.termination import TERMINATION, ending_signals, termination_waits
 from rid_daq.console import Console, documents_written, output_error, printable
 from rid_daq.exit_codes import ExitCode, exit_code_of
 
@@ -179,9 +179,8 @@ def _end_once(number: int, _frame: FrameType | None) -> NoReturn:
 def main() -> None:
     """Run the program on the process's own arguments: the `rid-daq` script."""
     # Leaving by an exception closes every `with`: drives disabled, files closed, children joined.
-    for number in TERMINATION:
-        if signal.getsignal(number) != signal.SIG_IGN:  # as nohup leaves it
-            signal.signal(number, _end_once)
+    for number in ending_signals():
+        signal.signal(number, _end_once)
     sys.exit(_written_out(run(sys.argv[1:])))
 
 

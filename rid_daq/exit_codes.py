@@ -54,6 +54,7 @@ _BY_STOP: dict[StopCode, ExitCode] = {
     StopCode.PROGRAM_GONE: ExitCode.TERMINATED,
     StopCode.MISSED_FRAMES: ExitCode.COMMUNICATION,
     StopCode.LATE_FRAMES: ExitCode.COMMUNICATION,
+    StopCode.SECOND_ANSWERS: ExitCode.COMMUNICATION,
     StopCode.DRIVE_RESTARTED: ExitCode.COMMUNICATION,
     StopCode.HEARTBEAT_LOST: ExitCode.COMMUNICATION,
     StopCode.BUS: ExitCode.COMMUNICATION,

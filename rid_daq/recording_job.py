@@ -49,6 +49,7 @@ _WHAT_TO_DO = {
     " then start again.",
     StopCode.BUS: "Then run `rid-daq check`.",
     StopCode.MISSED_FRAMES: "Check cable and bus load, then run `rid-daq check`.",
+    StopCode.SECOND_ANSWERS: "Take the other sender off the bus, then run `rid-daq check`.",
     StopCode.PLATE_LINE: "Check the amplifier's cable and adapter, then run `rid-daq check`.",
     StopCode.PLATE_OVERLOAD: "Choose a larger plate.amplifier.range_n, and zero the plate again.",
     StopCode.POINTS_LOST: "See that the program that sends points keeps up, then start it again.",

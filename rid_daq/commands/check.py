@@ -19,7 +19,7 @@ from drivers.canopen.bus_load import LOAD_LIMIT
 from drivers.cell import Cell, open_cell
 from drivers.interfaces import DriveSetting
 from drivers.servo_can import COLLECT_FRACTION
-from rid_daq.bus_check import bus_lines
+from rid_daq.bus_check import bus_lines, sender_lines
 from rid_daq.cells import CellName, reachable_cell
 from rid_daq.check_line import CheckLine
 from rid_daq.clearance import Cleared, require_cleared
@@ -258,6 +258,7 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
         )
         for axis, count in zip(opened.config.axes, missing, strict=True)
     ]
+    lines += sender_lines(opened, cycles)
     lines.append(
         CheckLine(
             where="drives",

@@ -14,7 +14,7 @@ from config.cell import CellConfig
 from config.errors import ConfigError, LockedError, RecordingError, TransportError
 from config.faults import NO_SCRIPT
 from config.load import LoadedCell, load_cell, load_faults
-from config.termination import TERMINATION, ignore_termination
+from config.termination import ending_signals, ignore_termination
 from config.whole_file import write_whole
 from mock_hw.cell import SimulatedCell
 from mock_hw.drive_objects import DriveIdentity
@@ -185,14 +185,14 @@ def _registers(cell: CellConfig) -> str:
 
 
 def _wait(cell: CellConfig) -> None:
-    """Wait for a signal to end; what this process was told to ignore (nohup) stays ignored.
+    """Wait for a signal to end; a hang-up that is ignored (nohup) stays ignored.
 
     Raises
     ------
     TransportError
         The simulated bus is not served any more.
     """
-    ending = {number for number in TERMINATION if signal.getsignal(number) != signal.SIG_IGN}
+    ending = set(ending_signals())
     came: list[int] = []
     for number in ending:  # for those that the kernel hands to another thread
         signal.signal(number, lambda came_in, _frame: came.append(came_in))

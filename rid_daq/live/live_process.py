@@ -13,7 +13,7 @@ from typing import Any
 from acquisition.control_block import ControlBlock
 from acquisition.ring import Ring
 from acquisition.stop_reason import StopCode
-from config.termination import ignore_termination
+from config.termination import leave_terminal
 from rid_daq.live.access import Access
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.live.server import REQUEST_PATIENCE_S, LiveServer
@@ -49,7 +49,7 @@ def run_live_page(
     parent : int
         Process id of the program.
     """
-    ignore_termination()
+    leave_terminal()
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(MOST_DESCRIPTORS, most), most))
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # strangers' doings are no news

@@ -57,6 +57,7 @@ class FakeAxes:
         self.torque_raw = np.zeros(n, dtype=np.int16)
         self.statusword = np.full(n, SWITCH_ON_DISABLED, dtype=np.uint16)
         self.late_frames = 0
+        self.second_answers = np.zeros(n, dtype=np.int64)
         self.events: list[DriveEvent] = []
         self.script: Callable[[FakeAxes, int], None] = lambda axes, cycle: None
         self.cycle = 0
@@ -116,6 +117,9 @@ class FakeAxes:
 
     def beat(self, now_s: float) -> None:
         pass
+
+    def bus_notes(self) -> tuple[str, ...]:
+        return ()
 
     def take_events(self) -> tuple[DriveEvent, ...]:
         events, self.events = tuple(self.events), []

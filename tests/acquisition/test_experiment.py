@@ -334,7 +334,9 @@ def test_a_computer_that_dies_leaves_the_axes_at_rest_and_the_recording_recovera
     measured: Callable[[str], None],
 ) -> None:
     with start(alone=True) as program:
-        os.killpg(program.pid, signal.SIGKILL)  # program, task and recorder, in one moment
+        started = Path(f"/proc/{program.pid}/task/{program.pid}/children").read_text().split()
+        for pid in [*map(int, started), program.pid]:  # task, recorder and program
+            os.kill(pid, signal.SIGKILL)
         program.wait()
         wait_for(lambda: at_rest(simulated))
         wait_for(lambda: not being_written(folder.file("recording.mcap")))

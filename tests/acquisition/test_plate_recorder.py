@@ -30,7 +30,7 @@ ROWS = 1000
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.plate_recorder.ignore_termination", lambda: None)
+    monkeypatch.setattr("acquisition.plate_recorder.leave_terminal", lambda: None)
     monkeypatch.setattr("drivers.amplifier_dialogue.ANSWER_TIMEOUT_S", 20.0)
     monkeypatch.setattr("drivers.amplifier_dialogue.BAUD_RATES", ())
     monkeypatch.setattr("acquisition.plate_recorder.STOP_PATIENCE_S", 20.0)

@@ -32,6 +32,7 @@ class Cycle:
     events: list[DriveEvent] = field(default_factory=list)
     lateness_s: float = 0.0
     late_frames: int = 0
+    second_answers: int = 0  # of the second joint, so far
     target_velocity: list[float] = field(default_factory=lambda: [SPEED] * 3)
     command: list[float] = field(default_factory=lambda: [SPEED] * 3)
 
@@ -61,6 +62,7 @@ def run(
             supervisor.check_timing(cycle.lateness_s)
             or supervisor.check_events(cycle.events)
             or supervisor.check_late_frames(cycle.late_frames)
+            or supervisor.check_second_answers([0, cycle.second_answers, 0])
             or supervisor.check_measured(
                 cycle.received,
                 cycle.position,
@@ -117,6 +119,17 @@ def runaway(joint: int, since: int) -> Fault:
     return fault
 
 
+def doubled(at: Callable[[int], bool], *, differs: bool = False) -> Fault:
+    """The second joint's identifier answers twice; where the two differ, neither is received."""
+
+    def fault(cycle: Cycle) -> None:
+        cycle.second_answers = sum(map(at, range(1, cycle.number + 1)))
+        if differs and at(cycle.number):
+            cycle.received[1] = False
+
+    return fault
+
+
 STOPS: dict[str, tuple[Fault, StopCode, int]] = {
     "2: three frames of one drive are missed": (
         set_at("received", lambda k: k >= 10, 1, False), StopCode.MISSED_FRAMES, 12),
@@ -141,6 +154,10 @@ STOPS: dict[str, tuple[Fault, StopCode, int]] = {
         set_at("statusword", lambda k: k >= 10, 2, SWITCHED_ON), StopCode.NOT_ENABLED, 10),
     "13: a drive stops by itself": (
         set_at("statusword", lambda k: k >= 10, 2, NO_QUICK_STOP), StopCode.NOT_ENABLED, 10),
+    "49: second answers in 20 of 100 cycles": (
+        doubled(lambda k: k >= 10 and k % 5 == 0), StopCode.SECOND_ANSWERS, 105),
+    "49: two answers that differ, three times in a row": (
+        doubled(lambda k: k >= 10, differs=True), StopCode.SECOND_ANSWERS, 12),
     "a drive in fault": (
         set_at("statusword", lambda k: k >= 10, 2, FAULT), StopCode.DRIVE_FAULT, 10),
     "14: a stuck encoder": (stuck(1, 10), StopCode.STUCK_ENCODER, 14),
@@ -177,6 +194,8 @@ GOES_ON: dict[str, Fault] = {
     "3: single frames are missed now and then": set_at("received", lambda k: k % 20 < 2, 1, False),
     "5: answers late together in two of 100 cycles": every("late_frames", lambda k: k % 60 == 0, 3),
     "6: one corrupted position": set_at("position", lambda k: k == 10, 0, 3.0),
+    "49: a second answer in every sixth cycle": doubled(lambda k: k % 6 == 0),
+    "49: two answers that differ, twice in a row": doubled(lambda k: k in (10, 11), differs=True),
     "27: a late cycle now and then": every("lateness_s", lambda k: k % 3 == 0, 1.5 * T),
     "an emergency is cleared": every(
         "events", lambda k: k == 10, [event(EventKind.EMERGENCY_CLEARED)]

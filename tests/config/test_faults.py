@@ -57,7 +57,7 @@ def test_the_script_of_the_guide_loads(tmp_path: Path) -> None:
         ("program: [{kind: kill}]", "1:11", "the key 'process' is missing"),
         ("program: [{kind: freeze, process: task}]", "1:11", "the key 'duration_s' is missing"),
         ("program: [{kind: freeze, process: program, duration_s: 1.0}]", "1:26", "'task'"),
-        ("program:\n  - {kind: signal, signal: KILL}", "2:20", "'INT', 'TERM' or 'HUP'"),
+        ("program:\n  - {kind: signal, signal: KILL}", "2:20", "'INT', 'TERM', 'HUP' or 'TSTP'"),
         ("program: [{kind: disk_stall}]", "1:11", "disk_stall needs duration_s"),
         ("program: [{kind: disk_full, duration_s: 1.0}]", "1:11", "until the cell has ended"),
         ("program: [{kind: disk_error, after_bytes: -1}]", "1:30", "greater than or equal to 0"),

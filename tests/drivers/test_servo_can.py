@@ -196,13 +196,6 @@ class TestCycle:
         assert axes.late_frames == 1
         assert axes.position_counts[0] == 1000
 
-    def test_the_first_of_two_answers_counts(self, bench: Any) -> None:
-        axes = bench.enabled()
-        bench.arrives(Frame(0x181, struct.pack("<Hih", 0x1027, 77, 0)), 200e-6)
-        bench.cycle(STILL)
-        assert axes.duplicate_frames == 1
-        assert axes.position_counts[0] == 1000
-
     def test_unknown_identifiers_are_told_once_and_counted(self, bench: Any) -> None:
         axes = bench.enabled()
         for _ in range(5):

@@ -1,0 +1,164 @@
+"""Another node that answers with a drive's identifier, before the drive: row 49."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion_samples import MotionSamples
+from acquisition.stop_reason import StopCode
+from config.errors import DeviceTimeoutError
+from rid_daq.bus_check import sender_lines
+
+AT = 230
+"""A cycle in which every axis moves."""
+Measured = Callable[[str], None]
+
+STRANGERS_S = 8.0
+NOBODY = {"identifier": 0x3F1, "at_s": STRANGERS_S + 0.04}
+LIES = {
+    "torque": {"torque_permille": 150},
+    "a little off": {"position_counts": 300},
+    "far off": {"position_counts": 200_000},
+}
+
+
+@pytest.mark.fault(49)
+@pytest.mark.parametrize("lie", LIES)
+@pytest.mark.parametrize("joint", ["axis1", "axis3"], ids=["first on the bus", "last on the bus"])
+def test_a_node_that_answers_first_every_cycle_stops_the_motion(
+    serve: Any, motion: MotionSamples, joint: str, lie: str, measured: Measured
+) -> None:
+    spoof = {"kind": "spoof", "joint": joint, "at_cycle": AT, "lasting": True, **LIES[lie]}
+    run = serve(bus=[spoof]).move(motion)
+    assert (run.reason.code, run.reason.joint) == (StopCode.SECOND_ANSWERS, joint)
+    node = int(joint[-1])
+    assert f"node {node}" in run.reason.text
+    assert f"18{node}h" in run.reason.text
+    cycles = run.quick_stop_cycle() - AT + 1
+    assert cycles <= 4
+    stop_s = min(run.quick_stops().values())
+    assert not run.motion_frames_after(stop_s)
+    assert np.abs(run.truth.velocity[-1]).max() < 1e-3
+    assert not any(run.truth.powered[-1])
+    streamed = run.rows[run.rows["sample_index"] >= 0]
+    lied_in = streamed[-cycles:]
+    believed = int(lied_in["valid"][:, node - 1].sum())
+    assert believed <= 1, "only where the drive answered after all others had"
+    steered = np.abs(np.diff(streamed["velocity_command"][:-1, node - 1])[-cycles:]).max()
+    assert steered < 0.05, "a false position steered the axis"
+    assert any(f"{joint}: node {node} answered twice" in note for note in run.notes)
+    measured(f"{lie}, {joint}: quick stop in cycle {cycles}, {believed} of the lies believed")
+
+
+@pytest.mark.fault(49)
+def test_a_position_that_creeps_away_leads_the_axis_nowhere(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    """No step of it is a jump: without the second answers the axis would follow it."""
+    creeping = [
+        {"kind": "spoof", "joint": "axis2", "at_cycle": AT + k, "position_counts": 40 * (k + 1)}
+        for k in range(60)
+    ]
+    honest, run = serve().move(motion), serve(bus=creeping).move(motion)
+    assert run.reason.code is StopCode.SECOND_ANSWERS
+    stop_s = min(run.quick_stops().values())
+    here, there = (each.truth.position[each.truth.at(stop_s)][1] for each in (run, honest))
+    assert abs(here - there) < 1e-3
+    cycles = run.quick_stop_cycle() - AT + 1
+    measured(f"a creeping position: {cycles} T, {1e3 * abs(here - there):.2f} mrad off by then")
+
+
+@pytest.mark.fault(49)
+def test_copies_that_say_the_same_are_harmless_until_there_are_too_many(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    run = serve(
+        bus=[{"kind": "duplicate", "joint": "axis2", "at_cycle": AT, "lasting": True}]
+    ).move(motion)
+    assert (run.reason.code, run.reason.joint) == (StopCode.SECOND_ANSWERS, "axis2")
+    cycles = run.quick_stop_cycle() - AT + 1
+    assert 20 <= cycles <= 21
+    moved = run.rows["sample_index"] >= 0
+    assert run.rows["valid"][moved][:-1].all(), "they were used all the same"
+    run.assert_at_rest()
+    measured(f"the same twice in every cycle: quick stop in the {cycles}th cycle")
+
+
+@pytest.mark.fault(49)
+def test_two_answers_that_differ_once_cost_their_row_and_nothing_else(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    spoof = {"kind": "spoof", "joint": "axis1", "at_cycle": AT, "position_counts": 300}
+    run = serve(bus=[spoof]).move(motion)
+    assert run.reason is None
+    assert np.argwhere(run.rows["valid"] == 0)[:, 1].tolist() == [0]
+    (note,) = run.notes
+    assert note.startswith("axis1: node 1 answered twice in 1 cycle, 1 of them with other data")
+    measured("a single pair that differs: 1 marked value, told at the end")
+
+
+@pytest.mark.fault(49)
+@pytest.mark.fault(7)
+def test_frames_of_nobody_are_told_at_the_end(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    strange = {"kind": "strange", "identifier": 0x3F1, "at_cycle": AT, "count": 40}
+    run = serve(bus=[strange]).move(motion)
+    assert run.reason is None
+    (note,) = run.notes
+    assert note.startswith("40 frames came with identifiers that nobody in the cell has (3F1h)")
+    measured("40 frames of nobody: told at the end")
+
+
+@pytest.mark.fault(49)
+def test_before_motion_two_devices_are_a_refusal(
+    serve: Any, motion: MotionSamples, measured: Measured
+) -> None:
+    spoof = {"kind": "spoof", "joint": "axis3", "lasting": True, "position_counts": 5}
+    run = serve(bus=[spoof]).move(motion)
+    assert isinstance(run.error, DeviceTimeoutError)
+    assert "node 3 answered twice" in str(run.error)
+    assert not any(map(any, run.truth.powered))
+    measured("before motion: refused before power")
+
+
+@pytest.mark.fault(49)
+@pytest.mark.parametrize(
+    ("fault", "verdicts"),
+    [
+        ({}, ["ok"] * 3),
+        ({"kind": "duplicate", "count": 3}, ["ok"] * 3),
+        ({"kind": "duplicate", "joint": "axis2", "lasting": True}, ["ok", "red", "ok"]),
+        (
+            {"kind": "spoof", "joint": "axis1", "at_frame": 20, "torque_permille": 1},
+            ["red", "ok", "ok"],
+        ),
+        ({"kind": "strange", "count": 3, **NOBODY}, ["ok"] * 3 + ["shown"]),
+        ({"kind": "strange", "count": 90, **NOBODY}, ["ok"] * 3 + ["red"]),
+    ],
+    ids=["nobody", "a copy each", "copies", "one that differs", "of nobody", "many of nobody"],
+)
+def test_the_preflight_tells_who_else_sends(
+    serve: Any, fault: dict[str, Any], verdicts: list[str], measured: Measured
+) -> None:
+    rig = serve(bus=[fault] if fault else [])
+    cycles = 60
+    with rig.session() as cell:
+        axes, clock = cell.axes, cell.clock
+        axes.bring_up()
+        clock.sleep_until(STRANGERS_S)
+        axes.start()
+        for _ in range(cycles):
+            clock.sleep_until(clock.now_s() + 0.001)
+            axes.collect(axes.sync() + 0.005)
+            axes.beat(clock.now_s())
+            axes.quick_stop()
+        lines = sender_lines(cell, cycles)
+    assert [line.verdict for line in lines] == verdicts
+    red = [line for line in lines if line.verdict == "red"]
+    assert all(line.next_action for line in red)
+    measured(f"preflight, {fault.get('kind', 'nobody')}: {len(red)} red of {len(lines)}")
