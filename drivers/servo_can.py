@@ -143,8 +143,6 @@ class CanServoAxes:
         """Return what the last `bring_up` required and read back, also when it failed."""
         return tuple(setting for setup in self._setups for setting in setup.settings)
 
-    # ---- the cyclic exchange --------------------------------------------------------------
-
     def sync(self) -> float:
         """Begin a cycle with SYNC; return its time on the link's clock [s]."""
         return self._exchange.sync()
@@ -215,8 +213,6 @@ class CanServoAxes:
     def lost_frames(self) -> int:
         """How many frames this computer had to drop, as far as the bus counts them."""
         return self._link.lost_frames
-
-    # ---- power on, power off ---------------------------------------------------------------
 
     def start(self) -> None:
         """Start the drives' cyclic exchange and this computer's heartbeat, still without power.

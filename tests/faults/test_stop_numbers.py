@@ -35,6 +35,7 @@ NUMBERS: dict[str, tuple[float, float, float]] = {
     "late_cycles_limit": (3, 1, 10**6),
     "late_by_cycles_limit": (2.0, 1e-3, 1e6),
     "late_answers_limit": (3, 1, 100),
+    "second_answers_limit": (20, 1, 100),
     "following_error_min_rad": (0.05, 1e-6, 1e6),
     "following_error_per_velocity_s": (0.1, 1e-6, 1e6),
     "stuck_encoder_cycles": (5, 2, 10**6),
