@@ -32,8 +32,9 @@ from acquisition.plate_row import (
     overloaded,
 )
 from config.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
-from config.errors import DeviceFaultError, DriverError, RidDaqError, TransportError
+from config.errors import DeviceFaultError, DriverError, TransportError
 from config.plate import AmplifierConfig, PlateConfig
+from config.shortage import as_named
 from config.termination import ignore_termination
 from drivers.amplifier_serial import SerialAmplifier, open_amplifier
 from drivers.amplifier_stream import StreamCounts
@@ -190,8 +191,8 @@ def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
     try:
         _Recorder(task, block, parent).run()
         block.state = PlateState.FINISHED
-    except RidDaqError as error:
-        block.fail(error)
+    except Exception as error:
+        block.fail(as_named(error))
 
 
 def piece_time_s(baud_rate: int) -> float:

@@ -18,6 +18,7 @@ from pathlib import Path
 from pydantic import Field, JsonValue, ValidationError
 
 from acquisition.run_id import RUN_ID, new_run_id, time_of_run_id
+from config.bounded_file import read_file
 from config.errors import ConfigError, RecordingError
 from config.model import ConfigModel
 from config.whole_file import write_whole
@@ -31,7 +32,8 @@ CLOCK_STEP_NS = 24 * 3600 * 10**9  # a clock set back by more was wrong before
 _LABEL = re.compile(r"[\w .-]{1,64}")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 _DEVICE = re.compile(r"(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?", re.IGNORECASE)
-_MANIFEST_BYTES = 4 << 20
+_MANIFEST_BYTES = 4_000_000
+_READ_BYTES = 200_000_000
 
 
 class RunStatus(StrEnum):
@@ -157,7 +159,7 @@ class RunFolder:
         """
         path = self.path / MANIFEST
         try:
-            data = _read(path, _MANIFEST_BYTES)
+            data = read_file(path, _MANIFEST_BYTES, follow_link=False)
             manifest = Manifest.model_validate_json(data)
         except OSError as error:
             raise RecordingError(f"{self.path}: not a run folder: {error}") from error
@@ -208,7 +210,7 @@ class RunFolder:
         """
         path = self.file(name)
         try:
-            return _read(path, None)
+            return read_file(path, _READ_BYTES, follow_link=False)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
 
@@ -334,13 +336,6 @@ def _refuse_link(path: Path) -> None:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
     if is_link:
         raise RecordingError(f"{path}: is a symbolic link; a run folder has none")
-
-
-def _read(path: Path, limit: int | None) -> bytes:
-    with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
-        if limit is not None and os.fstat(file.fileno()).st_size > limit:
-            raise OSError(f"{path} is larger than {limit} bytes")
-        return file.read()
 
 
 def _entry(path: Path) -> FileEntry:
