@@ -62,7 +62,7 @@ A group of commands is a `typer.Typer` of that name in its module.
 
 
 _WITHOUT_NUMERICS = frozenset({"init", "report", "runs", "stop"})
-_NUMERICS_BYTES = 550 << 20  # of address space, to import and begin; memory used is about half
+_NUMERICS_BYTES = 750 << 20  # of address space, of which about half is used
 
 
 class LazyCommands(TyperGroup):
