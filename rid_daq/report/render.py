@@ -132,7 +132,7 @@ def _plain(value: Any) -> Any:
 
 def _figures(result: dict[str, Any]) -> dict[str, Any]:
     """Draw what the result has curves for: name to inline SVG, or list of such."""
-    figures: dict[str, Any] = {}
+    figures: dict[str, Any] = {"loops": []}
     for section, draw in _DRAWN.items():
         if section in result:
             with _shown(section):
