@@ -19,6 +19,7 @@ from acquisition.import_report import DamagedRow, ImportReport, group_damaged
 from acquisition.motion_samples import Phase
 from acquisition.recording import Recording
 from acquisition.smoothing import GAP_STEPS, resample_periods
+from config.bounded_file import read_file
 from config.errors import ConfigError, DataQualityError
 from config.import_map import ImportMap, RowRange
 from config.robot import RobotDescription
@@ -214,13 +215,7 @@ def _read(
 
 def _lines(path: Path) -> list[str]:
     try:
-        size = path.stat().st_size
-        if size > LARGEST_FILE_BYTES:
-            raise ConfigError(
-                f"{path}: {size / 1e6:.0f} MB is more than the {LARGEST_FILE_BYTES / 1e6:.0f} MB"
-                " that an import reads: cut the file"
-            )
-        data = path.read_bytes()
+        data = read_file(path, LARGEST_FILE_BYTES)
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from error
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"

@@ -18,9 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
+from config.bounded_file import read_file
 from config.errors import RecordingError
 
 MAX_CHUNK_BYTES = 1 << 20
+MAX_FILE_BYTES = 4_000_000_000
 METADATA_NAME = "rid_daq.header"
 
 _MAGIC = b"\x89MCAP0\r\n"
@@ -119,9 +121,8 @@ def read_raw_journal(path: Path) -> RawJournal:
         The file cannot be read, or its messages are in no order.
     """
     try:
-        if path.exists() and not path.is_file():
-            raise RecordingError(f"{path}: is no file")
-        data = path.read_bytes()  # a mapped file on a failing disk would end the program by SIGBUS
+        # A mapped file on a failing disk would end the program by SIGBUS.
+        data = read_file(path, MAX_FILE_BYTES)
         if not data:
             raise RecordingError(f"{path}: the file is empty")
         return _read(data)

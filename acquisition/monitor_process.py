@@ -22,8 +22,9 @@ from acquisition.monitor_row import (
     monitor_body,
 )
 from config.drive_profile import DriveProfile
-from config.errors import DriverError, RidDaqError
+from config.errors import DriverError
 from config.monitor import MonitorConfig
+from config.shortage import as_named
 from config.termination import leave_terminal
 from drivers.drive_monitor import open_drive_monitor
 from drivers.interfaces import DriveMonitor, MonitorReading
@@ -81,8 +82,8 @@ def run_monitor(
             else:
                 _ask_regularly(monitor, writer, control, config.period_s, parent)
         control.monitor_state = MonitorState.FINISHED
-    except RidDaqError as error:
-        control.fail_monitor(str(error))
+    except Exception as error:
+        control.fail_monitor(str(as_named(error)))
 
 
 def _ask_regularly(

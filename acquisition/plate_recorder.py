@@ -36,10 +36,10 @@ from config.errors import (
     DeviceFaultError,
     DriverError,
     RecordingError,
-    RidDaqError,
     TransportError,
 )
 from config.plate import AmplifierConfig, PlateConfig
+from config.shortage import as_named
 from config.termination import leave_terminal
 from drivers.amplifier_serial import SerialAmplifier, open_amplifier
 from drivers.amplifier_stream import StreamCounts
@@ -196,8 +196,8 @@ def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
     try:
         _Recorder(task, block, parent).run()
         block.state = PlateState.FINISHED
-    except RidDaqError as error:
-        block.fail(error)
+    except Exception as error:
+        block.fail(as_named(error))
 
 
 def piece_time_s(baud_rate: int) -> float:

@@ -16,8 +16,8 @@ from acquisition.disk_reserve import RESERVE_BYTES
 from acquisition.journal_file import FLUSH_PERIOD_S, SYNC_PERIOD_S, JournalFile
 from acquisition.journal_header import JournalHeader
 from acquisition.ring import Ring
-from config.errors import RecordingError
 from config.process_name import ProcessName, bear_name
+from config.shortage import as_named
 from config.termination import leave_terminal
 
 TOPIC = "/cycle"
@@ -84,8 +84,8 @@ def run_recorder(
             control.recorder_state = RecorderState.RECORDING
             _carry(ring, control, writer, parent)
         control.recorder_state = RecorderState.FINISHED
-    except RecordingError as error:
-        control.fail_recorder(str(error))
+    except Exception as error:
+        control.fail_recorder(str(as_named(error)))
 
 
 def _carry(ring: Ring, control: ControlBlock, writer: JournalWriter, parent: int) -> None:

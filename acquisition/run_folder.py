@@ -21,6 +21,7 @@ from pydantic import Field, JsonValue, ValidationError
 
 from acquisition.journal_chunks import messages_written
 from acquisition.run_id import RUN_ID, new_run_id, time_of_run_id
+from config.bounded_file import read_file
 from config.errors import ConfigError, RecordingError
 from config.model import ConfigModel
 from config.whole_file import write_whole
@@ -34,7 +35,8 @@ CLOCK_STEP_NS = 24 * 3600 * 10**9  # a clock set back by more was wrong before
 _LABEL = re.compile(r"[\w .-]{1,64}")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 _DEVICE = re.compile(r"(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?", re.IGNORECASE)
-_MANIFEST_BYTES = 4 << 20
+_MANIFEST_BYTES = 4_000_000
+_READ_BYTES = 200_000_000
 _JOURNAL = ".mcap"
 _NOT_BY_WRITE = (_JOURNAL, ".blf", ".json")  # what recorders and estimators put in by themselves
 
@@ -163,7 +165,7 @@ class RunFolder:
         """
         path = self.path / MANIFEST
         try:
-            data = _read(path, _MANIFEST_BYTES)
+            data = read_file(path, _MANIFEST_BYTES, follow_link=False)
             manifest = Manifest.model_validate_json(data)
         except OSError as error:
             raise RecordingError(f"{self.path}: not a run folder: {error}") from error
@@ -212,7 +214,7 @@ class RunFolder:
         """
         path = self.file(name)
         try:
-            data = _read(path, None)
+            data = read_file(path, _READ_BYTES, follow_link=False)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
         entry = self.manifest().files.get(name)
@@ -439,13 +441,6 @@ def _is_link(path: Path) -> bool:
         return path.is_symlink()
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-
-
-def _read(path: Path, limit: int | None) -> bytes:
-    with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
-        if limit is not None and os.fstat(file.fileno()).st_size > limit:
-            raise OSError(f"{path} is larger than {limit} bytes")
-        return file.read()
 
 
 def _entry(path: Path) -> FileEntry:

@@ -12,9 +12,10 @@ from acquisition.realtime import become_realtime, freeze_garbage
 from acquisition.ring import Ring
 from acquisition.set_points import SetPointSource
 from config.cell import CellConfig
-from config.errors import RecordingError, RidDaqError
+from config.errors import RecordingError
 from config.process_name import ProcessName, bear_name
 from config.robot import RobotDescription
+from config.shortage import as_named
 from config.termination import leave_terminal
 from drivers.cell import open_cell
 from drivers.clock import MonotonicClock
@@ -72,8 +73,8 @@ def run_cyclic_task(
                 lockstep=lockstep,
                 orphaned=orphaned,
             ).run(source)
-    except RidDaqError as error:
-        control.report_error(error)
+    except Exception as error:
+        control.report_error(as_named(error))
     finally:
         control.task_state = TaskState.FINISHED
 

@@ -7,17 +7,19 @@ from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from acquisition.motion_samples import MotionSamples
 from compensation.feedforward import FeedforwardTuning
 from compensation.tuning import Tuning
 from config.errors import ConfigError
+from config.json_file import read_json_file
 from config.model import ConfigModel
 from config.motion import AnyMotion, Motion
 from config.whole_file import write_whole
 
 FORMAT: Final = "rid-daq feedforward 1"
+LARGEST_FILE_BYTES: Final = 500_000_000
 
 
 class TuningEntry(ConfigModel):
@@ -148,12 +150,5 @@ def read_feedforward(path: Path) -> FeedforwardFile:
     ConfigError
         It cannot be read or is none.
     """
-    try:
-        return FeedforwardFile.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValidationError as error:
-        raise ConfigError(
-            f"{path}: is no feedforward file ({error.errors()[0]['msg']}): make one with"
-            " `rid-daq compensate`"
-        ) from error
+    what = "a feedforward file as `rid-daq compensate` writes it"
+    return read_json_file(path, FeedforwardFile, LARGEST_FILE_BYTES, what)

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from compensation.velocity_loop import VelocityLoop
-from config.errors import ConfigError
+from config.json_file import read_json_file
 from config.model import ConfigModel
 from config.robot import NonNegative, Positive
 from config.whole_file import write_whole
 
 FORMAT: Final = "rid-daq velocity loops 1"
+LARGEST_FILE_BYTES: Final = 1_000_000
 
 
 class LoopEntry(ConfigModel):
@@ -70,15 +70,8 @@ def read_loops(path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
     ConfigError
         The file cannot be read or is none.
     """
-    try:
-        file = LoopFile.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValidationError, json.JSONDecodeError) as error:
-        first = error.errors()[0] if isinstance(error, ValidationError) else {"msg": str(error)}
-        raise ConfigError(
-            f"{path}: is no file of velocity loops ({first['msg']}): make one with `rid-daq loop`"
-        ) from error
+    what = "a file of velocity loops as `rid-daq loop` writes it"
+    file = read_json_file(path, LoopFile, LARGEST_FILE_BYTES, what)
     loops = tuple(
         VelocityLoop(
             joint_name=entry.joint,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from config.bounded_file import read_file
 from config.cell import CellConfig, DeviceIdentity
 from config.eds import ElectronicDataSheet, parse_eds
 from config.eds_text import MAX_BYTES
@@ -74,14 +75,10 @@ def with_identities(cell: CellConfig, sheets: Sheets) -> CellConfig:
 
 
 def _bytes(path: Path, where: str) -> bytes:
-    """Return a file's bytes, one more at most than a sheet may have."""
-    if path.exists() and not path.is_file():
-        raise ConfigError(f"{where}: {path} is not a file; name the drive's EDS or DCF file")
+    """Return a sheet's bytes."""
     try:
-        with path.open("rb") as file:
-            return file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+        return read_file(path, MAX_BYTES)
+    except OSError as error:
         raise ConfigError(
-            f"{where}: {path}: cannot read: {reason}; a path is relative to the cell file"
+            f"{where}: {path}: cannot read: {error.strerror}; a path is relative to the cell file"
         ) from None

@@ -55,6 +55,10 @@ class RecordingError(RidDaqError):
     """A recording or run folder cannot be written or read."""
 
 
+class ShortageError(RidDaqError):
+    """The computer has too little of something: memory, room on a disk, open files, processes."""
+
+
 class DataQualityError(RidDaqError):
     """What was recorded is not good enough to go on with."""
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from pathlib import Path
 from typing import Final
 
 from pydantic import ValidationError
 
+from config.bounded_file import read_file
 from config.errors import ConfigError
 from config.path_motion import JointTableMotion
 
 TIME: Final = "time_s"
-MOST_BYTES: Final = 200 << 20
+MOST_BYTES: Final = 200_000_000
 
 
 def with_table(motion: JointTableMotion, folder: Path | None) -> JointTableMotion:
@@ -37,10 +39,8 @@ def with_table(motion: JointTableMotion, folder: Path | None) -> JointTableMotio
     if folder is not None and not path.is_absolute():
         path = folder / path
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise ConfigError(f"{path}: is larger than {MOST_BYTES >> 20} MB, too long a motion")
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = list(csv.reader(file))
+        text = read_file(path, MOST_BYTES).decode("utf-8-sig")
+        lines = list(csv.reader(io.StringIO(text, newline="")))
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error) as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import inspect
-import json
 import typing
 from dataclasses import dataclass
 from importlib import resources
@@ -15,6 +14,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from config.amplifier_profile import AmplifierProfile, require_line
+from config.bounded_file import read_file
 from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.drive_sheets import read_sheets, with_identities
@@ -23,12 +23,13 @@ from config.errors import ConfigError
 from config.faults import FaultScript
 from config.import_map import ImportMap
 from config.joint_table import with_table
+from config.json_file import parse_json
 from config.motion import AnyMotion, Motion
 from config.path_motion import JointTableMotion
 from config.plant import PlantConfig
 from config.plate import PlateConfig
 from config.robot import RobotDescription
-from config.yaml_tree import YamlTree, dump_yaml, parse_yaml
+from config.yaml_tree import MAX_BYTES, YamlTree, dump_yaml, parse_yaml
 
 T = TypeVar("T")
 
@@ -257,10 +258,8 @@ def _read(
         meant = f" Did you mean {hint[0]}?" if hint else ""
         known = f" Bundled {kind}: {', '.join(names)}." if names else ""
         raise ConfigError(f"no file and no bundled {kind[:-1]} {reference!r}.{meant}{known}")
-    if path.exists() and not path.is_file():
-        raise ConfigError(f"{path}: is no file")
     try:
-        return path.read_bytes(), str(path), path.parent
+        return read_file(path, MAX_BYTES), str(path), path.parent
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
 
@@ -271,9 +270,8 @@ def _is_run_folder(folder: Path) -> bool:
     if not path.is_file():
         return False
     try:
-        with path.open("rb") as file:
-            manifest = json.loads(file.read(_MANIFEST_BYTES))
-    except (OSError, ValueError, RecursionError):
+        manifest = parse_json(read_file(path, _MANIFEST_BYTES))
+    except (OSError, ConfigError):
         return False
     return isinstance(manifest, dict) and {"run_id", "files"} <= manifest.keys()
 

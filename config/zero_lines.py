@@ -7,12 +7,13 @@ from pathlib import Path
 
 import yaml
 
+from config.bounded_file import read_file
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.load import validate
 from config.plate import PlateZero
 from config.whole_file import write_whole
-from config.yaml_tree import parse_yaml
+from config.yaml_tree import MAX_BYTES, parse_yaml
 
 FALLBACK_INDENT = 2
 
@@ -96,7 +97,7 @@ def write_zero(path: Path, zero: PlateZero, comment: str = "") -> None:
     """
     target = path.resolve()
     try:
-        text = target.read_bytes().decode("utf-8")
+        text = read_file(target, MAX_BYTES).decode("utf-8")
         mode = target.stat().st_mode
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None

@@ -105,9 +105,9 @@ def stop_settings(
 
 def _ramp(cell: CellConfig, joint: Joint, units: AxisUnits, held: Held) -> StopRamp | None:
     """Return the longest ramp that a stop may take; None where a deceleration was not read."""
-    used = [QUICK_STOP_DECELERATION]
+    used: tuple[tuple[int, int], ...] = (QUICK_STOP_DECELERATION,)
     if uses_profile_deceleration(cell):
-        used.append(PROFILE_DECELERATION)
+        used = (*used, PROFILE_DECELERATION)
     if not all(key in held for key in used):
         return None
     velocity = joint.limits.velocity * (1.0 + cell.supervision.limit_margin_fraction)

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import ValidationError
 
 from config.errors import ConfigError, EstimationError
+from config.json_file import read_json_file
 from config.model import ConfigModel
 from config.robot import FrictionTerm, RobotDescription
 from config.whole_file import write_whole
@@ -116,20 +116,8 @@ def read_estimate(path: Path) -> Estimate:
     ConfigError
         The file cannot be read or is not an estimate.
     """
-    try:
-        if path.stat().st_size > LARGEST_FILE_BYTES:
-            raise ConfigError(f"{path}: larger than any estimate; give the model file of identify")
-        data = path.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{path}: the estimate cannot be read: {error.strerror}") from error
-    try:
-        document = EstimateDocument.model_validate_json(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise ConfigError(
-            f"{path}: not an estimate as this program writes it: {where}: {first['msg']}"
-        ) from error
+    what = "an estimate as `rid-daq identify` writes it"
+    document = read_json_file(path, EstimateDocument, LARGEST_FILE_BYTES, what)
     try:
         return _to_estimate(document)
     except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import ValidationError
 
 from config.errors import ConfigError, EstimationError
+from config.json_file import read_json_file
 from config.model import ConfigModel
 from config.robot import RobotDescription
 from config.whole_file import write_whole
@@ -109,20 +109,8 @@ def read_payload(path: Path) -> JudgedPayload:
     ConfigError
         The file cannot be read or is not a payload.
     """
-    try:
-        if path.stat().st_size > LARGEST_FILE_BYTES:
-            raise ConfigError(f"{path}: larger than any payload; give the file of payload identify")
-        data = path.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{path}: the payload cannot be read: {error.strerror}") from error
-    try:
-        document = PayloadDocument.model_validate_json(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise ConfigError(
-            f"{path}: not a payload as this program writes it: {where}: {first['msg']}"
-        ) from error
+    what = "a payload as `rid-daq payload identify` writes it"
+    document = read_json_file(path, PayloadDocument, LARGEST_FILE_BYTES, what)
     try:
         return _to_payload(document)
     except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix

@@ -91,7 +91,7 @@ def serve_hub(settings: HubSettings, ready: Connection) -> None:
             ready.send(None)
             ready.close()
             _run(hub, stop_fd)
-    except (OSError, RidDaqError) as error:
+    except (MemoryError, OSError, RidDaqError) as error:
         with contextlib.suppress(OSError):
             ready.send(str(error))
 

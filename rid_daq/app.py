@@ -1,7 +1,8 @@
 """The root of the command line: which commands there are, and how the program ends.
 
 A command's module is imported when it is called, so that `rid-daq --help` and `rid-daq runs` do
-not wait for numerics that they do not use. This is the one place that catches `RidDaqError`.
+not wait for numerics that they do not use. This is the one place that catches `RidDaqError`,
+and what says that the computer lacks memory, room, files or processes.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import typer
 from typer.core import TyperGroup
 
 from config.errors import RecordingError, RidDaqError
+from config.shortage import as_named, require_memory
 from config.termination import TERMINATION, ending_signals, termination_waits
 from rid_daq.console import Console, documents_written, output_error, printable
 from rid_daq.exit_codes import ExitCode, exit_code_of
@@ -59,6 +61,10 @@ A group of commands is a `typer.Typer` of that name in its module.
 """
 
 
+_WITHOUT_NUMERICS = frozenset({"init", "report", "runs", "stop"})
+_NUMERICS_BYTES = 750 << 20  # of address space, of which about half is used
+
+
 class LazyCommands(TyperGroup):
     """The root group: imports `rid_daq.commands.<name>` when that command is called."""
 
@@ -73,6 +79,8 @@ class LazyCommands(TyperGroup):
             return None
         # `import` is a word of the language, so its module is import_.
         module_name = "import_" if cmd_name == "import" else cmd_name
+        if cmd_name not in _WITHOUT_NUMERICS:
+            require_memory(_NUMERICS_BYTES)
         with termination_waits():  # an exception inside of pydantic's modules becomes another one
             module = importlib.import_module(f"rid_daq.commands.{module_name}")
         found = getattr(module, "group", None) or getattr(module, module_name)
@@ -131,7 +139,7 @@ def run(arguments: Sequence[str]) -> int:
     written = documents_written()
     try:
         typer.main.get_command(root)(args=list(arguments), prog_name="rid-daq")
-    except (RidDaqError, OSError) as caught:
+    except Exception as caught:
         error = _typed(caught)
         code, kind, message = int(exit_code_of(error)), type(error).__name__, str(error)
         typer.echo(f"rid-daq: {printable(message)}", err=True)
@@ -160,13 +168,14 @@ class _Interrupted(SystemExit):
     """A signal came where nothing else was ready for it."""
 
 
-def _typed(error: RidDaqError | OSError) -> RidDaqError:
-    """Return what the system says of a file, such as one that may not be looked at, as an error."""
-    if isinstance(error, RidDaqError):
-        return error
-    if error.filename is None:
-        raise error
-    return RecordingError(f"{error.filename}: {error.strerror}")
+def _typed(error: Exception) -> RidDaqError:
+    """Return what the system says of itself, or of a file, as an error; others are our mistakes."""
+    try:
+        return as_named(error)
+    except OSError:
+        if not isinstance(error, OSError) or error.filename is None:
+            raise
+        return RecordingError(f"{error.filename}: {error.strerror}")
 
 
 def _end_once(number: int, _frame: FrameType | None) -> NoReturn:

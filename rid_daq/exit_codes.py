@@ -17,6 +17,7 @@ from config.errors import (
     RecordingError,
     RidDaqError,
     SafetyStop,
+    ShortageError,
 )
 
 
@@ -45,6 +46,7 @@ _BY_ERROR: tuple[tuple[type[RidDaqError], ExitCode], ...] = (
     (DataQualityError, ExitCode.DATA_QUALITY),
     (EstimationError, ExitCode.DATA_QUALITY),
     (RecordingError, ExitCode.STORAGE),
+    (ShortageError, ExitCode.STORAGE),
     (LockedError, ExitCode.LOCKED),
 )
 

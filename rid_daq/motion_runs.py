@@ -9,7 +9,8 @@ from pathlib import Path
 from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
 from acquisition.run_folder import RunFolder
-from compensation.feedforward_file import FeedforwardFile, read_feedforward
+from compensation.feedforward_file import LARGEST_FILE_BYTES, FeedforwardFile, read_feedforward
+from config.bounded_file import read_file
 from config.cell import CellConfig
 from config.errors import ConfigError, DataQualityError
 from config.load import load_bundled_or_path, load_motion
@@ -95,6 +96,6 @@ def sha256_of(path: Path) -> str:
         It cannot be read.
     """
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return hashlib.sha256(read_file(path, LARGEST_FILE_BYTES)).hexdigest()
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None

@@ -7,17 +7,19 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import typer
-from pydantic import JsonValue
+from pydantic import Field, JsonValue, ValidationError
 
 from acquisition.experiment import RecordOutcome, record_motion
 from acquisition.motion_plan import plan_motion
 from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig
 from config.errors import ConfigError, PreflightError
+from config.json_file import parse_json
 from config.load import LoadedCell, to_yaml
+from config.model import ConfigModel
 from config.motion import FourierMotion
 from rid_daq.clearance import asked
 from rid_daq.console import Console
@@ -33,6 +35,15 @@ if TYPE_CHECKING:
 
 STATE: Final = "session.json"
 SCHEMA: Final = "rid-daq payload session 1"
+
+
+class _State(ConfigModel):
+    """What stands in the file of a session's state."""
+
+    format: Literal["rid-daq payload session 1"] = Field(alias="schema")
+    cell: str
+    done: dict[str, str]
+    facts: dict[str, Any]
 
 
 @dataclass
@@ -84,14 +95,14 @@ class SessionState:
         if not folder.file(STATE).exists():
             raise ConfigError(f"{folder.path}: is not the folder of a payload session")
         try:
-            document = json.loads(folder.read(STATE))
-            if document["schema"] != SCHEMA:
-                raise ValueError
-            return cls(folder, document["cell"], dict(document["done"]), dict(document["facts"]))
-        except (ValueError, KeyError, TypeError, RecursionError):
+            document = _State.model_validate(parse_json(folder.read(STATE)))
+        except (ConfigError, ValidationError) as error:
+            first = error.errors()[0] if isinstance(error, ValidationError) else None
+            said = f"{'.'.join(map(str, first['loc']))}: {first['msg']}" if first else str(error)
             raise ConfigError(
-                f"{folder.file(STATE)}: not the state of a payload session; was it edited?"
+                f"{folder.file(STATE)}: not the state of a payload session ({said}); was it edited?"
             ) from None
+        return cls(folder, document.cell, document.done, document.facts)
 
 
 @dataclass(frozen=True)

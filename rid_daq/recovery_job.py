@@ -12,12 +12,13 @@ from pydantic import JsonValue
 from acquisition.journal_file import being_written
 from acquisition.journal_repair import Repair, examine_journal, repair_journal
 from acquisition.run_folder import MANIFEST, RECORDING, FileEntry, Manifest, RunFolder, RunStatus
+from config.bounded_file import read_file
 from config.errors import ConfigError, LockedError, RecordingError, RidDaqError
 from rid_daq.run_data import FEEDFORWARD, READ
 from rid_daq.session import as_label, unfinished
 from rid_daq.versions import software_versions
 
-LARGEST_FILE_BYTES = 1 << 30
+LARGEST_FILE_BYTES = 1_000_000_000
 _JOURNAL = ".mcap"
 _RESULTS = (".json", ".html")
 _FACTS = ("robot", "simulated_flange", "why")  # the others are results
@@ -156,7 +157,7 @@ def _fill(
 ) -> Recovery:
     repairs = {}
     for name in kept:
-        folder.write(name, (recovery.source / name).read_bytes())
+        folder.write(name, read_file(recovery.source / name, LARGEST_FILE_BYTES))
     for name, rows in written.items():
         target = folder.file(name)
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -265,10 +266,8 @@ def _trusted(
     for name in names:
         path = source / name
         try:
-            if path.stat().st_size > LARGEST_FILE_BYTES:
-                notes.append(f"left out: {path}: larger than {LARGEST_FILE_BYTES >> 30} GB")
-                continue
-            digest = hashlib.sha256(path.read_bytes()).hexdigest()
+            data = read_file(path, LARGEST_FILE_BYTES, follow_link=False)
+            digest = hashlib.sha256(data).hexdigest()
         except OSError as error:
             notes.append(f"left out: {path}: cannot be read: {error.strerror}")
             continue

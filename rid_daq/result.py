@@ -13,8 +13,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict, ValidationError
+
 from acquisition.run_folder import RunFolder
-from config.errors import RecordingError
+from config.errors import ConfigError, RecordingError
+from config.json_file import parse_json
 from rid_daq.report.render import render_report
 from rid_daq.versions import software_versions
 
@@ -23,6 +26,28 @@ RESULT = "result.json"
 REPORT = "report.html"
 
 Result = dict[str, Any]
+
+
+class _Verdict(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+    passed: bool | None
+    headline: str
+    sentence: str
+    checks: list[dict[str, Any]]
+
+
+class _Head(BaseModel):
+    """What every document has; other sections are judged where they are shown."""
+
+    model_config = ConfigDict(strict=True)
+
+    title: str
+    robot: str
+    verdict: _Verdict
+    software: dict[str, Any]
+    runs: list[dict[str, Any]] = []
+    timing: dict[str, Any] = {}
 
 
 def new_result(title: str, robot: str) -> Result:
@@ -84,11 +109,17 @@ def read_result(folder: RunFolder) -> Result:
     if not path.exists():
         raise RecordingError(f"{folder.path}: no {RESULT} yet; the run ended before it had one")
     try:
-        document = json.loads(folder.read(RESULT))
-    except (ValueError, RecursionError):
-        raise RecordingError(f"{path}: not valid JSON; was it edited?") from None
+        document = parse_json(folder.read(RESULT))
+    except ConfigError as error:
+        raise RecordingError(f"{path}: {error}; was it edited?") from None
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         raise RecordingError(f"{path}: not a result of this version ({SCHEMA!r} expected)")
+    try:
+        _Head.model_validate(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise RecordingError(f"{path}: {where}: {first['msg']}; was it edited?") from None
     return document
 
 
@@ -98,8 +129,12 @@ def write_result(folder: RunFolder, result: Result) -> Path:
     Raises
     ------
     RecordingError
-        A file cannot be written.
+        A file cannot be written; or a section, which was read from a file, cannot be shown.
     """
     text = json.dumps(result, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
-    folder.write(RESULT, text.encode())
-    return folder.write(REPORT, render_report(result).encode())
+    path = folder.write(RESULT, text.encode())
+    try:
+        page = render_report(result)
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    return folder.write(REPORT, page.encode())

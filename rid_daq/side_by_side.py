@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 from acquisition.run_folder import RunFolder
 from config import errors
 from config.errors import DriverError, RidDaqError
+from config.shortage import as_named
 from config.termination import TERMINATION, termination_held
 from rid_daq.console import Console
 from rid_daq.demo_story import Motions, tell_story
@@ -116,7 +117,8 @@ def _serve(
     with contextlib.suppress(BrokenPipeError):
         try:
             line.send(tell_story(folder, motions, seed, unmodelled, show))
-        except RidDaqError as error:
+        except Exception as caught:
+            error = as_named(caught)
             kind = getattr(errors, type(error).__name__, DriverError)
             line.send(kind(str(error)))
 

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from config.bounded_file import read_file
 from config.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
 from config.errors import ConfigError
 from config.model import ConfigModel
@@ -15,6 +16,7 @@ from config.plant import LinkInertia, PlantConfig, SimulatedAxis
 from config.robot import Joint, RobotDescription
 from config.urdf import read_urdf
 from config.urdf_robot import UrdfRobot, robot_of_urdf
+from config.xml_tree import MAX_BYTES
 from config.yaml_tree import dump_yaml
 from dynamics.cad import cad_parameters
 from dynamics.inverse_dynamics import mass_matrix
@@ -39,7 +41,7 @@ def urdf_files(path: Path, base: str | None, tip: str | None) -> tuple[dict[str,
         The URDF cannot be read or makes no robot.
     """
     try:
-        data = path.read_bytes()
+        data = read_file(path, MAX_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
     made = robot_of_urdf(read_urdf(data, str(path)), base=base, tip=tip)

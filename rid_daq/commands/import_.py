@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from acquisition.import_csv import import_csv, refuse_rows_beyond
+from acquisition.import_csv import LARGEST_FILE_BYTES, import_csv, refuse_rows_beyond
 from acquisition.run_folder import RunFolder, RunStatus
+from config.bounded_file import read_file
 from config.errors import ConfigError
 from config.import_map import RowRange
 from config.load import load_import_map, to_yaml
@@ -51,7 +52,7 @@ def import_(
         runs, label or as_label(file.stem), kind="import", software=software_versions()
     )
     with unfinished(folder):
-        folder.write(SOURCE, file.read_bytes())
+        folder.write(SOURCE, read_file(file, LARGEST_FILE_BYTES))
         folder.write(MAP, to_yaml(columns, f"How {SOURCE} was read.").encode())
         folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name} as used.").encode())
         data = RunData(folder, recording, robot, report)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from config.bounded_file import read_file
 from config.errors import ConfigError
 from identification.load_data import LoadFormat, deviation, read_load_data
 from identification.payload_body import REPORTED, REPORTED_UNITS
@@ -43,9 +44,7 @@ def read_back(
     console = Console(as_json)
     body = read_payload(payload).estimate.body
     try:
-        if file.stat().st_size > LARGEST_FILE_BYTES:
-            raise ConfigError(f"{file}: larger than any load data")
-        text = file.read_text(encoding="utf-8", errors="replace")
+        text = read_file(file, LARGEST_FILE_BYTES).decode("utf-8", errors="replace")
     except OSError as error:
         raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
     try:

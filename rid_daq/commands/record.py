@@ -13,8 +13,9 @@ from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
 from acquisition.rehearsal import SLOWER, rehearsal
 from acquisition.run_folder import RunFolder, require_label
-from compensation.feedforward_file import read_feedforward
+from compensation.feedforward_file import LARGEST_FILE_BYTES, read_feedforward
 from compensation.torque_limits import refuse_torque
+from config.bounded_file import read_file
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.faults import NO_SCRIPT, FaultScript
@@ -27,6 +28,7 @@ from config.motion import (
     ReversedMotion,
 )
 from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
+from config.yaml_tree import MAX_BYTES
 from identification.estimate import Estimate
 from identification.estimate_file import read_estimate
 from rid_daq.accuracy_watch import AccuracyWatch
@@ -154,11 +156,12 @@ def record(
             if simulated is not None:
                 facts |= note_flange(folder, loaded, simulated.attached)
             whole = isinstance(asked, JointTableMotion)  # with the rows of the file that it names
-            folder.write("motion.yaml", to_yaml(asked).encode() if whole else motion.read_bytes())
+            text = to_yaml(asked).encode() if whole else read_file(motion, MAX_BYTES)
+            folder.write("motion.yaml", text)
             if faults is not None:
-                folder.write("faults.yaml", faults.read_bytes())
+                folder.write("faults.yaml", read_file(faults, MAX_BYTES))
             if feedforward is not None:
-                folder.write("feedforward.json", feedforward.read_bytes())
+                folder.write("feedforward.json", read_file(feedforward, LARGEST_FILE_BYTES))
             with frames_recorded(reachable.can, folder, frames, console):
                 run = record_run(
                     reachable,

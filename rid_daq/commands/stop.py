@@ -14,6 +14,8 @@ import typer
 
 from acquisition.control_block import ControlBlock, TaskState
 from acquisition.stop_reason import StopCode
+from config.bounded_file import read_file
+from config.yaml_tree import MAX_BYTES
 from rid_daq.console import AsJson, Console
 from rid_daq.exit_codes import ExitCode
 from rid_daq.running_sessions import RunningSession, running_sessions
@@ -98,7 +100,7 @@ def stop(
 def _cell_name(cell: str) -> str:
     """Return the name in a cell file, whatever else is wrong there, or what was given."""
     try:
-        text = Path(cell).read_text(encoding="utf-8", errors="replace")
+        text = read_file(Path(cell), MAX_BYTES).decode("utf-8", errors="replace")
     except OSError:
         return cell
     named = _NAME.search(text)

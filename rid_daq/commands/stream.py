@@ -13,6 +13,7 @@ from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import MotionSamples
 from acquisition.run_folder import RunFolder, require_label
 from acquisition.set_points import SetPointSource
+from compensation import loop_file
 from compensation.loop_file import read_loops
 from compensation.online import OnlineFeedforward
 from compensation.point_source import BUFFER_S
@@ -22,11 +23,14 @@ from compensation.stream import (
     stream_motion,
     stream_socket,
 )
+from config.bounded_file import read_file
 from config.cell import CellConfig
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_motion, to_yaml
 from config.motion import AnyMotion
 from config.path_motion import JointTableMotion
+from config.yaml_tree import MAX_BYTES
+from identification import estimate_file
 from identification.estimate_file import read_estimate
 from rid_daq.cells import CellName, Realtime, Seed, reachable_cell
 from rid_daq.clearance import Cleared, require_cleared
@@ -114,11 +118,11 @@ def stream(
         with unfinished(folder):
             for file_name, content in loaded.files.items():
                 folder.write(file_name, content)
-            folder.write("model.json", model.read_bytes())
-            folder.write("loops.json", loop.read_bytes())
+            folder.write("model.json", read_file(model, estimate_file.LARGEST_FILE_BYTES))
+            folder.write("loops.json", read_file(loop, loop_file.LARGEST_FILE_BYTES))
             if asked is not None and motion is not None:
                 whole = isinstance(asked, JointTableMotion)
-                text = to_yaml(asked).encode() if whole else motion.read_bytes()
+                text = to_yaml(asked).encode() if whole else read_file(motion, MAX_BYTES)
                 folder.write("motion.yaml", text)
             run = _streamed(
                 loaded, reachable, forward, options, folder, console, asked, samples, socket

@@ -18,10 +18,12 @@ from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from config.bounded_file import read_file
 from config.errors import ConfigError
 
 DEFAULT_LISTEN = "127.0.0.1:8642"
 LEAST_TOKEN_CHARACTERS = 32
+MOST_TOKEN_BYTES = 1000
 STOP_HEADER = "x-rid-daq"
 _FETCH_SITES = ("same-origin", "none")
 
@@ -198,8 +200,7 @@ def _parse_listen(listen: str) -> tuple[str, int]:
 
 def _read_token(path: Path) -> str:
     try:
-        with path.open(encoding="ascii") as file:
-            token = file.read(1000).strip()
+        token = read_file(path, MOST_TOKEN_BYTES).decode("ascii").strip()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"--token {path}: cannot be read: {error}") from None
     if len(token) < LEAST_TOKEN_CHARACTERS or not all(c.isalnum() or c in "-_" for c in token):

@@ -102,7 +102,7 @@ def test_a_kept_cell_is_loaded_with_the_files_kept_beside_it(tmp_path: Path) -> 
         (SHEET + "DataType=x\n", r"drive\.eds:6: DataType of \[1000\]: 'x' is not a whole number"),
         ("name: ir361\n", r"drive\.eds:1: 'name: ir361' stands before the first \[section\]"),
         ("", r"drive\.eds: there is no \[DeviceInfo\]"),
-        (" " * (MAX_BYTES + 1), "more than 4000000 bytes"),
+        (" " * (MAX_BYTES + 1), "larger than the 4 MB"),
     ],
 )
 def test_a_sheet_that_cannot_be_read(tmp_path: Path, content: str | None, says: str) -> None:
@@ -116,7 +116,7 @@ def test_what_is_no_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "folder").mkdir()
     for name in ("pipe", "folder", "/dev/zero"):
-        with pytest.raises(ConfigError, match="is not a file; name the drive's EDS"):
+        with pytest.raises(ConfigError, match="is no file; name a file"):
             load_cell(cell(tmp_path, f", eds: {name}"))
     with pytest.raises(ConfigError, match="cannot read"):
         load_cell(cell(tmp_path, ', eds: "a\\0b"'))

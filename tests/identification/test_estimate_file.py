@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from acquisition.periods import average_periods
 from acquisition.recording import Recording
@@ -16,6 +18,7 @@ from identification.estimate import Estimate, predict
 from identification.estimate_file import read_estimate, write_estimate
 from identification.estimators import estimate_periodic
 from identification.model_options import ModelOptions
+from tests.fuzz.changed_json import changed
 
 
 @pytest.fixture(scope="module")
@@ -131,3 +134,19 @@ def test_not_json_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> Non
 def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, estimate: Estimate) -> None:
     with pytest.raises(RecordingError, match="cannot be written"):
         write_estimate(tmp_path / "nowhere" / "model.json", estimate)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(data=st.data())
+def test_nothing_but_our_errors_comes_of_a_changed_model(
+    data: st.DataObject, estimate: Estimate, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("changed") / "model.json"
+    write_estimate(path, estimate)
+    path.write_bytes(data.draw(changed(json.loads(path.read_text()))))
+    said = str(path)
+    try:
+        read_estimate(path)
+    except ConfigError as error:
+        said = str(error)
+    assert said.startswith(str(path))

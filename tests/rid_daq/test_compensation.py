@@ -182,7 +182,7 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
         (["compensate", "arm.yaml", "circle.yaml", "--model", "model.json"], "Missing option"),
         (
             ["record", "arm.yaml", "circle.yaml", "--feedforward", "model.json"],
-            "is no feedforward file",
+            "not a feedforward file",
         ),
         (["tracking", "circle", "--against", "multisine"], "is of none of the motions given"),
         (

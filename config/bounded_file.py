@@ -1,0 +1,54 @@
+"""`read_file`: a file's bytes, its size looked at before any of it is read."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+
+def read_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> bytes:
+    """Return the bytes that a file has when it is opened.
+
+    What is opened is what is looked at: a file that is replaced meanwhile changes nothing, and
+    neither does one that grows. A pipe, a device or a folder is refused without waiting for it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most_bytes
+        The largest size that such a file can have.
+    follow_link
+        Whether the last part of the path may be a symbolic link.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, is no file, or is larger; `strerror` says which in words.
+    """
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow_link else os.O_NOFOLLOW)
+    try:
+        descriptor = os.open(path, flags)
+    except ValueError as error:  # a zero byte in its name
+        raise OSError(errno.EINVAL, str(error), str(path)) from None
+    try:
+        about = os.fstat(descriptor)
+        if not stat.S_ISREG(about.st_mode):
+            raise OSError(errno.EINVAL, "is no file; name a file", str(path))
+        if about.st_size > most_bytes:
+            larger = f"is larger than the {_size(most_bytes)} that such a file has at most"
+            raise OSError(errno.EFBIG, larger, str(path))
+        with open(descriptor, "rb", closefd=False) as file:
+            return file.read(about.st_size + 1)[: about.st_size]  # one more: a bad disk says so
+    finally:
+        os.close(descriptor)
+
+
+def _size(count: int) -> str:
+    """Return a number of bytes for people."""
+    for unit, factor in (("GB", 10**9), ("MB", 10**6)):
+        if count >= factor:
+            return f"{count / factor:.3g} {unit}"
+    return f"{count / 1e3:.3g} kB"

@@ -1,0 +1,234 @@
+"""Files that are too large, and a computer that lacks memory, room, files or processes."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Callable
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.experiment import _start
+from acquisition.run_folder import RunFolder
+from config.bounded_file import read_file
+from config.errors import ShortageError
+from config.shortage import as_named, as_shortage, require_memory
+from rid_daq.app import run
+from tests.rid_daq.invented import whole_result
+
+GIGABYTE = 1 << 30
+LITTLE = 200 << 20  # bytes: a command with all that it imports, and no file
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a gigabyte under many names, none of it on the disk, and other non-files."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("big.yaml", "big.json", "big.csv", "big.urdf", "big.mcap"):
+        with open(name, "wb") as file:
+            file.truncate(5 * GIGABYTE)
+    os.mkfifo("pipe.yaml")
+    Path("folder.yaml").mkdir()
+    Path("loop.yaml").symlink_to("loop.yaml")
+    folder = RunFolder.create(tmp_path / "runs", "big")
+    with folder.file("result.json").open("wb") as file:
+        file.truncate(GIGABYTE)
+    return tmp_path
+
+
+@pytest.mark.fault(50)
+@pytest.mark.parametrize(
+    "words",
+    [
+        "check big.yaml", "record ir361 big.yaml", "record ir361 big.yaml --faults big.yaml",
+        "import big.csv --map ur10e_31", "import big.csv --map big.yaml",
+        "init new --urdf big.urdf",
+        "validate big.json big", "export big.json --to urdf -o a.urdf", "compare big.json big.json",
+        "report big", "recover big.mcap", "payload read-back big.json big.json --from urdf",
+        "compensate ir361 big.yaml --model big.json --loop big.json -o a.json",
+    ],
+)  # fmt: skip
+def test_gigabytes_are_refused_before_they_are_read(
+    words: str, desk: Path, capsys: pytest.CaptureFixture[str], measured: Callable[[str], None]
+) -> None:
+    run(["--help"])
+    tracemalloc.start()
+    try:
+        code = run(words.split())
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    said = capsys.readouterr().err
+    assert code in (2, 7), said
+    assert "larger than" in said
+    assert peak < LITTLE
+    measured("5 GB refused unread")
+
+
+@pytest.mark.fault(50)
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("pipe.yaml", "is no file"),
+        ("folder.yaml", "is no file"),
+        ("loop.yaml", "Too many levels of symbolic links"),
+        ("/dev/zero", "is no file"),
+        ("big.yaml", "is larger than the 1 MB"),
+        ("a\0b.yaml", "null byte"),
+    ],
+)
+def test_what_is_no_file_is_not_waited_for(name: str, said: str, desk: Path) -> None:
+    with pytest.raises(OSError, match=said):
+        read_file(Path(name), 1_000_000)
+
+
+def test_a_file_that_grows_is_read_as_it_was_when_opened(tmp_path: Path) -> None:
+    path = tmp_path / "grows"
+    path.write_bytes(b"12345")
+    assert read_file(path, 5) == b"12345"
+    with path.open("ab") as file:
+        file.write(b"6")
+    with pytest.raises(OSError, match="larger"):
+        read_file(path, 5)
+
+
+def _limited(
+    words: list[str], folder: Path, limit: int, size: int
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "rid_daq", *words],
+        cwd=folder,
+        preexec_fn=lambda: resource.setrlimit(limit, (size, size)),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.fault(50)
+@pytest.mark.parametrize(
+    ("words", "limit", "size", "said"),
+    [
+        ("identify latest", resource.RLIMIT_AS, 700_000_000, "not enough memory"),
+        ("record ir361 m.yaml", resource.RLIMIT_AS, 300_000_000, "not enough memory"),
+        ("demo", resource.RLIMIT_AS, 700_000_000, "not enough memory"),
+        ("runs --verify", resource.RLIMIT_AS, 60_000_000, "not enough memory"),
+        ("demo", resource.RLIMIT_FSIZE, 0, "cannot be written: File too large"),
+        ("init new", resource.RLIMIT_FSIZE, 100, "cannot be written: File too large"),
+    ],
+)
+def test_a_computer_that_lacks_something_is_named(
+    words: str, limit: int, size: int, said: str, tmp_path: Path, measured: Callable[[str], None]
+) -> None:
+    done = _limited(words.split(), tmp_path, limit, size)
+    assert "Traceback" not in done.stderr
+    assert said in done.stderr
+    assert done.returncode == 7
+    assert not list(tmp_path.rglob("*.tmp"))
+    measured("exit 7, no traceback")
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (MemoryError(), "not enough memory"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), "not enough memory"),
+        (ImportError("libx.so: failed to map segment from shared object"), "not enough memory"),
+        (RuntimeError("can't start new thread"), "no more processes"),
+        (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), "no more processes"),
+        (OSError(errno.EMFILE, "Too many open files"), "too many files"),
+        (OSError(errno.ENOSPC, "No space left on device", "/a/b"), "/a/b: the disk is full"),
+        (OSError(errno.EROFS, "Read-only file system"), "may only be read"),
+        (OSError(errno.EFBIG, "File too large"), "larger than files may be"),
+    ],
+)
+def test_what_is_lacking_is_read_from_what_led_to_an_error(error: Exception, said: str) -> None:
+    outer = OSError("could not load the library")
+    outer.__context__ = error
+    assert said in str(as_named(error))
+    assert said in str(as_named(outer))
+
+
+def test_a_mistake_of_the_program_stays_one() -> None:
+    assert as_shortage(KeyError("a")) is None
+    with pytest.raises(KeyError):
+        as_named(KeyError("a"))
+
+
+def test_more_memory_than_there_are_addresses_is_refused() -> None:
+    require_memory(1 << 20)
+    with pytest.raises(ShortageError, match="not enough memory"):
+        require_memory(1 << 60)
+
+
+class _Unstartable:
+    pid = None
+
+    def start(self) -> None:
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+
+@pytest.mark.fault(50)
+def test_where_one_process_cannot_start_none_is_left(measured: Callable[[str], None]) -> None:
+    first = get_context("spawn").Process(target=signal.pause)
+    processes: Any = [first, _Unstartable()]
+    with pytest.raises(ShortageError, match="no more processes"):
+        _start(processes)
+    assert first.exitcode == -signal.SIGKILL
+    measured("0 processes left")
+
+
+NOT_JSON: list[tuple[bytes, bytes, str]] = [
+    (b'"cycle_time_ms": 8', b'"cycle_time_ms": NaN', "cell.cycle_time_ms: is not a finite number"),
+    (b'"cycle_time_ms": 8', b'"cycle_time_ms": 1e999', "cell.cycle_time_ms"),
+    (b'"cycle_time_ms": 8', b'"cycle_time_ms": ' + b"9" * 5000, "cell.cycle_time_ms"),
+    (b'"cycle_time_ms": 8', b'"cycle_time_ms": 8, "cycle_time_ms": 9', "stands twice"),
+    (b'"cycle_time_ms": 8', b'"x": ' + b"[" * 5000 + b"]" * 5000, "nested"),
+    (b'"cycle_time_ms": 8', b'"x": "\\ud800"', "cell.x: is text with half a character"),
+    (b'"headline"', b'"headlin"', "verdict.headline"),
+    (b'"robot"', b'"robott"', "robot"),
+    (b'"measured"', b'"measuret"', "curves: cannot be shown: the key 'measured' is missing"),
+    (b'"axes"', b'"axis"', "cannot be shown"),
+]
+
+
+@pytest.mark.fault(50)
+@pytest.mark.parametrize(("old", "new", "said"), NOT_JSON, ids=[row[2] for row in NOT_JSON])
+def test_a_result_that_was_changed_is_refused_by_its_key(
+    old: bytes,
+    new: bytes,
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
+) -> None:
+    folder = RunFolder.create(tmp_path, "changed")
+    data = json.dumps(whole_result()).encode()
+    assert old in data
+    folder.write("result.json", data.replace(old, new))
+    assert run(["report", str(folder.path)]) == 7
+    message = capsys.readouterr().err
+    assert "result.json" in message
+    assert said in message
+    measured("file and key named")
+
+
+def test_a_dollar_sign_in_a_name_begins_no_formula(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "dollars")
+    data = (
+        json.dumps(whole_result()).replace("axis1", r"$\\frac{").replace("axis2", r"\\$x$ \u202e")
+    )
+    folder.write("result.json", data.encode())
+    assert run(["report", str(folder.path)]) == 0
+    page = folder.file("report.html").read_text(encoding="utf-8")
+    assert r"$\frac{" in page
+    assert "\u202e" not in page

@@ -1,0 +1,46 @@
+"""JSON documents that were changed at one place, wherever it is."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+from hypothesis import strategies as st
+
+NASTY = (
+    "NaN", "-Infinity", "1e999", "1e308", "9" * 5000, "-1", "0", "true", "null", '""', "[]", "{}",
+    '"\\ud800"', '"$\\\\frac{"', '"\\u0000\\u202e"', "[" * 90 + "]" * 90,
+    '{"a": 1, "a": 2}', "[[1.0], 2]",
+)  # fmt: skip
+MARK = "changed here"
+
+
+def places(document: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Return the path of every value, of long lists the first and last alone."""
+    found = [path]
+    if isinstance(document, dict):
+        children = list(document.items())
+    elif isinstance(document, list):
+        ends = sorted({0, len(document) - 1}) if document else []
+        children = [(k, document[k]) for k in ends]
+    else:
+        return found
+    return found + [place for key, child in children for place in places(child, (*path, key))]
+
+
+def changed(document: Any) -> st.SearchStrategy[bytes]:
+    """Draw the document with one value replaced by another, or left out."""
+
+    def change(path: tuple[Any, ...], nasty: str | None) -> bytes:
+        tree = copy.deepcopy(document)
+        parent = tree
+        for key in path[:-1]:
+            parent = parent[key]
+        if nasty is None:
+            del parent[path[-1]]
+        else:
+            parent[path[-1]] = MARK
+        return json.dumps(tree).replace(f'"{MARK}"', nasty or "").encode()
+
+    return st.builds(change, st.sampled_from(places(document)[1:]), st.sampled_from((None, *NASTY)))
