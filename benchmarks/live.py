@@ -94,10 +94,10 @@ class Bench:
         cell = self.simulated.cell
         patient = cell.supervision.model_copy(
             update={
-                "missed_frames_limit": 1000,
+                "missed_frames_limit": 90,
                 "late_cycles_limit": 1000,
-                "late_by_cycles_limit": 1000.0,
-                "late_answers_limit": 1000,
+                "late_by_cycles_limit": 90.0,
+                "late_answers_limit": 100,
                 "following_error_min_rad": 1.0,
             }
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shutil
 import socket
 import struct
 import tempfile
@@ -19,7 +20,7 @@ from hypothesis import strategies as st
 from compensation.point_codec import LONGEST_LINE, MOST_POINTS, PROTOCOL, PointDecoder
 from compensation.point_feed import PointGate, feed
 from compensation.point_ring import PointRing, PointsFailed
-from compensation.point_server import CHUNK_BYTES, PointService, listen, serve
+from compensation.point_server import CHUNK_BYTES, PointService, listening, serve
 from config.bodies import Plane, Workspace
 from config.errors import ProtocolError
 from config.load import load_robot
@@ -123,9 +124,8 @@ def test_whatever_a_client_sends_the_server_says_why_and_ends(parts: list[bytes]
         except BaseException as error:
             trouble.append(error)
 
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "points"
-        listener = listen(path)
+    path = Path(tempfile.mkdtemp()) / "points"
+    with listening(path) as listener:
         thread = threading.Thread(target=served)
         thread.start()
         with socket.socket(socket.AF_UNIX) as client:
@@ -143,6 +143,7 @@ def test_whatever_a_client_sends_the_server_says_why_and_ends(parts: list[bytes]
                 waiting.wait(0.01)
         over.set()
         thread.join(30.0)
+    shutil.rmtree(path.parent)
     assert not thread.is_alive()
     assert trouble == []
     assert ring.ended or ring.failure

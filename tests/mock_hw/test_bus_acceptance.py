@@ -79,9 +79,9 @@ def patient_cell(interface: str, channel: str, **changes: object) -> LoadedCell:
     safety = loaded.config.drive_safety.model_copy(
         update={
             "master_heartbeat_ms": 40,
-            "master_heartbeat_timeout_ms": 1000,
+            "master_heartbeat_timeout_ms": 700,
             "drive_heartbeat_ms": 100,
-            "drive_heartbeat_timeout_ms": 3000,
+            "drive_heartbeat_timeout_ms": 700,
             "following_error_timeout_ms": 200,
         }
     )
@@ -89,10 +89,10 @@ def patient_cell(interface: str, channel: str, **changes: object) -> LoadedCell:
         update={
             "missed_frames_limit": 50,
             "late_cycles_limit": 50,
-            "late_by_cycles_limit": 100.0,
+            "late_by_cycles_limit": 90.0,
             "late_answers_limit": 100,
-            "stuck_encoder_cycles": 100,
-            "following_error_per_velocity_s": 2.0,
+            "stuck_encoder_cycles": 90,
+            "following_error_per_velocity_s": 0.3,
             "following_error_min_rad": 0.5,
         }
     )

@@ -32,6 +32,7 @@ CODES = {
     errors.EstimationError: 6,
     errors.RecordingError: 7,
     errors.LockedError: 8,
+    errors.ShortageError: 7,
 }
 
 

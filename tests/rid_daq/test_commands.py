@@ -264,13 +264,21 @@ def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
     # However long this machine stalls, it is Ctrl-C that stops the motion.
     text = (workshop / "cell.yaml").read_text()
     patient = "".join(
-        f"  {limit}: 10000\n"
+        f"  {limit}: 90\n"
         for limit in ("late_cycles_limit", "late_by_cycles_limit", "late_answers_limit")
     )
     assert "  late_cycles_limit: 3\n" in text
     text = text.replace("  late_cycles_limit: 3\n", patient)
     cell = tmp_path / "cell.yaml"
-    cell.write_text(text.replace("missed_frames_limit: 3", "missed_frames_limit: 10000"))
+    for now, then in {
+        "missed_frames_limit: 3": "missed_frames_limit: 90",
+        "limit_margin_fraction: 0.1": "limit_margin_fraction: 0.3",
+        "following_error_min_rad: 0.02": "following_error_min_rad: 0.3",
+        "stuck_encoder_cycles: 5": "stuck_encoder_cycles: 60",
+    }.items():
+        assert now in text
+        text = text.replace(now, then)
+    cell.write_text(text)
     (tmp_path / "robot.yaml").write_text((workshop / "robot.yaml").read_text())
     words = [
         sys.executable, "-m", "rid_daq", "record", str(cell),
@@ -280,10 +288,10 @@ def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
         words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
     ) as program:
         assert program.stdout is not None
-        line = ""
-        while not line.startswith("recording:"):
-            line = program.stdout.readline()
-            assert line, "the program ended before it moved"
+        lines = [""]
+        while not lines[-1].startswith("recording:"):
+            lines.append(program.stdout.readline())
+            assert lines[-1], f"the program ended before it moved: {''.join(lines)}"
         sent_ns = time.time_ns()
         for _ in range(3):
             program.send_signal(signal.SIGINT)

@@ -166,7 +166,7 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
         assert run([*again, str(tmp_path / "x.json"), "--json"]) == 0
         rms = [factor * axis["rms"] for axis in document(capsys)["axes"]]
         file["origin"]["refinements"][-1]["rms"] = rms
-        (changed / "feedforward.json").write_text(json.dumps(file))
+        RunFolder.open(changed).write("feedforward.json", json.dumps(file).encode())
         again[1] = str(changed)
         assert run([*again, str(tmp_path / "y.json")]) == code
         output = capsys.readouterr()

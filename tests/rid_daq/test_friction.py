@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from acquisition.motion_plan import plan_motion
+from acquisition.run_folder import RunFolder
 from config.load import load_cell, load_motion, to_yaml
 from config.motion import ConstantVelocityMotion, FourierJoint, ReversedMotion, SpeedRuns
 from rid_daq.app import run
@@ -137,7 +138,7 @@ def test_another_motion_is_no_measurement_of_friction(
     recorded = next(path for path in runs.glob("*/motion.yaml") if "reversed" in path.read_text())
     copy = tmp_path / recorded.parent.name
     shutil.copytree(recorded.parent, copy)
-    (copy / "motion.yaml").write_text(to_yaml(THERE_AND_BACK.there()))
+    RunFolder.open(copy).write("motion.yaml", to_yaml(THERE_AND_BACK.there()).encode())
     assert run(["friction", str(copy)]) == 2
     error = capsys.readouterr().err
     assert "a motion of kind fourier" in error

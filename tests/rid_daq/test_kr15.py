@@ -30,7 +30,7 @@ from acquisition.motion_plan import plan_motion
 from acquisition.motion_samples import Phase
 from acquisition.periods import average_periods
 from acquisition.recording import Recording
-from acquisition.run_folder import RunFolder
+from acquisition.run_folder import RunFolder, RunStatus
 from config.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell, load_cell, to_yaml
@@ -108,7 +108,9 @@ def record(
     samples = plan_motion(asked, loaded.robot, cell.cycle_time_s)
     folder = RunFolder.create(path, "test", software={})
     folder.write("robot.yaml", loaded.files["robot.yaml"])
-    return record_motion(cell, loaded.robot, samples, folder, on_progress=watch), folder
+    outcome = record_motion(cell, loaded.robot, samples, folder, on_progress=watch)
+    folder.finish(RunStatus.COMPLETE)
+    return outcome, folder
 
 
 def faster(loaded: LoadedCell, cycle_time_ms: int, **changes: Any) -> CellConfig:

@@ -222,13 +222,13 @@ def test_the_internal_model_cannot_judge_them(
 def test_a_plate_that_cannot_be_used_leaves_the_torques(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = find_run(workshop / "runs", "excitation").file("plate.mcap")
-    kept = file.read_bytes()
+    folder = find_run(workshop / "runs", "excitation")
+    kept = folder.read("plate.mcap")
     try:
-        file.write_bytes(kept[:50])
+        folder.write("plate.mcap", kept[:50])
         output = ["--overwrite", "-o", str(workshop / "again.json")]
         assert run(["identify", "excitation", *output, *runs]) == 0
         assert run(["identify", "excitation", "--model", "combined", *runs]) != 0
         assert "needs a force plate" in " ".join(capsys.readouterr().err.split())
     finally:
-        file.write_bytes(kept)
+        folder.write("plate.mcap", kept)
