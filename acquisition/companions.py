@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from multiprocessing import get_context
 from multiprocessing.context import SpawnProcess
 
@@ -16,6 +16,8 @@ from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.load import load_bundled_or_path
 from config.robot import RobotDescription
+from config.shortage import as_named
+from config.termination import termination_held
 
 MONITOR_PATIENCE_S = 30.0
 ONLOOKER_PATIENCE_S = 2.0
@@ -49,6 +51,26 @@ def monitor_process(
         args=(cell.monitor, profile, control, folder.file(MONITOR), header, os.getpid()),
         name="rid-daq drive monitor",
     )
+
+
+def start_processes(processes: Sequence[SpawnProcess]) -> None:
+    """Start all of them or none, the cyclic task last: nothing has moved where one fails.
+
+    Raises
+    ------
+    ShortageError
+        The computer cannot start one more.
+    """
+    try:
+        with termination_held(apart=True):
+            for process in processes:
+                process.start()
+    except Exception as error:
+        for process in processes:
+            if process.pid is not None:
+                process.kill()
+                process.join()
+        raise as_named(error) from error
 
 
 def end_monitor(monitor: SpawnProcess | None, control: ControlBlock) -> list[str]:

@@ -6,7 +6,7 @@ import os
 import shutil
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import wait
@@ -16,7 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.clear_path import refuse_collision
-from acquisition.companions import Onlooker, end_monitor, end_onlooker, monitor_process
+from acquisition.companions import (
+    Onlooker,
+    end_monitor,
+    end_onlooker,
+    monitor_process,
+    start_processes,
+)
 from acquisition.control_block import (
     ControlBlock,
     Progress,
@@ -45,12 +51,10 @@ from config.cell import CellConfig
 from config.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.robot import RobotDescription
-from config.shortage import as_named
 from config.termination import (
     Interruption,
     suspension_refused,
     termination_calls,
-    termination_held,
 )
 from dynamics.clearances import Clearances
 
@@ -203,7 +207,7 @@ def record_motion(
         plate = _start_plate(cell, source, folder, profile)
         notes: list[str] = []
         try:
-            _start(processes)
+            start_processes(processes)
             try:
                 _watch(task, recorder, monitor, control, joints, on_progress, judge, plate)
             finally:
@@ -216,26 +220,6 @@ def record_motion(
             if plate is not None:
                 notes += plate.close()
     return _outcome(path, header, task, recorder, control, interruption, notes)
-
-
-def _start(processes: Sequence[SpawnProcess]) -> None:
-    """Start all of them or none, the cyclic task last: nothing has moved where one fails.
-
-    Raises
-    ------
-    ShortageError
-        The computer cannot start one more.
-    """
-    try:
-        with termination_held(apart=True):
-            for process in processes:
-                process.start()
-    except Exception as error:
-        for process in processes:
-            if process.pid is not None:
-                process.kill()
-                process.join()
-        raise as_named(error) from error
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:

@@ -87,11 +87,11 @@ def patient_cell(interface: str, channel: str, **changes: object) -> LoadedCell:
     )
     supervision = loaded.config.supervision.model_copy(
         update={
-            "missed_frames_limit": 50,
+            "missed_frames_limit": 35,
             "late_cycles_limit": 50,
-            "late_by_cycles_limit": 90.0,
+            "late_by_cycles_limit": 35.0,
             "late_answers_limit": 100,
-            "stuck_encoder_cycles": 90,
+            "stuck_encoder_cycles": 35,
             "following_error_per_velocity_s": 0.3,
             "following_error_min_rad": 0.5,
         }

@@ -76,9 +76,9 @@ def fast_cell() -> LoadedCell:
             update={
                 "missed_frames_limit": 30,
                 "late_cycles_limit": 30,
-                "late_by_cycles_limit": 50.0,
+                "late_by_cycles_limit": 30.0,
                 "late_answers_limit": 100,
-                "stuck_encoder_cycles": 60,
+                "stuck_encoder_cycles": 30,
                 "following_error_min_rad": 0.5,
             }
         ),
