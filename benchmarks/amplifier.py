@@ -24,12 +24,12 @@ from multiprocessing.connection import Connection
 
 import serial
 
-from acquisition.plate_recorder import BEAT_S, PARSE_S, piece_time_s
-from config.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
+from acquisition.session.plate_recorder import BEAT_S, PARSE_S, piece_time_s
+from config.cell.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
 from config.load import load_bundled_or_path
-from drivers.amplifier_frames import encode_row, row_layout
-from drivers.amplifier_stream import AmplifierStream
-from drivers.transport import open_serial
+from drivers.amplifier.frames import encode_row, row_layout
+from drivers.amplifier.stream import AmplifierStream
+from drivers.ports.transport import open_serial
 
 RATE_HZ = 1000
 BAR = 20.0

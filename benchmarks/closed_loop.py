@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from acquisition.arrays import FloatArray
-from acquisition.motion_samples import MotionSamples
-from acquisition.recording import Recording
-from compensation.velocity_loop import VelocityLoop
+from acquisition.motion.samples import MotionSamples
+from acquisition.recording.recording import Recording
+from compensation.loops.velocity_loop import VelocityLoop
+from config.arrays import FloatArray
 from config.load import LoadedCell
-from config.plant import PlantConfig
-from mock_hw.plant import Plant
+from config.simulation.plant import PlantConfig
+from mock_hw.plant.plant import Plant
 
 SETTLE_ROWS = 60
 

@@ -20,18 +20,18 @@ import time
 import numpy as np
 from scipy.optimize import least_squares
 
-from acquisition.arrays import FloatArray
+from config.arrays import FloatArray
 from config.load import load_robot
-from config.robot import RobotDescription
-from dynamics.conditions import Conditions
-from dynamics.robot_model import regressor
-from identification.base_parameters import BaseParameters, base_parameters
-from identification.consistency import programme
-from identification.consistency_programme import ConsistencyProgramme
-from identification.estimate import Estimate
-from identification.model_options import ModelOptions
-from identification.nominal_robot import nominal_parameters
-from identification.pseudo_inertia import BASIS, SIZE
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import regressor
+from dynamics.terms.conditions import Conditions
+from identification.consistency.closest_robot import programme
+from identification.consistency.nominal_robot import nominal_parameters
+from identification.consistency.programme import ConsistencyProgramme
+from identification.consistency.pseudo_inertia import BASIS, SIZE
+from identification.estimation.estimate import Estimate
+from identification.model.base_parameters import BaseParameters, base_parameters
+from identification.model.options import ModelOptions
 
 ROWS = 200
 NOISE_NM = 3.0

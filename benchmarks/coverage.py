@@ -19,14 +19,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.arrays import FloatArray
-from acquisition.excitation import FourierTrajectory
-from acquisition.periods import PeriodAverage
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.processing.periods import PeriodAverage
+from config.arrays import FloatArray
 from config.load import load_robot
-from dynamics.robot_model import RobotModel, regressor
-from identification.base_parameters import base_parameters
-from identification.estimators import estimate_periodic
-from identification.experiment_design import design_two_harmonic
+from dynamics.model.robot_model import RobotModel, regressor
+from identification.design.two_harmonic import design_two_harmonic
+from identification.estimation.estimators import estimate_periodic
+from identification.model.base_parameters import base_parameters
 
 CYCLE_S = 0.008
 PERIOD_S = 10.0

@@ -36,16 +36,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.realtime import SCHEDULER_PRIORITY, become_realtime, freeze_garbage
+from acquisition.task.realtime import SCHEDULER_PRIORITY, become_realtime, freeze_garbage
 from benchmarks.bare_exchange import compiled
 from benchmarks.cyclic_bus import BITRATE, HEARTBEAT_S, Scenario, served
 from benchmarks.lateness import calm_p99
-from config.cell import CanBusConfig, DriveSafety
+from config.cell.cell import CanBusConfig, DriveSafety
 from drivers.canopen.frames import heartbeat_cob_id, rpdo_cob_id, tpdo_cob_id
-from drivers.cia402 import AxisUnits
-from drivers.cyclic_exchange import READING_S, CyclicExchange
-from drivers.drive_watch import DriveWatch
-from drivers.transport import open_can
+from drivers.ports.transport import open_can
+from drivers.servo.cia402 import AxisUnits
+from drivers.servo.cyclic_exchange import READING_S, CyclicExchange
+from drivers.servo.supervision import DriveWatch
 
 CPU_RATIO, JITTER_RATIO = 5.0, 1.3
 ROUNDS, ROUND_S = 9, 6.0

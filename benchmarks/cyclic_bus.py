@@ -17,10 +17,10 @@ from pathlib import Path
 
 from drivers.canopen.bus_load import cyclic_load
 from drivers.canopen.frames import SYNC_COB_ID, heartbeat_cob_id, rpdo_cob_id, tpdo_cob_id
-from mock_hw.device_process import keep_pace
-from mock_hw.hub_client import HubClient
-from mock_hw.hub_process import HubSettings, serve_hub
-from mock_hw.hub_protocol import Role
+from mock_hw.bus.hub_client import HubClient
+from mock_hw.bus.hub_process import HubSettings, serve_hub
+from mock_hw.bus.hub_protocol import Role
+from mock_hw.host.device_process import keep_pace
 
 BITRATE = 1_000_000
 HEARTBEAT_S, DRIVE_HEARTBEAT_S, STATUS_S = 0.025, 0.05, 0.1

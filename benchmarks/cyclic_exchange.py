@@ -21,11 +21,11 @@ from collections.abc import Callable
 import can
 import numpy as np
 
-from config.cell import DriveSafety
-from drivers.cia402 import AxisUnits
-from drivers.cyclic_exchange import CyclicExchange
-from drivers.drive_watch import DriveWatch
-from drivers.transport import CanLink
+from config.cell.cell import DriveSafety
+from drivers.ports.transport import CanLink
+from drivers.servo.cia402 import AxisUnits
+from drivers.servo.cyclic_exchange import CyclicExchange
+from drivers.servo.supervision import DriveWatch
 
 AXES = 3
 BAR_US = 150.0

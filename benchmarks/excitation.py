@@ -22,17 +22,17 @@ from typing import cast
 import joblib
 import numpy as np
 
-from acquisition.excitation import FourierTrajectory
-from config.bodies import Box, Plane, Workspace
+from acquisition.motion.fourier import FourierTrajectory
 from config.load import load_robot
-from config.motion import FourierMotion
-from dynamics.cad import cad_parameters
-from dynamics.robot_model import regressor
-from identification.design_criteria import Condition
-from identification.design_model import design_model
-from identification.excitation_problem import ExcitationProblem
-from identification.experiment_design import two_harmonic_draws
-from identification.optimal_design import Candidate, candidates
+from config.motion.motion import FourierMotion
+from config.robot.bodies import Box, Plane, Workspace
+from dynamics.model.cad import cad_parameters
+from dynamics.model.robot_model import regressor
+from identification.design.criteria import Condition
+from identification.design.model import design_model
+from identification.design.problem import ExcitationProblem
+from identification.design.search import Candidate, candidates
+from identification.design.two_harmonic import two_harmonic_draws
 
 BUDGET_S = 30.0
 QUICK_BUDGET_S = 12.0

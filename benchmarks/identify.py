@@ -23,13 +23,13 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.arrays import FloatArray
-from acquisition.smoothing import SmoothedSignals
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import FloatArray
 from config.load import load_robot
-from config.robot import RobotDescription
-from dynamics.kinematics import Chain
-from dynamics.robot_model import RobotModel, torque
-from identification.estimators import estimate_smoothed
+from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import Chain
+from dynamics.model.robot_model import RobotModel, torque
+from identification.estimation.estimators import estimate_smoothed
 
 SAMPLES = 45_000
 STEP_S = 0.002

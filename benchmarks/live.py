@@ -27,20 +27,20 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.control_block import Progress, TaskState
-from acquisition.experiment import RecordOutcome, record_motion
-from acquisition.journal import read_journal
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import MotionSamples, Phase
-from acquisition.run_folder import RunFolder
+from acquisition.journal.cycles import read_journal
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.task.control_block import Progress, TaskState
 from config.load import LoadedCell, load_cell
-from config.motion import FourierJoint, FourierMotion
+from config.motion.motion import FourierJoint, FourierMotion
+from mock_hw.bus.hub_client import HubClient
+from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
-from mock_hw.hub_client import HubClient
-from mock_hw.hub_protocol import Role
-from rid_daq.console import Console
 from rid_daq.live.access import Access
 from rid_daq.live.live_page import LivePage, live_page
+from rid_daq.terminal.console import Console
 
 CLIENTS = 1000
 SEGMENT_S = 3.0

@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.arrays import FloatArray
+from config.arrays import FloatArray
 from config.load import load_cell
 
 PAYLOADS = ("small", "medium", "large")

@@ -33,17 +33,17 @@ import numpy as np
 from can.io import CanutilsLogReader
 from numpy.typing import NDArray
 
-from acquisition.control_block import Progress
-from acquisition.experiment import RecordOutcome, record_motion
-from acquisition.journal import read_journal
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import MotionSamples, Phase
-from acquisition.run_folder import RunFolder
-from acquisition.stop_reason import StopCode
+from acquisition.journal.cycles import read_journal
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.task.control_block import Progress
+from acquisition.task.stop_reason import StopCode
 from benchmarks.lateness import calm_p99
-from config.faults import DriveFault, FaultScript, FrameFault
 from config.load import LoadedCell, load_cell
-from config.motion import FourierJoint, FourierMotion
+from config.motion.motion import FourierJoint, FourierMotion
+from config.simulation.faults import DriveFault, FaultScript, FrameFault
 from drivers.canopen.frames import (
     SYNC_COB_ID,
     emcy_cob_id,
@@ -52,10 +52,10 @@ from drivers.canopen.frames import (
     tpdo_cob_id,
 )
 from drivers.cell import open_cell
+from mock_hw.bus.hub_client import HubClient
+from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
-from mock_hw.device_process import keep_pace
-from mock_hw.hub_client import HubClient
-from mock_hw.hub_protocol import Role
+from mock_hw.host.device_process import keep_pace
 
 EVERY_S: Final = 9.0
 """Between two faults: a session must have begun to move in it."""

@@ -23,13 +23,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.control_block import ControlBlock, TaskState
-from acquisition.cycle_row import row_dtype, row_struct
-from acquisition.journal import read_journal
-from acquisition.journal_header import JournalHeader
-from acquisition.journal_repair import repair_journal
-from acquisition.recorder import run_recorder
-from acquisition.ring import Ring
+from acquisition.journal.cycle_row import row_dtype, row_struct
+from acquisition.journal.cycles import read_journal
+from acquisition.journal.header import JournalHeader
+from acquisition.session.cycle_recorder import run_recorder
+from acquisition.session.repair import repair_journal
+from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.ring import Ring
 from config.errors import RecordingError
 
 ROWS: Final = 6000
@@ -41,9 +41,9 @@ HEADER: Final = JournalHeader(
 KILLED: Final = """
 import sys
 from pathlib import Path
-from acquisition.cycle_row import row_struct
-from acquisition.journal_header import JournalHeader
-from acquisition.recorder import JournalWriter
+from acquisition.journal.cycle_row import row_struct
+from acquisition.journal.header import JournalHeader
+from acquisition.session.cycle_recorder import JournalWriter
 pack = row_struct(3).pack
 writer = JournalWriter(Path(sys.argv[1]), JournalHeader.model_validate_json(sys.argv[2]))
 for cycle in range(1 << 30):

@@ -19,10 +19,10 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
-from dynamics.inverse_dynamics import regressor_gradient, torque_derivatives
-from dynamics.kinematics import Chain, FloatArray
-from dynamics.rigid_body import RigidBodies
-from dynamics.robot_model import RobotModel, base_wrench_regressor, regressor, torque
+from dynamics.geometry.kinematics import Chain, FloatArray
+from dynamics.model.inverse_dynamics import regressor_gradient, torque_derivatives
+from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor, torque
+from dynamics.terms.rigid_body import RigidBodies
 
 SAMPLES = 10_000
 BAR_MEMORY = 3.5

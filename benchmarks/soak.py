@@ -29,15 +29,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from acquisition.experiment import RecordOutcome, record_motion
-from acquisition.journal import read_journal
-from acquisition.motion_plan import plan_motion
-from acquisition.run_folder import RunFolder
+from acquisition.journal.cycles import read_journal
+from acquisition.motion.plan import plan_motion
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import RecordOutcome, record_motion
 from benchmarks.soak_faults import FAULTS, QUICK, Fault
 from config.errors import RidDaqError
-from config.faults import FaultScript
 from config.load import LoadedCell, load_cell
-from config.motion import FourierJoint, FourierMotion
+from config.motion.motion import FourierJoint, FourierMotion
+from config.simulation.faults import FaultScript
 from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
 

@@ -18,8 +18,8 @@ from collections.abc import Callable
 
 import can
 
-from drivers.can_ports import FramePort, PythonCanPort
-from drivers.socketcan_port import SocketCanPort
+from drivers.ports.can_ports import FramePort, PythonCanPort
+from drivers.ports.socketcan_port import SocketCanPort
 
 AXES = 6
 FRAME = struct.Struct("=IB3x8s")

@@ -24,16 +24,16 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
-from acquisition.position_loop import PositionLoop
-from acquisition.supervisor import Supervisor
+from acquisition.task.position_loop import PositionLoop
+from acquisition.task.supervisor import Supervisor
 from benchmarks.cyclic_exchange import SocketBus, driver_cycle, play_drives
-from compensation.online import REST_RAD_S, OnlineFeedforward
-from compensation.point_ring import PointRing
-from compensation.point_source import PointSource
-from compensation.velocity_loop import VelocityLoop
+from compensation.loops.velocity_loop import VelocityLoop
+from compensation.online.online import REST_RAD_S, OnlineFeedforward
+from compensation.online.point_ring import PointRing
+from compensation.online.point_source import PointSource
 from config.load import LoadedCell, load_cell
-from dynamics.one_sample import SampleTorque
-from dynamics.robot_model import RobotModel
+from dynamics.model.one_sample import SampleTorque
+from dynamics.model.robot_model import RobotModel
 
 GAIN, INTEGRAL_S, DELAY_S = 500.0, 0.1, 5e-4
 LARGEST_SHARE = 0.10

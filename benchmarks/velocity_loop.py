@@ -21,14 +21,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from acquisition.arrays import FloatArray
-from acquisition.motion_plan import plan_motion
+from acquisition.motion.plan import plan_motion
 from benchmarks.closed_loop import closed_loop
-from compensation.loop_measurement import measure_loops
-from compensation.multisine_motion import multisine_motion
-from compensation.multisine_spectra import MultisineSpectra, multisine_spectra
+from compensation.loops.loop_measurement import measure_loops
+from compensation.loops.multisine_motion import multisine_motion
+from compensation.loops.multisine_spectra import MultisineSpectra, multisine_spectra
+from config.arrays import FloatArray
 from config.load import LoadedCell, load_cell
-from config.plant import PlantConfig
+from config.simulation.plant import PlantConfig
 
 LARGEST_ERROR = 0.02
 LEAST_HELD = 0.90

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from acquisition.arrays import FloatArray
-from acquisition.motion_samples import MotionSamples
-from compensation.feedforward import (
+from acquisition.motion.samples import MotionSamples
+from compensation.feedforward.inverse import (
     FeedforwardTuning,
     periodic_feedforward,
     rest_to_rest_feedforward,
 )
-from compensation.online import in_order
+from compensation.loops.velocity_loop import VelocityLoop
+from compensation.online.online import in_order
 from compensation.period_blend import turning_rows, with_period
-from compensation.velocity_loop import VelocityLoop
-from config.robot import RobotDescription
-from drivers.wrist_coupling import WristCoupling
-from identification.estimate import Estimate, predict
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from drivers.servo.wrist_coupling import WristCoupling
+from identification.estimation.estimate import Estimate, predict
 
 
 def compensated_motion(

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from acquisition.arrays import FloatArray
-from acquisition.motion_samples import MotionSamples, Phase
+from acquisition.motion.samples import MotionSamples, Phase
+from config.arrays import FloatArray
 
 BLEND_S: Final = 0.3
 

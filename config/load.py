@@ -13,23 +13,23 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from config.amplifier_profile import AmplifierProfile, require_line
-from config.bounded_file import read_file
-from config.cell import CellConfig
-from config.drive_profile import DriveProfile
-from config.drive_sheets import read_sheets, with_identities
-from config.eds import ElectronicDataSheet
+from config.cell.amplifier_profile import AmplifierProfile, require_line
+from config.cell.cell import CellConfig
+from config.cell.drive_profile import DriveProfile
+from config.cell.drive_sheets import read_sheets, with_identities
+from config.cell.plate import PlateConfig
 from config.errors import ConfigError
-from config.faults import FaultScript
-from config.import_map import ImportMap
-from config.joint_table import with_table
-from config.json_file import parse_json
-from config.motion import AnyMotion, Motion
-from config.path_motion import JointTableMotion
-from config.plant import PlantConfig
-from config.plate import PlateConfig
-from config.robot import RobotDescription
-from config.yaml_tree import MAX_BYTES, YamlTree, dump_yaml, parse_yaml
+from config.formats.bounded_file import read_file
+from config.formats.eds import ElectronicDataSheet
+from config.formats.json_file import parse_json
+from config.formats.yaml_tree import MAX_BYTES, YamlTree, dump_yaml, parse_yaml
+from config.motion.import_map import ImportMap
+from config.motion.joint_table import with_table
+from config.motion.motion import AnyMotion, Motion
+from config.motion.path_motion import JointTableMotion
+from config.robot.robot import RobotDescription
+from config.simulation.faults import FaultScript
+from config.simulation.plant import PlantConfig
 
 T = TypeVar("T")
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from types import TracebackType
 
-from config.cell import CellConfig
+from config.cell.cell import CellConfig
 from config.errors import DeviceFaultError, DriverError, RidDaqError
-from config.robot import RobotDescription
-from drivers.clock import Clock
-from drivers.servo_can import CanServoAxes
-from drivers.transport import CanLink, open_can
+from config.robot.robot import RobotDescription
+from drivers.ports.clock import Clock
+from drivers.ports.transport import CanLink, open_can
+from drivers.servo.axes import CanServoAxes
 
 
 class Cell:

@@ -193,9 +193,9 @@ class PlateRead:
     Attributes
     ----------
     rows
-        `drivers.amplifier_frames.PLATE_ROW`, in the order sent.
+        `drivers.amplifier.frames.PLATE_ROW`, in the order sent.
     events
-        `drivers.amplifier_frames.PLATE_EVENT`, in the order sent.
+        `drivers.amplifier.frames.PLATE_EVENT`, in the order sent.
     arrival_s
         When each row was here, on the cell's clock [s], shape (rows,); rows that one piece brought
         arrived together.
@@ -216,7 +216,7 @@ class ForcePlate(Protocol):
     """An eight-channel force plate with its charge amplifier.
 
     In order: `connect`, `configure`, `operate`; then `start`, `read` again and again, `stop`.
-    Channels are those of `config.plate`.
+    Channels are those of `config.cell.plate`.
     """
 
     @abstractmethod

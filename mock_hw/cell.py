@@ -9,37 +9,37 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
 
-from config.amplifier_profile import AmplifierProfile
-from config.cell import CanBusConfig, CellConfig
-from config.drive_profile import DriveProfile
+from config.cell.amplifier_profile import AmplifierProfile
+from config.cell.cell import CanBusConfig, CellConfig
+from config.cell.drive_profile import DriveProfile
+from config.cell.monitor import ModbusRtu, ModbusTcp, MonitorConfig
+from config.cell.plate import PlateConfig
 from config.errors import ConfigError, TransportError
-from config.faults import NO_SCRIPT, FaultScript
 from config.load import load_bundled_or_path
-from config.monitor import ModbusRtu, ModbusTcp, MonitorConfig
-from config.plant import PlantConfig, SimulatedPlate
-from config.plate import PlateConfig
-from config.robot import RobotDescription
-from mock_hw.amplifier_port import PlateSettings
-from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
-from mock_hw.device_process import DeviceProcess, wait_until_ready
+from config.robot.robot import RobotDescription
+from config.simulation.faults import NO_SCRIPT, FaultScript
+from config.simulation.plant import PlantConfig, SimulatedPlate
+from mock_hw.amplifier.line_faults import NO_FAULTS, LineFaults, line_faults
+from mock_hw.amplifier.port import PlateSettings
+from mock_hw.bus.hub_process import HubSettings, serve_hub
+from mock_hw.bus.served_bus import ONE_PROCESS, SIMULATED, as_served, served_name
 from mock_hw.drives_process import DrivesSettings, serve_drives, serve_until
-from mock_hw.fault_clock import refuse_unknown_joints
-from mock_hw.hub_process import HubSettings, serve_hub
-from mock_hw.line_faults import NO_FAULTS, LineFaults, line_faults
-from mock_hw.program_faults import ProgramFaults
-from mock_hw.register_service import RegisterSettings, ServerCertificates
-from mock_hw.runtime_directory import (
+from mock_hw.host.device_process import DeviceProcess, wait_until_ready
+from mock_hw.host.fault_clock import refuse_unknown_joints
+from mock_hw.host.program_faults import ProgramFaults
+from mock_hw.host.runtime_directory import (
     plate_path,
     private_folder,
     registers_path,
     socket_path,
 )
-from mock_hw.served_bus import ONE_PROCESS, SIMULATED, as_served, served_name
-from mock_hw.simulated_registers import (
+from mock_hw.plant.snapshot import AxisSnapshot, SnapshotReader
+from mock_hw.registers.registers import (
     NO_REGISTER_FAULTS,
     RegisterFaults,
     script_register_faults,
 )
+from mock_hw.registers.server import RegisterSettings, ServerCertificates
 
 
 class SimulatedCell:

@@ -13,28 +13,28 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from config.cell import CanBusConfig, CellConfig
+from config.cell.cell import CanBusConfig, CellConfig
 from config.errors import RidDaqError, TransportError
-from config.faults import NO_SCRIPT, FaultScript
-from config.plant import PlantConfig
-from config.robot import RobotDescription
-from config.termination import termination_waits
+from config.process.termination import termination_waits
+from config.robot.robot import RobotDescription
+from config.simulation.faults import NO_SCRIPT, FaultScript
+from config.simulation.plant import PlantConfig
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
-from drivers.transport import CanLink, open_can
-from mock_hw.amplifier_port import AmplifierPort, PlateSettings
-from mock_hw.axis_snapshot import SnapshotReader, SnapshotWriter
-from mock_hw.bus_client import BusClient
-from mock_hw.device_process import keep_pace, leave_signals_to_parent
-from mock_hw.drive_rack import DriveRack
-from mock_hw.hub_client import HubClient
-from mock_hw.hub_process import LINGER_NS
-from mock_hw.hub_protocol import Role
-from mock_hw.lawicel_port import LawicelPort
+from drivers.ports.transport import CanLink, open_can
+from mock_hw.amplifier.port import AmplifierPort, PlateSettings
+from mock_hw.bus.bus_client import BusClient
+from mock_hw.bus.hub_client import HubClient
+from mock_hw.bus.hub_process import LINGER_NS
+from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.lawicel_port import LawicelPort
+from mock_hw.bus.served_bus import adapter_path, hold_served_bus
+from mock_hw.host.device_process import keep_pace, leave_signals_to_parent
+from mock_hw.host.runtime_directory import folder_in_use
+from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.plate_service import PlateService
-from mock_hw.register_service import DriveRegisters, RegisterService, RegisterSettings
-from mock_hw.runtime_directory import folder_in_use
-from mock_hw.served_bus import adapter_path, hold_served_bus
-from mock_hw.simulated_registers import SimulatedRegisters
+from mock_hw.rack import DriveRack
+from mock_hw.registers.registers import SimulatedRegisters
+from mock_hw.registers.server import DriveRegisters, RegisterService, RegisterSettings
 
 _LOOK_S = 0.1
 _FAULT_PATIENCE_S = 5.0

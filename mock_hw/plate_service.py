@@ -11,11 +11,11 @@ import select
 import time
 from collections.abc import Sequence
 
-from mock_hw.amplifier_port import AmplifierPort
-from mock_hw.bus_client import BusClient
-from mock_hw.can_wire import WireFrame
-from mock_hw.drive_rack import DriveRack
-from mock_hw.hub_client import HubClient
+from mock_hw.amplifier.port import AmplifierPort
+from mock_hw.bus.arbitration import WireFrame
+from mock_hw.bus.bus_client import BusClient
+from mock_hw.bus.hub_client import HubClient
+from mock_hw.rack import DriveRack
 
 LOCKSTEP_BATCH_S = 0.045
 IDLE_BATCH_S = 1.0

@@ -19,10 +19,10 @@ import typer
 from typer.core import TyperGroup
 
 from config.errors import RecordingError, RidDaqError
-from config.shortage import as_named, require_memory
-from config.termination import TERMINATION, ending_signals, termination_waits
-from rid_daq.console import Console, documents_written, output_error, printable
-from rid_daq.exit_codes import ExitCode, exit_code_of
+from config.process.shortage import as_named, require_memory
+from config.process.termination import TERMINATION, ending_signals, termination_waits
+from rid_daq.terminal.console import Console, documents_written, output_error, printable
+from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 
 # Small factorisations gain nothing from threads of BLAS, and lose much where the cores are busy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -110,7 +110,7 @@ root = typer.Typer(
 
 def _show_version(asked: bool) -> None:
     if asked:
-        from rid_daq.versions import program_version
+        from rid_daq.session.versions import program_version
 
         typer.echo(program_version())
         raise typer.Exit

@@ -18,12 +18,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from config.amplifier_profile import AmplifierProfile
+from config.cell.amplifier_profile import AmplifierProfile
+from config.cell.plate import AmplifierConfig, PlateConfig
 from config.load import load_bundled_or_path
-from config.plant import SimulatedPlate
-from config.plate import AmplifierConfig, PlateConfig
-from mock_hw.amplifier_port import AmplifierPort, PlateSettings
-from mock_hw.line_faults import NO_FAULTS, LineFault, LineFaults
+from config.simulation.plant import SimulatedPlate
+from mock_hw.amplifier.line_faults import NO_FAULTS, LineFault, LineFaults
+from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 
 STEP_S = 0.02
 atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True)

@@ -52,7 +52,8 @@ def test_an_init_file_holds_one_docstring_and_nothing_else() -> None:
 
 
 @pytest.mark.parametrize(
-    "module", ["acquisition.task_process", "acquisition.recorder", "mock_hw.drives_process"]
+    "module",
+    ["acquisition.task.process", "acquisition.session.cycle_recorder", "mock_hw.drives_process"],
 )
 def test_a_process_of_a_cell_starts_without_what_it_does_not_use(module: str) -> None:
     heavy = ("pandas", "asammdf", "scipy.sparse", "scipy.optimize", "matplotlib", "typer")

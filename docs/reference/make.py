@@ -17,13 +17,12 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from config.amplifier_profile import AmplifierProfile
-from config.cell import CellConfig
-from config.drive_profile import DriveProfile
-from config.faults import FaultScript
-from config.import_map import ImportMap
-from config.motion import CircleMotion, FourierMotion, MultipointMotion
-from config.path_motion import (
+from config.cell.amplifier_profile import AmplifierProfile
+from config.cell.cell import CellConfig
+from config.cell.drive_profile import DriveProfile
+from config.motion.import_map import ImportMap
+from config.motion.motion import CircleMotion, FourierMotion, MultipointMotion
+from config.motion.path_motion import (
     ArcSegment,
     CircleSegment,
     JointPathMotion,
@@ -32,8 +31,9 @@ from config.path_motion import (
     PathMotion,
     SplineSegment,
 )
-from config.plant import PlantConfig
-from config.robot import RobotDescription
+from config.robot.robot import RobotDescription
+from config.simulation.faults import FaultScript
+from config.simulation.plant import PlantConfig
 
 HERE = Path(__file__).resolve().parent
 

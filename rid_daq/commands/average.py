@@ -6,13 +6,13 @@ from typing import Annotated
 
 import typer
 
-from acquisition.periods import average_periods
-from acquisition.run_list import find_run
-from rid_daq.console import AsJson, Console
-from rid_daq.result import write_result
-from rid_daq.run_data import Unfinished, read_run, result_of, tell_lacks
-from rid_daq.sections import average_section
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from acquisition.processing.periods import average_periods
+from acquisition.runs.catalogue import find_run
+from rid_daq.report.result import write_result
+from rid_daq.report.sections import average_section
+from rid_daq.runs.run_data import Unfinished, read_run, result_of, tell_lacks
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
 
 
 def average(

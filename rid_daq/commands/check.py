@@ -10,26 +10,26 @@ from typing import Annotated
 
 import typer
 
-from config.cell import CellConfig
+from config.cell.cell import CellConfig
 from config.errors import DriverError, PreflightError, RidDaqError
 from config.load import LoadedCell, load_cell
-from config.robot import RobotDescription
-from drivers.bring_up import bus_load
+from config.robot.robot import RobotDescription
 from drivers.canopen.bus_load import LOAD_LIMIT
 from drivers.cell import Cell, open_cell
 from drivers.interfaces import DriveSetting
-from drivers.servo_can import COLLECT_FRACTION
-from rid_daq.bus_check import bus_lines, sender_lines
-from rid_daq.cells import CellName, reachable_cell
-from rid_daq.check_line import CheckLine
-from rid_daq.clearance import Cleared, require_cleared
-from rid_daq.computer_check import computer_lines
-from rid_daq.console import AsJson, Console
-from rid_daq.monitor_check import monitor_lines
-from rid_daq.plate_check import PlateCheck
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.sheet_check import sheet_lines
-from rid_daq.watch_check import watch_lines
+from drivers.servo.axes import COLLECT_FRACTION
+from drivers.servo.bring_up import bus_load
+from rid_daq.preflight.bus_check import bus_lines, sender_lines
+from rid_daq.preflight.check_line import CheckLine
+from rid_daq.preflight.computer_check import computer_lines
+from rid_daq.preflight.monitor_check import monitor_lines
+from rid_daq.preflight.plate_check import PlateCheck
+from rid_daq.preflight.sheet_check import sheet_lines
+from rid_daq.preflight.watch_check import watch_lines
+from rid_daq.session.cells import CellName, reachable_cell
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.clearance import Cleared, require_cleared
+from rid_daq.terminal.console import AsJson, Console
 
 _NEXT: dict[str, str] = {
     "1018": "this is another drive than the data sheet (eds) or identity of the axis says: see that"

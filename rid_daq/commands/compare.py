@@ -9,18 +9,18 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from acquisition.run_list import find_run
+from acquisition.runs.catalogue import find_run
 from config.errors import ConfigError
-from identification.estimate import Estimate
-from identification.estimate_difference import EstimateDifference, compare_estimates
-from identification.estimate_file import read_estimate
-from identification.validation import validate
-from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import ExitCode
+from identification.estimation.estimate import Estimate
+from identification.estimation.file import read_estimate
+from identification.validation.estimate_difference import EstimateDifference, compare_estimates
+from identification.validation.torque_prediction import validate
 from rid_daq.report.render import number
-from rid_daq.result import check, verdict
-from rid_daq.run_data import RunData, Unfinished, read_run, tell_lacks
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.report.result import check, verdict
+from rid_daq.runs.run_data import RunData, Unfinished, read_run, tell_lacks
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
 
 MODEL = "model.json"
 

@@ -9,29 +9,29 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import verify_limits
-from acquisition.run_list import find_run
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import verify_limits
+from acquisition.runs.catalogue import find_run
 from compensation.compensated_motion import compensated_motion
-from compensation.feedforward_file import Origin, TuningEntry, write_feedforward
-from compensation.loop_file import read_loops
-from compensation.online import in_order
-from compensation.repeated_error import repeated_error
-from compensation.torque_limits import refuse_torque
-from compensation.tuning import tune
-from compensation.velocity_loop import VelocityLoop
+from compensation.feedforward.file import Origin, TuningEntry, write_feedforward
+from compensation.feedforward.repeated_error import repeated_error
+from compensation.feedforward.torque_limits import refuse_torque
+from compensation.feedforward.tuning import tune
+from compensation.loops.loop_file import read_loops
+from compensation.loops.velocity_loop import VelocityLoop
+from compensation.online.online import in_order
 from config.errors import ConfigError
 from config.load import load_cell, load_motion
-from config.motion import AnyMotion
-from identification.estimate import Estimate
-from identification.estimate_file import read_estimate
-from rid_daq.cells import CellName
+from config.motion.motion import AnyMotion
+from identification.estimation.estimate import Estimate
+from identification.estimation.file import read_estimate
 from rid_daq.commands.record import check_robot
-from rid_daq.console import AsJson, Console
-from rid_daq.motion_runs import MotionRun, read_motion_run, sha256_of
-from rid_daq.output_file import Overwrite, refuse_output
-from rid_daq.run_data import Unfinished, tell_lacks
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.runs.motion_runs import MotionRun, read_motion_run, sha256_of
+from rid_daq.runs.run_data import Unfinished, tell_lacks
+from rid_daq.session.cells import CellName
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.output_file import Overwrite, refuse_output
 
 
 def compensate(

@@ -7,20 +7,20 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.motion_plan import plan_motion
-from acquisition.run_folder import RunFolder, RunStatus
+from acquisition.motion.plan import plan_motion
+from acquisition.runs.folder import RunFolder, RunStatus
 from config.load import load_cell, to_yaml
-from config.motion import MultipointMotion
-from identification.experiment_design import design_two_harmonic
-from rid_daq.console import AsJson, Console
-from rid_daq.demo_paths import PathMotions
-from rid_daq.demo_story import DEMO_CELL, Motions
-from rid_daq.exit_codes import ExitCode
-from rid_daq.result import Result, check, new_result, verdict, write_result
-from rid_daq.sections import cell_section, truth_case
-from rid_daq.session import DEFAULT_RUNS, RunsFolder, unfinished
-from rid_daq.side_by_side import run_stories
-from rid_daq.versions import software_versions
+from config.motion.motion import MultipointMotion
+from identification.design.two_harmonic import design_two_harmonic
+from rid_daq.demo.demo_paths import PathMotions
+from rid_daq.demo.demo_story import DEMO_CELL, Motions
+from rid_daq.demo.side_by_side import run_stories
+from rid_daq.report.result import Result, check, new_result, verdict, write_result
+from rid_daq.report.sections import cell_section, truth_case
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, unfinished
+from rid_daq.session.versions import software_versions
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
 
 PERIOD_S = 10.0
 FLOOR_RATIO_LIMIT = 1.3

@@ -11,25 +11,25 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import MotionSamples
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples
 from config.errors import ConfigError
+from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
-from config.motion import FourierMotion
-from config.robot import RobotDescription
-from config.whole_file import write_whole
-from identification.estimate_file import read_estimate
-from identification.experiment_design import condition_number, design_two_harmonic
-from identification.friction_motion import constant_velocity_motion, reversed_motion
-from rid_daq.cells import CellName
-from rid_daq.console import AsJson, Console
-from rid_daq.design_job import Search, chosen_criterion, excitation_problem, search
-from rid_daq.exit_codes import ExitCode
-from rid_daq.friction_section import write_friction_motion
-from rid_daq.multisine_job import Grid, Phases, write_multisine
-from rid_daq.output_file import Overwrite, refuse_output
-from rid_daq.sections import units
-from rid_daq.unread_options import is_given, refuse_unread
+from config.motion.motion import FourierMotion
+from config.robot.robot import RobotDescription
+from identification.design.two_harmonic import condition_number, design_two_harmonic
+from identification.estimation.file import read_estimate
+from identification.friction.motions import constant_velocity_motion, reversed_motion
+from rid_daq.jobs.design_job import Search, chosen_criterion, excitation_problem, search
+from rid_daq.jobs.multisine_job import Grid, Phases, write_multisine
+from rid_daq.report.friction_section import write_friction_motion
+from rid_daq.report.sections import units
+from rid_daq.session.cells import CellName
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.unread_options import is_given, refuse_unread
 
 DEFAULT_PERIOD_S = 10.0
 DEFAULT_PERIODS = 16

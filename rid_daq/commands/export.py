@@ -9,24 +9,24 @@ from typing import Annotated, Final
 import numpy as np
 import typer
 
-from acquisition.recording_file import RecordingFormat, recording_bytes
-from acquisition.recording_table import recording_table
-from acquisition.run_folder import RunFolder
-from acquisition.run_list import find_run
+from acquisition.recording.files import RecordingFormat, recording_bytes
+from acquisition.recording.table import recording_table
+from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, EstimationError
-from config.whole_file import write_whole
-from identification.consistency import ConsistentEstimate, consistent
-from identification.estimate import Estimate
-from identification.estimate_file import read_estimate
-from identification.export_description import pinocchio_model, sdf, urdf
-from identification.export_function import c_function, python_function
-from identification.export_model import ExportModel
-from identification.export_table import csv_table, json_table
-from rid_daq.console import AsJson, Console
-from rid_daq.output_file import Overwrite, refuse_output
-from rid_daq.run_data import RunData, Unfinished, read_run, tell_lacks
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.unread_options import refuse_unread
+from config.formats.whole_file import write_whole
+from identification.consistency.closest_robot import ConsistentEstimate, consistent
+from identification.estimation.estimate import Estimate
+from identification.estimation.file import read_estimate
+from identification.export.description import pinocchio_model, sdf, urdf
+from identification.export.function import c_function, python_function
+from identification.export.model import ExportModel
+from identification.export.table import csv_table, json_table
+from rid_daq.runs.run_data import RunData, Unfinished, read_run, tell_lacks
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.unread_options import refuse_unread
 
 
 class Format(StrEnum):

@@ -7,20 +7,20 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.run_list import find_runs
+from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
 from config.load import load_motion
-from config.motion import ConstantVelocityMotion, ReversedMotion
-from identification.estimate_file import read_estimate
-from identification.friction_curve import FrictionCurve, joined
-from identification.friction_experiments import constant_velocity_curves, reversed_curves
-from identification.friction_fits import fit_friction
-from rid_daq.console import AsJson, Console
-from rid_daq.friction_section import friction_section
+from config.motion.motion import ConstantVelocityMotion, ReversedMotion
+from identification.estimation.file import read_estimate
+from identification.friction.curve import FrictionCurve, joined
+from identification.friction.experiments import constant_velocity_curves, reversed_curves
+from identification.friction.fits import fit_friction
+from rid_daq.report.friction_section import friction_section
 from rid_daq.report.render import number
-from rid_daq.result import write_result
-from rid_daq.run_data import RunData, Unfinished, read_run, result_of, tell_lacks
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.report.result import write_result
+from rid_daq.runs.run_data import RunData, Unfinished, read_run, result_of, tell_lacks
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
 
 
 def friction(

@@ -9,22 +9,20 @@ from typing import Annotated, Any, cast, get_args
 import numpy as np
 import typer
 
-from acquisition.periods import average_periods
-from acquisition.run_list import find_run, find_runs
+from acquisition.processing.periods import average_periods
+from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
-from config.robot import FrictionTerm
-from identification.comparison import FRICTION_CANDIDATES, Comparison
-from identification.consistency import consistent
-from identification.cross_checks import CrossCheck, Method
-from identification.drift import friction_drift
-from identification.estimate import Estimate
-from identification.estimate_file import write_estimate
-from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
-from identification.identifiability import weak_parameters
-from identification.model_options import ModelOptions
-from rid_daq.console import AsJson, Console
-from rid_daq.curves import period_curves
-from rid_daq.identification_job import (
+from config.robot.robot import FrictionTerm
+from identification.accuracy.identifiability import weak_parameters
+from identification.consistency.closest_robot import consistent
+from identification.cross_checks.agreement import CrossCheck, Method
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
+from identification.estimation.file import write_estimate
+from identification.model.options import ModelOptions
+from identification.validation.friction_drift import friction_drift
+from identification.validation.friction_selection import FRICTION_CANDIDATES, Comparison
+from rid_daq.jobs.identification_job import (
     HowToEstimate,
     check_otherwise,
     compare_friction,
@@ -32,13 +30,15 @@ from rid_daq.identification_job import (
     gains_of_drives,
     plate_findings,
 )
-from rid_daq.output_file import Overwrite, refuse_output
-from rid_daq.plate_section import plate_section, tell_plate, weight_words
+from rid_daq.report.curves import period_curves
+from rid_daq.report.plate_section import plate_section, tell_plate, weight_words
 from rid_daq.report.render import number
-from rid_daq.result import write_result
-from rid_daq.run_data import RunData, Unfinished, note_output, read_run, result_of, tell_lacks
-from rid_daq.sections import average_section, comparison_section, estimate_section
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.report.result import write_result
+from rid_daq.report.sections import average_section, comparison_section, estimate_section
+from rid_daq.runs.run_data import RunData, Unfinished, note_output, read_run, result_of, tell_lacks
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.output_file import Overwrite, refuse_output
 
 MODEL = "model.json"
 

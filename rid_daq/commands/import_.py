@@ -8,17 +8,17 @@ from typing import Annotated
 
 import typer
 
-from acquisition.import_csv import LARGEST_FILE_BYTES, import_csv, refuse_rows_beyond
-from acquisition.run_folder import RunFolder, RunStatus
-from config.bounded_file import read_file
+from acquisition.csv.read import LARGEST_FILE_BYTES, import_csv, refuse_rows_beyond
+from acquisition.runs.folder import RunFolder, RunStatus
 from config.errors import ConfigError
-from config.import_map import RowRange
+from config.formats.bounded_file import read_file
 from config.load import load_import_map, to_yaml
-from rid_daq.console import AsJson, Console
-from rid_daq.result import verdict, write_result
-from rid_daq.run_data import MAP, ROBOT, SOURCE, RunData, result_of
-from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
-from rid_daq.versions import software_versions
+from config.motion.import_map import RowRange
+from rid_daq.report.result import verdict, write_result
+from rid_daq.runs.run_data import MAP, ROBOT, SOURCE, RunData, result_of
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
+from rid_daq.session.versions import software_versions
+from rid_daq.terminal.console import AsJson, Console
 
 
 def import_(

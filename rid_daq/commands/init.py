@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from config.errors import ConfigError, RecordingError
-from config.whole_file import write_whole
-from rid_daq.console import AsJson, Console, as_command
+from config.formats.whole_file import write_whole
+from rid_daq.terminal.console import AsJson, Console, as_command
 
 
 def init(
@@ -39,7 +39,7 @@ def init(
     console = Console(as_json)
     notes: tuple[str, ...] = ()
     if urdf is not None:
-        from rid_daq.urdf_starter import urdf_files
+        from rid_daq.jobs.urdf_starter import urdf_files
 
         files, made = urdf_files(urdf, base, tip)
         notes = made.notes

@@ -7,21 +7,21 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.run_list import find_run
-from compensation.cascade import advise
-from compensation.loop_file import write_loops
-from compensation.loop_measurement import measure_loops
-from config.cell import CellConfig
+from acquisition.runs.catalogue import find_run
+from compensation.loops.cascade import advise
+from compensation.loops.loop_file import write_loops
+from compensation.loops.loop_measurement import measure_loops
+from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import load_bundled_or_path, load_motion
-from config.motion import MultisineMotion
-from rid_daq.console import AsJson, Console
-from rid_daq.output_file import Overwrite, refuse_output
+from config.motion.motion import MultisineMotion
 from rid_daq.report.render import number
-from rid_daq.result import write_result
-from rid_daq.run_data import RunData, Unfinished, note_output, read_run, result_of, tell_lacks
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.velocity_loop_section import velocity_loop_section
+from rid_daq.report.result import write_result
+from rid_daq.report.velocity_loop_section import velocity_loop_section
+from rid_daq.runs.run_data import RunData, Unfinished, note_output, read_run, result_of, tell_lacks
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.output_file import Overwrite, refuse_output
 
 
 def loop(

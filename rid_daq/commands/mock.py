@@ -10,20 +10,20 @@ from typing import Annotated
 
 import typer
 
-from config.cell import CellConfig
+from config.cell.cell import CellConfig
 from config.errors import ConfigError, LockedError, RecordingError, TransportError
-from config.faults import NO_SCRIPT
+from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, load_faults
-from config.termination import ending_signals, ignore_termination
-from config.whole_file import write_whole
+from config.process.termination import ending_signals, ignore_termination
+from config.simulation.faults import NO_SCRIPT
+from mock_hw.bus.served_bus import SIMULATED
 from mock_hw.cell import SimulatedCell
-from mock_hw.drive_objects import DriveIdentity
-from mock_hw.drive_sheet import drive_sheet
-from mock_hw.runtime_directory import runtime_directory
-from mock_hw.served_bus import SIMULATED
-from rid_daq.cells import is_served, refuse_one_process
-from rid_daq.console import AsJson, Console
-from rid_daq.output_file import refuse_output
+from mock_hw.drive.eds import drive_sheet
+from mock_hw.drive.objects import DriveIdentity
+from mock_hw.host.runtime_directory import runtime_directory
+from rid_daq.session.cells import is_served, refuse_one_process
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.output_file import refuse_output
 
 _LOOK_S = 2.0
 

@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from config.errors import EstimationError
-from config.whole_file import write_whole
-from identification.load_data import LoadFormat, load_data
-from identification.payload_file import JudgedPayload, read_payload
-from rid_daq.console import AsJson, Console
-from rid_daq.output_file import Overwrite, refuse_output
+from config.formats.whole_file import write_whole
+from identification.payload.controllers.formats import LoadFormat, load_data
+from identification.payload.file import JudgedPayload, read_payload
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.output_file import Overwrite, refuse_output
 
 
 def export(

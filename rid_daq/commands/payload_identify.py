@@ -8,26 +8,26 @@ from typing import Annotated, Final, get_args
 
 import typer
 
-from acquisition.run_list import find_runs
+from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError, EstimationError
-from identification.estimate_file import read_estimate
-from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
-from identification.model_options import ModelOptions
-from identification.payload_body import REPORTED
-from identification.payload_equations import Procedure
-from identification.payload_file import write_payload
-from identification.payload_fit import HowToWeigh
-from identification.payload_solution import Known
-from identification.payload_verdict import PayloadLimits
-from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import ExitCode
-from rid_daq.flange import compared
-from rid_daq.output_file import Overwrite, refuse_output
-from rid_daq.payload_job import Weighing, weigh_runs
-from rid_daq.payload_section import payload_section, payload_verdict, tell_payload
-from rid_daq.result import write_result
-from rid_daq.run_data import Unfinished, note_output, read_run, result_of, tell_lacks
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
+from identification.estimation.file import read_estimate
+from identification.model.options import ModelOptions
+from identification.payload.body import REPORTED
+from identification.payload.equations import Procedure
+from identification.payload.file import write_payload
+from identification.payload.procedures import HowToWeigh
+from identification.payload.solution import Known
+from identification.payload.verdict import PayloadLimits
+from rid_daq.jobs.payload_job import Weighing, weigh_runs
+from rid_daq.report.payload_section import payload_section, payload_verdict, tell_payload
+from rid_daq.report.result import write_result
+from rid_daq.runs.flange import compared
+from rid_daq.runs.run_data import Unfinished, note_output, read_run, result_of, tell_lacks
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.output_file import Overwrite, refuse_output
 
 PAYLOAD: Final = "payload.json"
 

@@ -7,15 +7,15 @@ from typing import Annotated
 
 import typer
 
-from config.bounded_file import read_file
 from config.errors import ConfigError
-from identification.load_data import LoadFormat, deviation, read_load_data
-from identification.payload_body import REPORTED, REPORTED_UNITS
-from identification.payload_file import read_payload
-from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import ExitCode
+from config.formats.bounded_file import read_file
+from identification.payload.body import REPORTED, REPORTED_UNITS
+from identification.payload.controllers.formats import LoadFormat, deviation, read_load_data
+from identification.payload.file import read_payload
 from rid_daq.report.render import number
-from rid_daq.result import check, verdict
+from rid_daq.report.result import check, verdict
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
 
 LARGEST_FILE_BYTES = 1_000_000
 

@@ -7,46 +7,46 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.motion_plan import plan_motion
-from acquisition.periods import average_periods
-from acquisition.run_folder import RunFolder, RunStatus
-from acquisition.run_list import find_run
-from config.cell import CellConfig
+from acquisition.motion.plan import plan_motion
+from acquisition.processing.periods import average_periods
+from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RunFolder, RunStatus
+from config.cell.cell import CellConfig
 from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, load_cell, load_motion, load_robot, to_yaml
-from config.motion import FourierMotion
-from identification.estimate_file import read_estimate
-from identification.payload_file import write_payload
-from identification.payload_fit import HowToWeigh
-from identification.payload_motion import PayloadSearch, design_payload_motion
-from identification.payload_periodic import PeriodicRuns
-from identification.payload_verdict import PayloadLimits
-from rid_daq.cells import CellName, mountable_cell
+from config.motion.motion import FourierMotion
+from identification.estimation.file import read_estimate
+from identification.payload.file import write_payload
+from identification.payload.motion import PayloadSearch, design_payload_motion
+from identification.payload.periodic_runs import PeriodicRuns
+from identification.payload.procedures import HowToWeigh
+from identification.payload.verdict import PayloadLimits
 from rid_daq.commands.check import preflight
 from rid_daq.commands.payload_identify import PAYLOAD, known_quantity
 from rid_daq.commands.record import check_robot
-from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import ExitCode, exit_code_of_stop
-from rid_daq.flange import compared
-from rid_daq.live.access import DEFAULT_LISTEN
-from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
-from rid_daq.payload_job import Weighing, weigh_runs
-from rid_daq.payload_section import payload_section, payload_verdict, tell_payload
-from rid_daq.payload_steps import (
+from rid_daq.jobs.payload_job import Weighing, weigh_runs
+from rid_daq.jobs.payload_steps import (
     PayloadSteps,
     SessionState,
     new_run,
     rehearsal_of,
     require_yes,
 )
-from rid_daq.payload_watch import MassWatch, WarmUpWatch, Watch
-from rid_daq.recording_job import stop_document
-from rid_daq.result import new_result, write_result
-from rid_daq.run_data import ROBOT, read_run, require_own
-from rid_daq.run_quality import run_quality
-from rid_daq.sections import cell_section, motion_sentence, run_section
-from rid_daq.session import DEFAULT_RUNS, RunsFolder, unfinished
-from rid_daq.versions import software_versions
+from rid_daq.jobs.payload_watch import MassWatch, WarmUpWatch, Watch
+from rid_daq.jobs.recording_job import stop_document
+from rid_daq.live.access import DEFAULT_LISTEN
+from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
+from rid_daq.report.payload_section import payload_section, payload_verdict, tell_payload
+from rid_daq.report.result import new_result, write_result
+from rid_daq.report.sections import cell_section, motion_sentence, run_section
+from rid_daq.runs.flange import compared
+from rid_daq.runs.run_data import ROBOT, read_run, require_own
+from rid_daq.runs.run_quality import run_quality
+from rid_daq.session.cells import CellName, mountable_cell
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, unfinished
+from rid_daq.session.versions import software_versions
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 
 PERIOD_S = 7.2
 WEIGHED = ("unloaded", "loaded")

@@ -9,12 +9,8 @@ from typing import Annotated, Any, NoReturn
 import numpy as np
 import typer
 
-from acquisition.arrays import FloatArray, IntArray
-from acquisition.force_plate import PlateGeometry
-from acquisition.plate_alignment import with_plate
-from acquisition.plate_journal import PLATE_RECORDING, read_plate_journal
-from acquisition.plate_preparation import discharge_plate
-from acquisition.plate_zero import (
+from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
+from acquisition.plate_zero.plate_zero import (
     PlateOffset,
     ZeroTurn,
     find_offset,
@@ -22,21 +18,25 @@ from acquisition.plate_zero import (
     rest_samples,
     turn_samples,
 )
-from acquisition.run_folder import RunFolder
-from config.cell import CellConfig
+from acquisition.processing.plate_alignment import with_plate
+from acquisition.recording.plate_geometry import PlateGeometry
+from acquisition.runs.folder import RunFolder
+from acquisition.session.plate_preparation import discharge_plate
+from config.arrays import FloatArray, IntArray
+from config.cell.cell import CellConfig
+from config.cell.plate import PlateConfig
 from config.errors import ConfigError, DataQualityError
 from config.load import LoadedCell, bundled_names, load_cell
-from config.plate import PlateConfig
-from config.zero_lines import write_zero, zero_lines
-from rid_daq.cells import CellName, Realtime, Seed, reachable_cell
-from rid_daq.clearance import Cleared, require_cleared
-from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import ExitCode, exit_code_of_stop
-from rid_daq.recording_job import RecordedRun, how_it_ended, record_run, stop_document
-from rid_daq.result import write_result
-from rid_daq.session import DEFAULT_RUNS, RunsFolder, unfinished
-from rid_daq.versions import software_versions
-from rid_daq.zero_section import as_zero, tell_zero, zero_section, zero_verdict
+from rid_daq.jobs.recording_job import RecordedRun, how_it_ended, record_run, stop_document
+from rid_daq.report.result import write_result
+from rid_daq.report.zero_section import as_zero, tell_zero, zero_section, zero_verdict
+from rid_daq.runs.plate_zero_lines import write_zero, zero_lines
+from rid_daq.session.cells import CellName, Realtime, Seed, reachable_cell
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, unfinished
+from rid_daq.session.versions import software_versions
+from rid_daq.terminal.clearance import Cleared, require_cleared
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 
 ZERO_FILE = "zero.yaml"
 STAND_S = 0.5

@@ -8,39 +8,32 @@ from typing import Annotated
 import typer
 from pydantic import JsonValue
 
-from acquisition.frame_recorder import require_listenable
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import MotionSamples
-from acquisition.rehearsal import SLOWER, rehearsal
-from acquisition.run_folder import RunFolder, require_label
-from compensation.feedforward_file import LARGEST_FILE_BYTES, read_feedforward
-from compensation.torque_limits import refuse_torque
-from config.bounded_file import read_file
-from config.cell import CellConfig
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.rehearsal import SLOWER, rehearsal
+from acquisition.motion.samples import MotionSamples
+from acquisition.runs.folder import RunFolder, require_label
+from acquisition.session.frame_recorder import require_listenable
+from compensation.feedforward.file import LARGEST_FILE_BYTES, read_feedforward
+from compensation.feedforward.torque_limits import refuse_torque
+from config.cell.cell import CellConfig
 from config.errors import ConfigError
-from config.faults import NO_SCRIPT, FaultScript
+from config.formats.bounded_file import read_file
+from config.formats.yaml_tree import MAX_BYTES
 from config.load import LoadedCell, load_cell, load_faults, load_motion, to_yaml
-from config.motion import (
+from config.motion.motion import (
     AnyMotion,
     CircleMotion,
     ConstantVelocityMotion,
     MultisineMotion,
     ReversedMotion,
 )
-from config.path_motion import JointPathMotion, JointTableMotion, PathMotion
-from config.yaml_tree import MAX_BYTES
-from identification.estimate import Estimate
-from identification.estimate_file import read_estimate
-from rid_daq.accuracy_watch import AccuracyWatch
-from rid_daq.cells import CellName, Realtime, Seed, mountable_cell
-from rid_daq.clearance import Cleared, require_cleared
-from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import ExitCode, exit_code_of_stop
-from rid_daq.flange import note_flange
-from rid_daq.frames import frames_recorded
-from rid_daq.live.access import DEFAULT_LISTEN
-from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
-from rid_daq.recording_job import (
+from config.motion.path_motion import JointPathMotion, JointTableMotion, PathMotion
+from config.simulation.faults import NO_SCRIPT, FaultScript
+from identification.estimation.estimate import Estimate
+from identification.estimation.file import read_estimate
+from rid_daq.jobs.accuracy_watch import AccuracyWatch
+from rid_daq.jobs.frames import frames_recorded
+from rid_daq.jobs.recording_job import (
     RecordedRun,
     how_it_ended,
     judge,
@@ -48,10 +41,17 @@ from rid_daq.recording_job import (
     stop_document,
     tell_verdict,
 )
-from rid_daq.result import write_result
-from rid_daq.run_quality import RunQuality
-from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
-from rid_daq.versions import software_versions
+from rid_daq.live.access import DEFAULT_LISTEN
+from rid_daq.live.live_page import Certificate, Listen, Live, Token, live_page
+from rid_daq.report.result import write_result
+from rid_daq.runs.flange import note_flange
+from rid_daq.runs.run_quality import RunQuality
+from rid_daq.session.cells import CellName, Realtime, Seed, mountable_cell
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
+from rid_daq.session.versions import software_versions
+from rid_daq.terminal.clearance import Cleared, require_cleared
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 
 
 def record(
@@ -193,7 +193,7 @@ def _faults(path: Path, cell: CellConfig, runs: Path) -> FaultScript:
     """Load a fault script, whose full disk must be one that may be filled."""
     script = load_faults(path, cell)
     if any(fault.kind == "disk_full" for fault in script.program):
-        from mock_hw.full_disk import refuse_shared_disk
+        from mock_hw.host.full_disk import refuse_shared_disk
 
         refuse_shared_disk(runs)
     return script

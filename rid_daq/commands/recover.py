@@ -7,13 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.journal_repair import Repair
-from acquisition.run_list import find_run
+from acquisition.runs.catalogue import find_run
+from acquisition.session.repair import Repair
 from config.errors import ConfigError, RecordingError
-from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import ExitCode
-from rid_daq.recovery_job import Recovery, recover_file, recover_run
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.jobs.recovery_job import Recovery, recover_file, recover_run
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
 
 
 def recover(

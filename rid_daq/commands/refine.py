@@ -9,21 +9,21 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from acquisition.motion_samples import verify_limits
-from acquisition.run_list import find_runs
-from compensation.feedforward_file import Origin, RefinementEntry, write_feedforward
-from compensation.loop_file import read_loops
-from compensation.online import in_order
+from acquisition.motion.samples import verify_limits
+from acquisition.runs.catalogue import find_runs
+from compensation.feedforward.file import Origin, RefinementEntry, write_feedforward
+from compensation.feedforward.refinement import Refinement, refinement
+from compensation.feedforward.repeated_error import RepeatedError, repeated_error
+from compensation.loops.loop_file import read_loops
+from compensation.online.online import in_order
 from compensation.period_blend import with_period
-from compensation.refinement import Refinement, refinement
-from compensation.repeated_error import RepeatedError, repeated_error
 from config.errors import ConfigError, DataQualityError
-from identification.estimate_file import read_estimate
-from rid_daq.console import AsJson, Console
-from rid_daq.motion_runs import MotionRun, read_motion_run, sha256_of
-from rid_daq.output_file import Overwrite, refuse_output
-from rid_daq.run_data import Unfinished, tell_lacks
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from identification.estimation.file import read_estimate
+from rid_daq.runs.motion_runs import MotionRun, read_motion_run, sha256_of
+from rid_daq.runs.run_data import Unfinished, tell_lacks
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.output_file import Overwrite, refuse_output
 
 GROWN = 1.2
 STALLED = 0.9

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from acquisition.run_list import find_run
-from rid_daq.console import AsJson, Console
-from rid_daq.result import read_result, write_result
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from acquisition.runs.catalogue import find_run
+from rid_daq.report.result import read_result, write_result
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
 
 
 def report(

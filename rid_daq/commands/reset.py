@@ -6,9 +6,9 @@ from config.errors import PreflightError
 from config.load import load_cell
 from drivers.cell import open_cell
 from drivers.device_text import printable
-from drivers.fault_reset import FaultReset
-from rid_daq.cells import CellName, reachable_cell
-from rid_daq.console import AsJson, Console
+from drivers.servo.fault_reset import FaultReset
+from rid_daq.session.cells import CellName, reachable_cell
+from rid_daq.terminal.console import AsJson, Console
 
 
 def reset(

@@ -6,10 +6,10 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.run_list import damaged_runs, list_runs
+from acquisition.runs.catalogue import damaged_runs, list_runs
 from config.errors import ConfigError, RecordingError
-from rid_daq.console import AsJson, Console
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
 
 
 def runs(

@@ -9,35 +9,35 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from acquisition.arrays import FloatArray
-from acquisition.excitation import FourierTrajectory
+from acquisition.motion.fourier import FourierTrajectory
+from config.arrays import FloatArray
 from config.errors import ConfigError
+from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, load_motion
-from config.motion import FourierMotion
-from config.whole_file import write_whole
-from dynamics.robot_model import RobotModel
-from identification.consistency import consistent
-from identification.estimate_file import read_estimate
-from identification.payload_body import REPORTED, REPORTED_UNITS, PayloadBody
-from identification.payload_file import read_payload
-from identification.sensitivity import (
-    Comparison,
-    Excitation,
-    SensitivityProblem,
-    deviation_percent,
-)
-from identification.sensitivity_cases import (
+from config.motion.motion import FourierMotion
+from dynamics.model.robot_model import RobotModel
+from identification.consistency.closest_robot import consistent
+from identification.estimation.file import read_estimate
+from identification.payload.body import REPORTED, REPORTED_UNITS, PayloadBody
+from identification.payload.file import read_payload
+from identification.sensitivity.cases import (
     SensitivityRow,
     sensitivity_row,
     thesis_cases,
     thesis_motion,
 )
-from identification.sensitivity_draws import Doubt, Draws, collected, monte_carlo
-from rid_daq.console import AsJson, Console
-from rid_daq.output_file import Overwrite, refuse_output
+from identification.sensitivity.monte_carlo import Doubt, Draws, collected, monte_carlo
+from identification.sensitivity.problem import (
+    Comparison,
+    Excitation,
+    SensitivityProblem,
+    deviation_percent,
+)
+from rid_daq.jobs.truth import true_parameters
 from rid_daq.report.render import number
-from rid_daq.truth import true_parameters
-from rid_daq.unread_options import refuse_unread
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.unread_options import refuse_unread
 
 PAYLOAD = "medium"
 

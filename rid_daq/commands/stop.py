@@ -12,13 +12,13 @@ from typing import Annotated
 
 import typer
 
-from acquisition.control_block import ControlBlock, TaskState
-from acquisition.stop_reason import StopCode
-from config.bounded_file import read_file
-from config.yaml_tree import MAX_BYTES
-from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import ExitCode
-from rid_daq.running_sessions import RunningSession, running_sessions
+from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.stop_reason import StopCode
+from config.formats.bounded_file import read_file
+from config.formats.yaml_tree import MAX_BYTES
+from rid_daq.session.running_sessions import RunningSession, running_sessions
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
 
 LOOK_S = 0.002
 STOP_PATIENCE_S = 2.0

@@ -8,36 +8,32 @@ from typing import Annotated
 
 import typer
 
-from acquisition.experiment import RecordOutcome
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import MotionSamples
-from acquisition.run_folder import RunFolder, require_label
-from acquisition.set_points import SetPointSource
-from compensation import loop_file
-from compensation.loop_file import read_loops
-from compensation.online import OnlineFeedforward
-from compensation.point_source import BUFFER_S
-from compensation.stream import (
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples
+from acquisition.runs.folder import RunFolder, require_label
+from acquisition.session.record import RecordOutcome
+from acquisition.task.set_points import SetPointSource
+from compensation.loops import loop_file
+from compensation.loops.loop_file import read_loops
+from compensation.online.online import OnlineFeedforward
+from compensation.online.point_source import BUFFER_S
+from compensation.online.stream import (
     CLIENT_PATIENCE_S,
     StreamOptions,
     stream_motion,
     stream_socket,
 )
-from config.bounded_file import read_file
-from config.cell import CellConfig
+from config.cell.cell import CellConfig
 from config.errors import ConfigError
+from config.formats.bounded_file import read_file
+from config.formats.yaml_tree import MAX_BYTES
 from config.load import LoadedCell, load_cell, load_motion, to_yaml
-from config.motion import AnyMotion
-from config.path_motion import JointTableMotion
-from config.yaml_tree import MAX_BYTES
-from identification import estimate_file
-from identification.estimate_file import read_estimate
-from rid_daq.cells import CellName, Realtime, Seed, reachable_cell
-from rid_daq.clearance import Cleared, require_cleared
+from config.motion.motion import AnyMotion
+from config.motion.path_motion import JointTableMotion
+from identification.estimation import file as estimate_file
+from identification.estimation.file import read_estimate
 from rid_daq.commands.record import check_robot
-from rid_daq.console import AsJson, Console
-from rid_daq.exit_codes import ExitCode, exit_code_of_stop
-from rid_daq.recording_job import (
+from rid_daq.jobs.recording_job import (
     RecordedRun,
     how_it_ended,
     judge,
@@ -45,11 +41,15 @@ from rid_daq.recording_job import (
     stop_document,
     tell_verdict,
 )
-from rid_daq.result import write_result
-from rid_daq.run_quality import RunQuality
-from rid_daq.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
-from rid_daq.unread_options import refuse_unread
-from rid_daq.versions import software_versions
+from rid_daq.report.result import write_result
+from rid_daq.runs.run_quality import RunQuality
+from rid_daq.session.cells import CellName, Realtime, Seed, reachable_cell
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
+from rid_daq.session.versions import software_versions
+from rid_daq.terminal.clearance import Cleared, require_cleared
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
+from rid_daq.terminal.unread_options import refuse_unread
 
 
 def stream(
@@ -192,7 +192,7 @@ def _streamed(
 
 
 def _default_socket(cell: CellConfig) -> Path:
-    from mock_hw.runtime_directory import runtime_directory
+    from mock_hw.host.runtime_directory import runtime_directory
 
     return runtime_directory() / f"{cell.name}.points"
 

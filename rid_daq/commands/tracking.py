@@ -6,15 +6,15 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.run_list import find_runs
+from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError, DataQualityError
-from rid_daq.console import AsJson, Console
-from rid_daq.motion_runs import MotionRun, read_motion_run
 from rid_daq.report.render import number
-from rid_daq.result import verdict, write_result
-from rid_daq.run_data import Unfinished, result_of, tell_lacks
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.tracking_section import followed, tracking_section
+from rid_daq.report.result import verdict, write_result
+from rid_daq.runs.motion_runs import MotionRun, read_motion_run
+from rid_daq.runs.run_data import Unfinished, result_of, tell_lacks
+from rid_daq.runs.tracking_section import followed, tracking_section
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
 
 
 def tracking(

@@ -8,26 +8,24 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from acquisition.arrays import FloatArray
-from acquisition.periods import average_periods
-from acquisition.run_list import find_run
-from config.cell import CellConfig
+from acquisition.processing.periods import average_periods
+from acquisition.runs.catalogue import find_run
+from config.arrays import FloatArray
+from config.cell.cell import CellConfig
+from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
 from config.load import load_bundled_or_path
-from config.plate import PlateLimits
-from identification.base_load import base_load
-from identification.diagnosis import diagnose
-from identification.estimate import Estimate
-from identification.estimate_file import read_estimate
-from identification.estimators import BAND_HZ, STANDSTILL_RAD_S
-from identification.reaction_validation import validate_reaction
-from identification.validation import Validation
-from identification.validation import validate as compare
-from rid_daq.console import AsJson, Console
-from rid_daq.curves import torque_curves, validation_section
-from rid_daq.exit_codes import ExitCode
-from rid_daq.motion_load import is_motion_file, limits_of, motion_load
-from rid_daq.plate_section import (
+from identification.calibration.base_reaction import base_load
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
+from identification.estimation.file import read_estimate
+from identification.validation.diagnosis import diagnose
+from identification.validation.reaction_prediction import validate_reaction
+from identification.validation.torque_prediction import Validation
+from identification.validation.torque_prediction import validate as compare
+from rid_daq.jobs.motion_load import is_motion_file, limits_of, motion_load
+from rid_daq.report.curves import torque_curves, validation_section
+from rid_daq.report.plate_section import (
     load_checks,
     load_section,
     reaction_section,
@@ -35,11 +33,13 @@ from rid_daq.plate_section import (
     tell_reaction,
 )
 from rid_daq.report.render import number
-from rid_daq.result import check, verdict, write_result
-from rid_daq.run_data import RunData, Unfinished, read_run, result_of, tell_lacks
-from rid_daq.sections import estimate_section
-from rid_daq.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.unread_options import refuse_unread
+from rid_daq.report.result import check, verdict, write_result
+from rid_daq.report.sections import estimate_section
+from rid_daq.runs.run_data import RunData, Unfinished, read_run, result_of, tell_lacks
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.unread_options import refuse_unread
 
 
 def validate(

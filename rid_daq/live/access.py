@@ -18,8 +18,8 @@ from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from config.bounded_file import read_file
 from config.errors import ConfigError
+from config.formats.bounded_file import read_file
 
 DEFAULT_LISTEN = "127.0.0.1:8642"
 LEAST_TOKEN_CHARACTERS = 32

@@ -14,17 +14,17 @@ from typing import Annotated
 
 import typer
 
-from acquisition.companions import Onlooker
-from acquisition.control_block import ControlBlock
-from acquisition.motion_samples import MotionSamples
-from acquisition.ring import Ring
-from config.cell import CellConfig
+from acquisition.motion.samples import MotionSamples
+from acquisition.session.processes import Onlooker
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.ring import Ring
+from config.cell.cell import CellConfig
 from config.errors import ConfigError
-from config.robot import RobotDescription
-from rid_daq.console import Console
+from config.robot.robot import RobotDescription
 from rid_daq.live.access import DEFAULT_LISTEN, Access
 from rid_daq.live.live_process import BACKLOG, run_live_page
 from rid_daq.live.picture import ShownMotion
+from rid_daq.terminal.console import Console
 
 Live = Annotated[
     bool, typer.Option("--live", help="Show the motion in a browser, with a stop button.")

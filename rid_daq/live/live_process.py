@@ -10,10 +10,10 @@ import resource
 import socket
 from typing import Any
 
-from acquisition.control_block import ControlBlock
-from acquisition.ring import Ring
-from acquisition.stop_reason import StopCode
-from config.termination import leave_terminal
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.ring import Ring
+from acquisition.task.stop_reason import StopCode
+from config.process.termination import leave_terminal
 from rid_daq.live.access import Access
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.live.server import REQUEST_PATIENCE_S, LiveServer

@@ -8,13 +8,13 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from acquisition.control_block import ControlBlock, Progress, RecorderState, TaskState
-from acquisition.joint_values import JointValues, JointWatch
-from acquisition.phase import Phase
-from acquisition.ring import Ring
-from config.cell import CellConfig
-from config.robot import RobotDescription
-from rid_daq.motion_words import motion_words
+from acquisition.motion.phase import Phase
+from acquisition.task.control_block import ControlBlock, Progress, RecorderState, TaskState
+from acquisition.task.joint_values import JointValues, JointWatch
+from acquisition.task.ring import Ring
+from config.cell.cell import CellConfig
+from config.robot.robot import RobotDescription
+from rid_daq.terminal.motion_words import motion_words
 
 ZERO_CELSIUS_K = 273.15
 RATE_AFTER_S = 2.0

@@ -11,7 +11,6 @@ import jinja2
 from markupsafe import Markup
 
 from config.errors import RecordingError
-from rid_daq.console import printable
 from rid_daq.report.bode_figure import cascade_figure, controller_figure
 from rid_daq.report.figures import (
     friction_figure,
@@ -21,6 +20,7 @@ from rid_daq.report.figures import (
     truth_figure,
 )
 from rid_daq.report.path_figures import error_figure, path_figure
+from rid_daq.terminal.console import printable
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -31,7 +31,8 @@ def render_report(result: dict[str, Any]) -> str:
     Parameters
     ----------
     result
-        The content of `result.json` (see `rid_daq.result`); sections that it lacks are left out.
+        The content of `result.json` (see `rid_daq.report.result`); sections that it lacks are left
+        out.
 
     Raises
     ------

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import MotionSamples
-from config.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
-from config.motion import FourierJoint, FourierMotion
-from config.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
+from config.motion.motion import FourierJoint, FourierMotion
+from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
 from drivers.interfaces import DriveEvent, DriveSetting
 
 PERIOD_S = 0.008

@@ -5,13 +5,13 @@ from __future__ import annotations
 RECORD = """
 import json, sys
 from pathlib import Path
-from acquisition.experiment import record_motion
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import Phase
-from acquisition.run_folder import RunFolder
-from config.cell import CellConfig
-from config.motion import FourierMotion
-from config.robot import RobotDescription
+from acquisition.session.record import record_motion
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import Phase
+from acquisition.runs.folder import RunFolder
+from config.cell.cell import CellConfig
+from config.motion.motion import FourierMotion
+from config.robot.robot import RobotDescription
 
 def say(progress):
     if progress.phase == Phase.MAIN:

@@ -7,17 +7,17 @@ from functools import partial
 
 import pytest
 
-from acquisition.motion_plan import plan_motion
-from acquisition.periods import average_periods
-from acquisition.recording import Recording
+from acquisition.motion.plan import plan_motion
+from acquisition.processing.periods import average_periods
+from acquisition.recording.recording import Recording
 from benchmarks.closed_loop import closed_loop
-from compensation.frequency_response import frequency_responses
-from compensation.velocity_loop import VelocityLoop, fit_velocity_loop
+from compensation.loops.frequency_response import frequency_responses
+from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
 from config.load import LoadedCell, load_cell
-from config.motion import MultisineMotion
-from identification.estimate import Estimate
-from identification.estimators import estimate_periodic
-from identification.experiment_design import design_two_harmonic
+from config.motion.motion import MultisineMotion
+from identification.design.two_harmonic import design_two_harmonic
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_periodic
 
 Drive = Callable[..., Recording]
 

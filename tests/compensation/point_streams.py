@@ -9,19 +9,19 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import MotionSamples
-from acquisition.set_points import SetPoint
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples
+from acquisition.task.set_points import SetPoint
 from benchmarks.closed_loop import true_loops
-from compensation.online import LARGEST_CORRECTION, REST_RAD_S, OnlineFeedforward
-from compensation.point_ring import PointRing
-from compensation.point_source import PointSource
-from compensation.velocity_loop import VelocityLoop
+from compensation.loops.velocity_loop import VelocityLoop
+from compensation.online.online import LARGEST_CORRECTION, REST_RAD_S, OnlineFeedforward
+from compensation.online.point_ring import PointRing
+from compensation.online.point_source import PointSource
 from config.load import LoadedCell, load_cell
-from config.motion import MultipointMotion
-from dynamics.one_sample import SampleTorque
-from dynamics.robot_model import RobotModel
-from rid_daq.truth import true_parameters
+from config.motion.motion import MultipointMotion
+from dynamics.model.one_sample import SampleTorque
+from dynamics.model.robot_model import RobotModel
+from rid_daq.jobs.truth import true_parameters
 
 CELL = load_cell("ir361")
 T = CELL.config.cycle_time_s

@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.circle import circle_motion
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import MotionSamples, Phase
-from acquisition.recording import Recording
+from acquisition.motion.circle import circle_motion
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.recording.recording import Recording
 from compensation.compensated_motion import compensated_motion
-from compensation.loop_file import read_loops, write_loops
-from compensation.tracking_error import TrackingError, tracking_error
-from compensation.velocity_loop import VelocityLoop
+from compensation.feedforward.tracking_error import TrackingError, tracking_error
+from compensation.loops.loop_file import read_loops, write_loops
+from compensation.loops.velocity_loop import VelocityLoop
 from config.errors import ConfigError
 from config.load import LoadedCell
-from config.motion import CircleMotion, MultipointMotion
-from dynamics.kinematics import Chain
-from identification.estimate import Estimate
+from config.motion.motion import CircleMotion, MultipointMotion
+from dynamics.geometry.kinematics import Chain
+from identification.estimation.estimate import Estimate
 
 Drive = Callable[..., Recording]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from config.eds import ElectronicDataSheet, parse_eds
+from config.formats.eds import ElectronicDataSheet, parse_eds
 
 SHEET = """[FileInfo]
 FileName=drive.eds

@@ -17,7 +17,7 @@ from config.load import (
     load_robot,
     to_yaml,
 )
-from config.motion import FourierJoint, FourierMotion
+from config.motion.motion import FourierJoint, FourierMotion
 
 
 def test_every_bundled_cell_and_robot_loads() -> None:

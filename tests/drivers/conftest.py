@@ -12,8 +12,8 @@ import can
 import numpy as np
 import pytest
 
-from config.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
-from config.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
+from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
 from drivers.canopen.emcy import Emergency, emcy_frame
 from drivers.canopen.frames import SYNC, Frame, rpdo_cob_id, tpdo_cob_id
 from drivers.canopen.heartbeat import heartbeat_frame
@@ -21,9 +21,9 @@ from drivers.canopen.nmt import NmtCommand, NmtState, next_nmt_state, parse_nmt
 from drivers.canopen.pdo import INVALID, MappedObject, split
 from drivers.canopen.sdo import SdoAbort, SdoCode
 from drivers.canopen.sdo_server import SdoServer
-from drivers.cia402 import PowerState, after_controlword
-from drivers.servo_can import CanServoAxes
-from drivers.transport import CanLink
+from drivers.ports.transport import CanLink
+from drivers.servo.axes import CanServoAxes
+from drivers.servo.cia402 import PowerState, after_controlword
 
 WIRE_S = 120e-6
 

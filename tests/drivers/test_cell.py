@@ -8,11 +8,11 @@ from typing import Any
 import can
 import pytest
 
-from config.cell import CanBusConfig, CellConfig
+from config.cell.cell import CanBusConfig, CellConfig
 from config.errors import DeviceFaultError, PreflightError, TransportError
-from config.robot import RobotDescription
+from config.robot.robot import RobotDescription
 from drivers.cell import Cell, open_cell
-from drivers.cia402 import PowerState
+from drivers.servo.cia402 import PowerState
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from config.load import load_robot
-from config.robot import (
+from config.robot.robot import (
     Joint,
     JointLimits,
     KinematicRow,

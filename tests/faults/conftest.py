@@ -19,28 +19,28 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.control_block import ControlBlock
-from acquisition.cycle_row import row_dtype
-from acquisition.cyclic_task import CyclicTask
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import MotionSamples
-from acquisition.ring import Ring
-from acquisition.set_points import PlannedMotion
-from acquisition.stop_reason import StopReason
-from config.cell import CellConfig
+from acquisition.journal.cycle_row import row_dtype
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.cyclic_task import CyclicTask
+from acquisition.task.ring import Ring
+from acquisition.task.set_points import PlannedMotion
+from acquisition.task.stop_reason import StopReason
+from config.cell.cell import CellConfig
 from config.errors import RidDaqError, TransportError
-from config.faults import NO_SCRIPT, FaultScript
 from config.load import LoadedCell, load_cell
-from config.motion import FourierJoint, FourierMotion
+from config.motion.motion import FourierJoint, FourierMotion
+from config.simulation.faults import NO_SCRIPT, FaultScript
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, sdo_request_cob_id
 from drivers.cell import Cell, open_cell
-from mock_hw.bus_faults import BusFaults
-from mock_hw.can_hub import CanHub
-from mock_hw.drive_rack import DriveRack
+from mock_hw.bus.faults import BusFaults
+from mock_hw.bus.hub import CanHub
+from mock_hw.bus.hub_client import HubClient
+from mock_hw.bus.hub_process import listening_socket
+from mock_hw.bus.hub_protocol import Role
 from mock_hw.drives_process import run_rack
-from mock_hw.hub_client import HubClient
-from mock_hw.hub_process import listening_socket
-from mock_hw.hub_protocol import Role
+from mock_hw.rack import DriveRack
 
 T = 0.008
 QUICK_STOP, ENABLE, DISABLE = 0x0002, 0x000F, 0x0000

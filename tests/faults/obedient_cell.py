@@ -13,22 +13,22 @@ from typing import Any
 import can
 import numpy as np
 
-from acquisition.control_block import ControlBlock
-from acquisition.cyclic_task import CyclicTask
-from acquisition.ring import Ring
-from acquisition.set_points import SetPoint
-from acquisition.stop_reason import StopCode, StopReason
-from config.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.cyclic_task import CyclicTask
+from acquisition.task.ring import Ring
+from acquisition.task.set_points import SetPoint
+from acquisition.task.stop_reason import StopCode, StopReason
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
 from config.errors import RidDaqError
-from config.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
 from drivers.canopen.frames import Frame
 from drivers.cell import Cell
-from drivers.cia402 import AxisUnits
 from drivers.interfaces import DriveSetting
-from drivers.transport import CanLink
-from mock_hw.axis_port import AxisPort
-from mock_hw.drive_objects import DriveIdentity
-from mock_hw.simulated_drive import SimulatedDrive
+from drivers.ports.transport import CanLink
+from drivers.servo.cia402 import AxisUnits
+from mock_hw.drive.axis_port import AxisPort
+from mock_hw.drive.drive import SimulatedDrive
+from mock_hw.drive.objects import DriveIdentity
 
 WIRE_S = 120e-6
 STEP_S = 0.002

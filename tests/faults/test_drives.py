@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import MotionSamples
-from acquisition.stop_reason import StopCode
+from acquisition.motion.samples import MotionSamples
+from acquisition.task.stop_reason import StopCode
 from config.load import LoadedCell
 
 T = 0.008

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.journal import read_journal
+from acquisition.journal.cycles import read_journal
 from rid_daq.app import run
 
 Start = Callable[[list[str]], subprocess.Popen[str]]

@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import Phase
-from acquisition.recording import Recording
-from acquisition.run_list import find_run
-from config.faults import FaultScript, FrameFault
+from acquisition.motion.samples import Phase
+from acquisition.recording.recording import Recording
+from acquisition.runs.catalogue import find_run
 from config.load import to_yaml
-from config.motion import FourierMotion
+from config.motion.motion import FourierMotion
+from config.simulation.faults import FaultScript, FrameFault
 from rid_daq.app import run
-from rid_daq.run_quality import run_quality
+from rid_daq.runs.run_quality import run_quality
 
 T = 0.008
 FIRST_CYCLE = 299

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.motion_samples import MotionSamples
-from acquisition.stop_reason import StopCode
+from acquisition.motion.samples import MotionSamples
+from acquisition.task.stop_reason import StopCode
 from config.errors import DeviceTimeoutError
-from rid_daq.bus_check import sender_lines
+from rid_daq.preflight.bus_check import sender_lines
 
 AT = 230
 """A cycle in which every axis moves."""

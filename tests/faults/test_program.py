@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from acquisition.journal import Journal, read_journal
-from acquisition.run_folder import RunFolder
+from acquisition.journal.cycles import Journal, read_journal
+from acquisition.runs.folder import RunFolder
 from rid_daq.app import run
 
 AT = 150

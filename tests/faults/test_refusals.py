@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from config.load import LoadedCell, to_yaml
-from config.motion import FourierMotion
-from config.robot import RobotDescription
-from dynamics.robot_model import RobotModel
-from identification.base_parameters import base_parameters
-from identification.estimate import Estimate
-from identification.estimate_file import write_estimate
-from identification.model_options import ModelOptions
+from config.motion.motion import FourierMotion
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel
+from identification.estimation.estimate import Estimate
+from identification.estimation.file import write_estimate
+from identification.model.base_parameters import base_parameters
+from identification.model.options import ModelOptions
 from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
-from rid_daq.truth import true_parameters
+from rid_daq.jobs.truth import true_parameters
 
 Measured = Callable[[str], None]
 

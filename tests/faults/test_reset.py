@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from acquisition.motion_samples import MotionSamples
-from acquisition.stop_reason import StopCode
+from acquisition.motion.samples import MotionSamples
+from acquisition.task.stop_reason import StopCode
 from config.errors import PreflightError
-from drivers.cia402 import PowerState
+from drivers.servo.cia402 import PowerState
 
 AT = 230
 

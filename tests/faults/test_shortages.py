@@ -17,11 +17,11 @@ from typing import Any
 
 import pytest
 
-from acquisition.experiment import _start
-from acquisition.run_folder import RunFolder
-from config.bounded_file import read_file
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import _start
 from config.errors import ShortageError
-from config.shortage import as_named, as_shortage, require_memory
+from config.formats.bounded_file import read_file
+from config.process.shortage import as_named, as_shortage, require_memory
 from rid_daq.app import run
 from tests.rid_daq.invented import whole_result
 

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from acquisition.motion_limits import position_bounds
-from config.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
-from config.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from acquisition.motion.limits import position_bounds
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
+from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
 from tests.faults.obedient_cell import Outcome
 
 CELLS = 2000 if os.environ.get("RID_DAQ_SLOW") else 250

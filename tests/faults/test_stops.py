@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.control_block import ControlBlock
-from acquisition.experiment import record_motion
-from acquisition.motion_samples import MotionSamples
-from acquisition.run_folder import RunFolder
-from acquisition.stop_reason import StopCode
-from config.cell import Supervision
+from acquisition.motion.samples import MotionSamples
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import record_motion
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.stop_reason import StopCode
+from config.cell.cell import Supervision
 from config.errors import PreflightError
 from config.load import LoadedCell
 

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.journal import read_journal
-from acquisition.run_folder import RunFolder
+from acquisition.journal.cycles import read_journal
+from acquisition.runs.folder import RunFolder
 from config.load import to_yaml
-from config.motion import FourierMotion
+from config.motion.motion import FourierMotion
 
 PATIENCE_S = 120.0
 SUSPEND = b"\x1a"

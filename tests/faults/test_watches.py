@@ -11,8 +11,8 @@ import pytest
 
 from config.load import LoadedCell
 from drivers.cell import open_cell
-from drivers.watch_trial import try_watches
-from rid_daq.watch_check import watch_lines
+from drivers.servo.watchdog_test import try_watches
+from rid_daq.preflight.watch_check import watch_lines
 
 Measured = Callable[[str], None]
 

@@ -16,11 +16,11 @@ from fractions import Fraction
 
 import pytest
 
-from config.eds import MAX_OBJECTS, parse_eds
-from config.eds_text import MAX_BYTES, MAX_LINE_CHARACTERS
 from config.errors import ConfigError
-from mock_hw.drive_objects import DriveIdentity
-from mock_hw.drive_sheet import drive_sheet
+from config.formats.eds import MAX_OBJECTS, parse_eds
+from config.formats.eds_text import MAX_BYTES, MAX_LINE_CHARACTERS
+from mock_hw.drive.eds import drive_sheet
+from mock_hw.drive.objects import DriveIdentity
 
 SMALL = b"""[DeviceInfo]
 VendorNumber=0xFB

@@ -16,26 +16,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.cycle_row import row_dtype
-from acquisition.import_csv import import_csv
-from acquisition.journal import read_journal
-from acquisition.journal_header import JournalHeader
-from acquisition.journal_repair import examine_journal
-from acquisition.motion_plan import plan_motion
-from acquisition.plate_journal import read_plate_journal
-from acquisition.recorder import JournalWriter
-from acquisition.run_folder import RunFolder
-from compensation.feedforward_file import read_feedforward
-from compensation.loop_file import read_loops
+from acquisition.csv.read import import_csv
+from acquisition.journal.cycle_row import row_dtype
+from acquisition.journal.cycles import read_journal
+from acquisition.journal.header import JournalHeader
+from acquisition.journal.plate import read_plate_journal
+from acquisition.motion.plan import plan_motion
+from acquisition.runs.folder import RunFolder
+from acquisition.session.cycle_recorder import JournalWriter
+from acquisition.session.repair import examine_journal
+from compensation.feedforward.file import read_feedforward
+from compensation.loops.loop_file import read_loops
 from config.errors import RidDaqError
 from config.load import load_cell, load_faults, load_import_map, load_motion, load_robot
-from identification.estimate_file import read_estimate
-from identification.load_data import LoadFormat, load_data, read_load_data
-from identification.payload_body import PayloadBody
-from identification.payload_file import read_payload
-from rid_daq.payload_steps import SessionState
-from rid_daq.result import read_result
-from rid_daq.urdf_starter import urdf_files
+from identification.estimation.file import read_estimate
+from identification.payload.body import PayloadBody
+from identification.payload.controllers.formats import LoadFormat, load_data, read_load_data
+from identification.payload.file import read_payload
+from rid_daq.jobs.payload_steps import SessionState
+from rid_daq.jobs.urdf_starter import urdf_files
+from rid_daq.report.result import read_result
 
 BUNDLED = Path(__file__).resolve().parents[2] / "config" / "bundled"
 LONGEST_S = 30.0  # a bound that no load of the computer reaches; a hang does

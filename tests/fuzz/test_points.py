@@ -17,13 +17,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensation.point_codec import LONGEST_LINE, MOST_POINTS, PROTOCOL, PointDecoder
-from compensation.point_feed import PointGate, feed
-from compensation.point_ring import PointRing, PointsFailed
-from compensation.point_server import CHUNK_BYTES, PointService, listening, serve
-from config.bodies import Plane, Workspace
+from compensation.online.point_codec import LONGEST_LINE, MOST_POINTS, PROTOCOL, PointDecoder
+from compensation.online.point_feed import PointGate, feed
+from compensation.online.point_ring import PointRing, PointsFailed
+from compensation.online.point_server import CHUNK_BYTES, PointService, listening, serve
 from config.errors import ProtocolError
 from config.load import load_robot
+from config.robot.bodies import Plane, Workspace
 
 ROBOT = load_robot("ir361")
 WALL = Workspace(planes=(Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=-0.6),))

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from hypothesis import example, given, settings
 
-from acquisition.run_folder import RunFolder
+from acquisition.runs.folder import RunFolder
 from config.errors import RidDaqError
-from rid_daq.result import read_result, write_result
+from rid_daq.report.result import read_result, write_result
 from tests.fuzz.changed_json import changed
 from tests.rid_daq.invented import whole_result
 

@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
-from acquisition.clocks import clock_from_arrivals
-from acquisition.excitation import FourierTrajectory
-from acquisition.force_plate import PlateGeometry
-from acquisition.motion_samples import MotionSamples, Phase
-from acquisition.reaction import reaction_of
-from acquisition.recording import Recording
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.recording.plate_geometry import PlateGeometry
+from acquisition.recording.reaction import reaction_of
+from acquisition.recording.recording import Recording
+from acquisition.signals.clocks import clock_from_arrivals
 from benchmarks.closed_loop import closed_loop
-from config.bodies import Capsule
-from config.cell import ButterworthFilter
+from config.cell.cell import ButterworthFilter
+from config.cell.plate import AmplifierConfig, PlateConfig
 from config.load import LoadedCell, load_cell, load_robot
-from config.motion import FourierMotion
-from config.plate import AmplifierConfig, PlateConfig
-from config.robot import RobotDescription
-from dynamics.robot_model import RobotModel, torque
-from identification.base_parameters import base_parameters
-from identification.experiment_design import design_two_harmonic
-from mock_hw.rigid_bodies import build_rigid_bodies
-from rid_daq.truth import true_parameters
+from config.motion.motion import FourierMotion
+from config.robot.bodies import Capsule
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel, torque
+from identification.design.two_harmonic import design_two_harmonic
+from identification.model.base_parameters import base_parameters
+from mock_hw.plant.rigid_bodies import build_rigid_bodies
+from rid_daq.jobs.truth import true_parameters
 
 CYCLE_S = 0.008
 FINE = 16

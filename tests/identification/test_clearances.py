@@ -7,10 +7,10 @@ import pytest
 from pydantic import ValidationError
 from scipy.optimize import minimize
 
-from config.bodies import Box, Hull, Plane, Workspace
 from config.load import load_robot
-from dynamics.clearances import Clearances, _line_distance
-from dynamics.kinematics import Chain, link_transforms
+from config.robot.bodies import Box, Hull, Plane, Workspace
+from dynamics.geometry.clearances import Clearances, _line_distance
+from dynamics.geometry.kinematics import Chain, link_transforms
 
 
 @pytest.fixture(scope="module")

@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 
 from drivers.canopen.frames import Frame, sdo_answer_cob_id, sdo_request_cob_id
-from mock_hw.axis_port import AxisPort
-from mock_hw.can_hub import CanHub
-from mock_hw.drive_objects import DriveIdentity
-from mock_hw.hub_client import HubClient
-from mock_hw.hub_process import listening_socket
-from mock_hw.hub_protocol import Role
-from mock_hw.simulated_drive import SimulatedDrive
+from mock_hw.bus.hub import CanHub
+from mock_hw.bus.hub_client import HubClient
+from mock_hw.bus.hub_process import listening_socket
+from mock_hw.bus.hub_protocol import Role
+from mock_hw.drive.axis_port import AxisPort
+from mock_hw.drive.drive import SimulatedDrive
+from mock_hw.drive.objects import DriveIdentity
 
 
 class ServedHub:

@@ -20,16 +20,16 @@ import can
 import numpy as np
 import pytest
 
-from acquisition.experiment import record_motion
-from acquisition.journal import read_journal
-from acquisition.motion_plan import plan_motion
-from acquisition.motion_samples import MotionSamples
-from acquisition.run_folder import RunFolder
-from acquisition.stop_reason import StopCode
-from config.cell import CanBusConfig, CellConfig
+from acquisition.journal.cycles import read_journal
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import record_motion
+from acquisition.task.stop_reason import StopCode
+from config.cell.cell import CanBusConfig, CellConfig
 from config.errors import ConfigError, LockedError
 from config.load import LoadedCell, load_cell
-from config.motion import FourierJoint, FourierMotion
+from config.motion.motion import FourierJoint, FourierMotion
 from drivers.cell import Cell, open_cell
 from mock_hw.cell import SimulatedCell
 from rid_daq.commands.check import preflight
@@ -52,7 +52,7 @@ MOVE_FOR_EVER = f"""
 import sys
 from pathlib import Path
 import numpy as np
-from config.cell import CellConfig
+from config.cell.cell import CellConfig
 from config.load import load_cell
 from drivers.cell import open_cell
 

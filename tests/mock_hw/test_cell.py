@@ -23,12 +23,12 @@ from config.errors import TransportError
 from config.load import LoadedCell, load_cell
 from drivers.canopen.emcy import parse_emcy
 from drivers.cell import Cell, open_cell
-from mock_hw.axis_snapshot import AxisSnapshot, SnapshotReader
-from mock_hw.can_wire import WireFrame
+from mock_hw.bus.arbitration import WireFrame
+from mock_hw.bus.hub_client import HubClient
+from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
 from mock_hw.drives_process import LONGEST_WAIT_S
-from mock_hw.hub_client import HubClient
-from mock_hw.hub_protocol import Role
+from mock_hw.plant.snapshot import AxisSnapshot, SnapshotReader
 
 SPEED_RAD_S = 0.3
 MOVE_FOR_EVER = f"""

@@ -15,7 +15,7 @@ from canopen.profiles.p402 import BaseNode402
 from config.load import LoadedCell, load_cell
 from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
-from mock_hw.drive_objects import DriveIdentity, drive_entries
+from mock_hw.drive.objects import DriveIdentity, drive_entries
 
 TYPES = {"B": 5, "b": 2, "H": 6, "h": 3, "I": 7, "i": 4, "s": 9}
 

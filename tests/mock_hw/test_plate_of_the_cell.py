@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from config.cell import CellConfig
+from config.cell.cell import CellConfig
 from config.errors import ProtocolError
 from config.load import LoadedCell, load_cell
-from drivers.amplifier_serial import SerialAmplifier, open_amplifier
+from drivers.amplifier.amplifier import SerialAmplifier, open_amplifier
+from drivers.amplifier.simulated_arrivals import arrivals_path
 from drivers.cell import Cell, open_cell
-from drivers.simulated_arrivals import arrivals_path
+from mock_hw.amplifier.line_faults import FaultKind, LineFault, LineFaults
 from mock_hw.cell import SimulatedCell
-from mock_hw.line_faults import FaultKind, LineFault, LineFaults
-from mock_hw.rigid_bodies import BaseWrench
+from mock_hw.plant.rigid_bodies import BaseWrench
 
 Array = np.ndarray[Any, np.dtype[Any]]
 ENOUGH_S = 20.0

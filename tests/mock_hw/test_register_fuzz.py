@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from config.cell.monitor import ModbusTcp, MonitorConfig
 from config.errors import DeviceTimeoutError, DriverError
-from config.monitor import ModbusTcp, MonitorConfig
-from drivers.modbus_codec import RegisterRead
-from drivers.modbus_link import open_modbus
+from drivers.modbus.codec import RegisterRead
+from drivers.modbus.link import open_modbus
 
 ANSWERS = 60
 READ = RegisterRead("holding", 100, 2, ())

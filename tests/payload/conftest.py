@@ -10,15 +10,15 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.excitation import FourierTrajectory
-from acquisition.motion_samples import Phase
-from acquisition.periods import PeriodAverage, average_periods
-from acquisition.recording import Recording
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.samples import Phase
+from acquisition.processing.periods import PeriodAverage, average_periods
+from acquisition.recording.recording import Recording
 from config.load import load_robot
-from config.motion import FourierMotion
-from config.robot import RobotDescription
-from identification.experiment_design import two_harmonic_draws
-from identification.payload_body import PayloadBody
+from config.motion.motion import FourierMotion
+from config.robot.robot import RobotDescription
+from identification.design.two_harmonic import two_harmonic_draws
+from identification.payload.body import PayloadBody
 
 FloatArray = NDArray[np.float64]
 

@@ -7,19 +7,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from acquisition.periods import PeriodAverage
+from acquisition.processing.periods import PeriodAverage
 from config.errors import EstimationError
-from config.motion import FourierMotion
-from config.robot import RobotDescription
-from identification.estimate import Estimate
-from identification.estimators import estimate_periodic
-from identification.model_options import ModelOptions
-from identification.payload import PayloadEstimate
-from identification.payload_body import PARAMETERS, REPORTED, PayloadBody
-from identification.payload_equations import Procedure
-from identification.payload_fit import HowToWeigh, weigh
-from identification.payload_periodic import PeriodicRuns
-from identification.payload_solution import Known
+from config.motion.motion import FourierMotion
+from config.robot.robot import RobotDescription
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_periodic
+from identification.model.options import ModelOptions
+from identification.payload.body import PARAMETERS, REPORTED, PayloadBody
+from identification.payload.equations import Procedure
+from identification.payload.estimate import PayloadEstimate
+from identification.payload.periodic_runs import PeriodicRuns
+from identification.payload.procedures import HowToWeigh, weigh
+from identification.payload.solution import Known
 
 OPTIONS = ModelOptions(rotors=False)
 

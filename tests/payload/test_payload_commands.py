@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.load_data import LoadFormat
-from identification.payload_file import read_payload
+from identification.payload.controllers.formats import LoadFormat
+from identification.payload.file import read_payload
 from rid_daq.app import run
 
 FILES = {

@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 
 from config.load import load_cell
-from dynamics.robot_model import RobotModel
-from identification.payload_body import REPORTED, PayloadBody
-from identification.sensitivity import (
+from dynamics.model.robot_model import RobotModel
+from identification.payload.body import REPORTED, PayloadBody
+from identification.sensitivity.cases import sensitivity_row, thesis_cases, thesis_motion
+from identification.sensitivity.monte_carlo import Doubt, collected, draw_batch, monte_carlo
+from identification.sensitivity.problem import (
     Belief,
     Comparison,
     SensitivityProblem,
     deviation_percent,
     estimated,
 )
-from identification.sensitivity_cases import sensitivity_row, thesis_cases, thesis_motion
-from identification.sensitivity_draws import Doubt, collected, draw_batch, monte_carlo
 from rid_daq.app import run
-from rid_daq.truth import true_parameters
+from rid_daq.jobs.truth import true_parameters
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +128,7 @@ def test_a_known_mass_stays(table: dict[tuple[str, str], dict[str, float]]) -> N
 def test_draws_scatter_as_the_theory_of_least_squares_says(
     problems: dict[Any, SensitivityProblem],
 ) -> None:
-    from identification.sensitivity import Estimator
+    from identification.sensitivity.problem import Estimator
 
     problem = problems["wrist"]
     values = draw_batch(problem, Doubt(), "model", 0, 400, 1).values
@@ -143,7 +143,7 @@ def test_draws_scatter_as_the_theory_of_least_squares_says(
 def test_the_same_seed_draws_the_same_wherever_it_is_computed(
     problems: dict[Any, SensitivityProblem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("identification.sensitivity_draws.BATCH", 5)
+    monkeypatch.setattr("identification.sensitivity.monte_carlo.BATCH", 5)
     problem, doubt = problems["wrist"], Doubt(torque_constants=0.02, links=0.05, rotors=0.05)
     here = collected(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
     assert here.shape == (12, 10)
@@ -191,6 +191,6 @@ def test_what_cannot_be_meant_is_refused(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("identification.optimal_design.SCHEDULER_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("identification.design.search.SCHEDULER_TIMEOUT_S", 0.5)
     assert run(["sensitivity", "kr15", *words]) == 2
     assert said in " ".join(capsys.readouterr().err.split())

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from config.load import load_cell, to_yaml
-from identification.experiment_design import design_two_harmonic
+from identification.design.two_harmonic import design_two_harmonic
 from tests.rid_daq.invented import whole_result
 
 

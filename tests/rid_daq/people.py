@@ -38,10 +38,10 @@ for _ in sys.stdin:
 
 PERSON = """
 import ctypes, os, signal, sys
-import rid_daq.commands.stop, mock_hw.runtime_directory, mock_hw.served_bus
+import rid_daq.commands.stop, mock_hw.host.runtime_directory, mock_hw.bus.served_bus
 from config.load import load_cell
 from rid_daq.app import _end_once, run
-from rid_daq.session import hold_cell
+from rid_daq.session.session import hold_cell
 cell = load_cell("ir361").config
 bus = cell.can.model_copy(update={"interface": "socketcan", "channel": "can0"})
 cell = cell.model_copy(update={"can": bus})

@@ -15,8 +15,8 @@ import typer
 from config import errors
 from rid_daq import app
 from rid_daq.app import COMMANDS, printable, run
-from rid_daq.console import as_command
-from rid_daq.exit_codes import ExitCode, exit_code_of
+from rid_daq.terminal.console import as_command
+from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 
 CODES = {
     errors.ConfigError: 2,

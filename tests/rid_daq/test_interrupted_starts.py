@@ -11,16 +11,16 @@ from typing import Any, cast
 
 import pytest
 
-from acquisition.frame_recorder import FrameRecorder
-from acquisition.run_folder import RunFolder
-from compensation.point_ring import PointRing
-from compensation.point_server import PointServer, PointService
-from config.cell import CanBusConfig
+from acquisition.runs.folder import RunFolder
+from acquisition.session.frame_recorder import FrameRecorder
+from compensation.online.point_ring import PointRing
+from compensation.online.point_server import PointServer, PointService
+from config.cell.cell import CanBusConfig
 from config.load import load_cell
-from mock_hw.device_process import DeviceProcess, leave_signals_to_parent
-from rid_daq.computer_check import computer_lines
-from rid_daq.console import Console
-from rid_daq.side_by_side import run_stories
+from mock_hw.host.device_process import DeviceProcess, leave_signals_to_parent
+from rid_daq.demo.side_by_side import run_stories
+from rid_daq.preflight.computer_check import computer_lines
+from rid_daq.terminal.console import Console
 
 
 def wait_at(pipe: Any) -> None:

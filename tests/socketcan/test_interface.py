@@ -19,15 +19,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from config.cell import CanBusConfig
+from config.cell.cell import CanBusConfig
 from config.errors import TransportError
 from config.load import LoadedCell, load_cell
 from drivers.canopen.frames import Frame
 from drivers.cell import Cell, open_cell
-from drivers.socketcan_port import SocketCanPort, transmit_queue_frames
-from drivers.transport import CanLink, open_can
+from drivers.ports.socketcan_port import SocketCanPort, transmit_queue_frames
+from drivers.ports.transport import CanLink, open_can
 from mock_hw.cell import SimulatedCell
-from rid_daq.bus_check import bus_lines
+from rid_daq.preflight.bus_check import bus_lines
 
 CHANNEL = os.environ.get("RID_DAQ_SOCKETCAN", "")
 pytestmark = pytest.mark.skipif(

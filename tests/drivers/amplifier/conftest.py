@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
-from config.amplifier_profile import AmplifierProfile
+from config.cell.amplifier_profile import AmplifierProfile
+from config.cell.plate import AmplifierConfig
 from config.load import load_bundled_or_path
-from config.plate import AmplifierConfig
-from drivers.amplifier_codec import AmplifierCodec, Answer, LineSplitter, Request, RequestError
-from drivers.amplifier_frames import encode_event, event_layout
+from drivers.amplifier.codec import AmplifierCodec, Answer, LineSplitter, Request, RequestError
+from drivers.amplifier.frames import encode_event, event_layout
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 CODEC = AmplifierCodec(PROFILE)
@@ -164,9 +164,9 @@ def config_for(address: str, script: Script) -> AmplifierConfig:
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """Answers come, however slow the machine; where none does, a test says so."""
-    monkeypatch.setattr("drivers.amplifier_dialogue.ANSWER_TIMEOUT_S", ENOUGH_S)
-    monkeypatch.setattr("drivers.amplifier_dialogue.PROBE_TIMEOUT_S", ENOUGH_S)
-    monkeypatch.setattr("drivers.amplifier_dialogue.BAUD_RATES", ())
+    monkeypatch.setattr("drivers.amplifier.dialogue.ANSWER_TIMEOUT_S", ENOUGH_S)
+    monkeypatch.setattr("drivers.amplifier.dialogue.PROBE_TIMEOUT_S", ENOUGH_S)
+    monkeypatch.setattr("drivers.amplifier.dialogue.BAUD_RATES", ())
 
 
 @pytest.fixture

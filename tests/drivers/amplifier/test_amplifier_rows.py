@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from config.amplifier_profile import AmplifierProfile
+from config.cell.amplifier_profile import AmplifierProfile
 from config.errors import ProtocolError, TransportError
 from config.load import load_bundled_or_path
-from drivers.amplifier_frames import encode_row, row_layout
-from drivers.amplifier_serial import SerialAmplifier, open_amplifier
+from drivers.amplifier.amplifier import SerialAmplifier, open_amplifier
+from drivers.amplifier.frames import encode_row, row_layout
+from drivers.amplifier.simulated_arrivals import ArrivalWriter, arrivals_path
 from drivers.interfaces import PlateRead
-from drivers.simulated_arrivals import ArrivalWriter, arrivals_path
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 ENOUGH_S = 20.0

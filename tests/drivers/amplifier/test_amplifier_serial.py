@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from config.amplifier_profile import AmplifierProfile
+from config.cell.amplifier_profile import AmplifierProfile
 from config.errors import DeviceTimeoutError, ProtocolError, TransportError
 from config.load import load_bundled_or_path
-from drivers.amplifier_codec import Request
-from drivers.amplifier_serial import open_amplifier
+from drivers.amplifier.amplifier import open_amplifier
+from drivers.amplifier.codec import Request
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 ENOUGH_S = 20.0
@@ -30,8 +30,8 @@ def test_who_answers_is_escaped(plug: Plug) -> None:
 
 
 def test_a_wrong_baud_rate_is_found_and_named(plug: Plug, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.amplifier_dialogue.ANSWER_TIMEOUT_S", 0.02)
-    monkeypatch.setattr("drivers.amplifier_dialogue.BAUD_RATES", (115200, 460800))
+    monkeypatch.setattr("drivers.amplifier.dialogue.ANSWER_TIMEOUT_S", 0.02)
+    monkeypatch.setattr("drivers.amplifier.dialogue.BAUD_RATES", (115200, 460800))
     device = plug(baud_rate=115200)
     with (
         open_amplifier(device.config, PROFILE) as amplifier,
@@ -41,9 +41,9 @@ def test_a_wrong_baud_rate_is_found_and_named(plug: Plug, monkeypatch: pytest.Mo
 
 
 def test_silence_is_named_as_silence(plug: Plug, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.amplifier_dialogue.ANSWER_TIMEOUT_S", 0.02)
-    monkeypatch.setattr("drivers.amplifier_dialogue.PROBE_TIMEOUT_S", 0.01)
-    monkeypatch.setattr("drivers.amplifier_dialogue.BAUD_RATES", (9600, 115200))
+    monkeypatch.setattr("drivers.amplifier.dialogue.ANSWER_TIMEOUT_S", 0.02)
+    monkeypatch.setattr("drivers.amplifier.dialogue.PROBE_TIMEOUT_S", 0.01)
+    monkeypatch.setattr("drivers.amplifier.dialogue.BAUD_RATES", (9600, 115200))
     mute = {"identify": lambda request: None, "stream": lambda request: None}
     device = plug(moods=mute)
     with (

@@ -1,0 +1,133 @@
+"""`ImportColumns`: which columns of a CSV file are read, and how their numbers become SI."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.motion.import_map import ImportJoint, ImportMap
+from config.robot.robot import Joint, RobotDescription
+
+_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3}
+_VELOCITY = {
+    "rad/s": 1.0,
+    "deg/s": math.pi / 180.0,
+    "rpm": 2.0 * math.pi / 60.0,
+    "m/s": 1.0,
+    "mm/s": 1e-3,
+}
+_CURRENT = {"A": 1.0, "mA": 1e-3}
+_TORQUE = {"Nm": 1.0, "mNm": 1e-3, "N": 1.0}
+_ZERO_K = {"C": 273.15, "K": 0.0}
+
+
+@dataclass(frozen=True, eq=False)
+class ImportColumns:
+    """The columns used: time, then positions, torques, velocities, temperatures of all joints.
+
+    Attributes
+    ----------
+    columns : tuple of int
+        Columns of the file; a joint without velocity has its position's there. Temperatures are
+        there for all joints or for none.
+    factors, offsets : ndarray, shape (columns,)
+        SI at the link side = factor * number + offset; NaN for a velocity that is not there.
+    coupling : ndarray, shape (n, n), or None
+        C of q = C alpha, where the positions read are the actuators' alpha.
+    """
+
+    columns: tuple[int, ...]
+    factors: FloatArray
+    offsets: FloatArray
+    coupling: FloatArray | None
+
+    @classmethod
+    def of(cls, import_map: ImportMap, robot: RobotDescription | None) -> ImportColumns:
+        """Take them from a map, and from its robot what the map leaves to it.
+
+        Raises
+        ------
+        ConfigError
+            The map leaves something to the robot, and the robot does not say it or is not given.
+        """
+        units, joints = import_map.units, import_map.joints
+        known = [_known(import_map, joint, robot) for joint in joints]
+        gears = [_gear(import_map, *pair) for pair in zip(joints, known, strict=True)]
+        columns, factors = [import_map.time.column], [_TIME[import_map.time.unit]]
+        for joint, gear in zip(joints, gears, strict=True):
+            columns.append(joint.position)
+            factors.append(_POSITION[units.position] / gear)
+        for joint, gear, description in zip(joints, gears, known, strict=True):
+            if joint.torque is not None:
+                columns.append(joint.torque)
+                factors.append(_TORQUE[units.torque] * gear)
+            else:
+                columns.append(joint.position if joint.current is None else joint.current)
+                constant = _torque_constant(import_map, joint, gear, description)
+                factors.append(_CURRENT[units.current] * constant)
+        for joint, gear in zip(joints, gears, strict=True):
+            columns.append(joint.position if joint.velocity is None else joint.velocity)
+            factor = math.nan if joint.velocity is None else _VELOCITY[units.velocity]
+            factors.append(factor / gear)
+        warmths = [joint.temperature for joint in joints if joint.temperature is not None]
+        rest = [0.0] * len(columns)
+        coupling = None
+        if import_map.side == "motor" and robot is not None and robot.coupling is not None:
+            coupling = np.array(robot.coupling)
+        return cls(
+            columns=(*columns, *warmths),
+            factors=np.array([*factors, *(1.0 for _ in warmths)]),
+            offsets=np.array([*rest, *(_ZERO_K[units.temperature] for _ in warmths)]),
+            coupling=coupling,
+        )
+
+    def joint_positions(self, read: FloatArray) -> FloatArray:
+        """Return the joints' positions from those read, (samples, n): q = C alpha (5.18)."""
+        return read if self.coupling is None else np.asarray(read @ self.coupling.T)
+
+
+def _known(
+    import_map: ImportMap, joint: ImportJoint, robot: RobotDescription | None
+) -> Joint | None:
+    """Return what the robot file says of a joint."""
+    if robot is None:
+        return None
+    if robot.joint_names != import_map.joint_names:
+        raise ConfigError(
+            f"map {import_map.name!r} reads joints {', '.join(import_map.joint_names)}, robot"
+            f" {robot.name!r} has {', '.join(robot.joint_names)}: name them alike, base to flange"
+        )
+    return robot.joints[robot.joint_names.index(joint.joint)]
+
+
+def _gear(import_map: ImportMap, joint: ImportJoint, description: Joint | None) -> float:
+    """Return motor turns per turn of the column's side."""
+    if joint.gear_ratio is not None:
+        return joint.gear_ratio
+    if import_map.side == "link":
+        return 1.0
+    if description is None:
+        raise ConfigError(
+            f"map {import_map.name!r}: side is motor, and joint {joint.joint!r} has no gear_ratio:"
+            " state it in the map, or read the file together with its robot"
+        )
+    return description.gear_ratio
+
+
+def _torque_constant(
+    import_map: ImportMap, joint: ImportJoint, gear: float, description: Joint | None
+) -> float:
+    """Return torque at the link side per ampere; a robot's constant is link side already."""
+    if joint.torque_constant_nm_per_a is not None:
+        return joint.torque_constant_nm_per_a * gear
+    if description is None or description.torque_constant_nm_per_a is None:
+        raise ConfigError(
+            f"map {import_map.name!r}: the current of joint {joint.joint!r} has no"
+            " torque_constant_nm_per_a, neither in the map nor in its robot: state it in one"
+        )
+    return math.copysign(description.torque_constant_nm_per_a, gear)

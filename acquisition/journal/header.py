@@ -1,0 +1,65 @@
+"""`JournalHeader`: what a recording says about itself, beside its rows; and what headers share."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Mapping
+from typing import Self, TypeVar
+
+from pydantic import Field, ValidationError
+
+from config.cell.cell import ButterworthFilter
+from config.errors import RecordingError
+from config.model import ConfigModel
+from config.robot.robot import Positive
+
+
+class HeaderModel(ConfigModel):
+    """A header with a checksum; it stands twice in its file, so that no single damage takes it."""
+
+    def to_metadata(self) -> dict[str, str]:
+        """Return the header as the text pairs of an MCAP metadata record or channel."""
+        text = self.model_dump_json()
+        return {"header": text, "crc32": str(zlib.crc32(text.encode()))}
+
+    @classmethod
+    def from_metadata(cls, pairs: Mapping[str, str]) -> Self:
+        """Return the header that `to_metadata` wrote.
+
+        Raises
+        ------
+        RecordingError
+            The pairs are not those of a header, or are damaged.
+        """
+        text = pairs.get("header", "")
+        if pairs.get("crc32") != str(zlib.crc32(text.encode())):
+            raise RecordingError("journal header: missing or damaged")
+        try:
+            return cls.model_validate_json(text)
+        except ValidationError as error:
+            raise RecordingError(f"journal header: {error}") from error
+
+
+class JournalHeader(HeaderModel):
+    """Everything needed to read the rows as a `Recording`, even without the run folder."""
+
+    joint_names: tuple[str, ...] = Field(min_length=1, max_length=16)
+    sample_period_s: Positive
+    samples_per_period: int | None = None
+    torque_filter: ButterworthFilter | None = None
+    cell_name: str = ""
+    robot_name: str = ""
+    run_id: str = ""
+
+
+H = TypeVar("H", bound=HeaderModel)
+
+
+def first_header(model: type[H], candidates: Iterable[Mapping[str, str]]) -> H | None:
+    """Return the first of a file's header copies that is undamaged; None where none is."""
+    for pairs in candidates:
+        try:
+            return model.from_metadata(pairs)
+        except RecordingError:
+            continue
+    return None

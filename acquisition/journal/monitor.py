@@ -1,0 +1,175 @@
+"""`MonitorStream`: what the drives told of themselves in a run, and its way into `Recording`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.journal.header import first_header
+from acquisition.journal.mcap_reader import read_raw_journal
+from acquisition.journal.monitor_row import MONITOR, MonitorHeader, monitor_dtype
+from acquisition.recording.recording import Recording
+from config.arrays import BoolArray, FloatArray, read_only
+from config.errors import RecordingError
+from config.robot.robot import RobotDescription
+
+_ENCAPSULATION_BYTES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class MonitorStream:
+    """Rounds of questions to the drives, on the clock of the cycles.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    time_s : ndarray, shape (rounds,)
+        When they were asked [s].
+    temperature_k, operating_time_s : ndarray, shape (rounds, joints)
+        Of the motors [K], and since their drives were switched on [s].
+    valid : ndarray of bool, shape (rounds, joints)
+        Which drives answered; the other values mean nothing.
+    notes : tuple of str
+        What the file has lost, one sentence each.
+    run_id : str
+        The run that it was recorded in; empty where the file does not say.
+    """
+
+    joint_names: tuple[str, ...]
+    time_s: FloatArray
+    temperature_k: FloatArray
+    operating_time_s: FloatArray
+    valid: BoolArray
+    notes: tuple[str, ...] = ()
+    run_id: str = ""
+
+    def __post_init__(self) -> None:
+        n = len(self.joint_names)
+        time_s = read_only("monitor time_s", self.time_s, float, (None,), RecordingError)
+        table = (len(time_s), n)
+        valid = read_only("monitor valid", self.valid, np.bool_, table, RecordingError)
+        object.__setattr__(self, "time_s", time_s)
+        object.__setattr__(self, "valid", valid)
+        for name in ("temperature_k", "operating_time_s"):
+            values = np.where(valid, np.nan_to_num(getattr(self, name)), 0.0)
+            array = read_only(f"monitor {name}", values, float, table, RecordingError)
+            object.__setattr__(self, name, array)
+
+    def temperatures_at(self, time_s: FloatArray) -> FloatArray | None:
+        """Return temperatures [K], (samples, joints), linear between rounds, held outside them.
+
+        None where one of the drives never told its own.
+        """
+        if not self.valid.any(axis=0).all():
+            return None
+        columns = [
+            np.interp(time_s, self.time_s[good], column[good])
+            for column, good in zip(self.temperature_k.T, self.valid.T, strict=True)
+        ]
+        return np.column_stack(columns)
+
+
+def read_monitor(path: Path) -> MonitorStream:
+    """Read a monitor's file, whatever state it is in.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read, or is no such file.
+    """
+    raw = read_raw_journal(path)
+    header = first_header(MonitorHeader, raw.headers)
+    if header is None or not raw.payloads:
+        raise RecordingError(f"{path}: no readable round of a drive monitor in it")
+    dtype = monitor_dtype(len(header.joint_names))
+    size = _ENCAPSULATION_BYTES + dtype.itemsize
+    if any(len(payload) != size for payload in raw.payloads):
+        raise RecordingError(f"{path}: its rows are not those of a drive monitor of this version")
+    body = b"".join(payload[_ENCAPSULATION_BYTES:] for payload in raw.payloads)
+    rows = np.frombuffer(body, dtype)
+    return MonitorStream(
+        joint_names=header.joint_names,
+        time_s=rows["time_s"],
+        temperature_k=rows["temperature_k"],
+        operating_time_s=rows["operating_time_s"],
+        valid=rows["valid"] != 0,
+        notes=raw.damage.notes,
+        run_id=header.run_id,
+    )
+
+
+def as_warm_as_measured(
+    recording: Recording, folder: Path, robot: RobotDescription
+) -> tuple[Recording, tuple[str, ...]]:
+    """Return a run's recording as estimators take it: with temperatures, and torques by them.
+
+    Arguments, notes and errors as those of `with_temperatures`; torques as in
+    `with_warm_torque_constants`.
+    """
+    recording, notes = with_temperatures(recording, folder)
+    return with_warm_torque_constants(recording, robot), notes
+
+
+def with_temperatures(recording: Recording, folder: Path) -> tuple[Recording, tuple[str, ...]]:
+    """Return a run's recording with the temperatures of its motors, where they were monitored.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was recorded, or what of it there is until now.
+    folder : Path
+        The run's folder.
+
+    Returns
+    -------
+    recording : Recording
+        The same one, `temperature_k` filled in.
+    notes : tuple of str
+        Why there are no temperatures, or what of them is lost; empty where all is well.
+
+    Raises
+    ------
+    RecordingError
+        The monitor was of another robot or run.
+    """
+    path = folder / MONITOR
+    if not path.exists():
+        return recording, ()
+    try:
+        stream = read_monitor(path)
+    except RecordingError as error:
+        return recording, (f"without temperatures: {error}",)
+    if stream.joint_names != recording.joint_names:
+        raise RecordingError(
+            f"{path}: monitors {', '.join(stream.joint_names)}, the recording is of"
+            f" {', '.join(recording.joint_names)}: it belongs to another run"
+        )
+    if "" not in (stream.run_id, recording.run_id) and stream.run_id != recording.run_id:
+        raise RecordingError(
+            f"{path}: belongs to run {stream.run_id}, the recording to run {recording.run_id}: put"
+            " the original back"
+        )
+    temperature_k = stream.temperatures_at(recording.time_s)
+    if temperature_k is None:
+        return recording, ("without temperatures: one of the drives never told its own",)
+    return replace(recording, temperature_k=temperature_k), tuple(
+        f"{MONITOR}: {note}" for note in stream.notes
+    )
+
+
+def with_warm_torque_constants(recording: Recording, robot: RobotDescription) -> Recording:
+    """Return the recording with torques by the torque constants of the motors' temperatures.
+
+    Drives multiply current by the constant at the reference temperature; what a warm motor really
+    gives is `torque_constant_per_k` per kelvin of that more, or less. Without temperatures, or
+    without such numbers in the robot file, the recording is returned as it is.
+    """
+    per_k = np.array([joint.torque_constant_per_k for joint in robot.joints])
+    if recording.temperature_k is None or not per_k.any():
+        return recording
+    reference_k = np.array([joint.reference_temperature_k for joint in robot.joints])
+    factor = 1.0 + per_k * (recording.temperature_k - reference_k)
+    return replace(recording, torque_nm=recording.torque_nm * factor)

@@ -1,0 +1,134 @@
+"""Reading a force plate's journal, finished, torn or damaged: `PlateRows`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.journal.cycle_row import CDR_LITTLE_ENDIAN
+from acquisition.journal.header import first_header
+from acquisition.journal.mcap_reader import JournalDamage, read_raw_journal
+from acquisition.journal.plate_header import PlateHeader
+from acquisition.journal.plate_row import EVENT_DTYPE, ROW_DTYPE, overloaded
+from config.arrays import BoolArray, FloatArray, IntArray
+from config.errors import RecordingError
+
+PLATE_RECORDING = "plate.mcap"
+ROW_CHANNEL, EVENT_CHANNEL = 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class PlateRows:
+    """What could be read of a plate's journal.
+
+    Attributes
+    ----------
+    header : PlateHeader
+        Plate, amplifier, profile, provenance.
+    rows : ndarray of `plate_row.ROW_DTYPE`, shape (rows,)
+        In the order received.
+    events : ndarray of `plate_row.EVENT_DTYPE`, shape (events,)
+        In the order received.
+    damage : JournalDamage
+        What the file has lost; its rows and events are numbered together.
+    """
+
+    header: PlateHeader
+    rows: NDArray[Any]
+    events: NDArray[Any]
+    damage: JournalDamage
+
+    @property
+    def arrival_s(self) -> FloatArray:
+        """When each row was here, on the clock of SYNC [s], shape (rows,)."""
+        return np.asarray(self.rows["arrival_s"])
+
+    @property
+    def device_s(self) -> FloatArray:
+        """When each row was measured, on the amplifier's clock [s], shape (rows,)."""
+        return np.asarray(self.rows["device_s"])
+
+    @property
+    def sequence(self) -> IntArray:
+        """Number of each row within its stream, shape (rows,)."""
+        return np.asarray(self.rows["sequence"])
+
+    @property
+    def stream(self) -> IntArray:
+        """Stream of each row, shape (rows,): the device's clock began anew between two."""
+        return np.asarray(self.rows["stream"], dtype=np.int64)
+
+    @property
+    def channels_n(self) -> FloatArray:
+        """What the channels measured [N], shape (rows, 8)."""
+        per_count = np.array(self.header.plate.amplifier.newtons_per_count)
+        return np.asarray(self.rows["counts"] * per_count)
+
+    @property
+    def overload(self) -> BoolArray:
+        """Which channels were overloaded, or within 5 % of their range's end, shape (rows, 8)."""
+        return overloaded(self.rows, self.header.plate.amplifier.full_scale_counts)
+
+    @property
+    def operating(self) -> BoolArray:
+        """Whether the amplifier measured, shape (rows,); otherwise it was in reset."""
+        bit = self.header.profile.status_bits.operate
+        return np.asarray((self.rows["status"] >> bit) & 1 == 1)
+
+    @property
+    def rows_lost(self) -> int:
+        """Rows that the amplifier sent and that are not here."""
+        step = np.diff(self.sequence)
+        same = np.diff(self.stream) == 0
+        return int(np.sum(step[same & (step > 1)] - 1))
+
+    def until(self, time_s: float) -> PlateRows:
+        """Return what had arrived by a time on the clock of SYNC [s]."""
+        return replace(
+            self,
+            rows=self.rows[self.rows["arrival_s"] <= time_s],
+            events=self.events[self.events["arrival_s"] <= time_s],
+        )
+
+    def of_kind(self, kind: str) -> NDArray[Any]:
+        """Return the events of one kind of the profile: overload, overrun, trigger, mark."""
+        found: NDArray[Any] = self.events[
+            self.events["kind"] == getattr(self.header.profile.events, kind)
+        ]
+        return found
+
+
+def read_plate_journal(path: Path) -> PlateRows:
+    """Read a plate's journal, whatever state it is in.
+
+    Parameters
+    ----------
+    path : Path
+        The `.mcap` file; it is not changed.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read, or is not a plate's journal of this program.
+    """
+    raw = read_raw_journal(path)
+    header = first_header(PlateHeader, raw.headers)
+    if header is None:
+        raise RecordingError(f"{path}: no header of a force plate's recording in it")
+    bodies: dict[int, list[bytes]] = {ROW_CHANNEL: [], EVENT_CHANNEL: []}
+    sizes = {ROW_CHANNEL: ROW_DTYPE.itemsize, EVENT_CHANNEL: EVENT_DTYPE.itemsize}
+    for channel, payload in zip(raw.channels, raw.payloads, strict=True):
+        body = payload[len(CDR_LITTLE_ENDIAN) :]
+        if len(body) != sizes.get(channel) or not payload.startswith(CDR_LITTLE_ENDIAN):
+            raise RecordingError(
+                f"{path}: channel {channel} has a message of {len(payload)} bytes: another"
+                " program's or version's file"
+            )
+        bodies[channel].append(body)
+    rows = np.frombuffer(b"".join(bodies[ROW_CHANNEL]), dtype=ROW_DTYPE)
+    events = np.frombuffer(b"".join(bodies[EVENT_CHANNEL]), dtype=EVENT_DTYPE)
+    return PlateRows(header=header, rows=rows, events=events, damage=raw.damage)

@@ -1,0 +1,56 @@
+"""`approach`: a gentle move from where the robot stands to where its motion begins."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from acquisition.motion.ramps import join, rest_to_rest, rest_to_rest_duration, standstill
+from acquisition.motion.samples import MotionSamples, Phase, phases_of, verify_limits
+from config.arrays import FloatArray, read_only
+from config.errors import ConfigError
+from config.robot.robot import RobotDescription
+
+APPROACH_SPEED_FRACTION = 0.3
+
+
+def approach(
+    from_position: FloatArray,
+    to_position: FloatArray,
+    robot: RobotDescription,
+    sample_period_s: float,
+) -> MotionSamples:
+    """Return a gentle move from rest to rest, at 30 % of the velocity and acceleration limits.
+
+    Parameters
+    ----------
+    from_position, to_position : ndarray, shape (joints,)
+        Poses [rad or m]: where the robot stands, and where the motion starts.
+    robot : RobotDescription
+        Joints and limits.
+    sample_period_s : float
+        The cell's cycle time [s].
+
+    Raises
+    ------
+    ConfigError
+        A pose is outside the position limits.
+    """
+    n = len(robot.joints)
+    start = read_only("pose to start from", from_position, float, (n,), ConfigError)
+    end = read_only("pose to go to", to_position, float, (n,), ConfigError)
+    velocity_limit = np.array([joint.limits.velocity for joint in robot.joints])
+    acceleration_limit = np.array([joint.limits.acceleration for joint in robot.joints])
+    duration_s = rest_to_rest_duration(
+        end - start,
+        APPROACH_SPEED_FRACTION * velocity_limit,
+        APPROACH_SPEED_FRACTION * acceleration_limit,
+    )
+    rows = max(1, math.ceil(duration_s / sample_period_s))
+    path = join([rest_to_rest(start, end, rows, sample_period_s), standstill(end, 1)])
+    samples = MotionSamples(
+        robot.joint_names, sample_period_s, *path, phase=phases_of((Phase.APPROACH, rows + 1))
+    )
+    verify_limits(samples, robot)
+    return samples

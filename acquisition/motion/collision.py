@@ -1,0 +1,72 @@
+"""Paths are measured before they are driven: the robot stays off itself and its surroundings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import PreflightError
+from dynamics.geometry.clearances import Clearances
+
+ROWS_AT_ONCE = 20
+TOLERANCE_M = 1e-3
+
+
+def refuse_collision(
+    clearances: Clearances,
+    position: FloatArray,
+    sample_period_s: float,
+    what: str,
+    meanwhile: Callable[[], None] = lambda: None,
+) -> None:
+    """Refuse a path on which two bodies come closer than the clearance.
+
+    Bodies that are closer already where the path begins may stay as close, but not come closer:
+    a robot that stands too near can be led away.
+
+    Parameters
+    ----------
+    clearances : Clearances
+        What must stay apart.
+    position : ndarray, shape (samples, n)
+        The path's joint positions [rad or m].
+    sample_period_s : float
+        Time between rows [s].
+    what : str
+        What the path is called in the message.
+    meanwhile : callable
+        Called every few milliseconds.
+
+    Raises
+    ------
+    PreflightError
+        Two bodies come too close; the text names them, the distance and the time.
+    """
+    if len(clearances) == 0:
+        return
+    at_start = clearances.nearest(position[:1])
+    if (at_start < 0.0).any():
+        pair = int(np.argmin(at_start))
+        raise PreflightError(
+            f"where {what} begins, {clearances.names[pair]} overlap by"
+            f" {-1e3 * at_start[pair]:.0f} mm: lead the robot out by hand, or correct `bodies` in"
+            " the robot file and `workspace` in the cell file"
+        )
+    least = np.minimum(clearances.margin_m, at_start - TOLERANCE_M)
+    for first in range(0, len(position), ROWS_AT_ONCE):
+        meanwhile()
+        rows = position[first : first + ROWS_AT_ONCE]
+        if (clearances.nearest(rows) >= least).all():
+            continue
+        for row, pose in enumerate(rows, start=first):
+            distance = clearances.nearest(pose[np.newaxis])
+            pair = int(np.argmin(distance - least))
+            if distance[pair] < least[pair]:
+                raise PreflightError(
+                    f"{what} brings {clearances.names[pair]} to {1e3 * distance[pair]:.0f} mm of"
+                    f" each other after {row * sample_period_s:.2f} s;"
+                    f" {1e3 * clearances.margin_m:.0f} mm is the least that `workspace` in the cell"
+                    " file allows. Nothing was moved: design another motion, or start elsewhere"
+                )

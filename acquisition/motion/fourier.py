@@ -1,0 +1,158 @@
+"""`FourierTrajectory`: the periodic excitation (2.30, 3.11, 3.12)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import FloatArray, read_only
+from config.errors import ConfigError
+from config.motion.motion import FourierMotion
+from config.robot.robot import RobotDescription
+
+
+def samples_of_period(period_s: float, sample_period_s: float) -> int:
+    """Return how many samples one period holds.
+
+    Parameters
+    ----------
+    period_s : float
+        The period [s].
+    sample_period_s : float
+        Time between samples [s].
+
+    Raises
+    ------
+    ConfigError
+        The period is not a whole number of samples (the message names the nearest that are), or
+        holds fewer than four.
+    """
+    exact = period_s / sample_period_s
+    samples = round(exact)
+    if abs(exact - samples) > 1e-6:
+        nearest = " and ".join(
+            f"{whole * sample_period_s:.9g} s ({whole} cycles)"
+            for whole in (math.floor(exact), math.ceil(exact))
+        )
+        raise ConfigError(
+            f"period_s {period_s:g} is {exact:.9g} cycles of {sample_period_s * 1e3:g} ms; a period"
+            f" must hold a whole number of cycles. The nearest that do: {nearest}"
+        )
+    if samples < 4:
+        raise ConfigError(
+            f"period_s {period_s:g} holds {samples} cycles of {sample_period_s * 1e3:g} ms; at"
+            " least 4 are needed: choose a longer period"
+        )
+    return samples
+
+
+@dataclass(frozen=True, eq=False)
+class FourierTrajectory:
+    """A Fourier series per joint with a whole number of samples in its period.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    sample_period_s : float
+        Time between samples [s].
+    samples_per_period : int
+        Samples of one period, K.
+    offset : ndarray, shape (joints,)
+        q_i0 [rad or m].
+    sine, cosine : ndarray, shape (harmonics, joints)
+        a_ik and b_ik [rad or m]; row k - 1 belongs to harmonic k.
+    """
+
+    joint_names: tuple[str, ...]
+    sample_period_s: float
+    samples_per_period: int
+    offset: FloatArray
+    sine: FloatArray
+    cosine: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.joint_names)
+        offset = read_only("Fourier offset", self.offset, float, (n,), ConfigError)
+        sine = read_only("Fourier sine", self.sine, float, (None, n), ConfigError)
+        cosine = read_only("Fourier cosine", self.cosine, float, sine.shape, ConfigError)
+        if 2 * len(sine) >= self.samples_per_period:
+            raise ConfigError(
+                f"harmonic {len(sine)} of a period of {self.samples_per_period} samples is beyond"
+                " half the sampling frequency: use fewer harmonics or a longer period"
+            )
+        object.__setattr__(self, "offset", offset)
+        object.__setattr__(self, "sine", sine)
+        object.__setattr__(self, "cosine", cosine)
+
+    @classmethod
+    def from_motion(
+        cls, motion: FourierMotion, robot: RobotDescription, sample_period_s: float
+    ) -> FourierTrajectory:
+        """Return the trajectory of a motion file, its joints in the robot's order.
+
+        Raises
+        ------
+        ConfigError
+            A joint of the robot is missing, unknown or named twice, the period is not a whole
+            number of samples, or a harmonic is beyond half the sampling frequency.
+        """
+        given = [joint.joint for joint in motion.joints]
+        if sorted(given) != sorted(robot.joint_names):
+            raise ConfigError(
+                f"the motion moves joints {', '.join(given)}; robot {robot.name!r} needs each of"
+                f" {', '.join(robot.joint_names)} once (amplitude 0 where it stands still)"
+            )
+        by_name = {joint.joint: joint for joint in motion.joints}
+        joints = [by_name[name] for name in robot.joint_names]
+        harmonics = max(len(joint.sine) for joint in joints)
+        sine = np.zeros((harmonics, len(joints)))
+        cosine = np.zeros((harmonics, len(joints)))
+        for column, joint in enumerate(joints):
+            sine[: len(joint.sine), column] = joint.sine
+            cosine[: len(joint.cosine), column] = joint.cosine
+        return cls(
+            joint_names=robot.joint_names,
+            sample_period_s=sample_period_s,
+            samples_per_period=samples_of_period(motion.period_s, sample_period_s),
+            offset=np.array([joint.offset for joint in joints]),
+            sine=sine,
+            cosine=cosine,
+        )
+
+    @property
+    def period_s(self) -> float:
+        """The period [s]."""
+        return self.samples_per_period * self.sample_period_s
+
+    @property
+    def harmonics(self) -> int:
+        """The highest harmonic, N."""
+        return len(self.sine)
+
+    @property
+    def sample_times_s(self) -> FloatArray:
+        """Times of the samples of one period, from 0 [s]; shape (samples_per_period,)."""
+        return np.arange(self.samples_per_period, dtype=np.float64) * self.sample_period_s
+
+    def position(self, time_s: FloatArray) -> FloatArray:
+        """Return q(t) [rad or m], shape (len(time_s), joints); (3.11)."""
+        return self._series(time_s, 0) + self.offset
+
+    def velocity(self, time_s: FloatArray) -> FloatArray:
+        """Return the first time derivative of q(t), shape (len(time_s), joints)."""
+        return self._series(time_s, 1)
+
+    def acceleration(self, time_s: FloatArray) -> FloatArray:
+        """Return the second time derivative of q(t), shape (len(time_s), joints)."""
+        return self._series(time_s, 2)
+
+    def _series(self, time_s: FloatArray, derivative: int) -> FloatArray:
+        """Return the derivative of the sum over harmonics, as the real part of phasors."""
+        omega = 2.0 * math.pi / self.period_s * np.arange(1, self.harmonics + 1)
+        turns = np.exp(1j * np.outer(np.asarray(time_s, dtype=float), omega))
+        # a sin(wt) + b cos(wt) = Re[(b - j a) exp(jwt)], and d/dt multiplies by j w.
+        phasors = (self.cosine - 1j * self.sine) * ((1j * omega) ** derivative)[:, np.newaxis]
+        return np.asarray((turns @ phasors).real)

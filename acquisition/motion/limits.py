@@ -1,0 +1,136 @@
+"""Joint limits held against a path: between its rows too, with the worst of each in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from acquisition.motion.ramps import Path
+from config.arrays import FloatArray
+from config.cell.cell import CellConfig
+from config.errors import LimitError, PreflightError
+from config.robot.robot import RobotDescription
+from drivers.servo.wrist_coupling import WristCoupling
+
+CHUNK_ROWS = 10_000
+LIMIT_MARGIN_SHARE = 0.05
+
+
+def violations(
+    path: Path, robot: RobotDescription, sample_period_s: float, oversampling: int = 10
+) -> list[str]:
+    """Return what exceeds which limit, in words: the worst of each joint, quantity and side."""
+    limits = [joint.limits for joint in robot.joints]
+    velocity = ("/s", [-x.velocity for x in limits], [x.velocity for x in limits])
+    bounds = [
+        ("position", "", [x.position_min for x in limits], [x.position_max for x in limits]),
+        ("velocity", *velocity),
+        (
+            "acceleration",
+            "/s^2",
+            [-x.acceleration for x in limits],
+            [x.acceleration for x in limits],
+        ),
+    ]
+    coupling = WristCoupling.of_robot(robot)
+    if coupling is not None:
+        bounds.append(("velocity of the motor", *velocity))
+    worst: dict[tuple[str, int, float], tuple[float, str]] = {}
+    for first in range(0, len(path.position) - 1, CHUNK_ROWS):
+        chunk = Path(*(values[first : first + CHUNK_ROWS + 1] for values in path))
+        fine: tuple[FloatArray, ...] = _between_rows(chunk, sample_period_s, oversampling)
+        if coupling is not None:
+            fine = (*fine, coupling.to_motors(fine[1]))
+        for values, (quantity, per, low, high) in zip(fine, bounds, strict=True):
+            for side, limit in ((1.0, high), (-1.0, low)):
+                excess = side * (values - limit)
+                rows = excess.argmax(axis=0)
+                for column, (joint, row) in enumerate(zip(robot.joints, rows, strict=True)):
+                    by = float(excess[row, column])
+                    key = (quantity, column, side)
+                    if by <= 1e-9 * abs(limit[column]) or by <= worst.get(key, (0.0, ""))[0]:
+                        continue
+                    unit = ("rad" if joint.type == "revolute" else "m") + per
+                    time_s = (first + row / oversampling) * sample_period_s
+                    worst[key] = (
+                        by,
+                        f"{quantity} of joint {joint.name!r} reaches"
+                        f" {values[row, column]:.6g} {unit} at {time_s:.4g} s, its limit is"
+                        f" {limit[column]:.6g}",
+                    )
+    return [words for _, words in worst.values()]
+
+
+def _between_rows(path: Path, sample_period_s: float, oversampling: int) -> Path:
+    """Return the quintic through the rows at `oversampling` points per sample period."""
+    h = sample_period_s
+    q0, v0, a0 = path.position[:-1], h * path.velocity[:-1], h**2 * path.acceleration[:-1]
+    q1, v1, a1 = path.position[1:], h * path.velocity[1:], h**2 * path.acceleration[1:]
+    rest = q1 - q0 - v0 - a0 / 2.0
+    slope = v1 - v0 - a0
+    bend = a1 - a0
+    c3 = 10.0 * rest - 4.0 * slope + bend / 2.0
+    c4 = -15.0 * rest + 7.0 * slope - bend
+    c5 = 6.0 * rest - 3.0 * slope + bend / 2.0
+    x = (np.arange(oversampling) / oversampling)[:, np.newaxis]
+
+    def rows(inner: FloatArray, last: FloatArray) -> FloatArray:
+        return np.concatenate([inner.reshape(-1, last.shape[-1]), last[-1:]])
+
+    q0, v0, a0, c3, c4, c5 = (values[:, np.newaxis, :] for values in (q0, v0, a0, c3, c4, c5))
+    position = q0 + x * (v0 + x * (a0 / 2.0 + x * (c3 + x * (c4 + x * c5))))
+    velocity = v0 + x * (a0 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
+    acceleration = a0 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))
+    return Path(
+        rows(position, path.position),
+        rows(velocity / h, path.velocity),
+        rows(acceleration / h**2, path.acceleration),
+    )
+
+
+def beyond_limits(broken: list[str], what: str) -> LimitError:
+    """Return the error that says what a path, called `what`, exceeds."""
+    return LimitError(
+        f"{what} exceeds the robot's limits: {'; '.join(broken)}. Reduce the amplitudes or"
+        " speeds, or correct the limits in the robot file"
+    )
+
+
+def refuse(broken: list[str], what: str) -> None:
+    """Raise `LimitError` where a path, called `what`, exceeds anything."""
+    if broken:
+        raise beyond_limits(broken, what)
+
+
+def refuse_pose(robot: RobotDescription, position: Sequence[float]) -> None:
+    """Refuse to begin where a joint stands outside its limits.
+
+    Raises
+    ------
+    PreflightError
+        One does; the text names it.
+    """
+    for joint, value in zip(robot.joints, position, strict=True):
+        low, high = joint.limits.position_min, joint.limits.position_max
+        if not low <= value <= high:
+            raise PreflightError(
+                f"joint {joint.name} stands at {value:.4f}, outside its limits {low:g} to"
+                f" {high:g}: move the robot inside them by hand, or correct the robot file"
+            )
+
+
+def position_bounds(cell: CellConfig, robot: RobotDescription) -> tuple[list[float], list[float]]:
+    """Return between which positions each joint may be found, its limits with a margin [rad or m].
+
+    The margin is the following error that is allowed at standstill, and a twentieth of the joint's
+    range at most.
+    """
+    low, high = [], []
+    for joint in robot.joints:
+        limits = joint.limits
+        share = LIMIT_MARGIN_SHARE * (limits.position_max - limits.position_min)
+        margin = min(cell.supervision.following_error_min_rad, share)
+        low.append(limits.position_min - margin)
+        high.append(limits.position_max + margin)
+    return low, high

@@ -1,0 +1,354 @@
+"""The geometry of a path: segments joined by blends, as pieces measured by their length.
+
+A blend is the quintic that leaves one segment and meets the next with their direction and
+curvature, so that between two stops direction and curvature of the whole path are continuous.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from config.arrays import FloatArray, IntArray
+from config.errors import ConfigError
+from config.motion.path_motion import (
+    ArcSegment,
+    CircleSegment,
+    LineSegment,
+    PathMotion,
+    Segment,
+    SplineSegment,
+)
+
+SHORTEST_M: Final = 1e-6
+SAME_DIRECTION: Final = 1e-9
+SAME_CURVATURE: Final = 1e-6
+TURNS_BACK: Final = -0.999
+CELLS: Final = 256
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+
+Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+"""Point and its first two derivatives, each (len(x), 3), at parameters x."""
+
+
+class Along(NamedTuple):
+    """A path at some of its lengths; each of shape (len(s), 3).
+
+    Attributes
+    ----------
+    point_m, direction, curvature
+        Where, the unit vector that way, and how that changes [1/m].
+    """
+
+    point_m: FloatArray
+    direction: FloatArray
+    curvature: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One curve, measured by its length.
+
+    Attributes
+    ----------
+    label : str
+        What a message calls it.
+    curve : callable
+        The curve over its parameter.
+    knots, lengths : ndarray
+        Parameters, and the lengths from the first of them up to each [m].
+    speed_m_s : float
+        The speed asked for.
+    """
+
+    label: str
+    curve: Curve
+    knots: FloatArray
+    lengths: FloatArray
+    speed_m_s: float
+
+    @property
+    def length_m(self) -> float:
+        """From end to end."""
+        return float(self.lengths[-1])
+
+    def parameters(self, length_m: FloatArray) -> FloatArray:
+        """Return the parameters that belong to lengths from its beginning, by Newton's method."""
+        cell = np.clip(np.searchsorted(self.lengths, length_m, "right") - 1, 0, len(self.knots) - 2)
+        first, size = self.knots[cell], np.diff(self.knots)[cell]
+        whole = np.diff(self.lengths)[cell]
+        x = first + size * (length_m - self.lengths[cell]) / whole
+        for _ in range(4):
+            done = self.lengths[cell] + _length_between(self.curve, first, x)
+            speed = np.linalg.norm(self.curve(x)[1], axis=1)
+            x = x + (length_m - done) / np.maximum(speed, 1e-300)
+        return np.asarray(x)
+
+    def at(self, length_m: FloatArray) -> Along:
+        """Return the curve at lengths from its beginning."""
+        point, first, second = self.curve(self.parameters(length_m))
+        speed = np.linalg.norm(first, axis=1, keepdims=True)
+        direction = first / speed
+        across = second - direction * (direction * second).sum(axis=1, keepdims=True)
+        return Along(point, direction, across / speed**2)
+
+    def between(self, begin_m: float, end_m: float) -> Piece:
+        """Return the part between two lengths."""
+        begin, end = self.parameters(np.array([begin_m, end_m])).tolist()
+        return measured(self.label, self.curve, np.linspace(begin, end, CELLS + 1), self.speed_m_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A part of a path from rest to rest: pieces that join smoothly."""
+
+    pieces: tuple[Piece, ...]
+
+    @property
+    def ends_m(self) -> FloatArray:
+        """Lengths at which its pieces end."""
+        return np.cumsum([piece.length_m for piece in self.pieces])
+
+    @property
+    def length_m(self) -> float:
+        """From rest to rest."""
+        return float(self.ends_m[-1])
+
+    def piece_at(self, length_m: FloatArray) -> IntArray:
+        """Return the numbers of the pieces at lengths."""
+        found = np.searchsorted(self.ends_m, length_m)
+        return np.asarray(np.minimum(found, len(self.pieces) - 1), dtype=np.int64)
+
+    def where(self, length_m: float) -> str:
+        """Say where on the path a length is."""
+        number = int(self.piece_at(np.array([length_m]))[0])
+        into_m = length_m - float(self.ends_m[number]) + self.pieces[number].length_m
+        return f"{self.pieces[number].label}, {1e3 * into_m:.0f} mm into it"
+
+    def at(self, length_m: FloatArray) -> Along:
+        """Return the path at lengths from the beginning of the stretch."""
+        number = self.piece_at(length_m)
+        found = Along(*(np.empty((len(length_m), 3)) for _ in range(3)))
+        for k in np.unique(number).tolist():
+            here = number == k
+            piece = self.pieces[k]
+            begin = float(self.ends_m[k]) - piece.length_m
+            part = piece.at(np.clip(length_m[here] - begin, 0.0, piece.length_m))
+            for whole, values in zip(found, part, strict=True):
+                whole[here] = values
+        return found
+
+
+def measured(label: str, curve: Curve, knots: FloatArray, speed_m_s: float) -> Piece:
+    """Return a curve with its length measured from knot to knot."""
+    cells = _length_between(curve, knots[:-1], knots[1:])
+    return Piece(label, curve, knots, np.concatenate([[0.0], np.cumsum(cells)]), speed_m_s)
+
+
+def stretches(motion: PathMotion) -> tuple[Stretch, ...]:
+    """Return a path as its parts from rest to rest.
+
+    Raises
+    ------
+    ConfigError
+        A segment is no curve, or turns back where it is to be blended; the text names it.
+    """
+    whole, at = [], np.array(motion.start_m)
+    for number, segment in enumerate(motion.segments, start=1):
+        label = f"segment {number} ({segment.kind})"
+        whole.append(_segment(segment, at, label, segment.speed_m_s or motion.speed_m_s))
+        at = whole[-1].curve(whole[-1].knots[-1:])[0][0]
+    joints = [
+        _joint(whole[k], whole[k + 1], segment.blend_m, motion.blend_m, k + 1)
+        for k, segment in enumerate(motion.segments[:-1])
+    ]
+    parts: list[Stretch] = []
+    pieces: list[Piece] = []
+    begin_m = 0.0
+    for k, piece in enumerate(whole):
+        joint = joints[k] if k < len(joints) else None
+        end_m = piece.length_m - (0.0 if joint is None else joint.reach_m)
+        if end_m - begin_m > SHORTEST_M:
+            untouched = begin_m == 0.0 and end_m == piece.length_m
+            pieces.append(piece if untouched else piece.between(begin_m, end_m))
+        begin_m = 0.0
+        if joint is None or joint.stops:
+            parts.append(Stretch(tuple(pieces)))
+            pieces = []
+        elif joint.reach_m > 0.0:
+            begin_m = joint.reach_m
+            pieces.append(_blend(piece, whole[k + 1], joint.reach_m, k + 1))
+    return tuple(parts)
+
+
+class _Joint(NamedTuple):
+    """How a segment joins the next: by a stop, by a blend of some reach, or smoothly as it is."""
+
+    stops: bool
+    reach_m: float
+
+
+def _joint(
+    before: Piece, after: Piece, own_m: float | None, default_m: float, number: int
+) -> _Joint:
+    ends = before.at(np.array([before.length_m])), after.at(np.array([0.0]))
+    straight_on = float(ends[0].direction[0] @ ends[1].direction[0])
+    bend = float(np.abs(ends[0].curvature - ends[1].curvature).max())
+    if 1.0 - straight_on < SAME_DIRECTION and bend < SAME_CURVATURE:
+        return _Joint(stops=False, reach_m=0.0)
+    wanted_m = default_m if own_m is None else own_m
+    if wanted_m == 0.0:
+        return _Joint(stops=True, reach_m=0.0)
+    if straight_on < TURNS_BACK:
+        raise ConfigError(
+            f"segments {number} and {number + 1} turn back on themselves, which cannot be blended:"
+            f" give segment {number} blend_m: 0 to stop there"
+        )
+    return _Joint(False, min(wanted_m, 0.5 * before.length_m, 0.5 * after.length_m))
+
+
+def _blend(before: Piece, after: Piece, reach_m: float, number: int) -> Piece:
+    """Return the quintic from one segment to the next, by its Bernstein points."""
+    leave, meet = before.at(np.array([before.length_m - reach_m])), after.at(np.array([reach_m]))
+    speed = 2.0 * reach_m
+    ends = []
+    for end, way in ((leave, 1.0), (meet, -1.0)):
+        first = end.point_m[0] + way * speed / 5.0 * end.direction[0]
+        bend = speed**2 / 20.0 * end.curvature[0]
+        ends.append((end.point_m[0], first, 2.0 * first - end.point_m[0] + bend))
+    points = np.array([*ends[0], *ends[1][::-1]])
+    slopes = 5.0 * np.diff(points, axis=0)
+    bends = 4.0 * np.diff(slopes, axis=0)
+
+    def curve(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return _bernstein(x, points), _bernstein(x, slopes), _bernstein(x, bends)
+
+    label = f"the corner between segments {number} and {number + 1}"
+    slower = min(before.speed_m_s, after.speed_m_s)
+    return measured(label, curve, np.linspace(0.0, 1.0, CELLS + 1), slower)
+
+
+def _bernstein(x: FloatArray, points: FloatArray) -> FloatArray:
+    degree = len(points) - 1
+    shares = [math.comb(degree, k) * x**k * (1.0 - x) ** (degree - k) for k in range(degree + 1)]
+    return np.asarray(np.stack(shares, axis=1) @ points)
+
+
+def _segment(segment: Segment, start: FloatArray, label: str, speed_m_s: float) -> Piece:
+    if isinstance(segment, LineSegment):
+        knots, curve = np.linspace(0.0, 1.0, 2), _line(start, np.array(segment.to_m), label)
+    elif isinstance(segment, ArcSegment):
+        knots, curve = _arc(start, np.array(segment.through_m), np.array(segment.to_m), label)
+    elif isinstance(segment, CircleSegment):
+        knots, curve = _circle(segment, start, label)
+    else:
+        knots, curve = _spline(segment, start, label)
+    return measured(label, curve, knots, speed_m_s)
+
+
+def _line(start: FloatArray, end: FloatArray, label: str) -> Curve:
+    way = end - start
+    if np.linalg.norm(way) < SHORTEST_M:
+        raise ConfigError(f"{label} ends where it begins, at {_millimetres(end)}: leave it out")
+
+    def curve(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        ones = np.ones((len(x), 1))
+        return start + x[:, np.newaxis] * way, ones * way, 0.0 * ones * way
+
+    return curve
+
+
+def _arc(
+    start: FloatArray, through: FloatArray, end: FloatArray, label: str
+) -> tuple[FloatArray, Curve]:
+    """Return the arc through three points: its centre is where two bisecting planes meet it."""
+    a, b = through - start, end - start
+    normal = np.cross(a, b)
+    size = float(np.linalg.norm(normal))
+    if size < 1e-6 * float(np.linalg.norm(a) * np.linalg.norm(b)) or size < SHORTEST_M**2:
+        raise ConfigError(
+            f"{label}: {_millimetres(start)}, {_millimetres(through)} and {_millimetres(end)} lie"
+            " on a line or on each other: give a line, or other points"
+        )
+    normal = normal / size
+    halves = 0.5 * np.array([float(a @ a), float(b @ b), 0.0])
+    centre = np.asarray(start + np.linalg.solve(np.array([a, b, normal]), halves))
+    x, y = start - centre, np.cross(normal, start - centre)
+    ahead = end - centre
+    angle = math.atan2(float(ahead @ y), float(ahead @ x)) % (2.0 * math.pi)
+    return _turn(centre, x, y, angle)
+
+
+def _circle(segment: CircleSegment, start: FloatArray, label: str) -> tuple[FloatArray, Curve]:
+    centre, normal = np.array(segment.centre_m), np.array(segment.normal)
+    normal = normal / np.linalg.norm(normal)
+    radius = start - centre
+    height_m, radius_m = float(radius @ normal), float(np.linalg.norm(radius))
+    if radius_m < SHORTEST_M or abs(height_m) > 1e-3 * radius_m:
+        raise ConfigError(
+            f"{label} begins at {_millimetres(start)}, {1e3 * abs(height_m):.3g} mm off the plane"
+            f" through its centre and {1e3 * radius_m:.3g} mm from it: move the centre, turn the"
+            " normal, or begin elsewhere"
+        )
+    x = radius
+    y = np.cross(normal, x)
+    return _turn(
+        centre + height_m * normal, x - height_m * normal, y, 2.0 * math.pi * segment.turns
+    )
+
+
+def _turn(
+    centre: FloatArray, x: FloatArray, y: FloatArray, angle: float
+) -> tuple[FloatArray, Curve]:
+    def curve(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        phi = (angle * at)[:, np.newaxis]
+        out = np.cos(phi) * x + np.sin(phi) * y
+        onwards = np.cos(phi) * y - np.sin(phi) * x
+        return centre + out, angle * onwards, -(angle**2) * out
+
+    return np.linspace(0.0, 1.0, 2), curve
+
+
+def _spline(segment: SplineSegment, start: FloatArray, label: str) -> tuple[FloatArray, Curve]:
+    points = np.array([start, *segment.through_m])
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if chords.min() < SHORTEST_M:
+        number = int(chords.argmin()) + 1
+        raise ConfigError(
+            f"{label}: point {number}, {_millimetres(points[number])}, is the same as the one"
+            " before it: leave one out"
+        )
+    at = np.concatenate([[0.0], np.cumsum(chords)])
+    spline = CubicSpline(at, points)
+
+    def curve(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return (
+            np.asarray(spline(x)),
+            np.asarray(spline(x, 1)),
+            np.asarray(spline(x, 2)),
+        )
+
+    cells = max(4, -(-CELLS // len(chords)))
+    share = np.arange(cells) / cells
+    knots = np.append((at[:-1, np.newaxis] + share * np.diff(at)[:, np.newaxis]).ravel(), at[-1])
+    slowest = np.linalg.norm(curve(knots)[1], axis=1).min()
+    if slowest < 1e-3:
+        raise ConfigError(f"{label} has a cusp: give points that are more evenly spaced")
+    return knots, curve
+
+
+def _length_between(curve: Curve, begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the lengths between parameters, by Gauss's rule of five points."""
+    half = 0.5 * (end - begin)
+    x = (begin + half)[:, np.newaxis] + half[:, np.newaxis] * _NODES
+    speed = np.linalg.norm(curve(x.ravel())[1], axis=1).reshape(x.shape)
+    return np.asarray((speed @ _WEIGHTS) * half)
+
+
+def _millimetres(point: FloatArray) -> str:
+    return f"({', '.join(f'{1e3 * x:.1f}' for x in point)}) mm"

@@ -1,0 +1,178 @@
+"""How fast a path may be driven: a speed over its length within all limits, smooth in time.
+
+Speeds come from a forward and a backward pass over the squared speed, within what the path asks for
+and what the joints can do (Bobrow, Dubowsky and Gibson 1985). Two moving averages over time bound
+the jerk; the limits are widened along the path by as far as these averages reach, so that they hold
+afterwards too.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+
+SHARE_OF_BENDS: Final = 0.7
+FINE: Final = 8
+SECOND_AVERAGE: Final = 0.5
+MARGIN: Final = 0.97
+TINY: Final = 1e-12
+
+
+class Progress(NamedTuple):
+    """Lengths over time, row by row: s, ds/dt and d2s/dt2, each of shape (rows,)."""
+
+    length: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedLimits:
+    """What bounds the speed on a grid along a path; the unit of length is the path's own.
+
+    Attributes
+    ----------
+    length : ndarray, shape (m,)
+        The grid, from 0 on.
+    speed : ndarray, shape (m,)
+        The largest speed, per second.
+    steady, per_speed : ndarray, shape (m, n)
+        The largest change of the speed is the smallest of `steady - per_speed * speed^2`, per
+        second squared.
+    smoothing_s : float
+        Time over which the change of the speed is averaged.
+    """
+
+    length: FloatArray
+    speed: FloatArray
+    steady: FloatArray
+    per_speed: FloatArray
+    smoothing_s: float
+
+    def slower(self, factor: float) -> SpeedLimits:
+        """Return limits for a motion that takes `1 / factor` times as long."""
+        return replace(self, speed=factor * self.speed, steady=factor**2 * self.steady)
+
+
+def joint_speed(slope: FloatArray, robot: RobotDescription, fraction: float = 1.0) -> FloatArray:
+    """Return the speeds along a path at which each joint reaches its limit, shape (m, n)."""
+    limit = fraction * MARGIN * np.array([joint.limits.velocity for joint in robot.joints])
+    return np.asarray(limit / np.maximum(np.abs(slope), TINY))
+
+
+def bend_speed(bend: FloatArray, robot: RobotDescription, fraction: float = 1.0) -> FloatArray:
+    """Return the steady speeds at which a path's bends leave a joint some acceleration, (m, n)."""
+    limit = _accelerations(robot, fraction)
+    return np.asarray(np.sqrt(SHARE_OF_BENDS * limit / np.maximum(np.abs(bend), TINY)))
+
+
+def speed_limits(
+    length: FloatArray,
+    speed: FloatArray,
+    slope: FloatArray,
+    bend: FloatArray,
+    robot: RobotDescription,
+    smoothing_s: float,
+    *,
+    acceleration: float = math.inf,
+    fraction: float = 1.0,
+) -> SpeedLimits:
+    """Return the limits of a path: those asked for, and the joints'.
+
+    Parameters
+    ----------
+    length : ndarray, shape (m,)
+        The grid.
+    speed : ndarray, shape (m,)
+        What is asked for.
+    slope, bend : ndarray, shape (m, n)
+        First and second derivative of the joint positions by the length.
+    robot : RobotDescription
+        The limits.
+    smoothing_s : float
+        Time over which the change of the speed is averaged.
+    acceleration : float
+        Largest change of the speed that is asked for.
+    fraction : float
+        Share of the joints' limits to use.
+    """
+    joints = np.minimum(joint_speed(slope, robot, fraction), bend_speed(bend, robot, fraction))
+    size = np.maximum(np.abs(slope), TINY)
+    asked = np.full((len(length), 1), acceleration)
+    return SpeedLimits(
+        length=length,
+        speed=np.minimum(speed, joints.min(axis=1)),
+        steady=np.concatenate([asked, _accelerations(robot, fraction) / size], axis=1),
+        per_speed=np.concatenate([0.0 * length[:, np.newaxis], np.abs(bend) / size], axis=1),
+        smoothing_s=smoothing_s,
+    )
+
+
+def progress(limits: SpeedLimits, sample_period_s: float) -> Progress:
+    """Return the fastest way along a path within its limits, from rest to rest.
+
+    The last row is at rest at the end of the path.
+    """
+    speed = _passes(limits)
+    step_s = sample_period_s / FINE
+    steps = np.diff(limits.length)
+    time_s = np.concatenate([[0.0], np.cumsum(2.0 * steps / (speed[1:] + speed[:-1]))])
+    first = max(1, round(limits.smoothing_s / step_s))
+    second = max(1, round(SECOND_AVERAGE * limits.smoothing_s / step_s))
+    cells = math.ceil(time_s[-1] / step_s) + 1
+    cells += -(cells + first + second - 2) % FINE
+    at_s = np.minimum(np.arange(cells + 1) * step_s, time_s[-1])
+    k = np.clip(np.searchsorted(time_s, at_s, "right") - 1, 0, len(steps) - 1)
+    into_s = at_s - time_s[k]
+    change = np.diff(speed**2)[k] / (2.0 * steps[k])
+    raw = limits.length[k] + into_s * (speed[k] + 0.5 * change * into_s)
+    raw[at_s >= time_s[-1]] = limits.length[-1]
+    moved = np.diff(raw)
+    for width in (first, second):
+        moved = np.convolve(moved, np.full(width, 1.0 / width))
+    length = np.concatenate([[0.0], np.cumsum(moved)])
+    rate = np.concatenate([[0.0], moved, [0.0]]) / step_s
+    fine = Progress(length, 0.5 * (rate[1:] + rate[:-1]), np.diff(rate) / step_s)
+    rows = Progress(*(values[::FINE].copy() for values in fine))
+    rows.length[-1] = limits.length[-1]
+    for values in rows[1:]:
+        values[[0, -1]] = 0.0
+    return rows
+
+
+def _accelerations(robot: RobotDescription, fraction: float) -> FloatArray:
+    limits = [joint.limits.acceleration for joint in robot.joints]
+    return np.asarray(fraction * MARGIN * np.array(limits))
+
+
+def _passes(limits: SpeedLimits) -> FloatArray:
+    """Return the fastest speed on the grid, from rest to rest."""
+    most = _widened(limits) ** 2
+    most[0] = most[-1] = 0.0
+    steps = np.diff(limits.length)
+    for order in (range(len(steps)), range(len(steps) - 1, -1, -1)):
+        forwards = order.step > 0
+        for k in order:
+            here, there = (k, k + 1) if forwards else (k + 1, k)
+            change = float((limits.steady[here] - limits.per_speed[here] * most[here]).min())
+            most[there] = min(most[there], most[here] + 2.0 * steps[k] * max(change, 0.0))
+    return np.asarray(np.sqrt(most))
+
+
+def _widened(limits: SpeedLimits) -> FloatArray:
+    """Return every limit held as far around its place as the averages over time reach."""
+    reach_s = 0.5 * (1.0 + SECOND_AVERAGE) * limits.smoothing_s
+    gain = np.minimum(limits.steady.min(axis=1) * reach_s, limits.speed.max())
+    reach = reach_s * (limits.speed + gain)
+    begin = np.searchsorted(limits.length, limits.length - reach)
+    end = np.searchsorted(limits.length, limits.length + reach, "right")
+    widened = limits.speed.copy()
+    for low, high, speed in zip(begin.tolist(), end.tolist(), limits.speed.tolist(), strict=True):
+        np.minimum(widened[low:high], speed, out=widened[low:high])
+    return np.asarray(widened)

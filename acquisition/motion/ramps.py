@@ -1,0 +1,125 @@
+"""Ramps: from rest into a periodic motion and out of it, and from rest to rest between poses.
+
+A run-in moves along the periodic path itself while its clock speeds up: q(t) = f(s(t)) with the
+rate ds/dt rising from 0 to 1 as the polynomial 10 x^3 - 15 x^4 + 6 x^5. The path never leaves the
+period's positions, the joint speeds never exceed the period's, and the motion is of class C3. A
+run-out is the same, backwards.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from acquisition.motion.fourier import FourierTrajectory
+from config.arrays import FloatArray
+
+QUINTIC_PEAK_VELOCITY = 15.0 / 8.0
+QUINTIC_PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
+
+
+class Path(NamedTuple):
+    """Samples of a piece of motion, each array of shape (samples, joints)."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+def run_in(trajectory: FourierTrajectory, samples: int) -> Path:
+    """Return the samples from rest up to, and not including, the start of the first period.
+
+    Parameters
+    ----------
+    trajectory : FourierTrajectory
+        The periodic motion to join at its time zero.
+    samples : int
+        Length of the run-in; the clock runs half of it.
+    """
+    x = np.arange(samples) / samples
+    duration_s = samples * trajectory.sample_period_s
+    return _at_clock(trajectory, -0.5 * duration_s, x, duration_s)
+
+
+def run_out(trajectory: FourierTrajectory, samples: int) -> Path:
+    """Return the samples from the end of the last period (its time zero) to rest, both included.
+
+    Parameters
+    ----------
+    trajectory : FourierTrajectory
+        The periodic motion to leave.
+    samples : int
+        Length of the run-out; one more row is returned, at rest.
+    """
+    x = 1.0 - np.arange(samples + 1) / samples
+    duration_s = samples * trajectory.sample_period_s
+    # The run-in of the time-reversed trajectory, reversed: s -> -s, and speeds change sign twice.
+    return _at_clock(trajectory, 0.5 * duration_s, x, -duration_s)
+
+
+def _at_clock(
+    trajectory: FourierTrajectory, start_s: float, x: FloatArray, duration_s: float
+) -> Path:
+    """Return the trajectory at s(x) = start + duration * integral of the rate from 0 to x."""
+    clock_s = start_s + duration_s * (2.5 * x**4 - 3.0 * x**5 + x**6)
+    rate = (x**3 * (10.0 - 15.0 * x + 6.0 * x**2))[:, np.newaxis]
+    rate_change = (30.0 * x**2 * (1.0 - x) ** 2 / duration_s)[:, np.newaxis]
+    velocity = trajectory.velocity(clock_s)
+    return Path(
+        position=trajectory.position(clock_s),
+        velocity=velocity * rate,
+        acceleration=trajectory.acceleration(clock_s) * rate**2 + velocity * rate_change,
+    )
+
+
+def rest_to_rest_duration(
+    travel: FloatArray, velocity_limit: FloatArray, acceleration_limit: FloatArray
+) -> float:
+    """Return the shortest time [s] of a quintic move in which no joint exceeds its limits.
+
+    Parameters
+    ----------
+    travel : ndarray, shape (joints,)
+        Distance of each joint [rad or m].
+    velocity_limit, acceleration_limit : ndarray, shape (joints,)
+        Limits, per second and per second squared.
+    """
+    distance = np.abs(travel)
+    by_velocity = QUINTIC_PEAK_VELOCITY * distance / velocity_limit
+    by_acceleration = np.sqrt(QUINTIC_PEAK_ACCELERATION * distance / acceleration_limit)
+    return float(np.maximum(by_velocity, by_acceleration).max())
+
+
+def rest_to_rest(start: FloatArray, end: FloatArray, samples: int, sample_period_s: float) -> Path:
+    """Return a quintic move of class C2 between two poses at rest, all joints together.
+
+    Parameters
+    ----------
+    start, end : ndarray, shape (joints,)
+        Poses [rad or m].
+    samples : int
+        Rows from the start (included) to the end (not included).
+    sample_period_s : float
+        Time between rows [s].
+    """
+    x = (np.arange(samples) / samples)[:, np.newaxis]
+    duration_s = samples * sample_period_s
+    travel = end - start
+    return Path(
+        position=start + travel * (x**3 * (10.0 - 15.0 * x + 6.0 * x**2)),
+        velocity=travel / duration_s * (30.0 * x**2 * (1.0 - x) ** 2),
+        acceleration=travel / duration_s**2 * (60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)),
+    )
+
+
+def standstill(pose: FloatArray, samples: int) -> Path:
+    """Return `samples` rows at rest in a pose of shape (joints,)."""
+    zero = np.zeros((samples, len(pose)))
+    return Path(position=zero + pose, velocity=zero, acceleration=zero)
+
+
+def join(pieces: list[Path]) -> Path:
+    """Return the pieces one after the other."""
+    return Path(*(np.concatenate(arrays) for arrays in zip(*pieces, strict=True)))

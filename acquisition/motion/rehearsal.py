@@ -1,0 +1,59 @@
+"""`rehearsal`: the same motion, slow and once, to see that it is meant before it is driven."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from acquisition.motion.samples import MotionSamples, Phase
+from config.errors import ConfigError
+
+SLOWER = 4.0
+"""How much longer a rehearsal takes than the motion: a quarter of its speed."""
+
+
+def rehearsal(samples: MotionSamples, slower: float = SLOWER) -> MotionSamples:
+    """Return a motion's path at a fraction of its speed, a periodic one with one period alone.
+
+    Parameters
+    ----------
+    samples : MotionSamples
+        The motion.
+    slower : float
+        By how much velocities are divided; accelerations by its square.
+
+    Raises
+    ------
+    ConfigError
+        `slower` is below 1 or not finite.
+    """
+    if not 1.0 <= slower < math.inf:
+        raise ConfigError(f"a rehearsal is slower than the motion, not {slower:g} times as slow")
+    rows = _once(samples)
+    period_s = samples.sample_period_s
+    path = CubicHermiteSpline(
+        period_s * np.arange(len(rows)), samples.position[rows], samples.velocity[rows]
+    )
+    count = math.ceil((len(rows) - 1) * slower) + 1
+    time_s = np.linspace(0.0, period_s * (len(rows) - 1), count)
+    rate = float(time_s[1] - time_s[0]) / period_s
+    nearest = np.minimum(np.round(time_s / period_s).astype(int), len(rows) - 1)
+    return MotionSamples(
+        samples.joint_names,
+        period_s,
+        path(time_s),
+        path(time_s, 1) * rate,
+        path(time_s, 2) * rate**2,
+        samples.phase[rows][nearest],
+    )
+
+
+def _once(samples: MotionSamples) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Return the rows of a motion with one period of it: whole periods leave no gap."""
+    everything = np.arange(len(samples))
+    if samples.samples_per_period is None:
+        return everything
+    periodic = np.flatnonzero(np.isin(samples.phase, (Phase.TRANSIENT, Phase.MAIN)))
+    return np.setdiff1d(everything, periodic[samples.samples_per_period :])

@@ -1,0 +1,330 @@
+"""`PlateOffset`: a force plate's offsets, told from the moment of gravity by turning axis 1.
+
+The robot cannot be lifted off. At rest, forces across and the moment about the vertical are zero,
+the weight is the same everywhere, and the moment of gravity m turns with axis 1 (thesis, 4.4). With
+poses A and B, axis 1 at -d/2 and +d/2 from the middle, J the quarter turn about axis 1 and mu the
+moment in the middle, the readings are
+
+    r_A = o + cos(d/2) mu - sin(d/2) J mu        r_B = o + cos(d/2) mu + sin(d/2) J mu
+
+so that o = (r_A + r_B) / 2 + cot(d/2) / 2 * J (r_B - r_A): the half-sum after half a turn. Going
+back to A for a third reading tells a linear drift from all that.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.motion.approach import approach
+from acquisition.motion.ramps import Path, join, standstill
+from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.recording.plate_geometry import PlateGeometry
+from config.arrays import BoolArray, FloatArray, IntArray, read_only
+from config.cell.plate import CHANNEL_NAMES, CHANNELS
+from config.errors import ConfigError, DataQualityError
+from config.robot.robot import RobotDescription
+
+HALF_TURN_RAD = math.pi
+SMALLEST_TURN_RAD = math.pi / 3.0
+LIMIT_MARGIN_RAD = 0.02
+VERTICAL_RAD = 0.01
+BLOCK_S = 0.25
+FEWEST_BLOCKS = 4
+READINGS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class ZeroTurn:
+    """How axis 1 is turned.
+
+    Attributes
+    ----------
+    first, second : ndarray, shape (joints,)
+        The two poses [rad or m]; they differ in axis 1 alone.
+    turn_rad : float
+        From the first to the second.
+    axis : ndarray, shape (3,)
+        Axis 1 in the base frame, in the sense of positive angles.
+    """
+
+    first: FloatArray
+    second: FloatArray
+    turn_rad: float
+    axis: FloatArray
+
+    def __post_init__(self) -> None:
+        first = read_only("first pose", self.first, float, (None,), ConfigError)
+        object.__setattr__(self, "first", first)
+        second = read_only("second pose", self.second, float, first.shape, ConfigError)
+        object.__setattr__(self, "second", second)
+        object.__setattr__(self, "axis", read_only("axis 1", self.axis, float, (3,), ConfigError))
+
+    @property
+    def is_half(self) -> bool:
+        """Whether it is half a turn, so that half-sum and half-difference are all."""
+        return math.isclose(self.turn_rad, HALF_TURN_RAD)
+
+
+@dataclass(frozen=True, eq=False)
+class PlateOffset:
+    """What the turn has shown; standard deviations are those of the readings' noise.
+
+    Attributes
+    ----------
+    offset_n, offset_sigma_n : ndarray, shape (8,)
+        What each channel shows without the robot's moment, at the end of the last reading [N].
+    drift_n_s, drift_sigma_n_s : ndarray, shape (8,)
+        Linear drift of each channel [N/s].
+    rest_n : ndarray, shape (8,)
+        What the channels show in the first pose beyond the offset [N].
+    gravity, gravity_sigma : ndarray, shape (6,)
+        That as a wrench on the robot's base [N, N m]: its moments across are gravity's; forces
+        and the moment about axis 1 should be zero.
+    seconds : float
+        From the first reading to the end of the last [s].
+    """
+
+    offset_n: FloatArray
+    offset_sigma_n: FloatArray
+    drift_n_s: FloatArray
+    drift_sigma_n_s: FloatArray
+    rest_n: FloatArray
+    gravity: FloatArray
+    gravity_sigma: FloatArray
+    seconds: float
+
+    def __post_init__(self) -> None:
+        for name in ("offset_n", "offset_sigma_n", "drift_n_s", "drift_sigma_n_s", "rest_n"):
+            value = read_only(name, getattr(self, name), float, (CHANNELS,), DataQualityError)
+            object.__setattr__(self, name, value)
+        for name in ("gravity", "gravity_sigma"):
+            value = read_only(name, getattr(self, name), float, (6,), DataQualityError)
+            object.__setattr__(self, name, value)
+
+
+def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> ZeroTurn:
+    """Return the largest turn of axis 1 about a reference pose, at most half a turn.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        Joints and limits.
+    reference : ndarray, shape (joints,), optional
+        The pose in the middle of the turn [rad or m]; the middle of every range if not given.
+
+    Raises
+    ------
+    ConfigError
+        The pose is outside the limits, axis 1 does not turn about the vertical, or not far enough
+        to tell offset and gravity apart.
+    """
+    lowest = np.array([joint.limits.position_min for joint in robot.joints])
+    highest = np.array([joint.limits.position_max for joint in robot.joints])
+    middle = 0.5 * (lowest + highest) if reference is None else np.asarray(reference, float)
+    if middle.shape != lowest.shape or not np.isfinite(middle).all():
+        raise ConfigError(f"the reference pose has {middle.size} values for {len(lowest)} joints")
+    for joint, value in zip(robot.joints, middle.tolist(), strict=True):
+        low, high = joint.limits.position_min, joint.limits.position_max
+        if not low <= value <= high:
+            raise ConfigError(
+                f"the reference pose has {joint.name} at {value:g}; its limits are {low:g} to"
+                f" {high:g}"
+            )
+    axis = _vertical_axis(robot)
+    room = float(min(middle[0] - lowest[0], highest[0] - middle[0])) - LIMIT_MARGIN_RAD
+    turn_rad = min(2.0 * room, HALF_TURN_RAD)
+    if turn_rad < SMALLEST_TURN_RAD:
+        raise ConfigError(
+            f"{robot.joints[0].name} can turn by {math.degrees(max(turn_rad, 0.0)):.0f} degrees"
+            f" about {middle[0]:g} rad; offset and gravity are told apart from"
+            f" {math.degrees(SMALLEST_TURN_RAD):.0f} degrees on: choose a reference pose nearer to"
+            " the middle of its range"
+        )
+    first, second = middle.copy(), middle.copy()
+    first[0] -= 0.5 * turn_rad
+    second[0] += 0.5 * turn_rad
+    return ZeroTurn(first, second, turn_rad, axis)
+
+
+def rest_samples(
+    robot: RobotDescription, pose: FloatArray, seconds: float, sample_period_s: float
+) -> MotionSamples:
+    """Return a motion that stands still in a pose (joints,), which the loop approaches before."""
+    rows = max(2, math.ceil(seconds / sample_period_s))
+    return MotionSamples(
+        robot.joint_names, sample_period_s, *standstill(pose, rows), np.full(rows, Phase.HOLD)
+    )
+
+
+def turn_samples(
+    robot: RobotDescription,
+    turn: ZeroTurn,
+    settle_s: float,
+    read_s: float,
+    sample_period_s: float,
+) -> tuple[MotionSamples, tuple[range, ...]]:
+    """Return the motion through first, second and first pose, and the rows to read in each.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        Joints and limits.
+    turn : ZeroTurn
+        The poses.
+    settle_s, read_s : float
+        Rest before, and during, each reading [s].
+    sample_period_s : float
+        The cell's cycle time [s].
+
+    Raises
+    ------
+    ConfigError
+        A pose is outside the limits.
+    """
+    settle = max(1, math.ceil(settle_s / sample_period_s))
+    read = max(2, math.ceil(read_s / sample_period_s))
+    poses = (turn.first, turn.second, turn.first)
+    paths: list[Path] = []
+    readings: list[range] = []
+    rows = 0
+    for number, pose in enumerate(poses):
+        if number:
+            way = approach(poses[number - 1], pose, robot, sample_period_s)
+            paths.append(Path(way.position, way.velocity, way.acceleration))
+            rows += len(way)
+        paths.append(standstill(pose, settle + read))
+        readings.append(range(rows + settle, rows + settle + read))
+        rows += settle + read
+    samples = MotionSamples(
+        robot.joint_names, sample_period_s, *join(paths), np.full(rows, Phase.HOLD)
+    )
+    return samples, tuple(readings)
+
+
+def find_offset(
+    geometry: PlateGeometry,
+    turn: ZeroTurn,
+    time_s: FloatArray,
+    reading: IntArray,
+    channels_n: FloatArray,
+    valid: BoolArray,
+) -> PlateOffset:
+    """Tell each channel's offset from gravity and drift.
+
+    Blocks of a quarter of a second count as one reading each; their scatter about two levels and
+    one slope is the noise.
+
+    Parameters
+    ----------
+    geometry : PlateGeometry
+        The plate.
+    turn : ZeroTurn
+        How axis 1 was turned.
+    time_s : ndarray, shape (samples,)
+        Times of the samples [s].
+    reading : ndarray of int, shape (samples,)
+        0, 1 or 2: the first, second and again the first pose; anything else is not used.
+    channels_n : ndarray, shape (samples, 8)
+        What the channels show [N].
+    valid : ndarray of bool, shape (samples, 8)
+        False where a channel was overloaded or is missing.
+
+    Raises
+    ------
+    DataQualityError
+        A channel was overloaded, or a reading holds too little.
+    """
+    times, levels, numbers = _blocks(time_s, reading, channels_n, valid)
+    end_s = float(time_s[np.isin(reading, range(READINGS))].max())
+    design = np.column_stack([numbers != 1, numbers == 1, times - end_s]).astype(float)
+    spread = np.linalg.inv(design.T @ design)
+    found = spread @ design.T @ levels
+    residual = levels - design @ found
+    variance = np.square(residual).sum(axis=0) / (len(levels) - design.shape[1])
+    of_first, of_second = _offset_maps(geometry, turn)
+    offset = of_first @ found[0] + of_second @ found[1]
+    rest = found[0] - offset
+    to_wrench = geometry.base_wrench_matrix
+    eye = np.eye(CHANNELS)
+    return PlateOffset(
+        offset_n=offset,
+        offset_sigma_n=_sigma(of_first, of_second, spread, variance),
+        drift_n_s=found[2],
+        drift_sigma_n_s=np.sqrt(variance * spread[2, 2]),
+        rest_n=rest,
+        gravity=to_wrench @ rest,
+        gravity_sigma=_sigma(
+            to_wrench @ (eye - of_first), -to_wrench @ of_second, spread, variance
+        ),
+        seconds=end_s - float(time_s[reading == 0].min()),
+    )
+
+
+def _vertical_axis(robot: RobotDescription) -> FloatArray:
+    """Return axis 1 in the base frame (3,), which must be along gravity."""
+    first = robot.joints[0]
+    row = robot.kinematics.modified_rows()[0]
+    ca, sa, cb, sb = (f(x) for x in (row.alpha_rad, row.beta_rad) for f in (math.cos, math.sin))
+    axis = np.array([sb, -sa * cb, ca * cb])
+    gravity = np.array(robot.gravity_m_s2)
+    off = math.atan2(float(np.linalg.norm(np.cross(axis, gravity))), abs(float(axis @ gravity)))
+    if first.type != "revolute" or not np.any(gravity) or off > VERTICAL_RAD:
+        raise ConfigError(
+            f"{first.name} does not turn about the vertical, so that turning it does not tell the"
+            " plate's offset from the moment of gravity: this robot's plate cannot be zeroed so"
+        )
+    return axis
+
+
+def _offset_maps(geometry: PlateGeometry, turn: ZeroTurn) -> tuple[FloatArray, FloatArray]:
+    """Return what takes the readings in the first and the second pose to the offset, 2 x (8, 8)."""
+    half = 0.5 * np.eye(CHANNELS)
+    if turn.is_half:
+        return half, half
+    x, y, z = turn.axis
+    quarter_turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    moments, back = geometry.base_wrench_matrix[3:], geometry.channel_matrix[:, 3:]
+    bent = 0.5 / math.tan(0.5 * turn.turn_rad) * back @ quarter_turn @ moments
+    return half - bent, half + bent
+
+
+def _sigma(
+    first: FloatArray, second: FloatArray, spread: FloatArray, variance: FloatArray
+) -> FloatArray:
+    """Return the standard deviation of first @ level A + second @ level B."""
+    share = np.square(first) * spread[0, 0] + np.square(second) * spread[1, 1]
+    share += 2.0 * first * second * spread[0, 1]
+    return np.asarray(np.sqrt(np.maximum(share @ variance, 0.0)))
+
+
+def _blocks(
+    time_s: FloatArray, reading: IntArray, channels_n: FloatArray, valid: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean time, mean channels and reading of each block of `BLOCK_S`."""
+    times, levels, numbers = [], [], []
+    for number in range(READINGS):
+        rows = np.flatnonzero(reading == number)
+        spoilt = ~valid[rows]
+        bad = [CHANNEL_NAMES[k] for k in np.flatnonzero(spoilt.any(axis=0))]
+        if len(bad) and spoilt.mean() > 0.02:
+            raise DataQualityError(
+                f"reading {number + 1} of {READINGS}: {', '.join(bad)} of the force plate was"
+                " overloaded or delivered nothing: choose a larger plate.amplifier.range_n, or"
+                " look at the line"
+            )
+        rows = rows[valid[rows].all(axis=1)]
+        place = np.floor((time_s[rows] - time_s[rows[:1]].sum()) / BLOCK_S).astype(np.int64)
+        kept = [rows[place == k] for k in range(int(place.max(initial=-1)) + 1)]
+        kept = [block for block in kept if len(block) and 2 * len(block) > len(kept[0])]
+        if len(kept) < FEWEST_BLOCKS:
+            raise DataQualityError(
+                f"reading {number + 1} of {READINGS} lasts less than {FEWEST_BLOCKS * BLOCK_S:g} s:"
+                " read longer"
+            )
+        times += [time_s[block].mean() for block in kept]
+        levels += [channels_n[block].mean(axis=0) for block in kept]
+        numbers += [number] * len(kept)
+    return np.array(times), np.array(levels), np.array(numbers)

@@ -1,0 +1,4 @@
+"""Recordings to means: periods, smoothing, alignment of plate and axes.
+
+Nothing is estimated here. Begin with `periods.py`.
+"""

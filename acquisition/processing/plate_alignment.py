@@ -1,0 +1,128 @@
+"""A force plate's rows beside a recording: from `PlateRows` to `Reaction`, stream by stream.
+
+Each stream, from the amplifier's start to a loss of its line, has a clock of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition.journal.plate import PlateRows
+from acquisition.recording.reaction import Reaction, reaction_of
+from acquisition.recording.recording import Recording
+from acquisition.signals.clocks import (
+    FEWEST_MARKS,
+    DeviceClock,
+    clock_from_arrivals,
+    clock_from_edges,
+    clock_from_marks,
+    match_edges,
+)
+from config.arrays import BoolArray, FloatArray
+from config.errors import DataQualityError
+
+BITS_A_BYTE = 10
+FEWEST_EDGES = 10
+GLITCH_SHARE = 0.25
+SETTLING_CYCLES = 4.0
+"""How long the amplifier's low-pass remembers an overload, in periods of its corner."""
+
+
+def with_plate(recording: Recording, rows: PlateRows) -> Recording:
+    """Return a recording with what a force plate measured during it.
+
+    The amplifier's clock is put on the recording's: by the edges of its trigger where SYNC is
+    wired to it, else by its rows' arrivals, or by marks there and back where they tell it better.
+    In simulated time, what arrived after the last SYNC is left out: how much that is depends on the
+    computer.
+
+    Parameters
+    ----------
+    recording : Recording
+        The robot's side.
+    rows : PlateRows
+        The plate's side, of the same run.
+
+    Raises
+    ------
+    DataQualityError
+        No stream of rows is long enough to be put in its place.
+    """
+    if rows.header.simulated_time and len(recording):
+        rows = rows.until(float(recording.time_s[-1]))
+    parts: list[Reaction] = []
+    reason = "it holds no row"
+    for stream in np.unique(rows.stream):
+        try:
+            parts.append(_aligned(recording, rows, rows.stream == stream, int(stream)))
+        except DataQualityError as error:
+            reason = str(error)
+    if not parts:
+        raise DataQualityError(f"the force plate's recording cannot be used: {reason}")
+    reaction = parts[0]
+    for part in parts[1:]:
+        channels = np.where(part.valid, part.channels_n, reaction.channels_n)
+        reaction = replace(reaction, channels_n=channels, valid=reaction.valid | part.valid)
+    return replace(recording, reaction=reaction)
+
+
+def stream_clock(recording: Recording, rows: PlateRows, stream: int) -> DeviceClock:
+    """Return the amplifier's clock during one of its streams.
+
+    Raises
+    ------
+    DataQualityError
+        The stream is too short, or its clock is none that a quartz could be.
+    """
+    use = rows.stream == stream
+    amplifier = rows.header.plate.amplifier
+    row_s = rows.header.profile.row_bytes(amplifier.format) * BITS_A_BYTE / amplifier.baud_rate
+    clock = clock_from_arrivals(rows.device_s[use], rows.arrival_s[use], shortest_delay_s=row_s)
+    triggers = rows.of_kind("trigger")
+    edges_s = np.asarray(triggers["device_s"][triggers["stream"] == stream], dtype=np.float64)
+    if amplifier.trigger and len(edges_s) >= FEWEST_EDGES:
+        cycle_s = float(np.median(np.diff(recording.time_s)))
+        edges, cycles = match_edges(
+            edges_s, recording.time_s, clock, within_s=GLITCH_SHARE * cycle_s
+        )
+        if len(edges) >= FEWEST_EDGES:
+            return clock_from_edges(edges_s[edges], recording.time_s[cycles])
+    marks = rows.of_kind("mark")
+    marks = marks[(marks["stream"] == stream) & np.isfinite(marks["asked_s"])]
+    if len(marks) >= FEWEST_MARKS and not rows.header.simulated_time:
+        there_and_back = clock_from_marks(marks["asked_s"], marks["device_s"], marks["arrival_s"])
+        middle = np.array([clock.device_s])
+        if there_and_back.sigma_s(middle)[0] < clock.sigma_s(middle)[0]:
+            return there_and_back
+    return clock
+
+
+def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int) -> Reaction:
+    """Return the reaction that one stream shows.
+
+    Raises
+    ------
+    DataQualityError
+        It is too short.
+    """
+    device_s = rows.device_s[use]
+    ahead = np.concatenate([[True], np.diff(device_s) > 0.0])  # a row that came twice counts once
+    amplifier = rows.header.plate.amplifier
+    over = _settling(rows.overload[use], device_s, SETTLING_CYCLES / amplifier.low_pass_hz)
+    valid = ~over & rows.operating[use][:, np.newaxis]
+    return reaction_of(
+        rows.header.plate,
+        stream_clock(recording, rows, stream),
+        device_s[ahead],
+        rows.channels_n[use][ahead],
+        valid[ahead],
+        recording.time_s,
+    )
+
+
+def _settling(over: BoolArray, device_s: FloatArray, settling_s: float) -> BoolArray:
+    """Return which rows (rows, 8) are overloaded, or were within the settling time before."""
+    last_s = np.where(over, device_s[:, np.newaxis], -np.inf)
+    return np.asarray(device_s[:, np.newaxis] - np.maximum.accumulate(last_s, axis=0) <= settling_s)

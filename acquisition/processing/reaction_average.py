@@ -1,0 +1,258 @@
+"""`ReactionAverage`: the mean period of a force plate's channels, their noise and their drift.
+
+A charge amplifier drifts and jumps when it is switched to operate, so that the constant part of a
+channel says little; what repeats from period to period is what the robot does. A channel that is
+in overload again and again is left out whole, one that is so now and then costs those periods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.recording.reaction import Reaction
+from config.arrays import BoolArray, FloatArray, IntArray, read_only
+from config.cell.cell import ButterworthFilter
+from config.errors import DataQualityError
+
+FEWEST_CHANNELS = 3
+EDGE_FRACTION = 0.05
+DRIFT_SIGMAS = 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class ReactionAverage:
+    """Mean period of K samples and c channels, beside a `PeriodAverage`.
+
+    Bins are those of `PeriodAverage`.
+
+    Attributes
+    ----------
+    channel_names : tuple of str
+        The channels.
+    channels_n : ndarray, shape (K, c)
+        Mean period, linear drift removed [N].
+    bin_covariance : ndarray, shape (K // 2 + 1, c, c)
+        Covariance of a single period's complex bins between channels, real part of E N N^H [N^2].
+    used : ndarray of bool, shape (c,)
+        False for a channel that was left out; its values are zero.
+    drift_n_s, drift_sigma_n_s : ndarray, shape (c,)
+        Linear drift that was found and removed, with its standard deviation [N/s].
+    base_wrench_matrix : ndarray, shape (6, c)
+        See `Reaction`.
+    low_pass : ButterworthFilter or None
+        The filter that the channels passed; not yet divided out.
+    """
+
+    channel_names: tuple[str, ...]
+    channels_n: FloatArray
+    bin_covariance: FloatArray
+    used: BoolArray
+    drift_n_s: FloatArray
+    drift_sigma_n_s: FloatArray
+    base_wrench_matrix: FloatArray
+    low_pass: ButterworthFilter | None = None
+
+    def __post_init__(self) -> None:
+        c = len(self.channel_names)
+        channels = read_only("mean reaction", self.channels_n, float, (None, c), DataQualityError)
+        bins = len(channels) // 2 + 1
+        object.__setattr__(self, "channels_n", channels)
+        shapes: dict[str, tuple[int, ...]] = {
+            "bin_covariance": (bins, c, c),
+            "drift_n_s": (c,),
+            "drift_sigma_n_s": (c,),
+            "base_wrench_matrix": (6, c),
+        }
+        for name, shape in shapes.items():
+            array = read_only(name, getattr(self, name), float, shape, DataQualityError)
+            object.__setattr__(self, name, array)
+        used = read_only("channels used", self.used, np.bool_, (c,), DataQualityError)
+        object.__setattr__(self, "used", used)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """The channels that were left out."""
+        return tuple(n for n, used in zip(self.channel_names, self.used, strict=True) if not used)
+
+
+@dataclass(frozen=True, eq=False)
+class ReactionPeriods:
+    """A plate's channels cut into periods, with drift and each period's own mean removed.
+
+    Attributes
+    ----------
+    reaction : Reaction
+        Where they come from.
+    values : ndarray, shape (periods, K, c)
+        Without drift and mean; zero where not valid or left out.
+    level_n : ndarray, shape (c,)
+        Mean of the channels over all periods [N].
+    present : ndarray of bool, shape (periods, K, c)
+        Which values are valid; all of a channel that is left out.
+    used : ndarray of bool, shape (c,)
+        False for a channel that is left out.
+    drift_n_s, drift_sigma_n_s : ndarray, shape (c,)
+        See `ReactionAverage`.
+    too_fast_n_s : ndarray, shape (periods, c)
+        Drift of each period in which it is beyond the limit; zero elsewhere [N/s].
+    """
+
+    reaction: Reaction
+    values: FloatArray
+    level_n: FloatArray
+    present: BoolArray
+    used: BoolArray
+    drift_n_s: FloatArray
+    drift_sigma_n_s: FloatArray
+    too_fast_n_s: FloatArray
+
+    def average(self, good: BoolArray) -> ReactionAverage:
+        """Return the mean of the good periods.
+
+        Raises
+        ------
+        DataQualityError
+            A sample of the period is valid in fewer than two of them.
+        """
+        values, present = self.values[good], self.present[good]
+        count = present.sum(axis=0)
+        if (count < 2).any():
+            sample, channel = np.argwhere(count < 2)[0]
+            raise DataQualityError(
+                f"channel {self.reaction.channel_names[channel]} of the force plate is valid at"
+                f" sample {sample} in fewer than two good periods: record more periods"
+            )
+        mean = np.where(present, values, 0.0).sum(axis=0) / count
+        deviation = np.where(present, values - mean, 0.0)
+        bins = np.fft.rfft(deviation, axis=1) / values.shape[1]
+        freedom = (count - 1).sum(axis=0) / values.shape[1]
+        covariance = np.einsum("mkc,mkd->kcd", bins, bins.conj()).real
+        return ReactionAverage(
+            channel_names=self.reaction.channel_names,
+            channels_n=mean + self.level_n,
+            bin_covariance=covariance / np.sqrt(np.outer(freedom, freedom)),
+            used=self.used,
+            drift_n_s=self.drift_n_s,
+            drift_sigma_n_s=self.drift_sigma_n_s,
+            base_wrench_matrix=self.reaction.base_wrench_matrix,
+            low_pass=self.reaction.low_pass,
+        )
+
+
+def cut_reaction(
+    reaction: Reaction,
+    rows: IntArray,
+    place: IntArray,
+    good: BoolArray,
+    samples: int,
+    sample_period_s: float,
+    *,
+    longest_gap: int,
+    missing_limit: float,
+    rejected_limit: int,
+) -> ReactionPeriods | None:
+    """Cut a plate's channels into periods; None where too few channels are left to say anything.
+
+    A channel is left out where more of the good periods than `rejected_limit`, or a quarter of
+    them, miss more than `missing_limit` of its samples or more than `longest_gap` in sequence, or
+    drift faster than the plate's limit.
+
+    Parameters
+    ----------
+    reaction : Reaction
+        The plate.
+    rows, place : ndarray of int
+        Rows of the recording in the main periods, and the place of each in them.
+    good : ndarray of bool, shape (periods,)
+        The periods that are not rejected for other reasons.
+    samples : int
+        Samples of a period, K.
+    sample_period_s : float
+        Time between samples [s].
+    longest_gap, missing_limit, rejected_limit : int, float, int
+        What `average_periods` bears.
+    """
+    c, periods = len(reaction.channel_names), len(good)
+    flat, there = np.zeros((periods * samples, c)), np.zeros((periods * samples, c), np.bool_)
+    flat[place], there[place] = reaction.channels_n[rows], reaction.valid[rows]
+    values = flat.reshape(periods, samples, c)
+    present = there.reshape(periods, samples, c)
+    broken = np.array(
+        [
+            [_misses(present[m, :, k], longest_gap, missing_limit) for k in range(c)]
+            for m in range(periods)
+        ]
+    )
+    too_fast = _too_fast(values, present, reaction.drift_limit_n_s, samples * sample_period_s)
+    broken |= too_fast != 0.0
+    used = broken[good].sum(axis=0) <= min(rejected_limit, int(good.sum()) // 4)
+    if used.sum() < FEWEST_CHANNELS:
+        return None
+    present = present | ~used
+    drift, sigma = _drift(values, present, good[:, np.newaxis] & ~broken, samples * sample_period_s)
+    drift, sigma = np.where(used, drift, 0.0), np.where(used, sigma, 0.0)
+    time_s = (np.arange(samples) - (samples - 1) / 2.0) * sample_period_s
+    values = values - drift * time_s[:, np.newaxis]
+    values = np.where(present & used, values, 0.0)
+    means = values.sum(axis=1) / np.maximum((present & used).sum(axis=1), 1)
+    values = np.where(present & used, values - means[:, np.newaxis], 0.0)
+    return ReactionPeriods(
+        reaction, values, means[good].mean(axis=0), present, used, drift, sigma, too_fast * used
+    )
+
+
+def _misses(present: BoolArray, longest_gap: int, missing_limit: float) -> bool:
+    """Return whether a channel misses too much of a period."""
+    missing = np.flatnonzero(~present)
+    if len(missing) == 0:
+        return False
+    bounds = np.flatnonzero(np.diff(missing) > 1)
+    longest = int(np.diff(np.concatenate([[-1], bounds, [len(missing) - 1]])).max())
+    return longest > longest_gap or len(missing) > missing_limit * len(present)
+
+
+def _drift(
+    values: FloatArray, present: BoolArray, whole: BoolArray, period_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return each channel's linear drift and its standard deviation, (c,) [N/s].
+
+    The median of the steps of the mean from period to period: one jump of the zero in between
+    does not count as drift.
+    """
+    c = values.shape[2]
+    drift, sigma = np.zeros(c), np.zeros(c)
+    means = (values * present).sum(axis=1) / np.maximum(present.sum(axis=1), 1)
+    for k in range(c):
+        number = np.flatnonzero(whole[:, k])
+        if len(number) < 2:
+            continue
+        slopes = np.diff(means[number, k]) / np.diff(number) / period_s
+        drift[k] = np.median(slopes)
+        scatter = 1.4826 * float(np.median(np.abs(slopes - drift[k])))
+        sigma[k] = 1.2533 * scatter / np.sqrt(len(slopes))
+    return drift, sigma
+
+
+def _too_fast(
+    values: FloatArray, present: BoolArray, limit_n_s: float, period_s: float
+) -> FloatArray:
+    """Return each period's drift where it is beyond a limit, zero elsewhere, (periods, c) [N/s].
+
+    What repeats cancels between the beginnings of a period and of the next one; for the last
+    period, between its end and that of the one before. Where periods are so short that the noise of
+    that difference is larger than the limit, the noise is the limit.
+    """
+    periods, samples, c = values.shape
+    if periods < 2:
+        return np.zeros((periods, c))
+    edge = max(1, round(EDGE_FRACTION * samples))
+    first, last = np.all(present[:, :edge], axis=1), np.all(present[:, -edge:], axis=1)
+    begin, end = values[:, :edge].mean(axis=1), values[:, -edge:].mean(axis=1)
+    change = np.concatenate([np.diff(begin, axis=0), end[-1:] - end[-2:-1]])
+    known = np.concatenate([first[1:] & first[:-1], last[-1:] & last[-2:-1]])
+    change = np.where(known, change, 0.0)
+    scatter = 1.4826 * np.median(np.abs(change - np.median(change, axis=0)), axis=0)
+    limit = np.maximum(limit_n_s * period_s, DRIFT_SIGMAS * scatter)
+    return np.asarray(np.where(np.abs(change) > limit, change / period_s, 0.0))

@@ -1,0 +1,245 @@
+"""`SmoothedSignals`: a recording that is not periodic, on a uniform time base, low-passed.
+
+The time stamps are the truth: position and torque are interpolated from them, low-passed forwards
+and backwards (no phase shift), and differentiated as splines. Where stamps leave a gap the
+recording is cut in segments; nothing is invented inside a gap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import interpolate
+
+from acquisition.recording.recording import Recording
+from config.arrays import FloatArray, IntArray, read_only
+from config.errors import ConfigError, DataQualityError
+
+FILTER_ORDER = 4
+GAP_STEPS = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedSignals:
+    """Position with its derivatives, and torque, below `cutoff_hz`.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    time_s : ndarray, shape (samples,)
+        Uniform within a segment [s].
+    position, velocity, acceleration : ndarray, shape (samples, joints)
+        rad or m, and per second, per second squared.
+    torque_nm : ndarray, shape (samples, joints)
+        Torque, low-passed alike [N m or N].
+    segment : ndarray of int64, shape (samples,)
+        Number of the segment that a row belongs to.
+    sample_period_s : float
+        Time between rows of a segment [s].
+    cutoff_hz : float
+        Where the low-pass reaches -3 dB. Rows are not independent of each other: a signal limited
+        to this band is worth about 2 cutoff_hz values a second.
+    temperature_k : ndarray, shape (samples, joints), or None
+        Temperature of each drive [K], where it was recorded.
+    """
+
+    joint_names: tuple[str, ...]
+    time_s: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque_nm: FloatArray
+    segment: IntArray
+    sample_period_s: float
+    cutoff_hz: float
+    temperature_k: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        time_s = read_only("time_s", self.time_s, float, (None,), DataQualityError)
+        rows, table = (len(time_s),), (len(time_s), len(self.joint_names))
+        object.__setattr__(self, "time_s", time_s)
+        for name in ("position", "velocity", "acceleration", "torque_nm"):
+            array = read_only(name, getattr(self, name), float, table, DataQualityError)
+            object.__setattr__(self, name, array)
+        if self.temperature_k is not None:
+            warmth = read_only("temperature_k", self.temperature_k, float, table, DataQualityError)
+            object.__setattr__(self, "temperature_k", warmth)
+        segment = read_only("segment", self.segment, np.int64, rows, DataQualityError)
+        object.__setattr__(self, "segment", segment)
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+
+class _Segment(NamedTuple):
+    time_s: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque_nm: FloatArray
+    temperature_k: FloatArray
+
+
+def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> FloatArray:
+    """Return uniformly sampled values low-passed without phase shift, -3 dB at `cutoff_hz`.
+
+    A Butterworth filter of order 4 runs forwards and backwards; time is the first axis.
+
+    Raises
+    ------
+    ConfigError
+        The cut-off is not well below half the sampling frequency.
+    """
+    if not 0.0 < cutoff_hz < 0.45 / sample_period_s:
+        raise ConfigError(
+            f"a cut-off of {cutoff_hz:g} Hz does not fit samples every {sample_period_s * 1e3:.4g}"
+            f" ms: choose one between 0 and {0.45 / sample_period_s:.4g} Hz"
+        )
+    # Forwards and backwards the gain is squared: 1 / (1 + (g(f) / g(f0))^8), g(f) = tan(pi f T) by
+    # the bilinear transform. f0 is where that makes -3 dB at the cut-off.
+    warped = np.tan(np.pi * cutoff_hz * sample_period_s)
+    warped /= (np.sqrt(2.0) - 1.0) ** (0.5 / FILTER_ORDER)
+    f0 = np.arctan(warped) / (np.pi * sample_period_s)
+    from scipy import signal  # slow to import, and few commands filter
+
+    sections = signal.butter(FILTER_ORDER, f0, fs=1.0 / sample_period_s, output="sos")
+    padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))
+    return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=padding))
+
+
+def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignals:
+    """Return a recording resampled from its time stamps, low-passed and differentiated.
+
+    Rows that are not valid are left out. A gap of more than 5 median steps cuts the recording; of
+    each segment 2 / `cutoff_hz` is left out at both ends, where the filter has no past or future,
+    and a segment shorter than 6 / `cutoff_hz` is left out as a whole. Temperatures, which change
+    slowly and in the steps of their sensor, are interpolated by straight lines.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was measured.
+    cutoff_hz : float
+        -3 dB frequency of the zero-phase low-pass, for position and torque alike [Hz].
+
+    Raises
+    ------
+    ConfigError
+        The cut-off does not fit the sampling.
+    DataQualityError
+        No segment is long enough.
+    """
+    time_s = recording.time_s[recording.valid]
+    if len(time_s) < 2:
+        raise DataQualityError(f"{len(time_s)} valid rows are too few to smooth")
+    position = recording.position[recording.valid]
+    torque = recording.torque_nm[recording.valid]
+    step_s = float(np.median(np.diff(time_s)))
+    cuts = np.flatnonzero(np.diff(time_s) > GAP_STEPS * step_s) + 1
+    segments: list[_Segment] = []
+    for rows in np.split(np.arange(len(time_s)), cuts):
+        stamps = time_s[rows]
+        if stamps[-1] - stamps[0] < max(6.0 / cutoff_hz, 10.0 * step_s):
+            continue
+        grid = np.arange(stamps[0], stamps[-1], step_s)
+        inner = slice(edge := int(np.ceil(2.0 / (cutoff_hz * step_s))), len(grid) - edge)
+        smooth_position, smooth_torque = (
+            low_pass(interpolate.CubicSpline(stamps, values[rows])(grid), step_s, cutoff_hz)
+            for values in (position, torque)
+        )
+        path = interpolate.make_interp_spline(grid, smooth_position, k=5)
+        segments.append(
+            _Segment(
+                grid[inner],
+                smooth_position[inner],
+                np.asarray(path.derivative(1)(grid[inner])),
+                np.asarray(path.derivative(2)(grid[inner])),
+                smooth_torque[inner],
+                _temperature_at(recording, grid[inner]),
+            )
+        )
+    if not segments:
+        raise DataQualityError(
+            f"no stretch of the recording is longer than {6.0 / cutoff_hz:.3g} s without a gap of"
+            f" {GAP_STEPS * step_s * 1e3:.3g} ms: use a higher cut-off or a better recording"
+        )
+    joined = _Segment(*(np.concatenate(arrays) for arrays in zip(*segments, strict=True)))
+    return SmoothedSignals(
+        joint_names=recording.joint_names,
+        time_s=joined.time_s,
+        position=joined.position,
+        velocity=joined.velocity,
+        acceleration=joined.acceleration,
+        torque_nm=joined.torque_nm,
+        segment=np.repeat(np.arange(len(segments)), [len(piece.time_s) for piece in segments]),
+        sample_period_s=step_s,
+        cutoff_hz=cutoff_hz,
+        temperature_k=None if recording.temperature_k is None else joined.temperature_k,
+    )
+
+
+def _temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:
+    """Return the drives' temperatures at other times, (times, joints); no joints where unknown."""
+    if recording.temperature_k is None:
+        return np.empty((len(time_s), 0))
+    stamps, measured = recording.time_s[recording.valid], recording.temperature_k[recording.valid]
+    return np.stack([np.interp(time_s, stamps, joint) for joint in measured.T], axis=1)
+
+
+def resample_periods(recording: Recording, period_s: float) -> Recording:
+    """Return a periodic recording with stamps of any kind on a grid that divides its period.
+
+    The first row is the start of the first period; rows after the last whole period are left out.
+    A grid row further than 5 median steps from a measured row is marked not valid.
+
+    Parameters
+    ----------
+    recording : Recording
+        Whole periods from its first row on.
+    period_s : float
+        The period [s]; known, not estimated.
+
+    Raises
+    ------
+    DataQualityError
+        The recording holds less than two whole periods.
+    """
+    time_s = recording.time_s[recording.valid]
+    step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
+    periods = int((time_s[-1] - time_s[0] + step_s) / period_s) if len(time_s) > 1 else 0
+    if periods < 2 or period_s < 4.0 * step_s:
+        raise DataQualityError(
+            f"the recording holds {periods} whole periods of {period_s:g} s, averaging needs at"
+            " least 2: correct period_s and rows in the map, or leave period_s out"
+        )
+    samples_per_period = round(period_s / step_s)
+    sample_period_s = period_s / samples_per_period
+    index = np.arange(periods * samples_per_period)
+    grid = time_s[0] + index * sample_period_s
+    values = np.concatenate(
+        [recording.position[recording.valid], recording.torque_nm[recording.valid]], axis=1
+    )
+    resampled = interpolate.CubicSpline(time_s, values)(np.minimum(grid, time_s[-1]))
+    after = np.clip(np.searchsorted(time_s, grid), 1, len(time_s) - 1)
+    valid = time_s[after] - time_s[after - 1] <= GAP_STEPS * step_s
+    n = len(recording.joint_names)
+    return Recording(
+        joint_names=recording.joint_names,
+        time_s=grid,
+        position=resampled[:, :n],
+        torque_nm=resampled[:, n:],
+        valid=valid,
+        phase=np.full(len(grid), recording.phase[0], dtype=np.uint8),
+        sample_index=index,
+        source=recording.source,
+        sample_period_s=sample_period_s,
+        samples_per_period=samples_per_period,
+        torque_filter=recording.torque_filter,
+        temperature_k=None if recording.temperature_k is None else _temperature_at(recording, grid),
+        cell_name=recording.cell_name,
+        robot_name=recording.robot_name,
+        run_id=recording.run_id,
+    )

@@ -1,0 +1,125 @@
+"""A recording as a file of another program: CSV, Parquet, MAT (version 5), MDF 4.
+
+Nothing is resampled or rounded: every number reads back as it was recorded.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from acquisition.recording.table import RecordingTable
+from config.errors import ConfigError
+
+
+class RecordingFormat(StrEnum):
+    """What a recording can be written as."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    MAT = "mat"
+    MDF4 = "mdf4"
+
+
+def recording_bytes(table: RecordingTable, form: RecordingFormat) -> bytes:
+    """Return a file's bytes.
+
+    Parameters
+    ----------
+    table : RecordingTable
+        What to write.
+    form : RecordingFormat
+        As what.
+
+    Raises
+    ------
+    ConfigError
+        The library that writes this format is not installed.
+    """
+    writers: dict[RecordingFormat, Callable[[RecordingTable], bytes]] = {
+        RecordingFormat.CSV: _csv,
+        RecordingFormat.PARQUET: _parquet,
+        RecordingFormat.MAT: _mat,
+        RecordingFormat.MDF4: _mdf4,
+    }
+    return writers[form](table)
+
+
+def _csv(table: RecordingTable) -> bytes:
+    """RFC 4180; the shortest digits that read back the same. Names cannot begin a formula."""
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow([column.name for column in table.columns])
+    writer.writerows(zip(*(column.values.tolist() for column in table.columns), strict=True))
+    return text.getvalue().encode()
+
+
+def _parquet(table: RecordingTable) -> bytes:
+    try:
+        import pyarrow as arrow
+        from pyarrow import parquet
+    except ImportError:
+        raise _missing("Parquet", "parquet") from None
+    fields = [
+        arrow.field(column.name, arrow.from_numpy_dtype(column.values.dtype)).with_metadata(
+            {"unit": column.unit}
+        )
+        for column in table.columns
+    ]
+    schema = arrow.schema(fields, metadata={"rid-daq": json.dumps(table.origin)})
+    arrays = [arrow.array(np.ascontiguousarray(column.values)) for column in table.columns]
+    buffer = io.BytesIO()
+    parquet.write_table(arrow.Table.from_arrays(arrays, schema=schema), buffer)
+    return buffer.getvalue()
+
+
+def _mat(table: RecordingTable) -> bytes:
+    from scipy.io import savemat
+
+    # a name of a MAT variable has 63 characters at most; the units stand beside
+    variables: dict[str, Any] = {
+        column.name[:63]: column.values.reshape(-1, 1) for column in table.columns
+    }
+    variables["units"] = {column.name[:63]: column.unit for column in table.columns}
+    variables["origin"] = table.origin
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "recording.mat"
+        savemat(str(path), variables, long_field_names=True, oned_as="column")
+        # its head says when it was made; the same recording gives the same bytes
+        return b"MATLAB 5.0 MAT-file, rid-daq".ljust(116) + path.read_bytes()[116:]
+
+
+def _mdf4(table: RecordingTable) -> bytes:
+    try:
+        from asammdf import MDF, Signal
+    except ImportError:
+        raise _missing("MDF 4", "mdf4") from None
+    time_s, *others = table.columns
+    with TemporaryDirectory() as folder, MDF(version="4.10") as file:
+        signals = [
+            Signal(
+                samples=np.ascontiguousarray(column.values),
+                timestamps=np.ascontiguousarray(time_s.values),
+                name=column.name,
+                unit=column.unit,
+            )
+            for column in others
+        ]
+        file.append(signals, comment=json.dumps(table.origin))
+        written = file.save(Path(folder) / "recording.mf4", overwrite=True, compression=0)
+        return Path(written).read_bytes()
+
+
+def _missing(what: str, extra: str) -> ConfigError:
+    return ConfigError(
+        f"{what} needs a library that is not installed: install rid-daq with it"
+        f" (`uv sync --extra {extra}`, or `pip install 'rid-daq[{extra}]'`)"
+    )

@@ -1,0 +1,106 @@
+"""`PlateGeometry`: from the channels of a force plate to the wrench on the robot's base, and back.
+
+A plate of four three-component sensors has eight channels fx12, fx34, fy14, fy23, fz1 to fz4:
+forces on the plate in its own axes, z down. They give the wrench by the maker's formulas (Kistler,
+Force Plate Formulae, 1999; the same as C3D's FORCE_PLATFORM type 3). `dynamics` calls base wrench
+what the base does to the robot, about the base frame's origin: the opposite of what the plate
+feels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import FloatArray, read_only
+from config.cell.plate import CHANNELS, PlateConfig
+from config.errors import RecordingError
+
+WRENCH_NAMES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+WRENCH_UNITS = ("N", "N", "N", "N m", "N m", "N m")
+
+
+@dataclass(frozen=True, eq=False)
+class PlateGeometry:
+    """What the channels of one plate under one robot mean.
+
+    Attributes
+    ----------
+    base_wrench_matrix : ndarray, shape (6, 8)
+        Base wrench (Fx, Fy, Fz [N], Mx, My, Mz [N m], exerted on the robot, about the base frame's
+        origin and in its axes) per unit of each channel's reading.
+    channel_matrix : ndarray, shape (8, 6)
+        Readings per unit of base wrench where the four sensors are equally stiff: of all readings
+        with this wrench those with the smallest sum of squared sensor forces.
+    """
+
+    base_wrench_matrix: FloatArray
+    channel_matrix: FloatArray
+
+    def __post_init__(self) -> None:
+        for name, shape in (("base_wrench_matrix", (6, CHANNELS)), ("channel_matrix", (8, 6))):
+            value = read_only(name, getattr(self, name), float, shape, RecordingError)
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_config(cls, plate: PlateConfig) -> PlateGeometry:
+        """Take the geometry out of a cell file's `plate`."""
+        of_plate = plate_wrench_matrix(plate.a_m, plate.b_m, plate.az0_m)
+        crosstalk = np.eye(CHANNELS) if plate.sensitivity is None else np.array(plate.sensitivity)
+        of_base = -_shift_matrix(plate) @ of_plate
+        back = np.asarray(crosstalk @ np.linalg.pinv(of_base), dtype=np.float64)
+        return cls(of_base @ np.linalg.inv(crosstalk), back)
+
+    def base_wrench(self, channels_n: FloatArray) -> FloatArray:
+        """Return the wrench on the robot's base, (samples, 6), of readings (samples, 8) [N]."""
+        return np.asarray(channels_n @ self.base_wrench_matrix.T)
+
+    def channels(self, base_wrench: FloatArray) -> FloatArray:
+        """Return readings (samples, 8) [N] that have a wrench on the robot's base (samples, 6)."""
+        return np.asarray(base_wrench @ self.channel_matrix.T)
+
+
+def plate_wrench_matrix(a_m: float, b_m: float, az0_m: float) -> FloatArray:
+    """Return the wrench on the plate, about the middle of its surface, per channel, (6, 8).
+
+    Parameters
+    ----------
+    a_m, b_m : float
+        Distances of the sensors from the middle along x and y [m].
+    az0_m : float
+        The sensors' plane seen from the surface, negative [m].
+    """
+    a, b, h = a_m, b_m, az0_m
+    return np.array(
+        [
+            [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0],
+            [0.0, 0.0, h, h, b, b, -b, -b],
+            [-h, -h, 0.0, 0.0, -a, a, a, -a],
+            [-b, b, a, -a, 0.0, 0.0, 0.0, 0.0],
+        ]
+    )
+
+
+def _shift_matrix(plate: PlateConfig) -> FloatArray:
+    """Return the matrix that takes a wrench from the plate's frame to the base frame, (6, 6)."""
+    rotation = _rotation(*plate.rotation_rad)
+    x, y, z = plate.position_m
+    lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    shift = np.zeros((6, 6))
+    shift[:3, :3] = shift[3:, 3:] = rotation
+    shift[3:, :3] = lever @ rotation
+    return shift
+
+
+def _rotation(roll: float, pitch: float, yaw: float) -> FloatArray:
+    """Return Rz(yaw) Ry(pitch) Rx(roll), (3, 3)."""
+    cr, sr = np.cos(roll), np.sin(roll)
+    cp, sp = np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+    return np.asarray(about_z @ about_y @ about_x)

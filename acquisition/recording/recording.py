@@ -1,0 +1,129 @@
+"""`Recording`: everything measured in one run, or read from someone else's file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from acquisition.recording.reaction import Reaction
+from config.arrays import BoolArray, FloatArray, IntArray, PhaseArray, read_only
+from config.cell.cell import ButterworthFilter
+from config.errors import RecordingError
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Measured positions and torques over time, with where they come from.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    time_s : ndarray, shape (samples,)
+        When each row was sampled [s], strictly increasing.
+    position : ndarray, shape (samples, joints)
+        Measured joint positions, link side [rad or m].
+    torque_nm : ndarray, shape (samples, joints)
+        Measured actuator torques, link side [N m or N].
+    valid : ndarray of bool, shape (samples,)
+        False where a device did not deliver and the row holds its last values.
+    phase : ndarray of uint8, shape (samples,)
+        `acquisition.motion.samples.Phase` of each row.
+    sample_index : ndarray of int64, shape (samples,)
+        Row of the motion that was streamed; -1 outside it.
+    target_position, velocity_command : ndarray, shape (samples, joints), or None
+        Commanded joint positions, and the speeds sent in each row's cycle.
+    sample_period_s : float or None
+        Time between rows; None where the stamps are not uniform.
+    samples_per_period : int or None
+        Rows of one period where the motion was periodic.
+    torque_filter : ButterworthFilter or None
+        The analog filter that the measured torques passed.
+    temperature_k : ndarray, shape (samples, joints), or None
+        Temperature of each joint's drive [K].
+    reaction : Reaction or None
+        What a force plate under the robot measured at the same times.
+    answered : ndarray of bool, shape (samples, joints), or None
+        Which joints' drives delivered; None where `valid` says it of all of them.
+    source : "cell" or "import"
+        Measured by this program, or read from a file.
+    cell_name, robot_name, run_id : str
+        Provenance; `cell_name` is empty for an import.
+    """
+
+    joint_names: tuple[str, ...]
+    time_s: FloatArray
+    position: FloatArray
+    torque_nm: FloatArray
+    valid: BoolArray
+    phase: PhaseArray
+    sample_index: IntArray
+    source: Literal["cell", "import"]
+    target_position: FloatArray | None = None
+    velocity_command: FloatArray | None = None
+    sample_period_s: float | None = None
+    samples_per_period: int | None = None
+    torque_filter: ButterworthFilter | None = None
+    temperature_k: FloatArray | None = None
+    reaction: Reaction | None = None
+    answered: BoolArray | None = None
+    cell_name: str = ""
+    robot_name: str = ""
+    run_id: str = ""
+
+    def __post_init__(self) -> None:
+        n = len(self.joint_names)
+        if n == 0:
+            raise RecordingError("recording: no joints")
+        time_s = read_only("recording time_s", self.time_s, float, (None,), RecordingError)
+        samples = len(time_s)
+        rows, table = (samples,), (samples, n)
+        fields = {
+            "time_s": time_s,
+            "position": read_only("position", self.position, float, table, RecordingError),
+            "torque_nm": read_only("torque_nm", self.torque_nm, float, table, RecordingError),
+            "valid": read_only("valid", self.valid, np.bool_, rows, RecordingError),
+            "phase": read_only("phase", self.phase, np.uint8, rows, RecordingError),
+            "sample_index": read_only(
+                "sample_index", self.sample_index, np.int64, rows, RecordingError
+            ),
+        }
+        for name in ("target_position", "velocity_command", "temperature_k"):
+            if getattr(self, name) is not None:
+                fields[name] = read_only(name, getattr(self, name), float, table, RecordingError)
+        if self.answered is not None:
+            answered = read_only("answered", self.answered, np.bool_, table, RecordingError)
+            fields["answered"] = answered
+            if (answered.all(axis=1) != fields["valid"]).any():
+                raise RecordingError("recording: valid is not where every joint has answered")
+        for name, array in fields.items():
+            object.__setattr__(self, name, array)
+        steps = np.diff(time_s)
+        if (steps <= 0.0).any():
+            row = int(np.argmax(steps <= 0.0)) + 1
+            raise RecordingError(
+                f"recording: time stamps must increase; row {row} is at {time_s[row]:.6f} s after"
+                f" {time_s[row - 1]:.6f} s"
+            )
+        if self.sample_period_s is not None and not self.sample_period_s > 0.0:
+            raise RecordingError(
+                f"recording: sample_period_s {self.sample_period_s} is not positive"
+            )
+        if self.samples_per_period is not None and self.sample_period_s is None:
+            raise RecordingError("recording: a periodic recording needs its sample_period_s")
+        if self.reaction is not None and len(self.reaction) != samples:
+            raise RecordingError(
+                f"recording: {len(self.reaction)} rows of the force plate for {samples} samples"
+            )
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def valid_of_joints(self) -> BoolArray:
+        """Where each joint's values are of their own row, shape (samples, joints)."""
+        if self.answered is not None:
+            return self.answered
+        return np.repeat(self.valid[:, np.newaxis], len(self.joint_names), axis=1)

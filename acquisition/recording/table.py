@@ -1,0 +1,115 @@
+"""`RecordingTable`: a recording as named columns with their units, for other programs."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from acquisition.recording.recording import Recording
+from config.arrays import FloatArray
+from config.errors import RecordingError
+from config.robot.robot import RobotDescription
+
+WRENCH: Final = ("force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm")
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One quantity over time.
+
+    Attributes
+    ----------
+    name : str
+        Quantity, joint and unit, of letters, digits and `_` (`torque_axis1_nm`).
+    unit : str
+        As people write it; empty for counts and flags.
+    values : ndarray, shape (samples,)
+        Float or integer.
+    """
+
+    name: str
+    unit: str
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingTable:
+    """Columns of equal length, time first, and where they come from.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+        `time_s` is the first.
+    origin : dict of str to str
+        Run, robot, cell.
+    """
+
+    columns: tuple[Column, ...]
+    origin: dict[str, str]
+
+
+def recording_table(recording: Recording, robot: RobotDescription) -> RecordingTable:
+    """Return everything that a recording holds, one column a quantity and joint.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of one run.
+    robot : RobotDescription
+        Says which joints turn and which slide.
+
+    Raises
+    ------
+    RecordingError
+        The robot has other joints than the recording.
+    """
+    if robot.joint_names != recording.joint_names:
+        raise RecordingError(
+            f"the recording is of {', '.join(recording.joint_names)}, the robot has"
+            f" {', '.join(robot.joint_names)}"
+        )
+    slides = [joint.type == "prismatic" for joint in robot.joints]
+    columns = [Column("time_s", "s", recording.time_s)]
+    kinds: tuple[tuple[str, FloatArray | None, str, str], ...] = (
+        ("position", recording.position, "rad", "m"),
+        ("torque", recording.torque_nm, "N m", "N"),
+        ("target_position", recording.target_position, "rad", "m"),
+        ("velocity_command", recording.velocity_command, "rad/s", "m/s"),
+        ("temperature", recording.temperature_k, "K", "K"),
+    )
+    for quantity, values, turning, sliding in kinds:
+        if values is None:
+            continue
+        for joint, name in enumerate(recording.joint_names):
+            unit = sliding if slides[joint] else turning
+            columns.append(Column(_name(quantity, name, unit), unit, values[:, joint]))
+    if recording.reaction is not None:
+        reaction = recording.reaction
+        for channel, name in enumerate(reaction.channel_names):
+            columns.append(Column(_name("plate", name, "N"), "N", reaction.channels_n[:, channel]))
+        wrench = reaction.channels_n @ reaction.base_wrench_matrix.T
+        for axis, name in enumerate(WRENCH):
+            unit = "N" if name.endswith("_n") else "N m"
+            columns.append(Column(f"base_{name}", unit, wrench[:, axis]))
+        good = np.asarray(reaction.valid.all(axis=1))
+        columns.append(Column("plate_valid", "", good.astype(np.int32)))
+    columns += [
+        Column("valid", "", recording.valid.astype(np.int32)),
+        Column("phase", "", recording.phase.astype(np.int32)),
+        Column("sample_index", "", recording.sample_index),
+    ]
+    origin = {
+        "run": recording.run_id,
+        "robot": robot.name,
+        "cell": recording.cell_name,
+        "source": recording.source,
+    }
+    return RecordingTable(tuple(columns), origin)
+
+
+def _name(quantity: str, joint: str, unit: str) -> str:
+    suffix = unit.lower().replace(" ", "").replace("/", "_")
+    return re.sub(r"[^A-Za-z0-9_]", "_", f"{quantity}_{joint}_{suffix}")

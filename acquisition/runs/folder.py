@@ -1,0 +1,475 @@
+"""`RunFolder`: everything about one run in one folder, complete and portable.
+
+`manifest.json` names every file of the run with its SHA-256, as it was when the run was made. Files
+are written whole or not at all. The id is generated, the label is text: neither can lead outside
+the folder. What somebody else puts into the folder is a stray: it is left alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+
+from pydantic import Field, JsonValue, ValidationError
+
+from acquisition.journal.mcap_reader import messages_written
+from acquisition.runs.run_id import RUN_ID, new_run_id, time_of_run_id
+from config.errors import ConfigError, RecordingError
+from config.formats.bounded_file import read_file
+from config.formats.whole_file import write_whole
+from config.model import ConfigModel
+
+LATEST = "latest"
+MANIFEST = "manifest.json"
+RECORDING = "recording.mcap"
+FORMAT = 2  # 1 did not count the rows of recordings
+CLOCK_STEP_NS = 24 * 3600 * 10**9  # a clock set back by more was wrong before
+
+_LABEL = re.compile(r"[\w .-]{1,64}")
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
+_DEVICE = re.compile(r"(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?", re.IGNORECASE)
+_MANIFEST_BYTES = 4_000_000
+_READ_BYTES = 200_000_000
+_JOURNAL = ".mcap"
+_NOT_BY_WRITE = (_JOURNAL, ".blf", ".json")  # what recorders and estimators put in by themselves
+
+
+class RunStatus(StrEnum):
+    """What became of a run."""
+
+    UNFINISHED = "unfinished"
+    COMPLETE = "complete"
+    STOPPED = "stopped"
+    RECOVERED = "recovered"
+
+
+class FileEntry(ConfigModel):
+    """One file of a run; `rows` are those that a recording held when the run ended, if closed."""
+
+    sha256: str
+    size_bytes: int
+    rows: int | None = None
+
+
+class Manifest(ConfigModel):
+    """What a run folder says about itself."""
+
+    format: int
+    run_id: str
+    label: str
+    kind: str
+    status: str
+    created_utc: str
+    finished_utc: str | None = None
+    software: dict[str, str] = Field(default_factory=dict)
+    facts: dict[str, JsonValue] = Field(default_factory=dict)
+    files: dict[str, FileEntry] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """A run's folder; made by `create`, found again by `open`.
+
+    Attributes
+    ----------
+    path : Path
+        The folder, resolved.
+    run_id : str
+        Its generated id.
+    """
+
+    path: Path
+    run_id: str
+
+    @classmethod
+    def create(
+        cls,
+        root: Path,
+        label: str,
+        *,
+        kind: str = "record",
+        software: dict[str, str] | None = None,
+        now_ns: int | None = None,
+    ) -> RunFolder:
+        """Make a new, empty run folder under `root`.
+
+        Parameters
+        ----------
+        root : Path
+            Folder of all runs; made where it does not exist.
+        label : str
+            What people call the run: 1 to 64 letters, digits, spaces, `_`, `.` and `-`.
+        kind : str
+            Which job makes it: record, import, ...
+        software : dict
+            Names and versions of what makes it.
+        now_ns : int, optional
+            Time since 1970 [ns]; the computer's if not given.
+
+        Raises
+        ------
+        ConfigError
+            The label has other characters, or means another run.
+        RecordingError
+            The folder cannot be made.
+        """
+        require_label(label)
+        created_ns = time.time_ns() if now_ns is None else now_ns
+        try:
+            root.mkdir(parents=True, exist_ok=True)
+            run_id = new_run_id(_after_others(root, created_ns))
+            path = root.resolve() / run_id
+            path.mkdir()
+        except OSError as error:
+            raise RecordingError(f"{root}: no run folder can be made: {error.strerror}") from error
+        folder = cls(path, run_id)
+        folder._save(
+            Manifest(
+                format=FORMAT,
+                run_id=run_id,
+                label=label,
+                kind=kind,
+                status=RunStatus.UNFINISHED,
+                created_utc=_utc(created_ns),
+                software=software or {},
+            )
+        )
+        return folder
+
+    @classmethod
+    def open(cls, path: Path) -> RunFolder:
+        """Return the run folder at `path`, wherever it was moved to.
+
+        Raises
+        ------
+        RecordingError
+            There is none, or its manifest cannot be read.
+        """
+        folder = cls(path.resolve(), "")
+        return cls(folder.path, folder.manifest().run_id)
+
+    def manifest(self) -> Manifest:
+        """Read what the folder says about itself.
+
+        Raises
+        ------
+        RecordingError
+            There is no manifest, or it is damaged.
+        """
+        path = self.path / MANIFEST
+        try:
+            data = read_file(path, _MANIFEST_BYTES, follow_link=False)
+            manifest = Manifest.model_validate_json(data)
+        except OSError as error:
+            raise RecordingError(f"{self.path}: not a run folder: {error}") from error
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise RecordingError(f"{path}: damaged: {where} {first['msg']}") from error
+        if not 1 <= manifest.format <= FORMAT:
+            raise RecordingError(
+                f"{path}: format {manifest.format}, this program reads up to {FORMAT}: use a newer"
+                " program"
+            )
+        return manifest
+
+    def file(self, name: str) -> Path:
+        """Return the path of the file called `name`, which need not exist yet.
+
+        Parameters
+        ----------
+        name : str
+            A plain name, or names joined by `/` for a file in a folder.
+
+        Raises
+        ------
+        ConfigError
+            The name is not a plain one.
+        RecordingError
+            A link stands in its way.
+        """
+        parts = name.split("/")
+        if not all(_is_plain(part) for part in parts):
+            raise ConfigError(f"file name {name[:120]!r}: use letters, digits, '_', '.' and '-'")
+        path = self.path
+        for part in parts:
+            path = path / part
+            _refuse_link(path)
+        return path
+
+    def read(self, name: str) -> bytes:
+        """Return a file's bytes.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be read, is a link, or is not what was written.
+        """
+        path = self.file(name)
+        try:
+            data = read_file(path, _READ_BYTES, follow_link=False)
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+        entry = self.manifest().files.get(name)
+        if entry is not None and entry.sha256 != hashlib.sha256(data).hexdigest():
+            raise RecordingError(
+                f"{path}: is not what was written (its SHA-256 differs): put the original back, or"
+                " delete the file and repeat the step that made it"
+            )
+        return data
+
+    def holds(self, name: str, entry: FileEntry) -> bool:
+        """Return whether a file has the contents that an entry of a manifest says.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be read.
+        """
+        return _digest(self.file(name)) == (entry.sha256, entry.size_bytes)
+
+    def differences(self, names: Iterable[str]) -> dict[str, str]:
+        """Return which files are not those that the run was made with, and what is wrong.
+
+        Journals of a run that was never finished have no hash yet: they are not compared.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Files to compare; those that the run never had and has not now are none.
+
+        Raises
+        ------
+        RecordingError
+            The folder cannot be read, or a link stands in it.
+        """
+        manifest = self.manifest()
+        ended = manifest.files and manifest.status in (RunStatus.COMPLETE, RunStatus.STOPPED)
+        found = {}
+        for name in names:
+            path, entry = self.file(name), manifest.files.get(name)
+            if entry is None:
+                if ended and path.exists():
+                    found[name] = "was put into the folder after the run had ended"
+            elif not path.exists():
+                found[name] = "is missing"
+            elif not self.holds(name, entry):
+                found[name] = f"is not the file of run {manifest.run_id} (its SHA-256 differs)"
+        return found
+
+    def write(self, name: str, data: bytes) -> Path:
+        """Write a file whole or not at all, replacing an older one; note it in the manifest.
+
+        Raises
+        ------
+        ConfigError
+            The name is not a plain one.
+        RecordingError
+            It cannot be written.
+        """
+        path = self.file(name)
+        if name == MANIFEST:
+            raise ConfigError(f"{MANIFEST} is written by the run folder itself")
+        manifest = self._own_manifest()
+        self._write(path, data)
+        entry = FileEntry(sha256=hashlib.sha256(data).hexdigest(), size_bytes=len(data))
+        self._save(manifest.model_copy(update={"files": {**manifest.files, name: entry}}))
+        return path
+
+    def finish(
+        self,
+        status: RunStatus,
+        facts: dict[str, JsonValue] | None = None,
+        missing: Mapping[str, FileEntry] | None = None,
+    ) -> Manifest:
+        """Say what became of the run and note the recordings that are in the folder.
+
+        Files that were written before keep the hash that they had then. Strays are left alone.
+
+        Parameters
+        ----------
+        status : RunStatus
+            The outcome.
+        facts : dict, optional
+            What a list of runs should show; added to what is there.
+        missing : dict of str to FileEntry, optional
+            Files that belong to the run and are not there; only they will be taken, later.
+
+        Raises
+        ------
+        RecordingError
+            The folder cannot be read or written, or is that of another run by now.
+        """
+        manifest = self._own_manifest()
+        new = [name for name in self._present()[0] if name not in manifest.files]
+        files = {name: _entry(self.file(name)) for name in new if _is_made_here(name)}
+        finished = manifest.model_copy(
+            update={
+                "format": FORMAT,
+                "status": str(status),
+                "finished_utc": _utc(time.time_ns()),
+                "facts": {**manifest.facts, **(facts or {})},
+                "files": {**(missing or {}), **manifest.files, **files},
+            }
+        )
+        self._save(finished)
+        return finished
+
+    def verify(self) -> tuple[str, ...]:
+        """Compare every file with the manifest.
+
+        Returns
+        -------
+        tuple of str
+            What is wrong, one sentence each; empty for a complete and unchanged run.
+
+        Raises
+        ------
+        RecordingError
+            The manifest itself, or the folder, cannot be read.
+        """
+        manifest = self.manifest()
+        problems = []
+        if manifest.status == RunStatus.UNFINISHED:
+            problems.append("the run was not finished: it is still running, or was killed")
+        for name, entry in manifest.files.items():
+            try:
+                unchanged = self.holds(name, entry)
+            except (ConfigError, RecordingError) as error:
+                problems.append(f"{name}: {error}")
+                continue
+            if not unchanged:
+                problems.append(f"{name}: is not what was written (its SHA-256 differs)")
+        return tuple(problems)
+
+    def strays(self) -> tuple[str, ...]:
+        """Return what is in the folder and not in the manifest: left alone, and never read.
+
+        Raises
+        ------
+        RecordingError
+            The manifest, or the folder, cannot be read.
+        """
+        files, others = self._present()
+        known = self.manifest().files
+        found = {*others, *(name for name in files if name not in known)}
+        return tuple(sorted(name.encode(errors="backslashreplace").decode() for name in found))
+
+    def _present(self) -> tuple[list[str], list[str]]:
+        """Return the files that may be the run's by their names, and everything else."""
+        files: list[str] = []
+        others: list[str] = []
+        for folder, folders, names in os.walk(self.path, followlinks=False):
+            for name in (*folders, *names):
+                path = Path(folder) / name
+                relative = str(path.relative_to(self.path))
+                if relative == MANIFEST or name.endswith(".tmp"):
+                    continue
+                plain = all(_is_plain(part) for part in relative.split("/"))
+                if _is_link(path) or not plain or not (path.is_file() or name in folders):
+                    others.append(relative)
+                elif name in names:
+                    files.append(relative)
+        return sorted(files), others
+
+    def _own_manifest(self) -> Manifest:
+        """Read the manifest, which must still be this run's.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be read, or another run's folder has taken this one's place.
+        """
+        manifest = self.manifest()
+        if manifest.run_id != self.run_id:
+            raise RecordingError(
+                f"{self.path}: is the folder of run {manifest.run_id} by now, and nothing was"
+                f" written into it. The folder of run {self.run_id} was moved or deleted meanwhile:"
+                " put it back, then `rid-daq recover` it"
+            )
+        return manifest
+
+    def _save(self, manifest: Manifest) -> None:
+        self._write(self.path / MANIFEST, manifest.model_dump_json(indent=2).encode() + b"\n")
+
+    def _write(self, path: Path, data: bytes) -> None:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordingError(f"{path.parent}: cannot be made: {error.strerror}") from error
+        write_whole(path, data)
+
+
+def require_label(label: str) -> None:
+    """Refuse what no run can be called.
+
+    Raises
+    ------
+    ConfigError
+        It has other characters, or means another run.
+    """
+    if not _LABEL.fullmatch(label) or label == LATEST:
+        raise ConfigError(
+            f"label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and '-', and"
+            f" not {LATEST!r}, which means the newest run"
+        )
+
+
+def _is_plain(name: str) -> bool:
+    return bool(_NAME.fullmatch(name)) and not _DEVICE.fullmatch(name) and not name.endswith(".")
+
+
+def _is_made_here(name: str) -> bool:
+    """Return whether this program puts such files into a run, or it is of a run inside it."""
+    return name.endswith(_NOT_BY_WRITE) or any(map(RUN_ID.fullmatch, name.split("/")[:-1]))
+
+
+def _refuse_link(path: Path) -> None:
+    if _is_link(path):
+        raise RecordingError(f"{path}: is a symbolic link; a run folder has none")
+
+
+def _is_link(path: Path) -> bool:
+    try:
+        return path.is_symlink()
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _entry(path: Path) -> FileEntry:
+    sha256, size_bytes = _digest(path)
+    rows = messages_written(path) if path.suffix == _JOURNAL else None
+    return FileEntry(sha256=sha256, size_bytes=size_bytes, rows=rows)
+
+
+def _digest(path: Path) -> tuple[str, int]:
+    """Return SHA-256 and size of a file."""
+    digest = hashlib.sha256()
+    size = 0
+    try:
+        with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+                size += len(block)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    return digest.hexdigest(), size
+
+
+def _after_others(root: Path, now_ns: int) -> int:
+    """Return a time for an id that sorts after those under `root`, the clock set back or not."""
+    ids = [name for name in os.listdir(root) if RUN_ID.fullmatch(name)]
+    newest_ns = time_of_run_id(max(ids)) if ids else 0
+    behind_ns = newest_ns - now_ns
+    return newest_ns + 1_000_000 if 0 <= behind_ns + 1_000_000 <= CLOCK_STEP_NS else now_ns
+
+
+def _utc(time_ns: int) -> str:
+    return datetime.fromtimestamp(time_ns / 1e9, UTC).isoformat(timespec="milliseconds")

@@ -1,0 +1,120 @@
+"""The recorder: a process of its own that carries rows from the ring into the journal.
+
+It outlives the cyclic task and the program: a killed program costs nothing that the ring holds.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import time
+from pathlib import Path
+
+from acquisition.journal.cycle_row import MESSAGE_NAME, message_definition, row_struct
+from acquisition.journal.disk_reserve import RESERVE_BYTES
+from acquisition.journal.header import JournalHeader
+from acquisition.journal.mcap_writer import FLUSH_PERIOD_S, SYNC_PERIOD_S, JournalFile
+from acquisition.task.control_block import ControlBlock, RecorderState
+from acquisition.task.ring import Ring
+from config.process.process_name import ProcessName, bear_name
+from config.process.shortage import as_named
+from config.process.termination import leave_terminal
+
+TOPIC = "/cycle"
+IDLE_S = 0.005
+ORPHAN_PATIENCE_S = 5.0
+
+
+class JournalWriter(JournalFile):
+    """Writes rows to a new MCAP file; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it must not exist.
+    header : JournalHeader
+        What the recording says about itself.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be made or written (disk full, no permission, it exists).
+    """
+
+    def __init__(self, path: Path, header: JournalHeader) -> None:
+        joints = len(header.joint_names)
+        self._row_size = row_struct(joints).size
+        pairs = header.to_metadata()
+        super().__init__(path, pairs, reserve_bytes=RESERVE_BYTES)
+        self._channel = self.add_channel(TOPIC, MESSAGE_NAME, message_definition(joints), pairs)
+
+    def append(self, rows: bytes) -> None:
+        """Write whole rows, as the ring gives them."""
+        size = self._row_size
+        for start in range(0, len(rows), size):
+            time_s: float = struct.unpack_from("<d", rows, start)[0]
+            self.add_message(self._channel, time_s, rows[start : start + size])
+
+
+def run_recorder(
+    ring: Ring, control: ControlBlock, path: Path, header: JournalHeader, parent: int
+) -> None:
+    """Run the recorder; the main function of its process.
+
+    It ends when the task has ended and the ring is empty; after the program's death
+    also when the task shows no sign of life for `ORPHAN_PATIENCE_S`.
+
+    Parameters
+    ----------
+    ring : Ring
+        Where the rows come from.
+    control : ControlBlock
+        Where it says how it fares, and learns that the task has ended.
+    path : Path
+        The journal to write.
+    header : JournalHeader
+        What the journal says about itself.
+    parent : int
+        Process id of the program.
+    """
+    leave_terminal()
+    bear_name(ProcessName.RECORDER)
+    try:
+        with JournalWriter(path, header) as writer:
+            control.recorder_state = RecorderState.RECORDING
+            _carry(ring, control, writer, parent)
+        control.recorder_state = RecorderState.FINISHED
+    except Exception as error:
+        control.fail_recorder(str(as_named(error)))
+
+
+def _carry(ring: Ring, control: ControlBlock, writer: JournalWriter, parent: int) -> None:
+    flushed = synced = alive = time.monotonic()
+    beat = -1
+    while True:
+        control.beat_recorder()
+        # asked before reading: rows written before the task's last word are then all seen
+        last = control.task_gone
+        rows = ring.read()
+        if rows:
+            writer.append(rows)
+        elif last:
+            return
+        now = time.monotonic()
+        if now - flushed >= FLUSH_PERIOD_S:
+            to_disk = now - synced >= SYNC_PERIOD_S
+            writer.flush(to_disk=to_disk)
+            flushed = now
+            synced = now if to_disk else synced
+            trouble = writer.trouble
+            if trouble and control.recorder_state is RecorderState.RECORDING:
+                control.end_recorder(f"{writer.path}: {trouble}")
+        if writer.disk_full and control.recorder_state is RecorderState.RECORDING:
+            control.end_recorder(f"{writer.path}: the disk is full")
+        if os.getppid() != parent:
+            if control.task_beat != beat:
+                beat, alive = control.task_beat, now
+            elif now - alive > ORPHAN_PATIENCE_S:
+                return
+        if not rows:
+            time.sleep(IDLE_S)

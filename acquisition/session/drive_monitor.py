@@ -1,0 +1,131 @@
+"""The drive monitor: a process of its own that asks the drives for their temperatures.
+
+Nothing in it can hold up the cyclic task: it may hang, fail or die, and the motion goes on. In
+lock-step it is the other way round: simulated time stands still while it asks.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.journal.mcap_writer import JournalFile
+from acquisition.journal.monitor_row import (
+    MESSAGE_NAME,
+    TOPIC,
+    MonitorHeader,
+    message_definition,
+    monitor_body,
+)
+from acquisition.task.control_block import ControlBlock, MonitorState, Pace
+from config.cell.drive_profile import DriveProfile
+from config.cell.monitor import MonitorConfig
+from config.errors import DriverError
+from config.process.shortage import as_named
+from config.process.termination import leave_terminal
+from drivers.interfaces import DriveMonitor, MonitorReading
+from drivers.modbus.drive_monitor import open_drive_monitor
+
+LOOK_S = 0.02
+LOCKSTEP_LOOK_S = 0.0005
+
+
+class MonitorWriter(JournalFile):
+    """Writes rounds to a new MCAP file; a context manager."""
+
+    def __init__(self, path: Path, header: MonitorHeader) -> None:
+        pairs = header.to_metadata()
+        super().__init__(path, pairs)
+        definition = message_definition(len(header.joint_names))
+        self._channel = self.add_channel(TOPIC, MESSAGE_NAME, definition, pairs)
+
+    def append(self, time_s: float, reading: MonitorReading) -> None:
+        """Write one round, and hand it to the operating system."""
+        self.add_message(self._channel, time_s, monitor_body(time_s, reading))
+        self.flush()
+
+
+def run_monitor(
+    config: MonitorConfig,
+    profile: DriveProfile,
+    control: ControlBlock,
+    path: Path,
+    header: MonitorHeader,
+    parent: int,
+) -> None:
+    """Run the monitor; the main function of its process. It ends with the cyclic task.
+
+    Parameters
+    ----------
+    config, profile : MonitorConfig, DriveProfile
+        Whom to ask, and for what.
+    control : ControlBlock
+        Where it says how it fares, and learns when to ask.
+    path : Path
+        The file to write.
+    header : MonitorHeader
+        What the file says about itself.
+    parent : int
+        Process id of the program.
+    """
+    leave_terminal()
+    try:
+        with open_drive_monitor(config, profile) as monitor, MonitorWriter(path, header) as writer:
+            control.monitor_state = MonitorState.POLLING
+            while control.pace is Pace.UNKNOWN and not _over(control, parent):
+                time.sleep(LOOK_S)
+            if control.pace is Pace.LOCKSTEP:
+                _answer_questions(monitor, writer, control, parent)
+            else:
+                _ask_regularly(monitor, writer, control, config.period_s, parent)
+        control.monitor_state = MonitorState.FINISHED
+    except Exception as error:
+        control.fail_monitor(str(as_named(error)))
+
+
+def _ask_regularly(
+    monitor: DriveMonitor,
+    writer: MonitorWriter,
+    control: ControlBlock,
+    period_s: float,
+    parent: int,
+) -> None:
+    due_s = time.monotonic()
+    while not _over(control, parent):
+        now_s = time.monotonic()
+        if now_s < due_s:
+            time.sleep(min(LOOK_S, due_s - now_s))
+            continue
+        reading = _round(monitor, control)
+        writer.append(0.5 * (now_s + time.monotonic()), reading)
+        due_s += period_s * max(1, int((time.monotonic() - due_s) / period_s) + 1)
+
+
+def _answer_questions(
+    monitor: DriveMonitor, writer: MonitorWriter, control: ControlBlock, parent: int
+) -> None:
+    while not _over(control, parent):
+        if control.monitor_rounds >= control.monitor_asked:
+            time.sleep(LOCKSTEP_LOOK_S)
+            continue
+        reading = _round(monitor, control)
+        writer.append(control.monitor_asked_s, reading)
+        control.count_monitor_round()
+
+
+def _round(monitor: DriveMonitor, control: ControlBlock) -> MonitorReading:
+    """Ask every drive once; a line that is gone is tried again in the next round."""
+    try:
+        reading = monitor.read()
+    except DriverError as error:
+        nothing = np.full(control.monitored, np.nan)
+        reading = MonitorReading(nothing, nothing.copy(), (str(error),))
+    control.show_temperatures(reading.temperature_k.tolist(), reading.problems)
+    return reading
+
+
+def _over(control: ControlBlock, parent: int) -> bool:
+    return control.task_gone or os.getppid() != parent

@@ -1,0 +1,377 @@
+"""The plate's recorder: a process of its own that reads the amplifier and writes `plate.mcap`.
+
+It reads in pieces, never row by row, and outlives the loss of the line: a stream that comes back
+with the same settings, still operating, goes on as a new stream in the same file.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.journal.mcap_writer import FLUSH_PERIOD_S, SYNC_PERIOD_S, JournalFile
+from acquisition.journal.plate_header import PlateHeader
+from acquisition.journal.plate_row import (
+    EVENT_DEFINITION,
+    EVENT_DTYPE,
+    EVENT_NAME,
+    EVENT_TOPIC,
+    LINE_LOST,
+    LINE_RESTORED,
+    ROW_DEFINITION,
+    ROW_DTYPE,
+    ROW_NAME,
+    ROW_TOPIC,
+    overloaded,
+)
+from acquisition.session.plate_block import PlateBlock, PlateState
+from config.cell.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
+from config.cell.plate import AmplifierConfig, PlateConfig
+from config.errors import (
+    DeviceFaultError,
+    DriverError,
+    RecordingError,
+    TransportError,
+)
+from config.process.shortage import as_named
+from config.process.termination import leave_terminal
+from drivers.amplifier.amplifier import SerialAmplifier, open_amplifier
+from drivers.amplifier.simulated_arrivals import arrivals_path
+from drivers.amplifier.stream import StreamCounts
+from drivers.interfaces import PlateRead
+
+LONGEST_PIECE_S = 0.02
+PIECE_BYTES = 2048  # half of what a terminal's buffer holds
+PARSE_S = 0.1
+BEAT_S = 0.1
+MARK_PERIOD_S = 1.0
+OVERLOAD_PERIOD_S = 0.2
+STOP_PATIENCE_S = 2.0
+RETRY_S = 0.2
+RETRY_PATIENCE_S = 10.0
+
+
+@dataclass(frozen=True)
+class PlateTask:
+    """What the plate's recorder is to do; handed to its process.
+
+    Attributes
+    ----------
+    plate : PlateConfig
+        The plate and its amplifier, which must be set and operating already.
+    profile : AmplifierProfile
+        What the amplifier speaks.
+    path : Path
+        The file to write; it must not exist.
+    cell_name, run_id : str
+        Provenance.
+    """
+
+    plate: PlateConfig
+    profile: AmplifierProfile
+    path: Path
+    cell_name: str = ""
+    run_id: str = ""
+
+
+class PlateJournalWriter(JournalFile):
+    """Writes rows and events of a plate to a new file.
+
+    Attributes
+    ----------
+    simulated_time : bool
+        Whether the arrivals are a simulated cell's time.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be made or written.
+    """
+
+    def __init__(self, path: Path, header: PlateHeader) -> None:
+        pairs = header.to_metadata()
+        super().__init__(path, pairs)
+        self._rows = self.add_channel(ROW_TOPIC, ROW_NAME, ROW_DEFINITION, pairs)
+        self._events = self.add_channel(EVENT_TOPIC, EVENT_NAME, EVENT_DEFINITION, pairs)
+        self._ticks_per_s = header.profile.ticks_per_s
+        self._per_count = np.array(header.plate.amplifier.newtons_per_count)
+        self._mark = header.profile.events.mark
+        self.simulated_time = header.simulated_time
+        self._asked: dict[int, float] = {}
+
+    def asked(self, number: int, time_s: float) -> None:
+        """Note when a mark was asked for; its answer carries the number of the question."""
+        self._asked[number & 0xFFFF] = time_s
+
+    def append(self, read: PlateRead, first_stream: int) -> NDArray[Any]:
+        """Write what one read brought.
+
+        Parameters
+        ----------
+        read : PlateRead
+            Rows and events of a stream.
+        first_stream : int
+            What is added to their stream numbers.
+
+        Returns
+        -------
+        ndarray of `ROW_DTYPE`, shape (rows,)
+            The rows as written.
+        """
+        rows = np.empty(len(read.rows), dtype=ROW_DTYPE)
+        rows["arrival_s"] = read.arrival_s
+        rows["device_s"] = read.rows["ticks"] / self._ticks_per_s
+        rows["sequence"] = read.rows["sequence"]
+        rows["force_n"] = read.rows["counts"] * self._per_count
+        rows["stream"] = read.rows["stream"] + first_stream
+        rows["status"] = read.rows["status"]
+        rows["counts"] = read.rows["counts"]
+        body, size = rows.tobytes(), ROW_DTYPE.itemsize
+        arrivals = read.arrival_s.tolist()
+        for start, time_s in zip(range(0, len(body), size), arrivals, strict=True):
+            self.add_message(self._rows, time_s, body[start : start + size])
+        event_arrivals = read.event_arrival_s.tolist()
+        if self.simulated_time:
+            event_arrivals = [arrivals[-1] if arrivals else np.nan] * len(event_arrivals)
+        for event, event_s in zip(read.events, event_arrivals, strict=True):
+            self.note(
+                kind=int(event["kind"]),
+                detail=int(event["detail"]),
+                arrival_s=event_s,
+                device_s=int(event["ticks"]) / self._ticks_per_s,
+                sequence=int(event["sequence"]),
+                stream=int(event["stream"]) + first_stream,
+                asked_s=self._asked_s(event),
+            )
+        return rows
+
+    def _asked_s(self, event: Any) -> float:
+        """Return when a mark was asked for; NaN for other events, and in simulated time."""
+        if int(event["kind"]) != self._mark or self.simulated_time:
+            return np.nan
+        return self._asked.pop(int(event["detail"]), np.nan)
+
+    def note(
+        self,
+        *,
+        kind: int,
+        detail: int,
+        arrival_s: float,
+        device_s: float = np.nan,
+        sequence: int = -1,
+        stream: int,
+        asked_s: float = np.nan,
+    ) -> None:
+        """Write one event."""
+        values = (arrival_s, asked_s, device_s, sequence, stream, kind, detail)
+        event = np.array(values, dtype=EVENT_DTYPE)
+        self.add_message(self._events, arrival_s, event.tobytes())
+
+    def begin_stream(self) -> None:
+        """Forget the questions of an earlier stream: the amplifier counts anew."""
+        self._asked.clear()
+
+
+def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
+    """Run the plate's recorder; the main function of its process.
+
+    It ends when the program asks for it or is gone; errors are told through `block`.
+
+    Parameters
+    ----------
+    task : PlateTask
+        What to record.
+    block : PlateBlock
+        Where it says how it fares.
+    parent : int
+        Process id of the program.
+    """
+    leave_terminal()
+    try:
+        _Recorder(task, block, parent).run()
+        block.state = PlateState.FINISHED
+    except Exception as error:
+        block.fail(as_named(error))
+
+
+def piece_time_s(baud_rate: int) -> float:
+    """Return how long bytes may gather before they are read, so that none is lost [s]."""
+    return min(LONGEST_PIECE_S, PIECE_BYTES * BITS_PER_BYTE / baud_rate)
+
+
+def require_ready(amplifier: SerialAmplifier, config: AmplifierConfig) -> None:
+    """Refuse an amplifier that is set otherwise than the cell file says, or does not measure.
+
+    Raises
+    ------
+    DeviceFaultError
+        Names the settings, or says that it is in reset.
+    DriverError
+        It does not answer.
+    """
+    wrong = [
+        f"{setting.name} is {setting.found}, not {setting.required}"
+        for setting in amplifier.settings()
+        if setting.verdict == "red"
+    ]
+    if wrong:
+        raise DeviceFaultError(
+            f"amplifier at {config.address}: {'; '.join(wrong)}: set it and zero the plate again"
+        )
+    if not amplifier.is_operating():
+        raise DeviceFaultError(
+            f"amplifier at {config.address} is in reset and measures nothing: zero the plate"
+        )
+
+
+class _Recorder:
+    """One recording; `stream` numbers the streams that the loss of the line has made of it.
+
+    In simulated time no marks are asked for: a question comes by the wall clock, and the same seed
+    is to give the same file. Overloads are asked for all the same, in runs that have any.
+    """
+
+    def __init__(self, task: PlateTask, block: PlateBlock, parent: int) -> None:
+        self._task = task
+        self._block = block
+        self._parent = parent
+        self._stream = 0
+        self._last_stream = 0
+        self._before = StreamCounts()
+        self._flushed_s = self._synced_s = self._marked_s = self._forgot_s = time.monotonic()
+
+    def run(self) -> None:
+        with open_amplifier(self._task.plate.amplifier, self._task.profile) as amplifier:
+            header = self._header(amplifier)
+        with PlateJournalWriter(self._task.path, header) as writer:
+            lost = self._attempt(writer)
+            while lost is not None:
+                lost = self._resume(writer, lost)
+
+    def _header(self, amplifier: SerialAmplifier) -> PlateHeader:
+        task = self._task
+        identity = amplifier.connect()
+        require_ready(amplifier, task.plate.amplifier)
+        return PlateHeader(
+            plate=task.plate,
+            profile=task.profile,
+            identity=identity,
+            simulated_time=arrivals_path(task.plate.amplifier.address).exists(),
+            cell_name=task.cell_name,
+            run_id=task.run_id,
+        )
+
+    @property
+    def _over(self) -> bool:
+        return self._block.stop or os.getppid() != self._parent
+
+    def _attempt(self, writer: PlateJournalWriter) -> DriverError | None:
+        """Open the line and record; return how it was lost, None at the end."""
+        config = self._task.plate.amplifier
+        with open_amplifier(config, self._task.profile) as amplifier:
+            amplifier.connect()
+            require_ready(amplifier, config)
+            if self._block.state is PlateState.LINE_LOST:
+                self._stream = self._last_stream + 1
+                now_s = time.monotonic()
+                writer.note(kind=LINE_RESTORED, detail=0, arrival_s=now_s, stream=self._stream)
+            try:
+                self._stream_to(writer, amplifier)
+            except TransportError as error:
+                return error
+            finally:
+                self._keep_counts(amplifier.stream_counts)
+        return None
+
+    def _resume(self, writer: PlateJournalWriter, lost: DriverError) -> DriverError | None:
+        """Wait for the line to come back, and go on; return how it was lost again."""
+        now_s = time.monotonic()
+        self._block.count_loss()
+        writer.note(kind=LINE_LOST, detail=0, arrival_s=now_s, stream=self._last_stream)
+        until_s = now_s + RETRY_PATIENCE_S
+        while not self._over:
+            self._block.give_sign_of_life()
+            self._flush(writer)
+            try:
+                return self._attempt(writer)
+            except DeviceFaultError:
+                raise
+            except DriverError as error:
+                if time.monotonic() > until_s:
+                    raise TransportError(
+                        f"{lost}; it did not come back within {RETRY_PATIENCE_S:g} s ({error})"
+                    ) from error
+            time.sleep(RETRY_S)
+        return None
+
+    def _stream_to(self, writer: PlateJournalWriter, amplifier: SerialAmplifier) -> None:
+        """Record until the end is asked for."""
+        writer.begin_stream()
+        marks = 0
+        amplifier.start()
+        self._block.state = PlateState.RECORDING
+        parse_s = time.monotonic()
+        pause_s = piece_time_s(self._task.plate.amplifier.baud_rate)
+        while not self._over:
+            if not writer.simulated_time:
+                time.sleep(pause_s)  # the rows of some milliseconds together; none is early or late
+            now_s = time.monotonic()
+            if now_s - self._marked_s >= MARK_PERIOD_S and not writer.simulated_time:
+                writer.asked(marks, amplifier.mark())
+                marks, self._marked_s = marks + 1, now_s
+            if now_s < parse_s:
+                amplifier.gather(now_s + BEAT_S)
+            else:
+                self._take(writer, amplifier, amplifier.read(now_s + BEAT_S))
+                parse_s = now_s + PARSE_S
+        for read in amplifier.stop(time.monotonic() + STOP_PATIENCE_S):
+            self._take(writer, amplifier, read)
+
+    def _take(
+        self, writer: PlateJournalWriter, amplifier: SerialAmplifier, read: PlateRead
+    ) -> None:
+        block = self._block
+        rows = writer.append(read, self._stream)
+        if len(rows):
+            self._last_stream = int(rows["stream"][-1])
+            over = overloaded(rows, self._task.plate.amplifier.full_scale_counts)
+            words = np.packbits(over, axis=1, bitorder="little")[:, 0]
+            block.add_rows(rows["force_n"], words, read.read_s)
+            self._forget_overloads(amplifier, int(rows["status"][-1]) & 0xFF)
+        now, before = amplifier.stream_counts, self._before
+        block.count_damage(
+            before.rows_lost + now.rows_lost,
+            before.bad_frames + now.bad_frames,
+            before.garbage_bytes + now.garbage_bytes,
+        )
+        block.give_sign_of_life()
+        self._flush(writer)
+
+    def _forget_overloads(self, amplifier: SerialAmplifier, word: int) -> None:
+        """Ask for overloads that the rows still tell, so that the rows after them count again."""
+        now_s = time.monotonic()
+        if word and now_s - self._forgot_s >= OVERLOAD_PERIOD_S and not self._over:
+            amplifier.forget_overloads()
+            self._forgot_s = now_s
+
+    def _keep_counts(self, counts: StreamCounts) -> None:
+        """Add what a stream that has ended has counted."""
+        self._before.rows_lost += counts.rows_lost
+        self._before.bad_frames += counts.bad_frames
+        self._before.garbage_bytes += counts.garbage_bytes
+
+    def _flush(self, writer: PlateJournalWriter) -> None:
+        now_s = time.monotonic()
+        if now_s - self._flushed_s >= FLUSH_PERIOD_S:
+            to_disk = now_s - self._synced_s >= SYNC_PERIOD_S
+            writer.flush(to_disk=to_disk)
+            if trouble := writer.trouble:
+                raise RecordingError(f"{writer.path}: {trouble}")
+            self._flushed_s = now_s
+            self._synced_s = now_s if to_disk else self._synced_s

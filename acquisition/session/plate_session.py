@@ -1,0 +1,113 @@
+"""`PlateSession`: the force plate's side of a recorded motion, as the program sees it."""
+
+from __future__ import annotations
+
+import os
+import time
+from multiprocessing import get_context
+from multiprocessing.connection import wait
+
+from acquisition.session.plate_block import PlateBlock, PlateState
+from acquisition.session.plate_recorder import PlateTask, run_plate_recorder
+from acquisition.task.control_block import ControlBlock, Progress
+from acquisition.task.stop_reason import StopCode
+from config.cell.plate import CHANNEL_NAMES
+from config.errors import RecordingError
+from config.process.termination import termination_held
+
+START_PATIENCE_S = 60.0
+STOP_PATIENCE_S = 30.0
+WATCH_S = 0.02
+OVERLOADED_PERIODS = 3
+
+
+class PlateSession:
+    """Starts the plate's recorder, watches it during the motion and ends it.
+
+    Parameters
+    ----------
+    task : PlateTask
+        What is to be recorded.
+    samples_per_period : int or None
+        Of the motion: an overload spoils a period.
+
+    Raises
+    ------
+    RidDaqError
+        The plate cannot be recorded; nothing was moved.
+    """
+
+    def __init__(self, task: PlateTask, samples_per_period: int | None) -> None:
+        self._block = PlateBlock.create()
+        self._ranges = task.plate.amplifier.range_n
+        self._samples_per_period = samples_per_period
+        self._overloaded_rows = 0
+        self._spoilt: set[int] = set()
+        self._process = get_context("spawn").Process(
+            target=run_plate_recorder,
+            args=(task, self._block, os.getpid()),
+            name="rid-daq plate recorder",
+        )
+        with termination_held(apart=True):
+            self._process.start()
+        self._await_rows()
+
+    def watch(self, progress: Progress, control: ControlBlock) -> None:
+        """Stop the motion where the plate is lost, or overloaded in too many periods."""
+        status = self._block.status(time.monotonic())
+        if status.state in (PlateState.LINE_LOST, PlateState.FAILED) or not self._is_alive:
+            control.request_stop(StopCode.PLATE_LINE)
+        if status.overloaded_rows > self._overloaded_rows and progress.sample_index >= 0:
+            self._overloaded_rows = status.overloaded_rows
+            self._spoilt.add(progress.sample_index // (self._samples_per_period or 1 << 62))
+            if len(self._spoilt) > OVERLOADED_PERIODS:
+                control.request_stop(StopCode.PLATE_OVERLOAD)
+
+    def close(self) -> tuple[str, ...]:
+        """End the stream and the file; return what a person should know, one sentence each."""
+        self._block.request_stop()
+        self._process.join(STOP_PATIENCE_S)
+        notes = []
+        if self._is_alive:
+            notes.append("the plate's recorder did not finish and was killed")
+            self._process.kill()
+            self._process.join()
+        elif self._block.error is not None:
+            notes.append(f"force plate: {self._block.error}")
+        elif self._block.state is not PlateState.FINISHED:
+            notes.append(
+                f"the plate's recorder died (exit code {self._process.exitcode}); its file is not"
+                " closed"
+            )
+        self._process.close()
+        status = self._block.status(time.monotonic())
+        if status.rows_lost:
+            notes.append(
+                f"force plate: {status.rows_lost} of {status.rows + status.rows_lost} rows were"
+                " lost on the line"
+            )
+        notes += [
+            f"force plate: {name} was overloaded; its range is {range_n:g} N: choose a larger one"
+            for name, range_n, over in zip(
+                CHANNEL_NAMES, self._ranges, status.overloads, strict=True
+            )
+            if over
+        ]
+        return tuple(notes)
+
+    @property
+    def _is_alive(self) -> bool:
+        return self._process.is_alive()
+
+    def _await_rows(self) -> None:
+        """Wait until rows are being recorded: nothing is moved that the plate does not see."""
+        until_s = time.monotonic() + START_PATIENCE_S
+        while self._block.state is PlateState.STARTING:
+            wait([self._process.sentinel], WATCH_S)
+            if not self._is_alive or time.monotonic() > until_s:
+                break
+        if self._block.state is PlateState.RECORDING:
+            return
+        error = self._block.error
+        self.close()
+        raise error or RecordingError("the plate's recorder did not start; nothing was moved")

@@ -1,0 +1,304 @@
+"""`DeviceClock`: a device's own time on the SYNC time base, with its uncertainty.
+
+A device stamps its rows with its own clock, which is off by a constant and by some parts per
+million. Rows arrive late, never early: the straight line just under all arrivals is the clock, but
+for the shortest delay of the line, which no arrival tells (physics: section 8 estimates it on the
+bins). Marks that go to the device and back bound the clock from both sides, and edges of a wired
+trigger give it directly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from config.arrays import BoolArray, FloatArray, IntArray, read_only
+from config.errors import DataQualityError
+
+LARGEST_RATE_ERROR = 2e-3
+BISECTIONS = 80
+SUBSETS = 8
+STRETCHES = 256
+SLOWEST_GROWTH = 1.15
+FEWEST_ARRIVALS = 64
+FEWEST_MARKS = 3
+OUTLIER_SIGMAS = 6.0
+
+Method = Literal["arrivals", "marks", "edges"]
+
+
+@dataclass(frozen=True, eq=False)
+class DeviceClock:
+    """SYNC time = sync_s + rate (device time - device_s), over one run.
+
+    Attributes
+    ----------
+    device_s, sync_s : float
+        The same moment on both clocks, in the middle of the data [s].
+    rate : float
+        SYNC seconds per second of the device.
+    covariance : ndarray, shape (2, 2)
+        Of `sync_s` and `rate`.
+    wander_s : float
+        By how much the device's clock leaves the straight line, RMS [s].
+    method : "arrivals", "marks" or "edges"
+        Where it comes from. By arrivals, the shortest delay of the line counts as clock.
+    """
+
+    device_s: float
+    sync_s: float
+    rate: float
+    covariance: FloatArray
+    wander_s: float
+    method: Method
+
+    def __post_init__(self) -> None:
+        covariance = read_only("clock", self.covariance, float, (2, 2), DataQualityError)
+        object.__setattr__(self, "covariance", covariance)
+        if not abs(self.rate - 1.0) < LARGEST_RATE_ERROR:
+            raise DataQualityError(
+                f"the device's clock would be off by {self.drift_ppm:.0f} ppm: no quartz is; check"
+                " the unit of its time stamps"
+            )
+
+    @property
+    def drift_ppm(self) -> float:
+        """By how much the device's clock is slow [ppm]."""
+        return 1e6 * (self.rate - 1.0)
+
+    def to_sync(self, device_s: FloatArray) -> FloatArray:
+        """Return SYNC times of device times [s]."""
+        return np.asarray(self.sync_s + self.rate * (np.asarray(device_s) - self.device_s))
+
+    def to_device(self, sync_s: FloatArray) -> FloatArray:
+        """Return device times of SYNC times [s]."""
+        return np.asarray(self.device_s + (np.asarray(sync_s) - self.sync_s) / self.rate)
+
+    def sigma_s(self, device_s: FloatArray) -> FloatArray:
+        """Return the standard deviation of `to_sync` at some device times [s]."""
+        since = np.asarray(device_s) - self.device_s
+        (offset, cross), (_, rate) = self.covariance
+        variance = offset + 2.0 * cross * since + rate * since**2
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.wander_s**2))
+
+
+def clock_from_arrivals(
+    device_s: FloatArray, arrival_s: FloatArray, *, shortest_delay_s: float = 0.0
+) -> DeviceClock:
+    """Fit a clock to rows that were stamped by the device and arrived some time later.
+
+    The clock is the line under all arrivals that is nearest to them on average, a linear programme
+    in two variables. Its uncertainty is what the same fit on eighths of the reads shows, less
+    what eight times as many gain.
+
+    Parameters
+    ----------
+    device_s, arrival_s : ndarray, shape (rows,)
+        Device time of each row, and SYNC time at which it was read [s]. Rows read together share
+        their arrival.
+    shortest_delay_s : float
+        What a row needs at least on its way: its bits at the line's speed.
+
+    Raises
+    ------
+    DataQualityError
+        Too few rows, or no clock that a quartz could be.
+    """
+    device = read_only("device time", device_s, float, (None,), DataQualityError)
+    arrival = read_only("arrival", arrival_s, float, device.shape, DataQualityError)
+    chunk = np.concatenate([[0], np.cumsum(np.diff(arrival) != 0.0)]) if len(arrival) else device
+    if len(device) == 0 or chunk[-1] + 1 < FEWEST_ARRIVALS:
+        raise DataQualityError(
+            f"{len(device)} rows of the device in {int(chunk[-1]) + 1 if len(device) else 0} reads"
+            f" are too few for its clock, {FEWEST_ARRIVALS} reads are the least"
+        )
+    middle = float(device.mean())
+    x, late = device - middle, arrival - shortest_delay_s - device
+    offset, rate = _line_under(x, late)
+    # Delays of neighbouring reads hang together: stretches of reads are dealt out, not single ones.
+    stretch = chunk * min(STRETCHES, chunk[-1] + 1) // (chunk[-1] + 1)
+    line = np.array([offset, rate])
+    eighths = np.array([_line_under(x[k], late[k]) for k in _deal(stretch, SUBSETS)]) - line
+    halves = np.array([_line_under(x[k], late[k]) for k in _deal(stretch, 2)]) - line
+    gain = _gain(float(halves[:, 0].mean()), float(eighths[:, 0].mean()))
+    covariance = eighths.T @ eighths / SUBSETS / gain**2
+    wander_s = _wander(x, late - offset - rate * x, float(np.mean(eighths[:, 0] ** 2)))
+    return DeviceClock(
+        middle, middle + offset, 1.0 + rate, _regular(covariance, x), wander_s, "arrivals"
+    )
+
+
+def clock_from_marks(
+    sent_s: FloatArray, device_s: FloatArray, received_s: FloatArray
+) -> DeviceClock:
+    """Fit a clock to questions that the device answered with its time.
+
+    The device's time was read between question and answer. The clock is midway between the lines
+    that this allows at the top and at the bottom; half their distance bounds the error however
+    differently the two ways delay.
+
+    Parameters
+    ----------
+    sent_s, received_s : ndarray, shape (marks,)
+        SYNC times of each question's last bit and of each answer's arrival [s].
+    device_s : ndarray, shape (marks,)
+        What the device answered [s].
+
+    Raises
+    ------
+    DataQualityError
+        Too few marks, an answer before its question, or no line between them.
+    """
+    device = read_only("mark", device_s, float, (None,), DataQualityError)
+    sent = read_only("mark sent", sent_s, float, device.shape, DataQualityError)
+    received = read_only("mark received", received_s, float, device.shape, DataQualityError)
+    if len(device) < FEWEST_MARKS or np.any(received <= sent) or np.ptp(device) <= 0.0:
+        raise DataQualityError(
+            f"{len(device)} marks cannot bound a clock: {FEWEST_MARKS} at different times are the"
+            " least, each answered after it was sent"
+        )
+    middle = float((device.min() + device.max()) / 2.0)
+    x = device - middle
+    high = np.array(_line_under(x, received - device))
+    low = -np.array(_line_under(x, device - sent))
+    ends = np.array([x.min(), x.max()])
+    half = (high[0] - low[0] + ends * (high[1] - low[1])) / 2.0
+    if half.min() < 0.0:
+        raise DataQualityError(
+            f"no straight clock fits between the marks' questions and answers (by"
+            f" {-1e6 * half.min():.0f} us): the device's clock was set or restarted during the run"
+        )
+    offset, rate = (high + low) / 2.0
+    # The errors at the two ends count as independent and evenly distributed within the bounds.
+    to_line = np.linalg.inv(np.column_stack([np.ones(2), ends]))
+    covariance = to_line @ np.diag(half**2 / 3.0) @ to_line.T
+    return DeviceClock(middle, middle + float(offset), 1.0 + float(rate), covariance, 0.0, "marks")
+
+
+def clock_from_edges(device_s: FloatArray, sync_s: FloatArray) -> DeviceClock:
+    """Fit a clock to edges of a wired trigger: the device's times of known SYNC times.
+
+    Parameters
+    ----------
+    device_s, sync_s : ndarray, shape (edges,)
+        Device time and SYNC time of each edge, as `match_edges` pairs them [s].
+
+    Raises
+    ------
+    DataQualityError
+        Too few edges.
+    """
+    device = read_only("edge", device_s, float, (None,), DataQualityError)
+    sync = read_only("edge's SYNC", sync_s, float, device.shape, DataQualityError)
+    if len(device) < FEWEST_MARKS or np.ptp(device) <= 0.0:
+        raise DataQualityError(
+            f"{len(device)} trigger edges are too few for a clock, {FEWEST_MARKS} at different"
+            " times are the least: check the trigger's wire"
+        )
+    middle = float(device.mean())
+    x, late = device - middle, sync - device
+    use = np.ones(len(device), dtype=np.bool_)
+    for _ in range(2):  # a cycle whose SYNC was late on its way is left out
+        rest = late - np.polyval(np.polyfit(x[use], late[use], 1), x)
+        spread = 1.4826 * float(np.median(np.abs(rest - np.median(rest))))
+        kept = np.abs(rest) <= OUTLIER_SIGMAS * spread + 1e-9
+        use = kept if kept.sum() >= FEWEST_MARKS else use
+    columns = np.column_stack([np.ones(int(use.sum())), x[use]])
+    line = np.linalg.lstsq(columns, late[use], rcond=None)[0]
+    rest = late[use] - columns @ line
+    variance = float(np.sum(rest**2)) / max(len(rest) - 2, 1)
+    covariance = np.asarray(variance * np.linalg.inv(columns.T @ columns), dtype=np.float64)
+    wander_s = _wander_of_means(x[use], rest, variance)
+    return DeviceClock(
+        middle, middle + float(line[0]), 1.0 + float(line[1]), covariance, wander_s, "edges"
+    )
+
+
+def match_edges(
+    device_s: FloatArray, sync_s: FloatArray, coarse: DeviceClock, *, within_s: float
+) -> tuple[IntArray, IntArray]:
+    """Pair trigger edges with SYNC times by a coarse clock, such as one from arrivals.
+
+    Parameters
+    ----------
+    device_s : ndarray, shape (edges,)
+        Device times of the edges [s].
+    sync_s : ndarray, shape (cycles,)
+        SYNC times, increasing [s].
+    coarse : DeviceClock
+        Good to less than half a cycle.
+    within_s : float
+        An edge farther from every SYNC than this is none: a glitch [s].
+
+    Returns
+    -------
+    edges, cycles : ndarrays of int
+        Indices of what belongs together.
+    """
+    at = coarse.to_sync(device_s)
+    right = np.clip(np.searchsorted(sync_s, at), 1, len(sync_s) - 1)
+    nearest = np.where(at - sync_s[right - 1] < sync_s[right] - at, right - 1, right)
+    edges = np.flatnonzero(np.abs(at - sync_s[nearest]) <= within_s)
+    _, first = np.unique(nearest[edges], return_index=True)
+    return edges[first], nearest[edges[first]]
+
+
+def _line_under(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Return offset and slope of the line under all points that is highest at the mean of x.
+
+    The offset is at x = 0. The height at the mean is a concave function of the slope; its
+    subgradient is the place of the lowest point.
+    """
+    centre = float(x.mean())
+    around = x - centre
+    low, high = -LARGEST_RATE_ERROR, LARGEST_RATE_ERROR
+    for _ in range(BISECTIONS):
+        slope = (low + high) / 2.0
+        if around[int(np.argmin(y - slope * around))] > 0.0:
+            high = slope
+        else:
+            low = slope
+    slope = (low + high) / 2.0
+    height = float(np.min(y - slope * around))
+    return height - slope * centre, slope
+
+
+def _deal(stretch: IntArray, hands: int) -> list[BoolArray]:
+    return [stretch % hands == hand for hand in range(hands)]
+
+
+def _gain(half: float, eighth: float) -> float:
+    """Return how far lines under eighths lie above the line under all, over how far that lies.
+
+    The lowest of N delays lies above the shortest possible one by something like N^-k, with k = 1
+    where short delays are as frequent as others and less where they are rare. Lines under a half
+    and under an eighth of the reads, `half` and `eighth` above the line under all, show it; k
+    counts as 1/2 at most, so that the uncertainty is rather too large.
+    """
+    ratio = max(eighth / half, 3.0) if half > 0.0 else np.inf  # (8^k - 1) / (2^k - 1)
+    growth = min((np.sqrt(4.0 * ratio - 3.0) - 1.0) / 2.0, np.sqrt(2.0))  # 2^k
+    return float(max(growth, SLOWEST_GROWTH) ** 3 - 1.0)
+
+
+def _regular(covariance: FloatArray, x: FloatArray) -> FloatArray:
+    """Return a covariance that is not smaller than rounding leaves."""
+    tiny = 1e-9
+    return np.asarray(covariance + np.diag([tiny**2, (tiny / max(float(np.ptp(x)), 1.0)) ** 2]))
+
+
+def _wander(x: FloatArray, above: FloatArray, expected: float) -> float:
+    """Return how far the lowest arrivals of eighths of the run lie above the line, beyond chance.
+
+    `expected` is the mean square that eighths of the rows, taken from the whole run, show.
+    """
+    lowest = [float(part.min()) for part in np.array_split(above[np.argsort(x)], SUBSETS)]
+    return float(np.sqrt(max(0.0, float(np.mean(np.square(lowest))) - 4.0 * expected)))
+
+
+def _wander_of_means(x: FloatArray, rest: FloatArray, variance: float) -> float:
+    """Return the RMS of the means over eighths of the run, beyond what white noise leaves."""
+    parts = np.array_split(rest[np.argsort(x)], SUBSETS)
+    power = [float(part.mean()) ** 2 - 2.0 * variance / len(part) for part in parts if len(part)]
+    return float(np.sqrt(max(0.0, float(np.mean(power)))))

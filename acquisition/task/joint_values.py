@@ -1,0 +1,91 @@
+"""`JointValues`: what the latest cycles measured, against what is allowed; for people to watch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.journal.cycle_row import row_dtype
+from acquisition.task.ring import Ring
+from config.cell.cell import CellConfig
+from config.robot.robot import RobotDescription
+
+WINDOW_S = 0.05
+
+
+@dataclass(frozen=True)
+class JointValues:
+    """The joints in the latest cycle; arrays of length joints.
+
+    Attributes
+    ----------
+    time_s : float
+        SYNC of the cycle, on the cyclic task's clock [s].
+    position, velocity : ndarray
+        Measured [rad or m, and per second]; velocity over the last `WINDOW_S`.
+    torque : ndarray
+        Measured [N m or N].
+    torque_share : ndarray
+        Its greatest size over the joint's limit, 1 at the limit, within `WINDOW_S`.
+    following_error : ndarray
+        Set-point less position [rad or m].
+    following_error_share : ndarray
+        Its greatest size over what the supervisor allows at the set-point's speed, 1 at the limit,
+        within `WINDOW_S`.
+    valid : ndarray of bool
+        Whose drive answered plausibly; else its old values are shown.
+    """
+
+    time_s: float
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    torque: NDArray[np.float64]
+    torque_share: NDArray[np.float64]
+    following_error: NDArray[np.float64]
+    following_error_share: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+
+
+class JointWatch:
+    """Looks at the rows that pass through the ring, without taking any.
+
+    Parameters
+    ----------
+    ring : Ring
+        Between cyclic task and recorder.
+    cell, robot : CellConfig, RobotDescription
+        Cycle time and limits.
+    """
+
+    def __init__(self, ring: Ring, cell: CellConfig, robot: RobotDescription) -> None:
+        self._ring = ring
+        self._dtype = row_dtype(ring.joints)
+        self._rows = 1 + max(1, round(WINDOW_S / cell.cycle_time_s))
+        self._torque_limit = np.array([joint.limits.torque for joint in robot.joints])
+        self._rules = cell.supervision
+
+    def look(self) -> JointValues | None:
+        """Return the latest cycle's values; None before the first."""
+        rows = np.frombuffer(self._ring.latest(self._rows), dtype=self._dtype)
+        if not len(rows):
+            return None
+        last = rows[-1]
+        elapsed_s = float(last["time_s"] - rows[0]["time_s"])
+        moved = last["position"] - rows[0]["position"]
+        errors = rows["target_position"] - rows["position"]
+        rules = self._rules
+        allowed = rules.following_error_min_rad + rules.following_error_per_velocity_s * np.abs(
+            rows["target_velocity"]
+        )
+        return JointValues(
+            time_s=float(last["time_s"]),
+            position=last["position"].copy(),
+            velocity=moved / elapsed_s if elapsed_s > 0.0 else np.zeros_like(moved),
+            torque=last["torque_nm"].copy(),
+            torque_share=(np.abs(rows["torque_nm"]) / self._torque_limit).max(axis=0),
+            following_error=errors[-1],
+            following_error_share=(np.abs(errors) / allowed).max(axis=0),
+            valid=last["valid"].astype(np.bool_),
+        )

@@ -1,0 +1,71 @@
+"""`PositionLoop`: the position controller in this computer, around the drives' velocity loops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from config.cell.cell import CellConfig
+from config.errors import ConfigError
+from config.robot.robot import RobotDescription
+
+
+@dataclass(frozen=True)
+class PositionLoop:
+    """Proportional position control with velocity feedforward.
+
+    Attributes
+    ----------
+    gain_per_s : float
+        K_v [1/s].
+    velocity_limit : tuple of float, length joints
+        No command exceeds it [rad/s or m/s]; the limit is on what is sent, while the supervisor
+        trips on what is measured.
+    """
+
+    gain_per_s: float
+    velocity_limit: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.gain_per_s) and self.gain_per_s > 0.0):
+            raise ConfigError(f"position loop: gain_per_s must be positive: {self.gain_per_s}")
+        if not all(limit > 0.0 for limit in self.velocity_limit):
+            raise ConfigError(f"position loop: a velocity limit is not positive: {self}")
+
+    @classmethod
+    def of_cell(cls, cell: CellConfig, robot: RobotDescription) -> PositionLoop:
+        """Return the loop with the cell's gain and the robot's limits plus the allowed margin."""
+        margin = 1.0 + cell.supervision.limit_margin_fraction
+        return cls(
+            cell.position_gain_per_s,
+            tuple(joint.limits.velocity * margin for joint in robot.joints),
+        )
+
+    def velocity_command(
+        self,
+        target_position: Sequence[float],
+        target_velocity: Sequence[float],
+        position: Sequence[float],
+    ) -> list[float]:
+        """Return q̇_cmd = K_v (q_d − q) + q̇_ff, within the limits (2.2).
+
+        A command that is not a number stays one, for the supervisor to refuse.
+
+        Parameters
+        ----------
+        target_position, target_velocity, position : sequence of float, length joints
+            q_d, q̇_ff and q [rad or m, and per second].
+        """
+        gain = self.gain_per_s
+        command = []
+        for target, feedforward, actual, limit in zip(
+            target_position, target_velocity, position, self.velocity_limit, strict=True
+        ):
+            velocity = gain * (target - actual) + feedforward
+            if velocity > limit:
+                velocity = limit
+            elif velocity < -limit:
+                velocity = -limit
+            command.append(velocity)
+        return command

@@ -1,0 +1,92 @@
+"""The process that the cyclic task runs in, alone."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+
+from acquisition.task.control_block import ControlBlock, RecorderState, TaskState
+from acquisition.task.cyclic_task import PAUSE_S, RECORDER_PATIENCE_S, CyclicTask
+from acquisition.task.realtime import become_realtime, freeze_garbage
+from acquisition.task.ring import Ring
+from acquisition.task.set_points import SetPointSource
+from config.cell.cell import CellConfig
+from config.errors import RecordingError
+from config.process.process_name import ProcessName, bear_name
+from config.process.shortage import as_named
+from config.process.termination import leave_terminal
+from config.robot.robot import RobotDescription
+from drivers.cell import open_cell
+from drivers.ports.clock import MonotonicClock
+
+
+def run_cyclic_task(
+    cell: CellConfig,
+    robot: RobotDescription,
+    source: SetPointSource,
+    ring: Ring,
+    control: ControlBlock,
+    parent: int,
+) -> None:
+    """Run the cyclic task; the main function of its process.
+
+    Signals are ignored: the program asks for a stop through `control`. When the program is
+    gone the motion is stopped all the same.
+
+    Parameters
+    ----------
+    cell, robot : CellConfig, RobotDescription
+        The cell and its robot.
+    source : SetPointSource
+        The motion.
+    ring, control : Ring, ControlBlock
+        Shared with recorder and program.
+    parent : int
+        Process id of the program.
+    """
+    leave_terminal()
+    bear_name(ProcessName.TASK)
+    control.task_state = TaskState.BRING_UP
+
+    def orphaned() -> bool:
+        return os.getppid() != parent
+
+    try:
+        _await_recorder(control, orphaned)
+        source.prepare()
+        with open_cell(cell, robot) as opened:
+            lockstep = not isinstance(opened.clock, MonotonicClock)
+            opened.axes.bring_up()
+            freeze_garbage()
+            if not lockstep:
+                for note in become_realtime():
+                    control.add_note(note)
+            opened.axes.start()
+            CyclicTask(
+                opened.axes,
+                opened.clock,
+                cell,
+                robot,
+                ring,
+                control,
+                lockstep=lockstep,
+                orphaned=orphaned,
+            ).run(source)
+    except Exception as error:
+        control.report_error(as_named(error))
+    finally:
+        control.task_state = TaskState.FINISHED
+
+
+def _await_recorder(control: ControlBlock, orphaned: Callable[[], bool]) -> None:
+    """Wait until the recorder has its file: nothing is moved that is not recorded."""
+    until_s = time.monotonic() + RECORDER_PATIENCE_S
+    while control.recorder_state is RecorderState.STARTING:
+        if control.stop_code or orphaned():
+            return
+        if time.monotonic() > until_s:
+            raise RecordingError("the recorder did not start; nothing was moved")
+        time.sleep(PAUSE_S)
+    if control.recorder_state is RecorderState.FAILED:
+        raise RecordingError(f"{control.recorder_error}; nothing was moved")

@@ -1,0 +1,69 @@
+"""`SecondAnswers`: whether somebody else keeps answering with a drive's identifier."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+from acquisition.task.stop_reason import StopCode, StopReason
+from config.cell.cell import CellConfig
+from config.robot.robot import RobotDescription
+from drivers.canopen.frames import tpdo_cob_id
+
+WINDOW = 100
+
+
+class SecondAnswers:
+    """Counts the cycles in which a drive's identifier answered more than once.
+
+    One now and then is harmless: a controller that saw an error at a frame's very end sends it
+    again. As many as `supervision.second_answers_limit` in `WINDOW` cycles are another sender.
+    """
+
+    def __init__(self, cell: CellConfig, robot: RobotDescription) -> None:
+        node_of = {axis.joint: axis.node_id for axis in cell.axes}
+        self._names = robot.joint_names
+        self._nodes = [node_of[name] for name in self._names]
+        self._limit = cell.supervision.second_answers_limit
+        self.begin()
+
+    def begin(self) -> None:
+        """Start afresh."""
+        self._cycle = 0
+        self._counts: Sequence[int] | None = None  # as of the last cycle
+        self._seen: list[deque[int]] = [deque(maxlen=self._limit) for _ in self._names]
+
+    def check(self, counts: Sequence[int]) -> StopReason | None:
+        """Check a cycle.
+
+        Parameters
+        ----------
+        counts : sequence of int, length joints
+            In how many cycles each drive's identifier has answered more than once, so far.
+        """
+        before, self._counts = self._counts, counts
+        self._cycle += 1
+        if before is None or counts == before:
+            return None
+        for i, seen in enumerate(self._seen):
+            seen.extend([self._cycle] * (counts[i] - before[i]))
+            if len(seen) == self._limit and self._cycle - seen[0] < WINDOW:
+                return self._reason(i)
+        return None
+
+    def explain(self, i: int) -> StopReason | None:
+        """Return why an answer of this cycle cannot be used: a second one; None where none came."""
+        seen = self._seen[i]
+        return self._reason(i) if seen and seen[-1] == self._cycle else None
+
+    def _reason(self, i: int) -> StopReason:
+        node, cycles = self._nodes[i], len(self._seen[i])
+        return StopReason(
+            StopCode.SECOND_ANSWERS,
+            f"joint {self._names[i]}: two devices send with the identifier of its drive, node"
+            f" {node}: {cycles} cycles brought a second answer. Look for another drive with node id"
+            f" {node}, and for a program or gateway that sends {tpdo_cob_id(node):03X}h",
+            joint=self._names[i],
+            value=float(cycles),
+            limit=float(self._limit),
+        )

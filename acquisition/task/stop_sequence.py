@@ -1,0 +1,129 @@
+"""`StopSequence`: a quick stop, a look at whether the axes come to rest, and the power off.
+
+An axis that does not slow down as it must, or runs beyond its limit, is not waited for: power off
+is next, with its brake.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from acquisition.motion.limits import position_bounds
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.slowing_down import SlowingDown
+from config.cell.cell import CellConfig
+from config.errors import DriverError, SafetyStop
+from config.robot.robot import RobotDescription
+from drivers.interfaces import ServoAxes
+from drivers.ports.clock import Clock
+from drivers.servo.stop_ramp import LONGEST_STOP_S
+
+STOP_MARGIN_S = 0.5
+REST_VELOCITY = 0.01
+REST_CYCLES = 5
+
+
+class StopSequence:
+    """How a motion ends. A bus that fails meanwhile is noted in the control block, not raised.
+
+    Its patience is what the ramp takes from top speed, as the preflight has allowed it
+    (`drivers.servo.stop_ramp.LONGEST_STOP_S` at most), and `STOP_MARGIN_S`.
+
+    Parameters
+    ----------
+    axes : ServoAxes
+        The drives.
+    clock : Clock
+        The clock of their bus.
+    cell, robot : CellConfig, RobotDescription
+        Cycle time, deceleration of a quick stop, largest velocities, limits.
+    control : ControlBlock
+        Takes the time to rest and the notes.
+    """
+
+    def __init__(
+        self,
+        axes: ServoAxes,
+        clock: Clock,
+        cell: CellConfig,
+        robot: RobotDescription,
+        control: ControlBlock,
+    ) -> None:
+        self._axes = axes
+        self._clock = clock
+        self._control = control
+        self._period_s = cell.cycle_time_s
+        self._deceleration = cell.drive_safety.quick_stop_deceleration_rad_s2
+        ramp_s = max(joint.limits.velocity for joint in robot.joints) / self._deceleration
+        self._patience_s = min(ramp_s, LONGEST_STOP_S) + STOP_MARGIN_S
+        self._low, self._high = position_bounds(cell, robot)
+
+    def come_to_rest(self, cycle: Callable[[], tuple[float, int]]) -> None:
+        """Quick stop, by set-point frames alone, and watch until everything rests.
+
+        Parameters
+        ----------
+        cycle : callable
+            Waits for the next cycle and does it, with a quick stop as its command; returns the time
+            of its SYNC [s] and how many cycle times have passed since the last.
+        """
+        axes = self._axes
+        before = axes.position.tolist()
+        began_s = time_s = self._clock.now_s()
+        slowing = SlowingDown(self._deceleration, self._period_s, before, began_s)
+        resting = 0
+        try:
+            axes.quick_stop()
+            while time_s < began_s + self._patience_s:
+                time_s, periods = cycle()
+                received, position = axes.received.tolist(), axes.position.tolist()
+                most = REST_VELOCITY * self._period_s * periods
+                rest = all(received) and all(
+                    abs(now - then) <= most for now, then in zip(position, before, strict=True)
+                )
+                resting = resting + 1 if rest else 0
+                if resting >= REST_CYCLES:
+                    self._control.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
+                    return
+                beyond = self._beyond(before, position, most)
+                before = position
+                if why := self._why_at_once(beyond, slowing.deaf(time_s, position, received)):
+                    self._control.add_note(f"{why}: the power was taken away at once")
+                    return
+        except (DriverError, SafetyStop) as error:
+            self._control.add_note(f"while stopping: {error}")
+            return
+        self._control.add_note(
+            f"standstill was not seen within {self._patience_s:.2g} s: the power was taken away"
+        )
+
+    def _beyond(self, before: list[float], position: list[float], most: float) -> list[int]:
+        """Return the axes that are outside their limits and still on their way out, by number."""
+        moves = zip(before, position, self._low, self._high, strict=True)
+        return [
+            i
+            for i, (then, now, low, high) in enumerate(moves)
+            if (now > high and now - then > most) or (now < low and then - now > most)
+        ]
+
+    def _why_at_once(self, beyond: list[int], deaf: list[int]) -> str:
+        """Return why the ramp is not waited for; empty where it may go on."""
+        names = self._axes.joint_names
+        if beyond:
+            return f"{', '.join(names[i] for i in beyond)} ran beyond its limit while stopping"
+        if deaf:
+            return f"the quick stop did not slow down {', '.join(names[i] for i in deaf)}"
+        return ""
+
+    def disable(self) -> None:
+        """Take the power away, whether the axes rest or not."""
+        try:
+            unconfirmed = self._axes.disable()
+        except DriverError as error:
+            self._control.add_note(f"while disabling: {error}")
+            return
+        if unconfirmed:
+            self._control.add_note(
+                f"the drives of {', '.join(unconfirmed)} did not confirm being disabled: check them"
+                " before going near the robot"
+            )

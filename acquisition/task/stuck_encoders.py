@@ -1,0 +1,76 @@
+"""`StuckEncoders`: tells an encoder that stands still from a joint in stiction."""
+
+from __future__ import annotations
+
+from acquisition.task.stop_reason import StopCode, StopReason
+from config.cell.cell import Supervision
+from config.robot.robot import RobotDescription
+
+STUCK_FRACTION = 0.02
+
+
+class StuckEncoders:
+    """Counts for each motor how long its encoder stands while it is told to move (row 14).
+
+    A slow command may leave a joint in stiction. What tells a stuck encoder from it is the torque:
+    the velocity loop goes on raising it. Limits and cycles are those of `Supervision`.
+
+    Parameters
+    ----------
+    rules : Supervision
+        The cell's.
+    robot : RobotDescription
+        Joint names and torque limits.
+    """
+
+    def __init__(self, rules: Supervision, robot: RobotDescription) -> None:
+        self._rules = rules
+        self._names = robot.joint_names
+        self._strain = [
+            joint.limits.torque * rules.stuck_encoder_torque_fraction for joint in robot.joints
+        ]
+        self.begin()
+
+    def begin(self) -> None:
+        """Start afresh."""
+        self._periods = [0] * len(self._names)  # for which they have stood
+        self._torque_from = [0.0] * len(self._names)  # at which they began to stand
+
+    def check(
+        self, i: int, command: float, velocity: float, torque_nm: float, periods: int
+    ) -> StopReason | None:
+        """Check one motor in one cycle.
+
+        Parameters
+        ----------
+        i : int
+            Index of its joint.
+        command, velocity : float
+            What it was told and what its encoder shows [rad/s or m/s].
+        torque_nm : float
+            Its torque, link side [N m or N].
+        periods : int
+            Cycle times since the last check.
+        """
+        rules = self._rules
+        command = abs(command)
+        if command == 0.0 or abs(velocity) >= STUCK_FRACTION * command:
+            self._periods[i] = 0
+            self._torque_from[i] = torque_nm
+            return None
+        strains = abs(torque_nm - self._torque_from[i]) > self._strain[i]
+        if command <= rules.stuck_encoder_velocity_rad_s and not strains:
+            self._periods[i] = 0
+            return None
+        self._periods[i] += periods
+        if self._periods[i] < rules.stuck_encoder_cycles:
+            return None
+        return StopReason(
+            StopCode.STUCK_ENCODER,
+            f"joint {self._names[i]}: its position stands still for {self._periods[i]} cycles while"
+            f" {command:.4g} rad/s are commanded or its torque rises. Check encoder,"
+            " coupling and brake",
+            joint=self._names[i],
+            value=float(self._periods[i]),
+            limit=float(rules.stuck_encoder_cycles),
+        )

@@ -1,0 +1,279 @@
+"""Refinement of a feedforward over repetitions: what the robot missed, it is sent the next time.
+
+The robot was sent R (K_v e + v_ff) where the model says that the motion it made takes
+jw q + G_c^-1 tau(q), and that the motion wanted takes jw q_d + G_c^-1 tau(q_d). The difference is
+sent in addition:
+
+    v_ff' = v_ff + K_v e + (jw e + G_c^-1 (tau(q_d) - tau(q))) / R .
+
+Were the model right, one repetition would do. It is not, and the error shrinks by
+
+    rho(w) = |1 - L(w) / L_true(w)| ,   L = R K_v + jw + G_c^-1 (jw f_v - w^2 M) ,
+
+from one repetition to the next, as long as rho < 1 (Bristow, Tharayil and Alleyne 2006). `bound` is
+the largest rho over the band for loops and inertia within their intervals, along the motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.motion.samples import MotionSamples
+from acquisition.signals.bins import from_bins, to_bins
+from compensation.feedforward.coupled_wrist import refuse_coupled_wrist
+from compensation.feedforward.inverse import inverse_response
+from compensation.feedforward.repeated_error import RepeatedError
+from compensation.feedforward.rest_to_rest import returned
+from compensation.loops.command_path import interpolation_response
+from compensation.loops.velocity_loop import VelocityLoop
+from config.arrays import FloatArray
+from config.errors import DataQualityError
+from dynamics.model.robot_model import regressor
+from identification.estimation.estimate import Estimate, predict
+
+Complex = NDArray[np.complex128]
+
+LARGEST_RHO: Final = 0.8
+LOWEST_BAND_HZ: Final = 0.5
+BAND_SHARE: Final = 0.2
+FULL_SHARE: Final = 0.8
+DRAWS: Final = 400
+POSES: Final = 24
+SIGMAS_OF_NOISE: Final = 3.0
+SMALL_STEP: Final = 1e-3
+_NOT_SMOOTH: Final = ("fc", "fo", "fs", "f13", "fp", "fm")
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityBound:
+    """By what an error shrinks at least, from one repetition to the next.
+
+    Attributes
+    ----------
+    frequency_hz : ndarray, shape (lines,)
+        Where it was computed.
+    rho : ndarray, shape (lines, n)
+        The largest |1 - L / L_true| over loops and inertias within their intervals.
+    band_hz : float
+        What is learned ends here: up to it `rho` stays below 0.8 in every joint.
+    """
+
+    frequency_hz: FloatArray
+    rho: FloatArray
+    band_hz: float
+
+    @property
+    def largest(self) -> FloatArray:
+        """The bound of each joint over the band, shape (n,)."""
+        return np.asarray(self.rho[self.frequency_hz <= self.band_hz].max(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """One step of refinement.
+
+    Attributes
+    ----------
+    correction : ndarray, shape (samples, n)
+        What to add to the feedforward in the error's rows [rad/s or m/s].
+    bound : StabilityBound
+        Of this step.
+    over_noise : ndarray, shape (n,)
+        Power of the mean error inside the band, over that of the noise in it.
+    noise_limit : float
+        Up to here the error cannot be told from noise.
+    """
+
+    correction: FloatArray
+    bound: StabilityBound
+    over_noise: FloatArray
+    noise_limit: float
+
+    @property
+    def finished(self) -> bool:
+        """Whether the remaining error is noise in every joint."""
+        return bool((self.over_noise <= self.noise_limit).all())
+
+
+def refinement(
+    samples: MotionSamples,
+    measured: RepeatedError,
+    estimate: Estimate,
+    loops: Sequence[VelocityLoop],
+    gain_per_s: float,
+) -> Refinement:
+    """Return what to add to the feedforward, after repetitions of a motion.
+
+    Parameters
+    ----------
+    samples : MotionSamples
+        The motion.
+    measured : RepeatedError
+        What was missed.
+    estimate : Estimate
+        The model of the robot.
+    loops : sequence of VelocityLoop
+        One a joint, base to flange.
+    gain_per_s : float
+        K_v of the position loop [1/s].
+
+    Raises
+    ------
+    ConfigError
+        The robot's wrist is coupled.
+    DataQualityError
+        The loops are known too badly for any refinement to be safe.
+    """
+    refuse_coupled_wrist(estimate.robot, "refinement")
+    step_s = samples.sample_period_s
+    smooth = without_jumps(estimate)
+    bound = stability_bound(samples, smooth, loops, gain_per_s)
+    error = measured.error if measured.periodic else returned(measured.error, step_s)
+    rows = len(error)
+    highest = (rows - 1) // 2
+    frequency_hz = np.arange(highest + 1) / (rows * step_s)
+    bins = to_bins(error, highest)
+    noise = measured.bin_variance[: highest + 1]
+    inside = frequency_hz <= FULL_SHARE * bound.band_hz
+    power = np.square(np.abs(bins))
+    lines = int(inside.sum())
+    over_noise = power[inside].sum(axis=0) / np.maximum(noise[inside].sum(axis=0), 1e-300)
+    limit = 1.0 + SIGMAS_OF_NOISE * math.sqrt((1.0 + 1.0 / (measured.repetitions - 1)) / lines)
+    # Wiener's share: of a line that is mostly noise little is learned.
+    share = np.maximum(0.0, 1.0 - noise / np.maximum(power, 1e-300))
+    learned = bins * share * _fade(frequency_hz, bound.band_hz)[:, np.newaxis]
+    torque = to_bins(_torque_missed(samples, measured, smooth, learned, rows), highest)
+    reach = interpolation_response(frequency_hz, step_s)
+    omega = 2.0 * math.pi * frequency_hz
+    more = np.empty_like(learned)
+    for j, loop in enumerate(loops):
+        missed = 1j * omega * learned[:, j] + inverse_response(loop, frequency_hz) * torque[:, j]
+        more[:, j] = gain_per_s * learned[:, j] + missed / reach
+    more *= _fade(frequency_hz, bound.band_hz)[:, np.newaxis]
+    return Refinement(from_bins(more, rows)[: len(measured.error)], bound, over_noise, limit)
+
+
+def stability_bound(
+    samples: MotionSamples, smooth: Estimate, loops: Sequence[VelocityLoop], gain_per_s: float
+) -> StabilityBound:
+    """Return by what refinement shrinks an error, given how well the loops are known.
+
+    Raises
+    ------
+    DataQualityError
+        Not even below 0.5 Hz by as much as a fifth.
+    """
+    step_s = samples.sample_period_s
+    frequency_hz = np.geomspace(0.1, BAND_SHARE / step_s, 120)
+    inertia, spread, viscous = _inertia_and_friction(samples, smooth)
+    reach = interpolation_response(frequency_hz, step_s)
+    s = 2j * math.pi * frequency_hz
+    rho = np.zeros((len(frequency_hz), len(loops)))
+    for j, loop in enumerate(loops):
+        likely = _likely(loop)
+        for pose in (int(inertia[:, j].argmin()), int(inertia[:, j].argmax())):
+            mass = inertia[pose, j]
+            load = s * viscous[j] + s**2 * mass
+            ours = reach * gain_per_s + s + inverse_response(loop, frequency_hz) * load
+            for other, sign in product(likely, (-2.0, 2.0)):
+                there = load + s**2 * sign * spread[pose, j]
+                true = reach * gain_per_s + s + inverse_response(other, frequency_hz) * there
+                rho[:, j] = np.maximum(rho[:, j], np.abs(1.0 - ours / true))
+    unsafe = np.asarray((rho > LARGEST_RHO).any(axis=1))
+    band_hz = float(frequency_hz[int(np.argmax(unsafe)) - 1] if unsafe.any() else frequency_hz[-1])
+    if unsafe[0] or band_hz < LOWEST_BAND_HZ:
+        worst = int(rho[0].argmax())
+        raise DataQualityError(
+            f"the velocity loop of {loops[worst].joint_name} is known too badly to refine by: an"
+            f" error could keep {rho[0, worst]:.0%} of itself. Measure the loops again with more"
+            " periods (`rid-daq loop`)"
+        )
+    return StabilityBound(frequency_hz, rho, band_hz)
+
+
+def without_jumps(estimate: Estimate) -> Estimate:
+    """Return a model without the friction that jumps where a speed changes its sign."""
+    kept = [not name.startswith(_NOT_SMOOTH) for name in estimate.base.names]
+    return replace(estimate, values=np.where(kept, estimate.values, 0.0))
+
+
+def _likely(loop: VelocityLoop) -> list[VelocityLoop]:
+    """Return loops on the edge of two standard deviations around a fitted one."""
+    if not len(loop.names):
+        return [loop]
+    random = np.random.default_rng(0)
+    ways = random.normal(size=(DRAWS, len(loop.names)))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    root = np.linalg.cholesky(loop.covariance + 1e-18 * np.eye(len(loop.names)))
+    reach = math.sqrt(_CHI2_95[min(len(loop.names), len(_CHI2_95)) - 1])
+    found = []
+    for step in reach * ways @ root.T:
+        change = dict(zip(loop.names, step.tolist(), strict=True))
+        found.append(
+            replace(
+                loop,
+                gain=max(loop.gain + change.get("gain", 0.0), 1e-3 * loop.gain),
+                integral_time_s=max(
+                    loop.integral_time_s + change.get("integral_time_s", 0.0),
+                    1e-3 * loop.integral_time_s,
+                ),
+                delay_s=max(loop.delay_s + change.get("delay", 0.0), 0.0),
+                lag_s=max(loop.lag_s + change.get("lag", 0.0), 0.0),
+            )
+        )
+    return found
+
+
+_CHI2_95: Final = (3.841, 5.991, 7.815, 9.488)
+
+
+def _inertia_and_friction(
+    samples: MotionSamples, smooth: Estimate
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return M_jj at poses along the motion with its standard deviation, and viscous friction."""
+    rows = np.unique(np.linspace(0, len(samples) - 1, POSES).astype(int))
+    q, n = samples.position[rows], len(samples.joint_names)
+    rest = np.zeros_like(q)
+    standing = _columns(smooth, q, rest, rest)
+    inertia, spread, viscous = np.empty_like(q), np.empty_like(q), np.empty(n)
+    for j in range(n):
+        one = rest.copy()
+        one[:, j] = 1.0
+        columns = (_columns(smooth, q, rest, one) - standing)[:, j]
+        inertia[:, j] = columns @ smooth.values
+        spread[:, j] = np.sqrt(np.einsum("sb,bc,sc->s", columns, smooth.covariance_honest, columns))
+        ahead, back = (predict(smooth, q, sign * SMALL_STEP * one, rest) for sign in (1.0, -1.0))
+        viscous[j] = float(((ahead - back)[:, j] / (2.0 * SMALL_STEP)).mean())
+    return inertia, spread, viscous
+
+
+def _columns(estimate: Estimate, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    """Return what each base parameter adds to the torques, shape (samples, n, b)."""
+    return np.asarray(estimate.base.columns(regressor(estimate.model, q, v, a)))
+
+
+def _torque_missed(
+    samples: MotionSamples, measured: RepeatedError, smooth: Estimate, learned: Complex, rows: int
+) -> FloatArray:
+    """Return tau(q_d) - tau(q), with q what was reached by the errors that are learned from."""
+    omega = 2.0 * math.pi * np.arange(len(learned)) / (rows * samples.sample_period_s)
+    slope = (1j * omega)[:, np.newaxis]
+    count = len(measured.error)
+    e, v, a = (from_bins(learned * slope**k, rows)[:count] for k in range(3))
+    at = measured.rows
+    wanted = (samples.position[at], samples.velocity[at], samples.acceleration[at])
+    missed = predict(smooth, *wanted) - predict(smooth, wanted[0] - e, wanted[1] - v, wanted[2] - a)
+    return missed if measured.periodic else returned(missed, samples.sample_period_s)
+
+
+def _fade(frequency_hz: FloatArray, band_hz: float) -> FloatArray:
+    """Return 1 up to `FULL_SHARE` of the band, falling to 0 at its end."""
+    x = np.clip((frequency_hz / band_hz - FULL_SHARE) / (1.0 - FULL_SHARE), 0.0, 1.0)
+    return np.asarray(1.0 - x * x * (3.0 - 2.0 * x))

@@ -1,0 +1,69 @@
+"""`TrackingError`: how far a robot was from where it should have been, joint and path (6.4-6.6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import FloatArray, read_only
+from config.errors import DataQualityError
+from dynamics.geometry.kinematics import Chain, forward
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingError:
+    """Errors of one run over its motion.
+
+    Attributes
+    ----------
+    joint : ndarray, shape (samples, n)
+        q_d - q [rad or m] (6.4).
+    distance_m : ndarray, shape (samples,)
+        |p_d(i) - p(i)| of the tool point at the same instant (6.5).
+    wanted_m, reached_m : ndarray, shape (samples, 3)
+        The tool point's paths in the base frame.
+    """
+
+    joint: FloatArray
+    distance_m: FloatArray
+    wanted_m: FloatArray
+    reached_m: FloatArray
+
+    def __post_init__(self) -> None:
+        joint = read_only("joint", self.joint, float, (None, None), DataQualityError)
+        samples = len(joint)
+        object.__setattr__(self, "joint", joint)
+        for name, shape in (
+            ("distance_m", (samples,)),
+            ("wanted_m", (samples, 3)),
+            ("reached_m", (samples, 3)),
+        ):
+            values = read_only(name, getattr(self, name), float, shape, DataQualityError)
+            object.__setattr__(self, name, values)
+
+    @property
+    def mean_m(self) -> float:
+        """d_mean (6.6) [m]."""
+        return float(self.distance_m.mean())
+
+    @property
+    def max_m(self) -> float:
+        """d_max [m]."""
+        return float(self.distance_m.max())
+
+    @property
+    def joint_peak(self) -> FloatArray:
+        """Largest error of each joint [rad or m], shape (n,)."""
+        return np.asarray(np.abs(self.joint).max(axis=0))
+
+
+def tracking_error(chain: Chain, wanted: FloatArray, reached: FloatArray) -> TrackingError:
+    """Compare positions wanted with positions reached, both of shape (samples, n)."""
+    paths = [forward(chain, positions) for positions in (wanted, reached)]
+    return TrackingError(
+        joint=wanted - reached,
+        distance_m=np.asarray(np.linalg.norm(paths[0] - paths[1], axis=1)),
+        wanted_m=paths[0],
+        reached_m=paths[1],
+    )

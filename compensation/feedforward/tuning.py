@@ -1,0 +1,157 @@
+"""Tuning of the feedforward by one averaged reference run: a scale per axis and a delay.
+
+Model, loops and transport delay were measured apart, and what they get wrong together shows when
+the loop is closed. Over the mean period of the reference run
+
+    R exp(-jw T) (K_v e + v_ff) - jw q = s G_c^-1 tau(q)
+
+holds on every bin; s and T are found by least squares (chapter 6.4 tunes the same two).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.motion.samples import MotionSamples
+from acquisition.signals.bins import differentiate_on_bins, to_bins
+from compensation.feedforward.coupled_wrist import refuse_coupled_wrist
+from compensation.feedforward.inverse import FeedforwardTuning, inverse_response
+from compensation.feedforward.repeated_error import RepeatedError
+from compensation.loops.command_path import interpolation_response
+from compensation.loops.velocity_loop import VelocityLoop
+from config.arrays import FloatArray, read_only
+from config.errors import DataQualityError
+from identification.estimation.estimate import Estimate, predict
+
+Complex = NDArray[np.complex128]
+
+BAND_HZ: Final = 10.0
+FEWEST_LINES: Final = 8
+STEPS: Final = 8
+WORST_SCALE_STD: Final = 0.05
+LARGEST_CHANGE: Final = 0.5
+SIGMAS: Final = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """A tuning with its uncertainty.
+
+    Attributes
+    ----------
+    tuning : FeedforwardTuning
+        To use: 1 and 0 where the run cannot tell the value from them.
+    scale, delay_s : ndarray, shape (n,)
+        As found.
+    scale_std, delay_std_s : ndarray, shape (n,)
+        Standard deviations, from the residuals.
+    used : tuple of bool
+        Which axes the run shows well enough.
+    """
+
+    tuning: FeedforwardTuning
+    scale: FloatArray
+    delay_s: FloatArray
+    scale_std: FloatArray
+    delay_std_s: FloatArray
+    used: tuple[bool, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("scale", "delay_s", "scale_std", "delay_std_s"):
+            values = read_only(name, getattr(self, name), float, (None,), DataQualityError)
+            object.__setattr__(self, name, values)
+
+
+def tune(
+    samples: MotionSamples,
+    measured: RepeatedError,
+    estimate: Estimate,
+    loops: Sequence[VelocityLoop],
+    gain_per_s: float,
+) -> Tuning:
+    """Return scale and delay of every axis, from the mean period of a reference run.
+
+    Parameters
+    ----------
+    samples : MotionSamples
+        The reference motion, with the feedforward that it was run with.
+    measured : RepeatedError
+        What it missed.
+    estimate : Estimate
+        The model of the robot.
+    loops : sequence of VelocityLoop
+        One a joint, base to flange.
+    gain_per_s : float
+        K_v of the position loop [1/s].
+
+    Raises
+    ------
+    ConfigError
+        The robot's wrist is coupled.
+    DataQualityError
+        The motion is not periodic, is too short to show anything, or shows that the model or the
+        loops are of something else.
+    """
+    refuse_coupled_wrist(estimate.robot, "tuning by a reference run")
+    if not measured.periodic:
+        raise DataQualityError(
+            "the reference run is not of a periodic motion, so there is nothing to average: record"
+            " a circle or another periodic motion"
+        )
+    step_s, rows = samples.sample_period_s, measured.rows
+    count = len(measured.error)
+    highest = min(math.floor(BAND_HZ * count * step_s), (count - 1) // 2)
+    if highest < FEWEST_LINES:
+        raise DataQualityError(
+            f"the reference run has {highest} harmonics up to {BAND_HZ:g} Hz, {FEWEST_LINES} are"
+            " needed: record a longer period"
+        )
+    ahead = samples.velocity if samples.feedforward is None else samples.feedforward
+    reached = differentiate_on_bins(samples.position[rows] - measured.error, step_s, highest)
+    torque = to_bins(predict(estimate, *reached), highest)[1:]
+    sent = to_bins(gain_per_s * measured.error + ahead[rows], highest)[1:]
+    speed = to_bins(reached.velocity, highest)[1:]
+    frequency_hz = np.arange(1, highest + 1) / (count * step_s)
+    omega = 2.0 * math.pi * frequency_hz
+    reach = interpolation_response(frequency_hz, step_s)
+    n = len(loops)
+    found, std = np.empty((2, n)), np.empty((2, n))
+    for j, loop in enumerate(loops):
+        x = np.array([1.0, 0.0])
+        needed = inverse_response(loop, frequency_hz) * torque[:, j]
+        a, b = _equations(x, needed, reach * sent[:, j], speed[:, j], omega)
+        for _ in range(STEPS):
+            x = np.asarray(x + np.linalg.lstsq(a, b, rcond=None)[0], dtype=np.float64)
+            a, b = _equations(x, needed, reach * sent[:, j], speed[:, j], omega)
+        covariance = np.linalg.inv(a.T @ a) * float(b @ b) / (len(b) - 2)
+        found[:, j], std[:, j] = x, np.sqrt(np.diagonal(covariance))
+    used = std[0] < WORST_SCALE_STD
+    if (np.abs(found[0] - 1.0)[used] > LARGEST_CHANGE).any():
+        worst = int(np.argmax(np.abs(found[0] - 1.0) * used))
+        raise DataQualityError(
+            f"the reference run asks for {found[0, worst]:.3g} times the torque of"
+            f" {loops[worst].joint_name}: model or velocity loops are of another robot or payload;"
+            " measure them again"
+        )
+    told = used & (np.abs(found - [[1.0], [0.0]]) > SIGMAS * std)
+    chosen = FeedforwardTuning(np.where(told[0], found[0], 1.0), np.where(told[1], found[1], 0.0))
+    return Tuning(chosen, found[0], found[1], std[0], std[1], tuple(used.tolist()))
+
+
+def _equations(
+    x: FloatArray, needed: Complex, sent: Complex, speed: Complex, omega: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the equations for a change of scale and delay, and what is missing on each bin."""
+    arrives = np.exp(-1j * omega * x[1]) * sent
+    missing = arrives - speed - x[0] * needed
+    columns = np.stack([needed, 1j * omega * arrives], axis=1)
+    return (
+        np.concatenate([columns.real, columns.imag]),
+        np.concatenate([missing.real, missing.imag]),
+    )

@@ -1,0 +1,108 @@
+"""`AxisMechanics`: inertia and damping that one motor moves, fitted to its frequency response.
+
+    velocity / torque = 1 / (J s + B)
+
+about the pose of the multisine and with the other joints held by their own loops. What friction
+adds depends on the amplitude: B is what stands for it at this one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from compensation.loops.frequency_response import FrequencyResponse
+from config.arrays import FloatArray, read_only
+from config.errors import EstimationError
+
+LEAST_RELATIVE: Final = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class AxisMechanics:
+    """A fitted axis, joint side.
+
+    Attributes
+    ----------
+    joint_name : str
+        The joint.
+    inertia : float
+        J [kg m^2 or kg].
+    damping : float
+        B [N m s/rad or N s/m].
+    covariance : ndarray, shape (2, 2)
+        Of both.
+    misfit : float
+        Median over the lines of what the fit leaves of torque per speed, as a share of it. Where it
+        is large the axis is something else than one inertia: elastic, above all.
+    """
+
+    joint_name: str
+    inertia: float
+    damping: float
+    covariance: FloatArray
+    misfit: float
+
+    def __post_init__(self) -> None:
+        covariance = read_only("covariance", self.covariance, float, (2, 2), EstimationError)
+        object.__setattr__(self, "covariance", covariance)
+        if not self.inertia > 0.0:
+            raise EstimationError(
+                f"joint {self.joint_name}: velocity does not answer torque as an inertia does: the"
+                " multisine was too weak, or its band too low"
+            )
+
+    @property
+    def transfer_function(self) -> control.TransferFunction:
+        """Velocity over torque as python-control's object."""
+        return control.TransferFunction([1.0], [self.inertia, self.damping])
+
+    def response(self, frequency_hz: FloatArray) -> NDArray[np.complex128]:
+        """Return velocity over torque at frequencies [Hz]."""
+        s = 2j * math.pi * np.asarray(frequency_hz, dtype=float)
+        return np.asarray(1.0 / (s * self.inertia + self.damping), dtype=np.complex128)
+
+
+def fit_axis_mechanics(measured: FrequencyResponse) -> AxisMechanics:
+    """Fit inertia and damping to a response of `mechanics_responses`.
+
+    Torque per speed is linear in both: weighted least squares on its real and imaginary part.
+    Friction makes it differ from an inertia by more than its variance, so that lines count by their
+    relative accuracy, but none for more than a few per cent.
+
+    Raises
+    ------
+    EstimationError
+        Nothing like an inertia answers.
+    """
+    omega = 2.0 * math.pi * measured.frequency_hz
+    size = np.abs(measured.response)
+    impedance = 1.0 / measured.response
+    relative = np.sqrt(measured.variance) / size
+    sigma = np.abs(impedance) * np.hypot(relative, LEAST_RELATIVE) / math.sqrt(2.0)
+    rows = np.vstack(
+        [
+            np.column_stack([np.zeros_like(omega), 1.0 / sigma]),
+            np.column_stack([omega / sigma, np.zeros_like(omega)]),
+        ]
+    )
+    wanted = np.concatenate([impedance.real, impedance.imag]) / np.tile(sigma, 2)
+    information = rows.T @ rows
+    inertia, damping = np.linalg.solve(information, rows.T @ wanted)
+    left = wanted - rows @ np.array([inertia, damping])
+    freedom = max(1, len(left) - 2)
+    fitted = 1j * omega * inertia + damping
+    return AxisMechanics(
+        joint_name=measured.joint_name,
+        inertia=float(inertia),
+        damping=float(damping),
+        covariance=np.asarray(
+            np.linalg.inv(information) * max(1.0, float(left @ left) / freedom), dtype=float
+        ),
+        misfit=float(np.median(np.abs(impedance / fitted - 1.0))),
+    )

@@ -1,0 +1,240 @@
+"""`FrequencyResponse`: the best linear approximation of one part of a drive's cascade.
+
+Everything works in closed loops, so input and output both hold the loops' noise, and their plain
+ratio is biased. The multisine is what they have in common and the noise has not: both are referred
+to it, realisation by realisation (Pintelon and Schoukens 2012, chapter 7; physics: section 13).
+What differs between periods is noise, what differs between realisations more than that is nonlinear
+distortion. Lines that nobody excites show distortion too: output there which the input there does
+not explain.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.recording.recording import Recording
+from compensation.loops.multisine_spectra import MultisineSpectra, multisine_spectra
+from config.arrays import BoolArray, FloatArray, read_only
+from config.errors import DataQualityError
+from config.motion.motion import MultisineMotion
+from config.robot.robot import RobotDescription
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Distortion:
+    """The output at lines that no joint excites.
+
+    Levels are RMS over realisations of the mean over periods. The linear response explains what
+    the input at these lines causes; the rest is the part's own distortion.
+
+    Attributes
+    ----------
+    frequency_hz : ndarray, shape (lines,)
+        Where.
+    output : ndarray, shape (lines,)
+        Amplitude of the output, in its unit.
+    level, noise : ndarray, shape (lines,)
+        What the linear response leaves of it, and what noise alone would leave, over the input at
+        the excited lines beside: in the unit of the response.
+    """
+
+    frequency_hz: FloatArray
+    output: FloatArray
+    level: FloatArray
+    noise: FloatArray
+
+    def __post_init__(self) -> None:
+        frequency = read_only("frequency_hz", self.frequency_hz, float, (None,), DataQualityError)
+        object.__setattr__(self, "frequency_hz", frequency)
+        for name in ("output", "level", "noise"):
+            values = read_only(name, getattr(self, name), float, frequency.shape, DataQualityError)
+            object.__setattr__(self, name, values)
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """The best linear approximation of one joint's part, from its input to its output.
+
+    Attributes
+    ----------
+    joint_name : str
+        The joint; with a coupled wrist the motor that is numbered as the joint is.
+    frequency_hz : ndarray, shape (lines,)
+        Excited lines.
+    response : ndarray of complex, shape (lines,)
+        Output over input.
+    variance_noise : ndarray, shape (lines,)
+        Of the response by noise, E|dG|^2, from what differs between periods.
+    variance_realisations : ndarray, shape (lines,)
+        Of the response in all, from what differs between realisations, each line for itself; NaN
+        with one realisation.
+    variance : ndarray, shape (lines,)
+        Of the response in all: by noise, larger by what all lines' realisations together differ
+        more than that.
+    coherence : ndarray, shape (lines,)
+        Between the multisine and the output, over all periods, 0 to 1.
+    even, odd : Distortion
+        At even lines, and at odd lines left empty.
+    realisations, periods : int
+        What was averaged.
+    """
+
+    joint_name: str
+    frequency_hz: FloatArray
+    response: Complex
+    variance_noise: FloatArray
+    variance_realisations: FloatArray
+    variance: FloatArray
+    coherence: FloatArray
+    even: Distortion
+    odd: Distortion
+    realisations: int
+    periods: int
+
+    def __post_init__(self) -> None:
+        frequency = read_only("frequency_hz", self.frequency_hz, float, (None,), DataQualityError)
+        shape = frequency.shape
+        response = read_only("response", self.response, complex, shape, DataQualityError)
+        object.__setattr__(self, "frequency_hz", frequency)
+        object.__setattr__(self, "response", response)
+        for name in ("variance_noise", "variance_realisations", "variance", "coherence"):
+            values = read_only(name, getattr(self, name), float, shape, DataQualityError)
+            object.__setattr__(self, name, values)
+
+    @property
+    def variance_distortion(self) -> FloatArray:
+        """Variance of one realisation's response by nonlinear distortion, shape (lines,)."""
+        return np.asarray(self.realisations * (self.variance - self.variance_noise))
+
+    @property
+    def noise_freedom(self) -> int:
+        """Complex degrees of freedom of each line's variance by noise."""
+        return self.realisations * (self.periods - 1)
+
+    @property
+    def frd(self) -> control.FrequencyResponseData:
+        """The response as python-control's object, over rad/s."""
+        return control.FRD(self.response, 2.0 * math.pi * self.frequency_hz)
+
+
+def frequency_responses(
+    recording: Recording, motion: MultisineMotion, robot: RobotDescription
+) -> tuple[FrequencyResponse, ...]:
+    """Return the velocity controllers' responses of a multisine run.
+
+    Parameters, frames and errors are those of `multisine_spectra`, units of `controller_responses`.
+    """
+    return controller_responses(multisine_spectra(recording, motion, robot))
+
+
+def controller_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, ...]:
+    """Return how each excited joint's velocity controller makes torque of velocity error.
+
+    Parameters
+    ----------
+    spectra : MultisineSpectra
+        Of a multisine run.
+
+    Returns
+    -------
+    tuple of FrequencyResponse
+        N m s/rad or N s/m.
+    """
+    return _responses(spectra, spectra.error, spectra.torque)
+
+
+def mechanics_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, ...]:
+    """Return how each excited joint's velocity answers its motor's torque, the others controlled.
+
+    Parameters
+    ----------
+    spectra : MultisineSpectra
+        Of a multisine run.
+
+    Returns
+    -------
+    tuple of FrequencyResponse
+        rad/(N m s) or m/(N s).
+    """
+    return _responses(spectra, spectra.torque, spectra.velocity)
+
+
+def _responses(
+    spectra: MultisineSpectra, inputs: Complex, outputs: Complex
+) -> tuple[FrequencyResponse, ...]:
+    return tuple(
+        _response(spectra, j, (inputs[..., j], outputs[..., j]))
+        for j in range(len(spectra.joint_names))
+        if len(spectra.lines[j])
+    )
+
+
+def _response(
+    spectra: MultisineSpectra, joint: int, both: tuple[Complex, Complex]
+) -> FrequencyResponse:
+    lines, reference = spectra.lines[joint], spectra.reference[joint]
+    inputs, outputs = both
+    realisations, periods = outputs.shape[:2]
+    # Referred to the multisine, (realisations, periods, lines).
+    x, y = (values[:, :, lines] / reference[:, np.newaxis, :] for values in both)
+    mean_x, mean_y = x.mean(axis=(0, 1)), y.mean(axis=(0, 1))
+    response = mean_y / mean_x
+    misfit = y - response * x
+    by_realisation = misfit.mean(axis=1)
+    size = np.abs(mean_x) ** 2
+    scatter = np.sum(np.abs(misfit - by_realisation[:, np.newaxis]) ** 2, axis=(0, 1))
+    freedom = realisations * (periods - 1)
+    noise = scatter / freedom / (realisations * periods) / size
+    total, more = np.full(len(lines), np.nan), 1.0
+    if realisations > 1:
+        apart = np.sum(np.abs(by_realisation) ** 2, axis=0)
+        total = apart / (realisations - 1) / realisations / size
+        # A line's own scatter over a few realisations says little: all lines together say more.
+        # The mean of a ratio of variances is freedom / (freedom - 1), where nothing distorts.
+        unbiased = (freedom - 1) / freedom if freedom > 1 else 1.0
+        more = max(1.0, unbiased * float(np.mean(total / noise)))
+    power = np.mean(np.abs(y) ** 2, axis=(0, 1))
+    frequency_hz = spectra.frequency_hz
+    every = np.concatenate(spectra.lines)
+    between = np.arange(max(2, lines[0]), lines[-1] + 1)
+    empty = np.setdiff1d(between, every)
+    # The response and the input between the lines, smooth in amplitude and phase.
+    where, at = frequency_hz[lines], frequency_hz[empty]
+    amplitude = np.exp(np.interp(at, where, np.log(np.abs(response))))
+    angle = np.interp(at, where, np.unwrap(np.angle(response)))
+    strength = np.sqrt(np.mean(np.abs(inputs[:, :, lines].mean(axis=1)) ** 2, axis=0))
+    beside = np.exp(np.interp(at, where, np.log(strength)))
+    unexplained = outputs[:, :, empty] - amplitude * np.exp(1j * angle) * inputs[:, :, empty]
+
+    def distortion(chosen: BoolArray) -> Distortion:
+        own = unexplained[:, :, chosen]
+        mean = own.mean(axis=1)
+        apart = np.sum(np.abs(own - mean[:, np.newaxis]) ** 2, axis=1) / (periods - 1)
+        output = outputs[:, :, empty[chosen]].mean(axis=1)
+        return Distortion(
+            frequency_hz=at[chosen],
+            output=np.asarray(np.sqrt(np.mean(np.abs(output) ** 2, axis=0))),
+            level=np.asarray(np.sqrt(np.mean(np.abs(mean) ** 2, axis=0)) / beside[chosen]),
+            noise=np.asarray(np.sqrt(np.mean(apart, axis=0) / periods) / beside[chosen]),
+        )
+
+    return FrequencyResponse(
+        joint_name=spectra.joint_names[joint],
+        frequency_hz=where,
+        response=response,
+        variance_noise=noise,
+        variance_realisations=total,
+        variance=more * noise,
+        coherence=np.minimum(np.abs(mean_y) ** 2 / power, 1.0),
+        even=distortion(empty % 2 == 0),
+        odd=distortion(empty % 2 == 1),
+        realisations=realisations,
+        periods=periods,
+    )

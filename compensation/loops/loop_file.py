@@ -1,0 +1,90 @@
+"""The file of velocity loops that `rid-daq loop` writes: JSON, strict, complete in itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field
+
+from compensation.loops.velocity_loop import VelocityLoop
+from config.formats.json_file import read_json_file
+from config.formats.whole_file import write_whole
+from config.model import ConfigModel
+from config.robot.robot import NonNegative, Positive
+
+FORMAT: Final = "rid-daq velocity loops 1"
+LARGEST_FILE_BYTES: Final = 1_000_000
+
+
+class LoopEntry(ConfigModel):
+    """One velocity loop; times in seconds, gain in N m s/rad or N s/m."""
+
+    joint: str
+    gain: Positive
+    integral_time_s: Positive
+    delay_s: NonNegative
+    lag_s: NonNegative
+    fitted: tuple[str, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    p_value: Annotated[float, Field(ge=0.0, le=1.0)]
+    whiteness: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+
+
+class LoopFile(ConfigModel):
+    """The velocity loops of a robot's drives, as measured in one run."""
+
+    format: Literal["rid-daq velocity loops 1"]
+    robot: str
+    run: str
+    loops: tuple[LoopEntry, ...] = Field(min_length=1)
+
+
+def write_loops(path: Path, loops: Sequence[VelocityLoop], robot: str, run: str) -> None:
+    """Write loops into a file, whole or not at all."""
+    entries = [
+        LoopEntry(
+            joint=loop.joint_name,
+            gain=loop.gain,
+            integral_time_s=loop.integral_time_s,
+            delay_s=loop.delay_s,
+            lag_s=loop.lag_s,
+            fitted=loop.names,
+            covariance=tuple(map(tuple, loop.covariance.tolist())),
+            p_value=loop.p_value,
+            whiteness=loop.whiteness,
+        )
+        for loop in loops
+    ]
+    file = LoopFile(format=FORMAT, robot=robot, run=run, loops=tuple(entries))
+    write_whole(path, (file.model_dump_json(indent=1) + "\n").encode())
+
+
+def read_loops(path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
+    """Return the robot's name and its loops.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read or is none.
+    """
+    what = "a file of velocity loops as `rid-daq loop` writes it"
+    file = read_json_file(path, LoopFile, LARGEST_FILE_BYTES, what)
+    loops = tuple(
+        VelocityLoop(
+            joint_name=entry.joint,
+            gain=entry.gain,
+            integral_time_s=entry.integral_time_s,
+            delay_s=entry.delay_s,
+            lag_s=entry.lag_s,
+            names=entry.fitted,
+            covariance=np.array(entry.covariance, dtype=float),
+            p_value=entry.p_value,
+            whiteness=entry.whiteness,
+            trials=(),
+        )
+        for entry in file.loops
+    )
+    return file.robot, loops

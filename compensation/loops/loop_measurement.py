@@ -1,0 +1,140 @@
+"""`LoopMeasurement`: everything that a multisine run says of the drives' loops, in two passes.
+
+Commands reach a drive as lines between samples, which hold images of every line about the multiples
+of the cycle's frequency. The axis follows those a little, and sampling folds that motion back onto
+the line: some 0.1 % of the velocity error at a sixth of the cycle's frequency. The first pass takes
+it for the response; what it finds predicts the images, and the second pass is without them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.recording.recording import Recording
+from acquisition.signals.bins import filter_response
+from compensation.loops.axis_mechanics import fit_axis_mechanics
+from compensation.loops.cascade import Cascade
+from compensation.loops.command_path import interpolation_response
+from compensation.loops.frequency_response import (
+    FrequencyResponse,
+    controller_responses,
+    mechanics_responses,
+)
+from compensation.loops.multisine_spectra import MultisineSpectra, multisine_spectra
+from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
+from config.motion.motion import MultisineMotion
+from config.robot.robot import RobotDescription
+
+IMAGES: Final = (-2, -1, 1, 2)
+
+
+@dataclass(frozen=True)
+class LoopMeasurement:
+    """Responses of the excited axes and what was fitted to them, in the same order.
+
+    Attributes
+    ----------
+    controllers, mechanics : tuple of FrequencyResponse
+        Torque over velocity error, and velocity over torque.
+    cascades : tuple of Cascade
+        The fitted loops around one another.
+    left_out : tuple of int
+        Realisations, counted from 1, of which rows are missing.
+    """
+
+    controllers: tuple[FrequencyResponse, ...]
+    mechanics: tuple[FrequencyResponse, ...]
+    cascades: tuple[Cascade, ...]
+    left_out: tuple[int, ...]
+
+    @property
+    def loops(self) -> tuple[VelocityLoop, ...]:
+        """The fitted velocity loops."""
+        return tuple(cascade.loop for cascade in self.cascades)
+
+
+def measure_loops(
+    recording: Recording,
+    motion: MultisineMotion,
+    robot: RobotDescription,
+    position_gain_per_s: float,
+) -> LoopMeasurement:
+    """Measure and fit the loops of every axis that a multisine excites.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of that motion, by a cell.
+    motion : MultisineMotion
+        The motion.
+    robot : RobotDescription
+        The robot.
+    position_gain_per_s : float
+        K_v of the cell [1/s].
+
+    Raises
+    ------
+    DataQualityError
+        The recording is of another robot, holds no commands, or no whole realisation.
+    EstimationError
+        Too few lines, or nothing like a velocity loop answers.
+    """
+    spectra = multisine_spectra(recording, motion, robot)
+    first = _measured(spectra, position_gain_per_s)
+    return _measured(without_images(spectra, first.cascades), position_gain_per_s)
+
+
+def without_images(spectra: MultisineSpectra, cascades: Sequence[Cascade]) -> MultisineSpectra:
+    """Return spectra without what sampling folds back onto the lines.
+
+    Parameters
+    ----------
+    spectra : MultisineSpectra
+        As measured.
+    cascades : sequence of Cascade
+        What predicts the images; other joints stay as they are.
+    """
+    f, step_s = spectra.frequency_hz, spectra.cycle_time_s
+    torque, error, velocity = (
+        values.copy() for values in (spectra.torque, spectra.error, spectra.velocity)
+    )
+    analog = spectra.torque_filter
+    for cascade in cascades:
+        j = spectra.joint_names.index(cascade.loop.joint_name)
+        sent = (error[..., j] + velocity[..., j]) / interpolation_response(f, step_s)
+        of_velocity, of_torque = np.zeros((2, len(f)), dtype=np.complex128)
+        for image in IMAGES:
+            at = f + image / step_s
+            closed = cascade.closed_velocity_loop(at)
+            follows = closed * interpolation_response(at, step_s)
+            of_velocity += f / at * follows
+            drives = follows / cascade.mechanics.response(at)
+            if analog is not None:
+                drives = drives * filter_response(analog, at) / filter_response(analog, f)
+            of_torque += drives
+        velocity[..., j] -= of_velocity * sent
+        error[..., j] += of_velocity * sent
+        torque[..., j] -= of_torque * sent
+    return replace(spectra, torque=torque, error=error, velocity=velocity)
+
+
+def _measured(spectra: MultisineSpectra, position_gain_per_s: float) -> LoopMeasurement:
+    controllers, mechanics = controller_responses(spectra), mechanics_responses(spectra)
+    return LoopMeasurement(
+        controllers=controllers,
+        mechanics=mechanics,
+        cascades=tuple(
+            Cascade(
+                fit_velocity_loop(controller),
+                fit_axis_mechanics(axis),
+                position_gain_per_s,
+                spectra.cycle_time_s,
+            )
+            for controller, axis in zip(controllers, mechanics, strict=True)
+        ),
+        left_out=spectra.left_out,
+    )

@@ -1,0 +1,302 @@
+"""`VelocityLoop`: a drive's velocity controller, fitted to its measured frequency response.
+
+    G_c(s) = K_p (1 + 1 / (T_i s)) exp(-s T_d) / (1 + s T_c)
+
+with a delay T_d (the drive's own, beyond one cycle and the interpolation, which are known) and the
+current loop's lag T_c where the data show them (physics: section 13). Maximum likelihood on the
+complex bins, each weighted by its measured variance (Pintelon and Schoukens 2012, chapter 9); which
+terms are needed is decided by the minimum description length (Rissanen 1978), and whether they
+suffice by the size of the misfit and by its whiteness along the lines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, combinations
+from typing import Final, Literal
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import chi2
+
+from compensation.loops.frequency_response import FrequencyResponse
+from config.arrays import FloatArray, read_only
+from config.errors import EstimationError
+
+Extra = Literal["delay", "lag"]
+EXTRAS: Final[tuple[Extra, ...]] = ("delay", "lag")
+FEWEST_LINES: Final = 4
+WHITENESS_LAGS: Final = 5
+PADE_ORDER: Final = 3
+CLEARLY_SHORTER: Final = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class LoopTrial:
+    """One choice of terms and what came of it.
+
+    Attributes
+    ----------
+    extras : tuple of str
+        Terms beside the PI: `delay`, `lag`.
+    cost : float
+        Sum over lines of |misfit|^2 over its variance.
+    aic, mdl : float
+        Akaike's criterion and the minimum description length; the smaller the better.
+    """
+
+    extras: tuple[Extra, ...]
+    cost: float
+    aic: float
+    mdl: float
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityLoop:
+    """A fitted velocity controller, joint side.
+
+    Attributes
+    ----------
+    joint_name : str
+        The joint.
+    gain : float
+        K_p [N m s/rad or N s/m].
+    integral_time_s : float
+        T_i [s].
+    delay_s, lag_s : float
+        T_d and T_c [s]; 0 where the data do not show them.
+    names : tuple of str
+        The fitted parameters, in the covariance's order.
+    covariance : ndarray, shape (k, k)
+        Of the fitted parameters, with what not knowing the right terms adds to it.
+    p_value : float
+        Probability of a cost as large by chance: small where the controller is something else.
+    trials : tuple of LoopTrial
+        All choices that were compared.
+    whiteness : float
+        Probability of misfits as alike on neighbouring lines by chance: small where a term is
+        missing; 1 where the lines are too few to tell.
+    """
+
+    joint_name: str
+    gain: float
+    integral_time_s: float
+    delay_s: float
+    lag_s: float
+    names: tuple[str, ...]
+    covariance: FloatArray
+    p_value: float
+    trials: tuple[LoopTrial, ...]
+    whiteness: float = 1.0
+
+    def __post_init__(self) -> None:
+        k = len(self.names)
+        covariance = read_only("covariance", self.covariance, float, (k, k), EstimationError)
+        object.__setattr__(self, "covariance", covariance)
+        if not (self.gain > 0.0 and self.integral_time_s > 0.0 and self.lag_s >= 0.0):
+            raise EstimationError(
+                f"joint {self.joint_name}: a velocity controller with gain {self.gain:.4g} and"
+                f" integral time {self.integral_time_s:.4g} s is none"
+            )
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviation of each fitted parameter."""
+        sizes = np.sqrt(np.diagonal(self.covariance))
+        return dict(zip(self.names, sizes.tolist(), strict=True))
+
+    def response(self, frequency_hz: FloatArray) -> NDArray[np.complex128]:
+        """Return G_c at frequencies [Hz]; not at 0, where the integral part has none."""
+        values = (self.gain, self.integral_time_s, self.delay_s, self.lag_s)
+        return _response(np.asarray(frequency_hz), *values)
+
+    def moved(self, by: Mapping[str, float]) -> VelocityLoop:
+        """Return the loop with parameters changed by so much, held where they keep a meaning."""
+        least = 1e-3
+        return replace(
+            self,
+            gain=max(self.gain + by.get("gain", 0.0), least * self.gain),
+            integral_time_s=max(
+                self.integral_time_s + by.get("integral_time_s", 0.0), least * self.integral_time_s
+            ),
+            delay_s=max(self.delay_s + by.get("delay", 0.0), 0.0),
+            lag_s=max(self.lag_s + by.get("lag", 0.0), 0.0),
+        )
+
+    @property
+    def transfer_function(self) -> control.TransferFunction:
+        """G_c(s) as python-control's object; a delay is its Padé approximation of third order."""
+        numerator = [self.gain * self.integral_time_s, self.gain]
+        denominator = np.polymul([self.integral_time_s, 0.0], [self.lag_s, 1.0])
+        without_delay = control.TransferFunction(numerator, np.trim_zeros(denominator, "f"))
+        if self.delay_s == 0.0:
+            return without_delay
+        return without_delay * control.TransferFunction(*control.pade(self.delay_s, PADE_ORDER))
+
+
+def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
+    """Fit a velocity controller to its frequency response.
+
+    Raises
+    ------
+    EstimationError
+        Too few lines, or no controller of this kind fits.
+    """
+    lines = len(measured.frequency_hz)
+    if lines < FEWEST_LINES:
+        raise EstimationError(
+            f"joint {measured.joint_name}: {lines} lines are too few for a velocity controller,"
+            f" {FEWEST_LINES} are needed"
+        )
+    fits = [_fit(measured, extras) for extras in _choices()]
+    trials = tuple(_trial(measured, extras, cost) for extras, _, _, cost in fits)
+    best = _chosen(trials)
+    extras, values, covariance, cost = fits[best]
+    covariance = covariance + _between_models(trials, [fit[1] for fit in fits], best)
+    found = dict(zip(("gain", "integral_time_s", *extras), values.tolist(), strict=True))
+    loop = VelocityLoop(
+        joint_name=measured.joint_name,
+        gain=found["gain"],
+        integral_time_s=found["integral_time_s"],
+        delay_s=found.get("delay", 0.0),
+        lag_s=found.get("lag", 0.0),
+        names=tuple(found),
+        covariance=covariance,
+        p_value=_chance_of_cost(measured, cost, len(values)),
+        trials=trials,
+    )
+    misfit = (measured.response - loop.response(measured.frequency_hz)) / np.sqrt(measured.variance)
+    return replace(loop, whiteness=whiteness(misfit))
+
+
+def _chosen(trials: Sequence[LoopTrial]) -> int:
+    """Return the trial of least description length; a lag rather than a delay that is no better."""
+    least = min(range(len(trials)), key=lambda k: trials[k].mdl)
+    if trials[least].extras == ("delay",):
+        for k, trial in enumerate(trials):
+            if trial.extras == ("lag",) and trial.mdl < trials[least].mdl + CLEARLY_SHORTER:
+                return k
+    return least
+
+
+def _between_models(
+    trials: Sequence[LoopTrial], values: Sequence[FloatArray], best: int
+) -> FloatArray:
+    """Return what not knowing the right terms adds to the covariance of gain and integral time.
+
+    Choices count by the chance that their description length gives them (Burnham and Anderson
+    2002, chapter 4).
+    """
+    lengths = np.array([trial.mdl for trial in trials])
+    chance = np.exp(-0.5 * (lengths - lengths.min()))
+    chance /= chance.sum()
+    apart = np.array([each[:2] - values[best][:2] for each in values])
+    added = np.zeros((len(values[best]), len(values[best])))
+    added[:2, :2] = (chance[:, np.newaxis] * apart).T @ apart
+    return added
+
+
+def whiteness(misfit: NDArray[np.complex128]) -> float:
+    """Return the probability of misfits as alike on neighbouring lines by chance.
+
+    A test of Ljung and Box's kind on the complex autocorrelation of the weighted misfits.
+
+    Parameters
+    ----------
+    misfit : ndarray of complex, shape (lines,)
+        Over their standard deviations, in the order of frequency.
+    """
+    lines = len(misfit)
+    lags = min(WHITENESS_LAGS, lines // 3)
+    power = float(np.mean(np.abs(misfit) ** 2))
+    if lags < 1 or power == 0.0:
+        return 1.0
+    statistic = 0.0
+    for lag in range(1, lags + 1):
+        alike = float(abs(np.vdot(misfit[:-lag], misfit[lag:]))) / (lines * power)
+        statistic += 2.0 * lines * (lines + 1.0) / (lines - lag) * alike**2
+    return float(chi2.sf(statistic, 2 * lags))
+
+
+def _chance_of_cost(measured: FrequencyResponse, cost: float, parameters: int) -> float:
+    """Return the probability of a cost as large where only noise is left.
+
+    Each line's variance comes from few periods, so that its share of the cost follows an F
+    distribution and not a chi-squared one: mean and variance are matched.
+    """
+    lines, own = len(measured.frequency_hz), measured.noise_freedom
+    if own <= 2:
+        return float(chi2.sf(2.0 * cost, 2 * lines - parameters))
+    # Of |misfit|^2 / variance with `own` complex degrees of freedom in the variance.
+    mean = own / (own - 1.0)
+    variance = own**3 / ((own - 1.0) ** 2 * (own - 2.0))
+    left = lines - 0.5 * parameters
+    scale = variance / mean
+    return float(chi2.sf(2.0 * cost / scale, 2.0 * left * mean / scale))
+
+
+def _choices() -> list[tuple[Extra, ...]]:
+    sizes = range(len(EXTRAS) + 1)
+    return list(chain.from_iterable(combinations(EXTRAS, size) for size in sizes))
+
+
+def _trial(measured: FrequencyResponse, extras: tuple[Extra, ...], cost: float) -> LoopTrial:
+    parameters, values = 2 + len(extras), 2 * len(measured.frequency_hz)
+    return LoopTrial(
+        extras=extras,
+        cost=cost,
+        aic=2.0 * cost + 2.0 * parameters,
+        mdl=2.0 * cost + math.log(values) * parameters,
+    )
+
+
+def _fit(
+    measured: FrequencyResponse, extras: tuple[Extra, ...]
+) -> tuple[tuple[Extra, ...], FloatArray, FloatArray, float]:
+    """Return the parameters, their covariance and the cost, sum |misfit|^2 / variance."""
+    frequency_hz, weight = measured.frequency_hz, 1.0 / np.sqrt(measured.variance)
+
+    def unfold(x: FloatArray) -> tuple[float, float, float, float]:
+        more = dict(zip(extras, x[2:].tolist(), strict=True))
+        return (
+            math.exp(x[0]),
+            math.exp(x[1]),
+            1e-3 * more.get("delay", 0.0),
+            1e-3 * more.get("lag", 0.0),
+        )
+
+    def residuals(x: FloatArray) -> FloatArray:
+        misfit = weight * (_response(frequency_hz, *unfold(x)) - measured.response)
+        return np.concatenate([misfit.real, misfit.imag])
+
+    size = np.abs(measured.response)
+    middle = float(np.median(frequency_hz))
+    start = [math.log(float(np.median(size))), math.log(1.0 / (2.0 * math.pi * middle))]
+    begin = np.array([*start, *(0.5 for _ in extras)])
+    lowest = np.array([-np.inf, -np.inf, *(0.0 for _ in extras)])
+    found = least_squares(residuals, begin, x_scale="jac", bounds=(lowest, np.inf))
+    values = np.array(unfold(found.x))
+    kept = np.array([0, 1, *(2 + EXTRAS.index(extra) for extra in extras)])
+    # d value / d x: of logarithms the value itself, of milliseconds a thousandth.
+    chain_rule = np.concatenate([values[:2], np.full(2, 1e-3)])[kept]
+    # With E|dG|^2 = variance, real and imaginary part have half of it each.
+    slopes: FloatArray = np.asarray(found.jac, dtype=float)
+    # Weights come from few periods and are not exact: misfits say by how much.
+    freedom = 2 * len(frequency_hz) - len(begin)
+    inflation = max(1.0, 4.0 * float(found.cost) / freedom)
+    inverse = inflation * np.linalg.pinv(2.0 * slopes.T @ slopes)
+    covariance: FloatArray = np.asarray(inverse * np.outer(chain_rule, chain_rule), dtype=float)
+    return extras, values[kept], covariance, 2.0 * float(found.cost)
+
+
+def _response(
+    frequency_hz: FloatArray, gain: float, integral_s: float, delay_s: float, lag_s: float
+) -> NDArray[np.complex128]:
+    s = 2j * math.pi * frequency_hz
+    return np.asarray(
+        gain * (1.0 + 1.0 / (integral_s * s)) * np.exp(-s * delay_s) / (1.0 + s * lag_s)
+    )

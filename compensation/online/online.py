@@ -1,0 +1,177 @@
+"""`OnlineFeedforward`: what the on-line compensation knows of a robot, checked before power."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from compensation.feedforward.coupled_wrist import refuse_coupled_wrist
+from compensation.feedforward.inverse import CYCLES_TO_ACT, FeedforwardTuning
+from compensation.loops.velocity_loop import VelocityLoop
+from compensation.online.online_kernel import (
+    AXES_ROWS,
+    CYCLES,
+    DECAY,
+    FRACTION,
+    GAIN,
+    MOST,
+    NEW,
+    OLD,
+    SHARE,
+)
+from compensation.online.path_kernels import ACCELERATION, HIGH, LOW, SPEED, TORQUE
+from config.arrays import FloatArray
+from config.cell.cell import CellConfig
+from config.errors import ConfigError
+from config.robot.robot import RobotDescription
+from dynamics.model.one_sample import SampleTorque
+from identification.estimation.estimate import Estimate
+
+ROUNDING: Final = 0.01
+REST_RAD_S: Final = 1e-3
+LARGEST_CORRECTION: Final = 0.25
+LONGEST_LOOK_AHEAD: Final = 32
+
+
+@dataclass(frozen=True, eq=False)
+class OnlineFeedforward:
+    """Model, velocity loops and limits, as the compiled stage takes them.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot.
+    cycle_time_s : float
+        The cell's cycle [s].
+    torque : SampleTorque
+        The identified model.
+    axes : ndarray, shape (rows, n)
+        Limits and inverse of each velocity loop; `online_kernel` names the rows.
+    """
+
+    robot: RobotDescription
+    cycle_time_s: float
+    torque: SampleTorque
+    axes: FloatArray
+
+    @classmethod
+    def identified(
+        cls,
+        cell: CellConfig,
+        robot: RobotDescription,
+        estimate: Estimate,
+        loops: Sequence[VelocityLoop],
+        tuning: FeedforwardTuning | None = None,
+    ) -> OnlineFeedforward:
+        """Take an identified model and the measured velocity loops.
+
+        Raises
+        ------
+        ConfigError
+            Model, loops or tuning are of other joints, or a loop reacts too late to be led.
+        EstimationError
+            The model depends on the drives' temperature.
+        """
+        ordered = in_order(robot.joint_names, estimate.robot.joint_names, loops)
+        torque = SampleTorque.of(
+            estimate.model, estimate.standard_values, least_smoothing_rad_s=REST_RAD_S
+        )
+        return cls.of(cell, robot, torque, ordered, tuning)
+
+    @classmethod
+    def of(
+        cls,
+        cell: CellConfig,
+        robot: RobotDescription,
+        torque: SampleTorque,
+        loops: Sequence[VelocityLoop],
+        tuning: FeedforwardTuning | None = None,
+    ) -> OnlineFeedforward:
+        """Take a model's torque and the velocity loops, joint by joint.
+
+        Speed and acceleration limits are the robot's with 1 % on top, since a path's differences
+        are not exact; positions and torques are the robot's.
+
+        Parameters
+        ----------
+        cell, robot : CellConfig, RobotDescription
+            Cycle and limits.
+        torque : SampleTorque
+            The model of the robot.
+        loops : sequence of VelocityLoop
+            One a joint, in the joints' order.
+        tuning : FeedforwardTuning, optional
+            Correction from a reference run.
+
+        Raises
+        ------
+        ConfigError
+            The robot's wrist is coupled, the tuning is of other joints, or a loop reacts too late
+            to be led.
+        """
+        refuse_coupled_wrist(robot, "feedforward on line")
+        n = len(robot.joints)
+        tuning = tuning or FeedforwardTuning.none(n)
+        if len(tuning.scale) != n:
+            raise ConfigError(f"the tuning is of {len(tuning.scale)} joints, the robot has {n}")
+        if not (tuning.scale > 0.0).all():
+            raise ConfigError("the tuning scales a joint's torque by nothing or less: tune again")
+        step_s = cell.cycle_time_s
+        axes = np.zeros((AXES_ROWS, n))
+        for j, (joint, loop) in enumerate(zip(robot.joints, loops, strict=True)):
+            limits = joint.limits
+            x = step_s / loop.integral_time_s
+            decay = math.exp(-x)
+            share = -math.expm1(-x) / x
+            ahead = CYCLES_TO_ACT + (loop.delay_s + loop.lag_s + tuning.delay_s[j]) / step_s
+            if not 0.0 <= ahead <= LONGEST_LOOK_AHEAD:
+                raise ConfigError(
+                    f"joint {joint.name}: its velocity loop acts {ahead:.3g} cycles late, 0 to"
+                    f" {LONGEST_LOOK_AHEAD} can be led: measure the loop again"
+                )
+            column = axes[:, j]
+            column[LOW], column[HIGH] = limits.position_min, limits.position_max
+            column[SPEED] = (1.0 + ROUNDING) * limits.velocity
+            column[ACCELERATION] = (1.0 + ROUNDING) * limits.acceleration
+            column[TORQUE] = limits.torque
+            column[GAIN] = loop.gain / tuning.scale[j]
+            column[OLD], column[NEW], column[DECAY] = share - decay, 1.0 - share, decay
+            column[SHARE] = 0.5 * x
+            column[MOST] = LARGEST_CORRECTION * limits.velocity
+            column[CYCLES] = math.floor(ahead)
+            column[FRACTION] = ahead - math.floor(ahead)
+        axes.setflags(write=False)
+        return cls(robot, step_s, torque, axes)
+
+    @property
+    def delay_cycles(self) -> int:
+        """By how many cycles set-points are behind the path's head."""
+        return int(self.axes[CYCLES].max()) + 1
+
+
+def in_order(
+    names: Sequence[str], modelled: Sequence[str], loops: Sequence[VelocityLoop]
+) -> list[VelocityLoop]:
+    """Return the loops in the order of the joints.
+
+    Raises
+    ------
+    ConfigError
+        The model is of other joints, or a loop is missing.
+    """
+    if tuple(modelled) != tuple(names):
+        raise ConfigError(
+            f"the model is of joints {', '.join(modelled)}, the motion of {', '.join(names)}: give"
+            " a model of this robot"
+        )
+    measured = {loop.joint_name: loop for loop in loops}
+    missing = [name for name in names if name not in measured]
+    if missing:
+        raise ConfigError(
+            f"there is no velocity loop of {', '.join(missing)}: measure it with `rid-daq loop`"
+        )
+    return [measured[name] for name in names]

@@ -1,0 +1,390 @@
+"""Points become a path that can be driven, and stopped on: compiled, nothing allocated.
+
+A point is taken in only where the path through it holds every limit, so that what is taken in can
+be driven at full rate or slower. The path between two points is the quintic of their positions and
+of velocities and accelerations by five-point differences; its control points bound it between the
+points too (a Bezier curve stays within the hull of its control points).
+
+How fast the path may be driven so that it can still be stopped before its last known point comes
+from a pass backwards over the points, as in TOPP-RA (Pham and Pham 2018): with x the square of the
+rate, from x = 0 at the last point, the largest x at each point from which the next one's can be
+reached within the joints' accelerations, everywhere on the segment between. As long as that is 1,
+the path is driven as it is; where it is not, it is driven by the pass's own profile, down to rest.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from compensation.online.point_ring import READ, TOTAL, WRITTEN
+from dynamics.geometry.kinematics import FloatArray, IntArray
+from dynamics.kernels.simd import kernel
+from dynamics.model.one_sample import ModelArrays, sample_torque
+
+Q: Final = 0  # rows of a node: position, velocity, acceleration, torque at full rate
+V: Final = 1
+A: Final = 2
+TAU: Final = 3
+SWIFT: Final = 4  # of the segment that ends there: its largest speed,
+ALONG: Final = 5  # and its least acceleration along the motion, the worst either way at a turn
+NODE_ROWS: Final = 6
+
+# Rows of `axes`, a column a joint.
+LOW: Final = 0
+HIGH: Final = 1
+SPEED: Final = 2
+ACCELERATION: Final = 3
+TORQUE: Final = 4
+
+# Words of `counts`.
+TAKEN: Final = 0  # nodes with a position, two more than points at the start, four at the end
+KNOWN: Final = 1  # nodes whose velocity and acceleration are known and held all limits
+NODE: Final = 2  # the node last passed
+SAFE: Final = 3  # the last node that may be driven at full rate
+PROFILE: Final = 4  # which of the two profiles holds
+HORIZON: Final = 5  # its last node
+STATE: Final = 6
+CLOSED: Final = 7
+WHY: Final = 8  # why a point was refused, for which joint, and which point
+WHOSE: Final = 9
+WHICH: Final = 10
+
+DRIVING: Final = 0
+BRAKING: Final = 1
+STOPPED: Final = 2
+ARRIVED: Final = 3
+
+OPEN: Final = 0
+ENDED: Final = 1
+REFUSED: Final = 2
+
+NOT_FINITE: Final = 1
+POSITION: Final = 2
+FAST: Final = 3
+JERKED: Final = 4
+HEAVY: Final = 5
+
+# Numbers of `pace`.
+OFFSET: Final = 0  # time into the segment at full rate [s]
+RATE: Final = 1  # path time over time
+FOUND: Final = 2  # what a refused point asks for, and what is allowed
+ALLOWED: Final = 3
+
+BEFORE: Final = 2  # nodes before the first point, which is where the robot rests
+BEHIND: Final = 4  # nodes behind the last one
+SPARE: Final = 12
+
+
+@kernel
+def take_points(
+    counters: IntArray,
+    rows: FloatArray,
+    model: ModelArrays,
+    axes: FloatArray,
+    nodes: FloatArray,
+    counts: IntArray,
+    pace: FloatArray,
+    step_s: float,
+    most: int,
+) -> None:
+    """Take up to `most` points out of the ring, as long as there is room ahead.
+
+    Parameters
+    ----------
+    counters, rows : arrays
+        Those of the `PointRing`.
+    model : tuple of arrays
+        `SampleTorque.arrays`.
+    axes : (5 or more, n) array
+        Limits.
+    nodes : (nodes, 6, n) array
+        The nodes, each in place (number modulo length).
+    counts, pace : arrays
+        See the words above.
+    step_s : float
+        Time between points [s].
+    most : int
+        How many at once.
+    """
+    total, written = counters[TOTAL], counters[WRITTEN]
+    read = counters[READ]
+    length, n = nodes.shape[0], nodes.shape[2]
+    taken = 0
+    while (
+        counts[CLOSED] == OPEN
+        and read < written
+        and taken < most
+        and counts[TAKEN] - counts[NODE] < length - SPARE
+    ):
+        point = rows[read % len(rows)]
+        read += 1
+        taken += 1
+        for j in range(n):
+            if not math.isfinite(point[j]):
+                _refuse(counts, pace, NOT_FINITE, j, read - 1, point[j], 0.0)
+            elif not axes[LOW, j] <= point[j] <= axes[HIGH, j]:
+                limit = axes[LOW, j] if point[j] < axes[LOW, j] else axes[HIGH, j]
+                _refuse(counts, pace, POSITION, j, read - 1, point[j], limit)
+            if counts[CLOSED] != OPEN:
+                break
+        if counts[CLOSED] == OPEN:
+            for _ in range(1 + (BEFORE if counts[TAKEN] == 0 else 0)):
+                _push(point, model, axes, nodes, counts, pace, step_s)
+    counters[READ] = read
+    room = counts[TAKEN] - counts[NODE] < length - SPARE
+    if counts[CLOSED] == OPEN and 0 <= total == read and counts[TAKEN] > 0 and room:
+        last = nodes[(counts[TAKEN] - 1) % length, Q]
+        for _ in range(BEHIND):
+            if counts[CLOSED] == OPEN:
+                _push(last, model, axes, nodes, counts, pace, step_s)
+        if counts[CLOSED] == OPEN:
+            counts[CLOSED] = ENDED
+
+
+@kernel
+def _refuse(
+    counts: IntArray,
+    pace: FloatArray,
+    why: int,
+    joint: int,
+    point: int,
+    found: float,
+    allowed: float,
+) -> None:
+    if counts[CLOSED] == OPEN:
+        counts[CLOSED], counts[WHY], counts[WHOSE], counts[WHICH] = REFUSED, why, joint, point
+        pace[FOUND], pace[ALLOWED] = found, allowed
+
+
+@kernel
+def _push(
+    point: FloatArray,
+    model: ModelArrays,
+    axes: FloatArray,
+    nodes: FloatArray,
+    counts: IntArray,
+    pace: FloatArray,
+    step_s: float,
+) -> None:
+    """Append a node; the one two before it then has neighbours on both sides, and is judged."""
+    length, n = nodes.shape[0], nodes.shape[2]
+    own = nodes[counts[TAKEN] % length, Q]
+    for j in range(n):
+        own[j] = point[j]
+    counts[TAKEN] += 1
+    k = counts[TAKEN] - 3
+    if k < 0:
+        return
+    a2, a1 = nodes[max(k - 2, 0) % length, Q], nodes[max(k - 1, 0) % length, Q]
+    b1, b2 = nodes[(k + 1) % length, Q], nodes[(k + 2) % length, Q]
+    node = nodes[k % length]
+    for j in range(n):
+        node[V, j] = (8.0 * (b1[j] - a1[j]) - (b2[j] - a2[j])) / (12.0 * step_s)
+        bend = 16.0 * (b1[j] + a1[j]) - 30.0 * node[Q, j] - (b2[j] + a2[j])
+        node[A, j] = bend / (12.0 * step_s * step_s)
+    which = max(k - BEFORE, 0)
+    if k > 0:
+        _judge(nodes[(k - 1) % length], node, axes, counts, pace, step_s, which)
+    sample_torque(model, node[Q], node[V], node[A], node[TAU])
+    for j in range(n):
+        limit = axes[TORQUE, j]
+        if abs(node[TAU, j]) > limit:  # what is not a number is the compensation's doubt
+            _refuse(counts, pace, HEAVY, j, which, node[TAU, j], limit)
+    if counts[CLOSED] == OPEN:
+        counts[KNOWN] = k + 1
+
+
+@kernel
+def _judge(
+    begin: FloatArray,
+    end: FloatArray,
+    axes: FloatArray,
+    counts: IntArray,
+    pace: FloatArray,
+    step_s: float,
+    which: int,
+) -> None:
+    """Hold the control points of the quintic between two nodes against the limits."""
+    h = step_s
+    for j in range(begin.shape[1]):
+        p0, p5 = begin[Q, j], end[Q, j]
+        p1, p4 = p0 + 0.2 * h * begin[V, j], p5 - 0.2 * h * end[V, j]
+        p2 = p0 + 0.4 * h * begin[V, j] + 0.05 * h * h * begin[A, j]
+        p3 = p5 - 0.4 * h * end[V, j] + 0.05 * h * h * end[A, j]
+        low = min(p0, p1, p2, p3, p4, p5)
+        high = max(p0, p1, p2, p3, p4, p5)
+        slack = 1e-9 + 0.01 * abs(p5 - p0)
+        if low < axes[LOW, j] - slack:
+            _refuse(counts, pace, POSITION, j, which, low, axes[LOW, j])
+        if high > axes[HIGH, j] + slack:
+            _refuse(counts, pace, POSITION, j, which, high, axes[HIGH, j])
+        v1, v2, v3 = 5.0 * (p2 - p1) / h, 5.0 * (p3 - p2) / h, 5.0 * (p4 - p3) / h
+        slowest = min(begin[V, j], v1, v2, v3, end[V, j])
+        fastest = max(begin[V, j], v1, v2, v3, end[V, j])
+        swift = max(fastest, -slowest)
+        if not swift <= axes[SPEED, j]:
+            _refuse(counts, pace, FAST, j, which, swift, axes[SPEED, j])
+        a1, a2 = 4.0 * (v2 - v1) / h, 4.0 * (v3 - v2) / h
+        least = min(begin[A, j], a1, a2, end[A, j])
+        most = max(begin[A, j], a1, a2, end[A, j])
+        size = max(most, -least)
+        if not size <= axes[ACCELERATION, j]:
+            _refuse(counts, pace, JERKED, j, which, size, axes[ACCELERATION, j])
+        end[SWIFT, j] = swift
+        end[ALONG, j] = -size
+        if slowest >= 0.0:
+            end[ALONG, j] = least
+        elif fastest <= 0.0:
+            end[ALONG, j] = -most
+
+
+@kernel
+def plan_stop(
+    axes: FloatArray,
+    nodes: FloatArray,
+    counts: IntArray,
+    profile: FloatArray,
+    step_s: float,
+) -> int:
+    """Fill a profile of x, the rate's square, that ends at rest; return the last safe node.
+
+    Where the path's end is known, the profile ends there at full rate: the path itself rests.
+    Safe is what follows the present node without a gap at full rate; one less than the present
+    node where not even that is.
+    """
+    length, n = nodes.shape[0], nodes.shape[2]
+    last = counts[KNOWN] - 1
+    x = 1.0 if counts[CLOSED] == ENDED else 0.0
+    profile[last % length] = x
+    twice = 2.0 * step_s
+    for i in range(last - 1, counts[NODE] - 1, -1):
+        segment = nodes[(i + 1) % length]
+        best = 1.0
+        for j in range(n):
+            limit, swift, along = axes[ACCELERATION, j], segment[SWIFT, j], segment[ALONG, j]
+            if along < 0.0:  # worst where the rate is still high
+                best = min(best, (swift * x + twice * limit) / (swift - twice * along))
+            elif swift > 1e-12:
+                best = min(best, x + twice * (limit + along * x) / swift)
+        x = max(best, 0.0)
+        profile[i % length] = x
+    safe = counts[NODE] - 1
+    while safe < last and profile[(safe + 1) % length] == 1.0:
+        safe += 1
+    return int(safe)
+
+
+@kernel
+def advance(
+    axes: FloatArray,
+    nodes: FloatArray,
+    counts: IntArray,
+    profiles: FloatArray,
+    pace: FloatArray,
+    step_s: float,
+    head: FloatArray,
+) -> bool:
+    """Go on by one cycle.
+
+    Parameters
+    ----------
+    axes, nodes, counts, pace, step_s
+        As for `take_points`.
+    profiles : (2, nodes) array
+        The profile that holds, and the one that is tried.
+    head : (3, n) array
+        Where the path is then: position, velocity, acceleration; written.
+
+    Returns
+    -------
+    bool
+        Whether that is a node at full rate, whose torque is known.
+    """
+    length = nodes.shape[0]
+    if counts[STATE] == DRIVING:
+        ahead = counts[NODE] + 1
+        if counts[CLOSED] == ENDED and ahead >= counts[KNOWN]:
+            counts[STATE] = ARRIVED
+        elif ahead > counts[SAFE]:
+            other = 1 - counts[PROFILE]
+            safe = plan_stop(axes, nodes, counts, profiles[other], step_s)
+            if safe >= counts[NODE]:  # a new profile holds from where the path is
+                counts[PROFILE], counts[SAFE], counts[HORIZON] = other, safe, counts[KNOWN] - 1
+            if ahead > counts[SAFE]:
+                counts[STATE] = BRAKING
+                pace[OFFSET], pace[RATE] = 0.0, 1.0
+        if counts[STATE] == DRIVING:
+            counts[NODE] = ahead
+    change = 0.0
+    if counts[STATE] == BRAKING:
+        change = _follow(counts, profiles[counts[PROFILE]], pace, step_s)
+    node = nodes[counts[NODE] % length]
+    if counts[STATE] == BRAKING:
+        _between(node, nodes[(counts[NODE] + 1) % length], pace, change, step_s, head)
+        return False
+    moving = counts[STATE] == DRIVING
+    for j in range(head.shape[1]):
+        head[Q, j] = node[Q, j]
+        head[V, j] = node[V, j] if moving else 0.0
+        head[A, j] = node[A, j] if moving else 0.0
+    return bool(moving)
+
+
+@kernel
+def _follow(counts: IntArray, profile: FloatArray, pace: FloatArray, step_s: float) -> float:
+    """Go one cycle along a profile; return how the rate changes at its end [1/s]."""
+    length, last = len(profile), counts[HORIZON]
+    left, change = step_s, 0.0
+    while left > 0.0:
+        i = counts[NODE]
+        if i >= last:
+            counts[STATE] = STOPPED
+            return 0.0
+        x, x_there = float(profile[i % length]), float(profile[(i + 1) % length])
+        change = (x_there - x) / (2.0 * step_s)
+        rate_there = math.sqrt(x_there)
+        both = pace[RATE] + rate_there
+        if both <= 1e-12:
+            counts[STATE] = STOPPED
+            return 0.0
+        needed = 2.0 * (step_s - pace[OFFSET]) / both
+        if needed <= left:
+            left -= needed
+            counts[NODE] = i + 1
+            pace[OFFSET], pace[RATE] = 0.0, rate_there
+        else:
+            pace[OFFSET] += pace[RATE] * left + 0.5 * change * left * left
+            pace[RATE] = max(pace[RATE] + change * left, 0.0)
+            left = 0.0
+    if counts[NODE] >= last:
+        counts[STATE] = STOPPED
+        return 0.0
+    return change
+
+
+@kernel
+def _between(
+    begin: FloatArray,
+    end: FloatArray,
+    pace: FloatArray,
+    change: float,
+    step_s: float,
+    head: FloatArray,
+) -> None:
+    """Evaluate the quintic between two nodes, at the rate and its change."""
+    h, rate = step_s, pace[RATE]
+    x = pace[OFFSET] / h
+    for j in range(head.shape[1]):
+        v0, v1 = h * begin[V, j], h * end[V, j]
+        a0, a1 = h * h * begin[A, j], h * h * end[A, j]
+        rest = end[Q, j] - begin[Q, j] - v0 - 0.5 * a0
+        slope, bend = v1 - v0 - a0, a1 - a0
+        c3 = 10.0 * rest - 4.0 * slope + 0.5 * bend
+        c4 = -15.0 * rest + 7.0 * slope - bend
+        c5 = 6.0 * rest - 3.0 * slope + 0.5 * bend
+        head[Q, j] = begin[Q, j] + x * (v0 + x * (0.5 * a0 + x * (c3 + x * (c4 + x * c5))))
+        speed = (v0 + x * (a0 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))) / h
+        curve = (a0 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))) / (h * h)
+        head[V, j] = speed * rate
+        head[A, j] = curve * rate * rate + speed * change

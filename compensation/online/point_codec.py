@@ -1,0 +1,126 @@
+"""The bytes between a client that sends points and the socket server; no input and output here.
+
+One line of JSON each way, then frames:
+
+    server   {"protocol": "rid-daq points 1", "joints": [...], "cycle_time_s": ..., "buffer": ...}
+    client   {"protocol": "rid-daq points 1"}
+    client   frames: a count (unsigned 32 bits), then count x joints doubles, point by point, all
+             little endian; a count of 0 is the end of the path, at rest
+    server   {"points": ..., "error": null or "..."} when the motion is over, and closes
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import struct
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import ProtocolError
+
+PROTOCOL: Final = "rid-daq points 1"
+MOST_POINTS: Final = 4096
+LONGEST_LINE: Final = 1024
+_COUNT: Final = struct.Struct("<I")
+
+
+def greeting(joint_names: Sequence[str], cycle_time_s: float, buffer: int) -> bytes:
+    """Return the server's first line.
+
+    Parameters
+    ----------
+    joint_names : sequence of str
+        Base to flange: the order of a point's numbers.
+    cycle_time_s : float
+        Time between points [s].
+    buffer : int
+        How many points the robot is behind the client, once it moves.
+    """
+    return _line(
+        {
+            "protocol": PROTOCOL,
+            "joints": list(joint_names),
+            "cycle_time_s": cycle_time_s,
+            "buffer": buffer,
+        }
+    )
+
+
+def farewell(points: int, error: str) -> bytes:
+    """Return the server's last line: how many points were taken, and what went wrong."""
+    return _line({"points": points, "error": error or None})
+
+
+def _line(document: dict[str, object]) -> bytes:
+    return json.dumps(document).encode() + b"\n"
+
+
+class PointDecoder:
+    """Turns a client's bytes into points.
+
+    Parameters
+    ----------
+    joints : int
+        Numbers in a point.
+
+    Attributes
+    ----------
+    ended : bool
+        Whether the client has announced the end.
+    """
+
+    def __init__(self, joints: int) -> None:
+        self._point_bytes = 8 * joints
+        self._joints = joints
+        self._greeted = False
+        self._bytes = bytearray()
+        self.ended = False
+
+    def decode(self, data: bytes) -> FloatArray:
+        """Take more bytes; return the points that are complete, shape (any, joints).
+
+        Raises
+        ------
+        ProtocolError
+            The client speaks another protocol, or goes on after the end.
+        """
+        self._bytes += data
+        if not self._greeted and not self._greet():
+            return np.empty((0, self._joints))
+        frames = []
+        while len(self._bytes) >= _COUNT.size:
+            if self.ended:
+                raise ProtocolError("the client sent something after the end of its path")
+            (count,) = _COUNT.unpack_from(self._bytes)
+            if count > MOST_POINTS:
+                raise ProtocolError(
+                    f"the client announced a frame of {count} points, {MOST_POINTS} are the most"
+                )
+            size = _COUNT.size + count * self._point_bytes
+            if len(self._bytes) < size:
+                break
+            self.ended = count == 0
+            frames.append(bytes(self._bytes[_COUNT.size : size]))
+            del self._bytes[:size]
+        return np.frombuffer(b"".join(frames), dtype="<f8").reshape(-1, self._joints)
+
+    def _greet(self) -> bool:
+        end = self._bytes.find(b"\n")
+        if end < 0 and len(self._bytes) <= LONGEST_LINE:
+            return False
+        said = None
+        if 0 <= end <= LONGEST_LINE:
+            with contextlib.suppress(ValueError, RecursionError):
+                said = json.loads(self._bytes[:end])
+        if not isinstance(said, dict) or said.get("protocol") != PROTOCOL:
+            raise ProtocolError(
+                f'the client does not speak this protocol: its first line must be {{"protocol":'
+                f' "{PROTOCOL}"}}'
+            )
+        del self._bytes[: end + 1]
+        self._greeted = True
+        return True

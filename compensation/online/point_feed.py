@@ -1,0 +1,173 @@
+"""Points into the ring: held against collisions first, waiting where it is full."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Final
+
+import numpy as np
+
+from acquisition.motion.collision import ROWS_AT_ONCE, refuse_collision
+from compensation.online.point_ring import PointRing, PointsFailed
+from config.arrays import FloatArray
+from config.errors import ConfigError, PreflightError, RidDaqError
+from config.robot.bodies import Workspace
+from config.robot.robot import RobotDescription
+from dynamics.geometry.clearances import Clearances
+
+PAUSE_S: Final = 0.001
+
+
+class PointGate:
+    """Lets points through that keep the robot off itself and its surroundings.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        Its bodies.
+    workspace : Workspace
+        What stands around it.
+    step_s : float
+        Time between points [s].
+    """
+
+    def __init__(self, robot: RobotDescription, workspace: Workspace, step_s: float) -> None:
+        self._clearances = Clearances.of(robot, workspace)
+        self._step_s = step_s
+        self._first: FloatArray | None = None
+
+    def check(self, points: FloatArray) -> None:
+        """Refuse points where two bodies come too close.
+
+        Raises
+        ------
+        PreflightError
+            Two do; the text names them.
+        """
+        numbers = np.isfinite(points).all(axis=1)
+        points = points[: len(points) if numbers.all() else int(np.argmin(numbers))]
+        if len(self._clearances) == 0 or len(points) == 0:
+            return
+        if self._first is None:
+            self._first = points[:1].copy()
+        # What is too close where the path begins may stay as close: it counts every time.
+        rows = np.concatenate([self._first, points])
+        refuse_collision(self._clearances, rows, self._step_s, "the path")
+
+
+def feed(
+    ring: PointRing,
+    gate: PointGate,
+    batches: Iterable[FloatArray],
+    given_up: Callable[[], bool] = lambda: False,
+) -> None:
+    """Write all batches of points, shape (any, joints), into a ring, and announce the end.
+
+    Blocks while the ring is full. What goes wrong is said in the ring: the robot is then stopped on
+    the points that it has.
+
+    Parameters
+    ----------
+    ring : PointRing
+        The ring.
+    gate : PointGate
+        What points have to pass.
+    batches : iterable of ndarray
+        One point, shape (joints,), or several at a time, shape (any, joints).
+    given_up : callable
+        Whether to leave.
+    """
+    try:
+        for batch in batches:
+            points = np.atleast_2d(np.asarray(batch, dtype=np.float64))
+            if points.ndim != 2 or points.shape[1] != ring.joints:
+                ring.fail(
+                    PointsFailed.REFUSED,
+                    f"points of the shape {np.shape(batch)} came, {ring.joints} joints are needed",
+                )
+                return
+            for first in range(0, len(points), ROWS_AT_ONCE):
+                if not _put(ring, gate, points[first : first + ROWS_AT_ONCE], given_up):
+                    return
+    except PreflightError as error:
+        ring.fail(PointsFailed.REFUSED, str(error))
+    except RidDaqError as error:
+        ring.fail(PointsFailed.LOST, str(error))
+    except Exception as error:
+        ring.fail(PointsFailed.LOST, f"the source of the points failed: {error!r}")
+        raise
+    else:
+        ring.end()
+
+
+def _put(
+    ring: PointRing, gate: PointGate, points: FloatArray, given_up: Callable[[], bool]
+) -> bool:
+    gate.check(points)
+    sent = ring.write(points)
+    while sent < len(points):
+        if given_up() or ring.concluded:
+            return False
+        time.sleep(PAUSE_S)
+        sent += ring.write(points[sent:])
+    return True
+
+
+class PointFeed:
+    """Feeds a ring from an iterator in a thread of its own; a context manager.
+
+    Parameters
+    ----------
+    ring, gate, batches
+        As for `feed`.
+    """
+
+    def __init__(self, ring: PointRing, gate: PointGate, batches: Iterable[FloatArray]) -> None:
+        self._ring = ring
+        self._error: Exception | None = None
+        self._thread = threading.Thread(
+            target=self._run, args=(gate, batches), name="rid-daq points", daemon=True
+        )
+
+    def _run(self, gate: PointGate, batches: Iterable[FloatArray]) -> None:
+        try:
+            feed(self._ring, gate, batches)
+        except Exception as error:  # the user's own iterator: its error is told at the end
+            self._error = error
+
+    def __enter__(self) -> PointFeed:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ring.conclude("the motion is over")
+        self._thread.join(10.0 * PAUSE_S)
+
+    def wait(self, points: int, patience_s: float) -> None:
+        """Wait until so many points have come, or no more will.
+
+        Raises
+        ------
+        ConfigError
+            The iterator failed before the first point.
+        """
+        wait_for_points(self._ring, points, patience_s)
+        if self._error is not None and self._ring.written == 0:
+            raise ConfigError(f"no points: {self._ring.failure}") from self._error
+
+
+def wait_for_points(
+    ring: PointRing,
+    points: int,
+    patience_s: float,
+    given_up: Callable[[], bool] = lambda: False,
+) -> bool:
+    """Wait until so many points have come or no more will; return False after the patience."""
+    until_s = time.monotonic() + patience_s
+    while ring.written < points and not ring.closed:
+        if given_up() or time.monotonic() > until_s:
+            return False
+        time.sleep(PAUSE_S)
+    return True

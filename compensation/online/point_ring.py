@@ -1,0 +1,164 @@
+"""`PointRing`: points of a path on their way to the cyclic task, through shared memory, no lock.
+
+One process writes (a file's reader, an iterator's thread, the socket server), one reads. Each
+counter has one writer and is stored with one aligned 64-bit store after what it announces, as in
+`acquisition.task.ring`. A full ring takes nothing: who writes has to wait, which is the
+back-pressure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum
+from multiprocessing import get_context
+from typing import Any, Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from dynamics.geometry.kinematics import IntArray
+
+WRITTEN: Final = 0  # counters, each in a cache line of its own
+READ: Final = 8
+TOTAL: Final = 16
+FAILED: Final = 24
+CONCLUDED: Final = 32
+_WORDS, _TEXT_BYTES = 40, 1024
+_HEADER_BYTES = 8 * _WORDS + 2 * _TEXT_BYTES
+
+
+class PointsFailed(IntEnum):
+    """Why no more points will come, before the end was announced."""
+
+    NO = 0
+    LOST = 1
+    REFUSED = 2
+
+
+class PointRing:
+    """Rows of joint positions in shared memory; made by `create`, handed to processes.
+
+    Parameters
+    ----------
+    memory : ctypes array
+        Shared memory of the header and `capacity` rows.
+    joints : int
+        Joints in a point.
+    capacity : int
+        Points that fit.
+    """
+
+    def __init__(self, memory: Any, joints: int, capacity: int) -> None:
+        self._memory = memory
+        self.joints = joints
+        self.capacity = capacity
+        view = memoryview(memory).cast("B")
+        self.counters: IntArray = np.frombuffer(view, dtype=np.int64, count=_WORDS)
+        self._text = view[8 * _WORDS : 8 * _WORDS + _TEXT_BYTES]
+        self._verdict = view[8 * _WORDS + _TEXT_BYTES : _HEADER_BYTES]
+        rows = np.frombuffer(view, dtype=np.float64, offset=_HEADER_BYTES)
+        self.rows: FloatArray = rows.reshape(capacity, joints)
+
+    @classmethod
+    def create(cls, joints: int, capacity: int) -> PointRing:
+        """Return an empty ring in fresh shared memory.
+
+        Raises
+        ------
+        ConfigError
+            It would hold nothing.
+        """
+        if capacity < 1 or joints < 1:
+            raise ConfigError(f"a buffer of {capacity} points of {joints} joints holds nothing")
+        size = _HEADER_BYTES + 8 * capacity * joints
+        ring = cls(get_context("spawn").RawArray("B", size), joints, capacity)
+        ring.counters[TOTAL] = -1
+        return ring
+
+    def __reduce__(self) -> tuple[Callable[..., PointRing], tuple[Any, int, int]]:
+        return PointRing, (self._memory, self.joints, self.capacity)
+
+    @property
+    def written(self) -> int:
+        """Points written since the start."""
+        return int(self.counters[WRITTEN])
+
+    @property
+    def room(self) -> int:
+        """Points that fit now."""
+        return self.capacity - int(self.counters[WRITTEN] - self.counters[READ])
+
+    @property
+    def ended(self) -> bool:
+        """Whether the writer has announced the end."""
+        return bool(self.counters[TOTAL] >= 0)
+
+    @property
+    def failed(self) -> PointsFailed:
+        """Why no more points will come."""
+        return PointsFailed(int(self.counters[FAILED]))
+
+    @property
+    def closed(self) -> bool:
+        """Whether no more points will come."""
+        return self.ended or bool(self.counters[FAILED])
+
+    @property
+    def failure(self) -> str:
+        """Why, in a sentence; empty where nothing failed."""
+        return _read(self._text)
+
+    @property
+    def taken(self) -> int:
+        """Points that the reader has taken out."""
+        return int(self.counters[READ])
+
+    @property
+    def concluded(self) -> bool:
+        """Whether the motion is over."""
+        return bool(self.counters[CONCLUDED])
+
+    @property
+    def verdict(self) -> str:
+        """Why the motion was over before its end; empty where it came to its end."""
+        return _read(self._verdict)
+
+    def write(self, points: FloatArray) -> int:
+        """Write as many points as fit, shape (points, joints); return how many did."""
+        counters = self.counters
+        written = int(counters[WRITTEN])
+        count = min(len(points), self.capacity - (written - int(counters[READ])))
+        first = written % self.capacity
+        straight = min(count, self.capacity - first)
+        self.rows[first : first + straight] = points[:straight]
+        self.rows[: count - straight] = points[straight:count]
+        counters[WRITTEN] = written + count
+        return count
+
+    def end(self) -> None:
+        """Announce that the path ends with the last point written, at rest."""
+        if not self.closed:
+            self.counters[TOTAL] = self.counters[WRITTEN]
+
+    def fail(self, why: PointsFailed, text: str) -> None:
+        """Say that no more points will come although the path is not at its end."""
+        if not self.closed:
+            _write(self._text, text)
+            self.counters[FAILED] = int(why)
+
+    def conclude(self, verdict: str) -> None:
+        """Say that the motion is over, and why where it did not come to its end."""
+        if not self.concluded:
+            _write(self._verdict, verdict)
+            self.counters[CONCLUDED] = 1
+
+
+def _write(place: memoryview, text: str) -> None:
+    clipped = text.encode().replace(b"\0", b"?")[: _TEXT_BYTES - 1]
+    clipped = clipped.decode(errors="ignore").encode()
+    place[: len(clipped)] = clipped
+
+
+def _read(place: memoryview) -> str:
+    return bytes(place).split(b"\0", 1)[0].decode(errors="replace")

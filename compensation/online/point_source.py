@@ -1,0 +1,360 @@
+"""`PointSource`: points of a path in, set-points with their compensation out, once a cycle."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from acquisition.motion.samples import Phase
+from acquisition.task.set_points import SetPoint
+from acquisition.task.stop_reason import StopCode, StopReason
+from compensation.online.online import OnlineFeedforward
+from compensation.online.online_kernel import (
+    CARRIED,
+    COUNTS,
+    DELAY,
+    DOUBTED,
+    DOUBTS,
+    FADE,
+    HEAD,
+    HOLD,
+    INDEX,
+    LARGE,
+    LATEST,
+    LIMITED,
+    PACE,
+    RESTED,
+    next_set_point,
+)
+from compensation.online.path_kernels import (
+    ALLOWED,
+    ARRIVED,
+    BEFORE,
+    CLOSED,
+    FAST,
+    FOUND,
+    HEAVY,
+    HIGH,
+    HORIZON,
+    JERKED,
+    KNOWN,
+    LOW,
+    NODE,
+    NODE_ROWS,
+    NOT_FINITE,
+    OPEN,
+    POSITION,
+    REFUSED,
+    SAFE,
+    SPARE,
+    STATE,
+    TAKEN,
+    TAU,
+    TORQUE,
+    WHICH,
+    WHOSE,
+    WHY,
+    plan_stop,
+    take_points,
+)
+from compensation.online.point_ring import READ, PointRing, PointsFailed
+from config.arrays import FloatArray, PhaseArray
+from config.errors import ConfigError, DriverError
+
+BUFFER_S: Final = 1.0
+FEWEST_NODES: Final = 64
+MOST_NODES: Final = 2048
+FADE_S: Final = 0.1
+DOUBT_S: Final = 0.5
+PREFILL_PATIENCE_S: Final = 10.0
+STALL_PATIENCE_S: Final = 2.0
+PAUSE_S: Final = 0.0005
+LONGEST_STREAM_S: Final = 3600.0
+
+_WHAT: Final = {
+    POSITION: ("position", ""),
+    FAST: ("speed", "/s"),
+    JERKED: ("acceleration", "/s^2"),
+}
+
+
+class PointSource:
+    """A `SetPointSource` that follows streamed points with the on-line compensation.
+
+    Parameters
+    ----------
+    feedforward : OnlineFeedforward
+        Model, loops, limits.
+    ring : PointRing
+        Where the points come from.
+    compensated : bool
+        False for plain velocity feedforward: to compare with.
+    phase : ndarray of uint8, shape (points,), optional
+        `Phase` of each point; `Phase.MAIN` where none is given.
+    samples_per_period : int, optional
+        Where the points are of a periodic motion.
+    buffer_s : float
+        How much of the path is taken in ahead, at least 64 points; the robot has to come to rest
+        within that when nothing more comes [s].
+    prefill_patience_s : float
+        How long `prepare` waits for points to begin with [s, wall clock].
+    stall_patience_s : float
+        How long time stands still for points, on a cell in lock-step [s, wall clock].
+    """
+
+    def __init__(
+        self,
+        feedforward: OnlineFeedforward,
+        ring: PointRing,
+        *,
+        compensated: bool = True,
+        phase: PhaseArray | None = None,
+        samples_per_period: int | None = None,
+        buffer_s: float = BUFFER_S,
+        prefill_patience_s: float = PREFILL_PATIENCE_S,
+        stall_patience_s: float = STALL_PATIENCE_S,
+    ) -> None:
+        n = len(feedforward.robot.joints)
+        if ring.joints != n:
+            raise ConfigError(f"points of {ring.joints} joints for a robot that has {n}")
+        self._feedforward = feedforward
+        self._ring = ring
+        self._compensated = compensated
+        self._phase = phase
+        self._samples_per_period = samples_per_period
+        self._buffer = buffer_points(buffer_s, feedforward.cycle_time_s)
+        self._prefill_patience_s = prefill_patience_s
+        self._stall_patience_s = stall_patience_s
+        self._row = -1
+        self._late = 0
+        self._shown_at_rest = False
+
+    @property
+    def samples_per_period(self) -> int | None:
+        """Rows of one period where the motion is periodic."""
+        return self._samples_per_period
+
+    @property
+    def rows_expected(self) -> int:
+        """As many as there are points, where their number is known."""
+        if self._phase is not None:
+            return len(self._phase)
+        return round(LONGEST_STREAM_S / self._feedforward.cycle_time_s)
+
+    @property
+    def period_ends(self) -> Mapping[int, int]:
+        """None: what is streamed is driven to its end."""
+        return {}
+
+    @property
+    def stop(self) -> StopReason | None:
+        """Why the path was left before its end; None where it was driven to its end."""
+        if self._counts[STATE] == ARRIVED:
+            return None
+        if self._counts[CLOSED] == REFUSED:
+            return self._refusal()
+        at = f" The robot was brought to rest on its path, at point {self._point(NODE)}."
+        if self._ring.failed is not PointsFailed.NO:
+            refused = self._ring.failed is PointsFailed.REFUSED
+            code = StopCode.POINTS_REFUSED if refused else StopCode.POINTS_LOST
+            return StopReason(code, f"{self._ring.failure}.{at}")
+        return StopReason(
+            StopCode.POINTS_LOST,
+            f"no new points came in time: {int(self._ring.counters[READ])} had come.{at} Keep the"
+            " buffer full, and announce the end",
+        )
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the compensation could not do."""
+        counts, notes = self._counts, []
+        if counts[DOUBTS] or counts[LARGE] or self._late:
+            notes.append(
+                "compensation: plain velocity feedforward for a while, since the model's torque was"
+                f" no number {counts[DOUBTS]} times, a correction too large {counts[LARGE]} times,"
+                f" a cycle late {self._late} times"
+            )
+        if counts[LIMITED]:
+            notes.append(f"compensation: torque or speed limited in {counts[LIMITED]} cycles")
+        return notes
+
+    def prepare(self) -> None:
+        """Make room, compile, take in the first points and check them.
+
+        Raises
+        ------
+        DriverError
+            No points, or too few to be stopped on, come.
+        ConfigError
+            The first points are refused.
+        """
+        forward, ring = self._feedforward, self._ring
+        n, step_s = ring.joints, forward.cycle_time_s
+        nodes = self._buffer + SPARE
+        places = forward.delay_cycles + 2
+        self._counts = np.zeros(COUNTS, dtype=np.int64)
+        self._pace = np.zeros(PACE)
+        self._nodes = np.zeros((nodes, NODE_ROWS, n))
+        self._profiles = np.zeros((2, nodes))
+        self._line = np.zeros((places, 4, n))
+        self._state = np.zeros((3, n))
+        self._out, self._head = np.zeros((3, n)), np.zeros((3, n))
+        self._counts[DELAY] = forward.delay_cycles
+        self._counts[RESTED] = -1
+        self._counts[HOLD] = max(1, round(DOUBT_S / step_s))
+        self._counts[FADE] = max(1, round(FADE_S / step_s))
+        if not self._compensated:
+            self._counts[DOUBTED] = np.iinfo(np.int64).max // 2
+        until_s = time.monotonic() + self._prefill_patience_s
+        while True:
+            self._take(nodes)
+            if self._filled or ring.closed or time.monotonic() > until_s:
+                self._take(nodes)
+                break
+            time.sleep(PAUSE_S)
+        if self._counts[CLOSED] == REFUSED and self._counts[KNOWN] < 2 * SPARE:
+            raise ConfigError(f"{self._refusal().text}; nothing was moved")
+        begin = plan_stop(
+            forward.axes, self._nodes, self._counts, self._profiles[0], forward.cycle_time_s
+        )
+        if self._counts[KNOWN] == 0 or begin < 1:
+            why = ring.failure or f"only {int(ring.counters[READ])} came"
+            raise DriverError(
+                f"too few points to begin with: {why}. Send points from rest on, and either so many"
+                " that the robot can be stopped on them, or all and the end; nothing was moved"
+            )
+        self._counts[SAFE] = begin
+        self._counts[HORIZON] = self._counts[KNOWN] - 1
+        at_rest = self._nodes[0, TAU]
+        self._state[[CARRIED, LATEST]] = np.where(np.isfinite(at_rest), at_rest, 0.0)
+        self._line[:, 0] = self._nodes[0, 0]
+        for _ in range(forward.delay_cycles):
+            self._go_on()
+
+    def begin(self, lockstep: bool) -> FloatArray:
+        """Return the pose to begin at."""
+        self._lockstep = lockstep
+        return np.array(self._nodes[0, 0])
+
+    def at(self, row: int) -> SetPoint | None:
+        """Return the set-point of a cycle; None once the robot has come to rest on the path."""
+        if self._lockstep:
+            self._wait_for_points()
+        missed = row - self._row - 1
+        if missed > 0:
+            self._late += 1
+            if self._compensated:
+                self._counts[DOUBTED] = self._counts[HEAD] + self._counts[HOLD]
+        over = False
+        for _ in range(1 + missed):
+            over = self._go_on()
+        self._row = row
+        if over and self._shown_at_rest:
+            return None
+        self._shown_at_rest = over
+        position, velocity, ahead = self._out.tolist()
+        at = int(self._counts[HEAD]) - 1 - int(self._counts[DELAY])
+        node = int(self._line[at % len(self._line), INDEX, 0])
+        point = self._clipped(node - BEFORE)
+        phase = Phase.MAIN if self._phase is None else int(self._phase[point])
+        return SetPoint(position, velocity, ahead, point, phase)
+
+    def _go_on(self) -> bool:
+        forward, ring = self._feedforward, self._ring
+        return bool(
+            next_set_point(
+                ring.counters, ring.rows, forward.torque.arrays, forward.axes, self._nodes,
+                self._profiles, self._line, self._state, self._counts, self._pace, self._head,
+                self._out, forward.cycle_time_s,
+            )
+        )  # fmt: skip
+
+    def _take(self, most: int) -> None:
+        forward, ring = self._feedforward, self._ring
+        take_points(
+            ring.counters, ring.rows, forward.torque.arrays, forward.axes, self._nodes,
+            self._counts, self._pace, forward.cycle_time_s, most,
+        )  # fmt: skip
+
+    @property
+    def _filled(self) -> bool:
+        room = len(self._nodes) - SPARE - (self._counts[TAKEN] - self._counts[NODE])
+        return bool(self._counts[CLOSED] != OPEN or room <= 0)
+
+    def _wait_for_points(self) -> None:
+        """Let simulated time stand still until as many points are known as can be kept."""
+        until_s = time.monotonic() + self._stall_patience_s
+        while not self._filled and not self._ring.failed:
+            waiting = self._ring.written - int(self._ring.counters[READ])
+            if waiting > 0 or self._ring.ended:
+                return
+            if time.monotonic() > until_s:
+                self._stall_patience_s = 0.0
+                return
+            time.sleep(PAUSE_S)
+
+    def _clipped(self, point: int) -> int:
+        return min(max(point, 0), max(int(self._ring.counters[READ]) - 1, 0))
+
+    def _point(self, word: int) -> int:
+        return self._clipped(int(self._counts[word]) - BEFORE)
+
+    def _refusal(self) -> StopReason:
+        counts, pace = self._counts, self._pace
+        joint = self._feedforward.robot.joints[int(counts[WHOSE])]
+        why, point = int(counts[WHY]), int(counts[WHICH])
+        found, allowed = float(pace[FOUND]), float(pace[ALLOWED])
+        base = "rad" if joint.type == "revolute" else "m"
+        where = f"point {point}, joint {joint.name}"
+        limits: dict[str, Any] = {"joint": joint.name, "value": found, "limit": allowed}
+        if why == NOT_FINITE:
+            text = f"{where}: the position is not a number"
+            limits = {"joint": joint.name}
+        elif why == HEAVY:
+            text = (
+                f"{where}: the model asks for a torque of {found:.4g}, the limit is {allowed:.4g}"
+            )
+        else:
+            quantity, per = _WHAT[why]
+            text = (
+                f"{where}: the path takes a {quantity} of {found:.4g} {base}{per}, the limit is"
+                f" {allowed:.4g}"
+            )
+        at = "" if counts[RESTED] < 0 else " The robot was brought to rest on its path before it."
+        return StopReason(StopCode.POINTS_REFUSED, f"{text}.{at}", **limits)
+
+
+def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
+    """Return how many points are kept ahead for a time [s].
+
+    Raises
+    ------
+    ConfigError
+        They would be more than can be kept.
+    """
+    points = max(round(buffer_s / cycle_time_s), FEWEST_NODES)
+    if points > MOST_NODES:
+        raise ConfigError(
+            f"a buffer of {buffer_s:g} s is {points} points, {MOST_NODES} are the most: give less"
+        )
+    return points
+
+
+def compile_stage(feedforward: OnlineFeedforward) -> None:
+    """Compile what the task will run, or load it: in the program, so that the task starts at once.
+
+    Parameters
+    ----------
+    feedforward : OnlineFeedforward
+        Of any robot.
+    """
+    axes = np.array(feedforward.axes)
+    axes[TORQUE] = np.inf
+    ring = PointRing.create(axes.shape[1], FEWEST_NODES)
+    ring.write(np.tile(0.5 * (axes[LOW] + axes[HIGH]), (FEWEST_NODES, 1)))
+    ring.end()
+    PointSource(replace(feedforward, axes=axes), ring).prepare()

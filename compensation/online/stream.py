@@ -1,0 +1,212 @@
+"""Streaming: a path from a planned motion, an iterator or another program, compensated on line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from acquisition.motion.samples import MotionSamples
+from acquisition.session.record import RecordOutcome
+from acquisition.task.set_points import SetPointSource
+from compensation.online.online import OnlineFeedforward
+from compensation.online.point_feed import PointFeed, PointGate, wait_for_points
+from compensation.online.point_ring import PointRing
+from compensation.online.point_server import PointServer, PointService
+from compensation.online.point_source import BUFFER_S, PointSource, buffer_points, compile_stage
+from config.arrays import FloatArray
+from config.cell.cell import CellConfig
+from config.errors import ConfigError, DeviceTimeoutError, PreflightError, TransportError
+
+CLIENT_PATIENCE_S: Final = 60.0
+Record = Callable[[SetPointSource], RecordOutcome]
+
+
+@dataclass(frozen=True)
+class StreamOptions:
+    """How a path is streamed.
+
+    Attributes
+    ----------
+    compensated : bool
+        False for plain velocity feedforward.
+    buffer_s : float
+        How much of the path is taken in ahead [s].
+    patience_s : float
+        How long to wait for the first points [s].
+    """
+
+    compensated: bool = True
+    buffer_s: float = BUFFER_S
+    patience_s: float = CLIENT_PATIENCE_S
+
+
+def stream_motion(
+    cell: CellConfig,
+    feedforward: OnlineFeedforward,
+    samples: MotionSamples,
+    record: Record,
+    options: StreamOptions | None = None,
+) -> RecordOutcome:
+    """Stream a planned motion's positions; its phases and periods stay what they are.
+
+    Parameters
+    ----------
+    cell : CellConfig
+        Cycle and surroundings.
+    feedforward : OnlineFeedforward
+        Model, loops, limits.
+    samples : MotionSamples
+        The motion.
+    record : callable
+        Runs a source: `record_motion` with everything else that it wants.
+    options : StreamOptions, optional
+        How.
+
+    Raises
+    ------
+    PreflightError
+        The motion comes too close to something; nothing was moved.
+    RidDaqError
+        As `record_motion`.
+    """
+    options = options or StreamOptions()
+    if samples.sample_period_s != cell.cycle_time_s:
+        raise ConfigError(
+            f"the motion is sampled every {samples.sample_period_s * 1e3:g} ms, the cell's cycle"
+            f" takes {cell.cycle_time_ms} ms: plan the motion for this cell"
+        )
+    gate = PointGate(feedforward.robot, cell.workspace, cell.cycle_time_s)
+    gate.check(samples.position)
+    compile_stage(feedforward)
+    ring = PointRing.create(len(samples.joint_names), len(samples))
+    ring.write(samples.position)
+    ring.end()
+    return record(
+        PointSource(
+            feedforward,
+            ring,
+            compensated=options.compensated,
+            phase=samples.phase,
+            samples_per_period=samples.samples_per_period,
+            buffer_s=options.buffer_s,
+        )
+    )
+
+
+def stream_points(
+    cell: CellConfig,
+    feedforward: OnlineFeedforward,
+    points: Iterable[FloatArray],
+    record: Record,
+    options: StreamOptions | None = None,
+) -> RecordOutcome:
+    """Stream what an iterator yields: one point or several at a time, at the cell's cycle.
+
+    The iterator runs in a thread of this process and is asked for more whenever there is room. When
+    it ends, the path ends; when it raises or is too slow, the robot is stopped on the path.
+
+    Parameters
+    ----------
+    cell : CellConfig
+        Cycle and surroundings.
+    feedforward : OnlineFeedforward
+        Model, loops, limits.
+    points : iterable of ndarray
+        Joint positions, shape (joints,) or (any, joints) [rad or m], from rest to rest.
+    record : callable
+        Runs a source: `record_motion` with everything else that it wants.
+    options : StreamOptions, optional
+        How.
+
+    Raises
+    ------
+    ConfigError
+        The iterator fails before the first point.
+    RidDaqError
+        As `record_motion`.
+    """
+    options = options or StreamOptions()
+    ring = _ring(cell, feedforward, options)
+    gate = PointGate(feedforward.robot, cell.workspace, cell.cycle_time_s)
+    with PointFeed(ring, gate, points) as fed:
+        fed.wait(ring.capacity, options.patience_s)
+        return _recorded(feedforward, ring, record, options)
+
+
+def stream_socket(
+    cell: CellConfig,
+    feedforward: OnlineFeedforward,
+    path: Path,
+    record: Record,
+    options: StreamOptions | None = None,
+    on_listening: Callable[[], None] = lambda: None,
+) -> RecordOutcome:
+    """Stream what another program sends to a socket.
+
+    Parameters
+    ----------
+    cell : CellConfig
+        Cycle and surroundings.
+    feedforward : OnlineFeedforward
+        Model, loops, limits.
+    path : Path
+        Where the socket is made, in a folder of the user's own.
+    record : callable
+        Runs a source: `record_motion` with everything else that it wants.
+    options : StreamOptions, optional
+        How.
+    on_listening : callable
+        Called once clients can connect.
+
+    Raises
+    ------
+    TransportError
+        No socket can be made.
+    DeviceTimeoutError
+        No client sends points in time.
+    RidDaqError
+        As `record_motion`.
+    """
+    options = options or StreamOptions()
+    ring = _ring(cell, feedforward, options)
+    service = PointService(
+        feedforward.robot,
+        cell.workspace,
+        cell.cycle_time_s,
+        buffer_points(options.buffer_s, cell.cycle_time_s),
+    )
+    with PointServer(path, ring, service) as server:
+        on_listening()
+        came = wait_for_points(ring, ring.capacity, options.patience_s, lambda: server.dead)
+        server.watch()
+        if ring.written == 0:
+            if not came and not ring.failure:
+                raise DeviceTimeoutError(
+                    f"{path}: no client sent points within {options.patience_s:g} s; nothing was"
+                    " moved"
+                )
+            raise TransportError(f"{path}: {ring.failure or 'no points came'}; nothing was moved")
+        return _recorded(feedforward, ring, record, options)
+
+
+def _ring(cell: CellConfig, feedforward: OnlineFeedforward, options: StreamOptions) -> PointRing:
+    compile_stage(feedforward)
+    joints = len(feedforward.robot.joints)
+    return PointRing.create(joints, buffer_points(options.buffer_s, cell.cycle_time_s) // 2)
+
+
+def _recorded(
+    feedforward: OnlineFeedforward, ring: PointRing, record: Record, options: StreamOptions
+) -> RecordOutcome:
+    source = PointSource(
+        feedforward, ring, compensated=options.compensated, buffer_s=options.buffer_s
+    )
+    try:
+        outcome = record(source)
+    except (ConfigError, PreflightError) as error:
+        ring.conclude(str(error))
+        raise
+    ring.conclude("" if outcome.stop is None else outcome.stop.text)
+    return outcome

@@ -1,0 +1,272 @@
+"""`AmplifierProfile`: every string that an amplifier speaks, and the layout of its rows.
+
+Data, so that another device is another file. Also here: what a stream of such rows asks of the
+line, which must be known before a cell can be taken.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
+
+from pydantic import Field, model_validator
+
+from config.cell.plate import CHANNELS, AmplifierConfig
+from config.errors import ConfigError
+from config.model import ConfigModel
+
+BITS_PER_BYTE: Final = 10  # start bit, eight data bits, stop bit
+LINE_LOAD_LIMIT: Final = 0.95
+BAUD_RATES: Final = (
+    9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600, 1_000_000, 2_000_000, 3_000_000,
+)  # fmt: skip
+
+_ROW_FIELDS: Final = ("sequence", "time", "status", "counts", "checksum")
+_EVENT_FIELDS: Final = ("kind", "sequence", "time", "detail", "checksum")
+_HEX_WIDTHS: Final = {"kind": 2, "sequence": 4, "time": 8, "status": 4, "detail": 4, "checksum": 4}
+_BINARY_KINDS: Final = {
+    "kind": "u2", "sequence": "u2", "time": "u4", "status": "u2", "counts": "i2", "detail": "u2",
+    "checksum": "u2",
+}  # fmt: skip
+_PART = re.compile(r"\{(?P<name>[a-z]+):(?P<kind>hex|dec|u|i)(?P<width>\d)\}|(?P<literal>[^{}]+)")
+
+Token = Annotated[str, Field(pattern=r"^[!-~]{1,8}$")]
+Symbol = Annotated[str, Field(pattern=r"^[!-/:-@]$")]
+
+
+class Word(ConfigModel):
+    """A string of the device; `verified` where it was seen in use on a real one, by `source`."""
+
+    text: Token
+    verified: bool = False
+    source: str = ""
+
+    @model_validator(mode="after")
+    def _says_where(self) -> Word:
+        if self.verified and not self.source:
+            raise ValueError(f"{self.text!r} is verified: say in `source` where it was seen")
+        return self
+
+
+class Commands(ConfigModel):
+    """The mnemonic of everything that is asked of an amplifier."""
+
+    operate: Word
+    identify: Word
+    range: Word
+    sensitivity: Word
+    low_pass: Word
+    overload: Word
+    values: Word
+    bits: Word
+    rate: Word
+    format: Word
+    trigger: Word
+    stream: Word
+    time: Word
+
+
+class Events(ConfigModel):
+    """The number of each event that comes between the rows."""
+
+    overload: Annotated[int, Field(ge=0, le=255)]
+    overrun: Annotated[int, Field(ge=0, le=255)]
+    trigger: Annotated[int, Field(ge=0, le=255)]
+    mark: Annotated[int, Field(ge=0, le=255)]
+    stopped: Annotated[int, Field(ge=0, le=255)]
+
+
+class StatusBits(ConfigModel):
+    """Where a row's status says more than the overloads of its channels (bits 0 to 7)."""
+
+    operate: Annotated[int, Field(ge=8, le=15)]
+    overrun: Annotated[int, Field(ge=8, le=15)]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A piece of a row: a literal, or a number `width` characters or bytes wide, `repeat` times."""
+
+    name: str
+    kind: Literal["literal", "hex", "dec", "u", "i"]
+    width: int
+    repeat: int = 1
+    literal: bytes = b""
+
+    @property
+    def size(self) -> int:
+        """Bytes that it takes."""
+        return self.width * self.repeat
+
+
+class FrameTemplates(ConfigModel):
+    """How a row and an event look: literals around ``{name:kind and width}``."""
+
+    row: str = Field(max_length=200)
+    event: str = Field(max_length=200)
+
+
+class AmplifierProfile(ConfigModel):
+    """The strings and rows of one kind of amplifier."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
+    summary: str
+    terminator: Literal["\r", "\n", "\r\n"]
+    query: Symbol
+    channel_separator: Symbol
+    ok: Word
+    error: Word
+    charge_lost: Word
+    commands: Commands
+    errors: dict[str, str]
+    ticks_per_s: Annotated[int, Field(ge=1000, le=1_000_000_000)]
+    ascii: FrameTemplates
+    binary: FrameTemplates
+    status_bits: StatusBits
+    events: Events
+
+    @model_validator(mode="after")
+    def _unambiguous(self) -> AmplifierProfile:
+        words = [word.text for _, word in self.commands]
+        _refuse_twins("commands", words)
+        _refuse_twins("events", [number for _, number in self.events])
+        _refuse_twins("status_bits", [bit for _, bit in self.status_bits])
+        for name in ("ascii", "binary"):
+            row, event = self.row_parts(name), self.event_parts(name)
+            if row[0].literal == event[0].literal:
+                raise ValueError(f"{name}: row and event begin alike: {row[0].literal!r}")
+        return self
+
+    def row_parts(self, form: str) -> tuple[Part, ...]:
+        """Return the parts of a row in the form ``ascii`` or ``binary``, without terminator."""
+        return _parts(self._templates(form).row, form, _ROW_FIELDS)
+
+    def event_parts(self, form: str) -> tuple[Part, ...]:
+        """Return the parts of an event in the form ``ascii`` or ``binary``."""
+        return _parts(self._templates(form).event, form, _EVENT_FIELDS)
+
+    def row_bytes(self, form: str) -> int:
+        """Return what a row takes on the line, with its terminator [bytes]."""
+        return sum(part.size for part in self.row_parts(form)) + self._end(form)
+
+    def event_bytes(self, form: str) -> int:
+        """Return what an event takes on the line, with its terminator [bytes]."""
+        return sum(part.size for part in self.event_parts(form)) + self._end(form)
+
+    def _templates(self, form: str) -> FrameTemplates:
+        return self.binary if form == "binary" else self.ascii
+
+    def _end(self, form: str) -> int:
+        return 0 if form == "binary" else len(self.terminator)
+
+
+def line_load(amplifier: AmplifierConfig, profile: AmplifierProfile, cycle_time_s: float) -> float:
+    """Return which part of the serial line a stream takes, 1 being all of it.
+
+    Rows, and one event a cycle where the SYNC pulse is wired to the trigger input; ten bits a byte.
+    """
+    load_bit_s = BITS_PER_BYTE * (
+        amplifier.rate_hz * profile.row_bytes(amplifier.format)
+        + _event_bytes_s(amplifier, profile, cycle_time_s)
+    )
+    return load_bit_s / amplifier.baud_rate
+
+
+def highest_rate_hz(
+    amplifier: AmplifierConfig, profile: AmplifierProfile, cycle_time_s: float
+) -> float:
+    """Return how many rows a second the line carries at most [1/s]; 0 where it carries none."""
+    room = LINE_LOAD_LIMIT * amplifier.baud_rate / BITS_PER_BYTE
+    room -= _event_bytes_s(amplifier, profile, cycle_time_s)
+    return max(room / profile.row_bytes(amplifier.format), 0.0)
+
+
+def require_line(
+    amplifier: AmplifierConfig, profile: AmplifierProfile, cycle_time_s: float
+) -> float:
+    """Return the line's load; refuse a stream that cannot work.
+
+    Raises
+    ------
+    ConfigError
+        The stream takes more than `LINE_LOAD_LIMIT`; says which rate or baud rate would do.
+    """
+    load = line_load(amplifier, profile, cycle_time_s)
+    if load <= LINE_LOAD_LIMIT:
+        return load
+    ways = []
+    rate_hz = int(highest_rate_hz(amplifier, profile, cycle_time_s))
+    if rate_hz >= 1:
+        ways.append(f"rate_hz {rate_hz} at most")
+    needed = load * amplifier.baud_rate / LINE_LOAD_LIMIT
+    baud_rate = next((rate for rate in BAUD_RATES if rate >= needed), None)
+    if baud_rate is not None:
+        ways.append(f"baud_rate {baud_rate} at least")
+    if amplifier.format == "ascii":
+        binary = amplifier.model_copy(update={"format": "binary"})
+        if line_load(binary, profile, cycle_time_s) <= LINE_LOAD_LIMIT:
+            ways.append("format binary")
+    would_do = ", or ".join(ways) or "nothing on a serial line"
+    raise ConfigError(
+        f"{amplifier.rate_hz:g} rows/s of {profile.row_bytes(amplifier.format)} bytes take"
+        f" {100.0 * load:.0f} % of a line at {amplifier.baud_rate} baud, allowed are"
+        f" {100.0 * LINE_LOAD_LIMIT:.0f} %; would do: {would_do}"
+    )
+
+
+def _event_bytes_s(
+    amplifier: AmplifierConfig, profile: AmplifierProfile, cycle_time_s: float
+) -> float:
+    return profile.event_bytes(amplifier.format) / cycle_time_s if amplifier.trigger else 0.0
+
+
+def _parts(template: str, form: str, names: tuple[str, ...]) -> tuple[Part, ...]:
+    """Take a template apart; a mistake in it is a `ValueError`."""
+    parts: list[Part] = []
+    position = 0
+    for match in _PART.finditer(template):
+        if match.start() != position:
+            break
+        position = match.end()
+        parts.append(_part(match, form))
+    if position != len(template):
+        raise ValueError(f"{form}: {template[position:]!r} of {template!r} is not understood")
+    found = [part.name for part in parts if part.kind != "literal"]
+    if sorted(found) != sorted(names) or found[-1] != "checksum" or parts[-1].name != "checksum":
+        raise ValueError(
+            f"{form}: {template!r} must have each of {', '.join(names)} once, the checksum at its"
+            " end"
+        )
+    if parts[0].kind != "literal":
+        raise ValueError(f"{form}: {template!r} must begin with a literal, to be found by")
+    return tuple(parts)
+
+
+def _part(match: re.Match[str], form: str) -> Part:
+    literal = match["literal"]
+    if literal is not None:
+        data = bytes.fromhex(literal) if form == "binary" else literal.encode("ascii")
+        return Part("", "literal", len(data), literal=data)
+    name, kind, width = match["name"], match["kind"], int(match["width"])
+    repeat = CHANNELS if name == "counts" else 1
+    if form == "binary":
+        if _BINARY_KINDS.get(name) != f"{kind}{width}":
+            raise ValueError(
+                f"binary: {name} is {kind}{width}, must be {_BINARY_KINDS.get(name, 'left out')}"
+            )
+        return Part(name, "i" if kind == "i" else "u", width, repeat)
+    if name == "counts":
+        if kind != "dec" or width < 6:
+            raise ValueError("ascii: counts must be dec6 or wider: a sign and five digits")
+        return Part(name, "dec", width, repeat)
+    if kind != "hex" or _HEX_WIDTHS.get(name) != width:
+        wanted = f"hex{_HEX_WIDTHS[name]}" if name in _HEX_WIDTHS else "left out"
+        raise ValueError(f"ascii: {name} is {kind}{width}, must be {wanted}")
+    return Part(name, "hex", width, repeat)
+
+
+def _refuse_twins(what: str, values: list[str] | list[int]) -> None:
+    twins = sorted({str(value) for value in values if values.count(value) > 1})  # type: ignore[arg-type]
+    if twins:
+        raise ValueError(f"{what}: {', '.join(twins)} stands for two things")

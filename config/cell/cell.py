@@ -1,0 +1,233 @@
+"""`CellConfig`: which device on which bus, at which address, within which limits."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from config.cell.monitor import MonitorConfig
+from config.cell.plate import PlateConfig
+from config.model import ConfigModel
+from config.robot.bodies import Workspace
+from config.robot.robot import NonNegative, Positive
+
+Milliseconds = Annotated[int, Field(gt=0, le=65535)]
+LONGEST_SILENCE_MS = 100
+Unsigned32 = Annotated[int, Field(ge=0, lt=2**32)]
+
+
+class CanBusConfig(ConfigModel):
+    """A CAN bus by python-can's names: any interface that python-can knows."""
+
+    interface: str
+    channel: str
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
+
+
+class DeviceIdentity(ConfigModel):
+    """What 1018h of a drive must answer; what is left out is not compared.
+
+    Of `revision` the upper 16 bits are: the lower ones change without the drive's behaviour.
+    """
+
+    vendor: Unsigned32 | None = None
+    product: Unsigned32 | None = None
+    revision: Unsigned32 | None = None
+
+
+class DriveAxis(ConfigModel):
+    """One CiA 402 drive and the joint that it moves.
+
+    `direction` is -1 where positive drive counts turn the joint backwards. `velocity_unit` is the
+    vendor's unit of 60FFh and 606Ch. `position_zero_counts` is 6064h at joint position zero.
+
+    `eds` is the path of the drive's electronic data sheet (EDS or DCF), relative to the cell file:
+    the drive must have the objects that are used, by its sheet, and must be the one that the sheet
+    is of. `identity` says what the drive must be where the sheet says something else, or without
+    one.
+    """
+
+    joint: str
+    node_id: Annotated[int, Field(ge=1, le=126)]
+    direction: Literal[1, -1] = 1
+    velocity_unit: Literal["increments_per_s", "rpm", "0.1rpm"] = "increments_per_s"
+    position_zero_counts: Annotated[int, Field(ge=-(2**31), lt=2**31)] = 0
+    eds: str | None = Field(default=None, min_length=1)
+    identity: DeviceIdentity | None = None
+
+
+class DriveSafety(ConfigModel):
+    """What every drive is told, and read back from it, before motion.
+
+    The heartbeat consumer (1016h) with abort connection (6007h) is what stops the drive when
+    this computer dies; `allow_drive_without_watchdog` names the drives (node ids) that may run
+    without it. With `trip_watchdog_with_power` the preflight switches the drives on, at rest, and
+    withholds this computer's heartbeat until each has stopped by itself; without it, it does so
+    without power and sees their emergency message.
+
+    Numbers with which an axis would not stop in time, or not within its range, are refused by what
+    the drive reads back: see the preflight's lines on a stop and on rest after a fault.
+
+    On a cell that is not simulated neither heartbeat's time-out may be longer than 100 ms: for as
+    long a robot goes on after this computer, or a drive, has died.
+    """
+
+    master_node_id: Annotated[int, Field(ge=1, le=127)] = 127
+    master_heartbeat_ms: Milliseconds = 25
+    master_heartbeat_timeout_ms: Milliseconds = 80
+    drive_heartbeat_ms: Milliseconds = 50
+    drive_heartbeat_timeout_ms: Milliseconds = 100
+    abort_connection: Literal[1, 2, 3] = 3
+    quick_stop_option: Literal[1, 2, 5, 6] = 2
+    fault_reaction_option: Literal[0, 1, 2] = 2
+    quick_stop_deceleration_rad_s2: Positive
+    following_error_rad: Positive
+    following_error_timeout_ms: Annotated[int, Field(ge=0, le=65535)] = 20
+    torque_limit_fraction: Annotated[float, Field(gt=0.0, le=6.5)] = 3.0
+    allow_drive_without_watchdog: tuple[int, ...] = ()
+    trip_watchdog_with_power: bool = False
+
+    @model_validator(mode="after")
+    def _beats_within_timeouts(self) -> DriveSafety:
+        if self.master_heartbeat_ms * 2 > self.master_heartbeat_timeout_ms:
+            raise ValueError("master_heartbeat_ms must be at most half master_heartbeat_timeout_ms")
+        if self.drive_heartbeat_ms * 2 > self.drive_heartbeat_timeout_ms:
+            raise ValueError("drive_heartbeat_ms must be at most half drive_heartbeat_timeout_ms")
+        if self.trip_watchdog_with_power and self.abort_connection == 1:
+            raise ValueError(
+                "trip_watchdog_with_power would leave the drives in fault: abort_connection is 1"
+            )
+        return self
+
+
+class Supervision(ConfigModel):
+    """When the cyclic task stops the motion by itself.
+
+    `missed_frames_limit` and `late_cycles_limit` count in a row; `late_answers_limit` counts the
+    cycles, of the last 100, whose drives' answers came after their cycle. `second_answers_limit`
+    counts the cycles, of the last 100, in which a drive's identifier answered more than once;
+    answers of one cycle that differ are not used and count as missing besides.
+
+    A stuck encoder stands still for `stuck_encoder_cycles` while more than
+    `stuck_encoder_velocity_rad_s` is commanded; or while less is, and the torque has changed by
+    `stuck_encoder_torque_fraction` of the joint's limit since it stands: stiction gives way before.
+
+    Following error: `following_error_min_rad` at standstill, growing with the commanded speed by
+    `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR). As far beyond its
+    position limit, and a twentieth of its range at most, a joint may be found.
+    """
+
+    missed_frames_limit: Annotated[int, Field(ge=1)] = 3
+    late_cycles_limit: Annotated[int, Field(ge=1)] = 3
+    late_by_cycles_limit: Annotated[float, Field(gt=0.0)] = 2.0
+    late_answers_limit: Annotated[int, Field(ge=1, le=100)] = 3
+    second_answers_limit: Annotated[int, Field(ge=1, le=100)] = 20
+    following_error_min_rad: Positive = 0.02
+    following_error_per_velocity_s: NonNegative = 0.1
+    stuck_encoder_cycles: Annotated[int, Field(ge=2)] = 5
+    stuck_encoder_velocity_rad_s: Positive = 0.05
+    stuck_encoder_torque_fraction: Annotated[float, Field(gt=0.0, le=2.0)] = 0.35
+    limit_margin_fraction: Annotated[float, Field(ge=0.0, le=0.5)] = 0.1
+
+
+class ButterworthFilter(ConfigModel):
+    """The analog anti-alias filter before the drives' torque converters."""
+
+    order: Annotated[int, Field(ge=1, le=12)]
+    cutoff_hz: Positive
+
+
+class CellConfig(ConfigModel):
+    """A cell: one robot, its drives, their bus, its force plate, the cycle, and the limits held.
+
+    `monitor` is a second way to the drives (Modbus), for temperatures and nominal data.
+
+    `velocity_loop_band_hz` is where multisines measure the drives' velocity loops: the lowest and
+    the highest frequency.
+
+    `exchange` says what a cycle carries for each axis: `full`, two frames of 8 bytes; `trimmed`, 4
+    bytes there (velocity) and 6 back (position and torque), so that a fourth axis fits into 1 ms at
+    1 Mbit/s. Controlword and statusword then go in frames of their own, when they change and a few
+    times a second.
+
+    `robot` and `plant` name a bundled file or give a path relative to the cell file. A cell with
+    `simulated: true` gets its mock hardware started by the command that needs it.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
+    robot: str
+    simulated: bool = False
+    plant: str | None = None
+    cycle_time_ms: Annotated[int, Field(ge=1, le=100)]
+    can: CanBusConfig
+    axes: tuple[DriveAxis, ...] = Field(min_length=1, max_length=16)
+    position_gain_per_s: Annotated[float, Field(gt=0.0, le=200.0)]
+    drive_safety: DriveSafety
+    exchange: Literal["full", "trimmed"] = "full"
+    supervision: Supervision = Supervision()
+    torque_filter: ButterworthFilter | None = None
+    velocity_loop_band_hz: tuple[Positive, Positive] | None = None
+    validation_limits_percent: tuple[Positive, ...] | None = None
+    workspace: Workspace = Workspace()
+    plate: PlateConfig | None = None
+    monitor: MonitorConfig | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> CellConfig:
+        nodes = [axis.node_id for axis in self.axes]
+        if len(set(nodes)) != len(nodes):
+            raise ValueError("two axes have the same node_id")
+        if self.drive_safety.master_node_id in nodes:
+            raise ValueError(f"node {self.drive_safety.master_node_id} is the master's own node_id")
+        joints = [axis.joint for axis in self.axes]
+        if len(set(joints)) != len(joints):
+            raise ValueError("two axes move the same joint")
+        if self.simulated and self.plant is None:
+            raise ValueError("a simulated cell needs plant: the file that says what is simulated")
+        self._check_band()
+        limits = self.validation_limits_percent
+        if limits is not None and len(limits) != len(self.axes):
+            raise ValueError(
+                f"validation_limits_percent has {len(limits)} values for {len(self.axes)} axes"
+            )
+        if self.monitor is not None and len(self.monitor.units) != len(self.axes):
+            raise ValueError(
+                f"monitor.units has {len(self.monitor.units)} addresses for {len(self.axes)} axes"
+            )
+        self._check_heartbeats()
+        unknown = set(self.drive_safety.allow_drive_without_watchdog) - set(nodes)
+        if unknown:
+            raise ValueError(f"allow_drive_without_watchdog names unknown nodes {sorted(unknown)}")
+        return self
+
+    def _check_heartbeats(self) -> None:
+        if self.simulated:
+            return
+        safety = self.drive_safety
+        for name, timeout_ms in (
+            ("master_heartbeat_timeout_ms", safety.master_heartbeat_timeout_ms),
+            ("drive_heartbeat_timeout_ms", safety.drive_heartbeat_timeout_ms),
+        ):
+            if timeout_ms > LONGEST_SILENCE_MS:
+                raise ValueError(
+                    f"drive_safety.{name} {timeout_ms}: the robot would go on for so long after"
+                    f" one side has died; at most {LONGEST_SILENCE_MS} on a cell that is not"
+                    " simulated"
+                )
+
+    def _check_band(self) -> None:
+        if self.velocity_loop_band_hz is None:
+            return
+        lowest, highest = self.velocity_loop_band_hz
+        half = 500.0 / self.cycle_time_ms
+        if not lowest < highest < half:
+            raise ValueError(
+                f"velocity_loop_band_hz [{lowest:g}, {highest:g}]: the first must be the smaller,"
+                f" and the second below half the cycle's frequency, {half:g} Hz"
+            )
+
+    @property
+    def cycle_time_s(self) -> float:
+        """The control and SYNC period [s]."""
+        return self.cycle_time_ms / 1000.0

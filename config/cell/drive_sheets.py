@@ -1,0 +1,84 @@
+"""The electronic data sheets that a cell file names, read with the cell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from config.cell.cell import CellConfig, DeviceIdentity
+from config.errors import ConfigError
+from config.formats.bounded_file import read_file
+from config.formats.eds import ElectronicDataSheet, parse_eds
+from config.formats.eds_text import MAX_BYTES
+from config.formats.yaml_tree import YamlTree
+
+Sheets = tuple[ElectronicDataSheet | None, ...]
+
+
+def read_sheets(
+    tree: YamlTree, cell: CellConfig, folder: Path | None, kept: Path | None
+) -> tuple[Sheets, dict[str, bytes]]:
+    """Read the data sheets of a cell's axes, each file once.
+
+    Parameters
+    ----------
+    tree, cell
+        The cell file.
+    folder
+        Where it lies: relative paths begin there.
+    kept
+        The same folder where it is a run's, with copies of the sheets by the names returned here.
+
+    Returns
+    -------
+    tuple
+        One sheet an axis, None where it names none; and the files' bytes by the names that a run
+        folder keeps them under.
+
+    Raises
+    ------
+    ConfigError
+        A file cannot be read, or is no data sheet; the message has file and line.
+    """
+    sheets: list[ElectronicDataSheet | None] = []
+    known: dict[str, ElectronicDataSheet] = {}
+    files: dict[str, bytes] = {}
+    for number, axis in enumerate(cell.axes):
+        if axis.eds is None:
+            sheets.append(None)
+            continue
+        if axis.eds not in known:
+            suffix = ".dcf" if axis.eds.lower().endswith(".dcf") else ".eds"
+            name = f"drive{len(known) + 1}{suffix}"
+            path = Path(axis.eds).expanduser()
+            if folder is not None and not path.is_absolute():
+                path = folder / path
+            if kept is not None and (kept / name).is_file():
+                path = kept / name
+            files[name] = _bytes(path, f"{tree.where(('axes', number, 'eds'))}: axes.{number}.eds")
+            known[axis.eds] = parse_eds(files[name], str(path))
+        sheets.append(known[axis.eds])
+    return tuple(sheets), files
+
+
+def with_identities(cell: CellConfig, sheets: Sheets) -> CellConfig:
+    """Return the cell with what the sheets say of each drive's identity, where it says nothing."""
+    axes = []
+    for axis, sheet in zip(cell.axes, sheets, strict=True):
+        if sheet is None or axis.identity is not None:
+            axes.append(axis)
+            continue
+        identity = DeviceIdentity(
+            vendor=sheet.vendor, product=sheet.product, revision=sheet.revision
+        )
+        axes.append(axis.model_copy(update={"identity": identity}))
+    return cell.model_copy(update={"axes": tuple(axes)})
+
+
+def _bytes(path: Path, where: str) -> bytes:
+    """Return a sheet's bytes."""
+    try:
+        return read_file(path, MAX_BYTES)
+    except OSError as error:
+        raise ConfigError(
+            f"{where}: {path}: cannot read: {error.strerror}; a path is relative to the cell file"
+        ) from None

@@ -1,0 +1,129 @@
+"""`PlateConfig`: the force plate under the robot, and `AmplifierConfig`: what carries its charges.
+
+The channels are fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4, in this order, wherever eight values
+stand in a row.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from config.model import ConfigModel
+from config.robot.robot import Positive, Vector3
+
+CHANNELS: Final = 8
+CHANNEL_NAMES: Final = ("fx12", "fx34", "fy14", "fy23", "fz1", "fz2", "fz3", "fz4")
+WORST_CROSSTALK: Final = 1e3
+
+Eight = Annotated[tuple[float, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
+EightPositive = Annotated[tuple[Positive, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
+SquareMatrix = Annotated[tuple[Eight, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
+ThreePositive = tuple[Positive, Positive, Positive]
+
+
+class AmplifierConfig(ConfigModel):
+    """An eight-channel charge amplifier on a serial line, and how it is to be set.
+
+    `address` is anything that pyserial opens: a device's path, `rfc2217://host:port`,
+    `socket://host:port`. `profile` names a bundled file or gives a path relative to the cell file:
+    the strings and rows that this amplifier speaks. `range_n` is what full scale means on each
+    channel; `sensitivity_pc_n` is the sensors', with its sign, as on their certificate. With
+    `trigger` the SYNC pulse is wired to the amplifier's trigger input: the device time of each
+    edge comes with the rows, and its bytes count on the line.
+    """
+
+    address: str = Field(min_length=1, max_length=256)
+    baud_rate: Annotated[int, Field(ge=300, le=12_000_000)]
+    profile: str = "kistler_style"
+    format: Literal["ascii", "binary"] = "binary"
+    rate_hz: Annotated[float, Field(gt=0.0, le=100_000.0)]
+    low_pass_hz: Positive
+    low_pass_order: Annotated[int, Field(ge=1, le=8)] = 2
+    range_n: EightPositive
+    sensitivity_pc_n: Eight
+    trigger: bool = False
+    bits: Annotated[int, Field(ge=8, le=16)] = 16
+
+    @model_validator(mode="after")
+    def _measurable(self) -> AmplifierConfig:
+        if self.low_pass_hz > self.rate_hz / 2.0:
+            raise ValueError(
+                f"low_pass_hz is {self.low_pass_hz:g}, above half of rate_hz"
+                f" ({self.rate_hz / 2.0:g} Hz): what lies between is folded into the measurement;"
+                " lower it or raise rate_hz"
+            )
+        if 0.0 in self.sensitivity_pc_n:
+            channel = CHANNEL_NAMES[self.sensitivity_pc_n.index(0.0)]
+            raise ValueError(f"sensitivity_pc_n of {channel} is 0: it would measure nothing")
+        return self
+
+    @property
+    def full_scale_counts(self) -> int:
+        """Counts that stand for `range_n`."""
+        return 1 << (self.bits - 1)
+
+    @property
+    def newtons_per_count(self) -> Eight:
+        """Force that one count stands for, per channel [N]."""
+        return tuple(range_n / self.full_scale_counts for range_n in self.range_n)
+
+
+class PlateZero(ConfigModel):
+    """What `rid-daq plate zero` found: each channel's offset and its drift.
+
+    `pose` is where the robot stood at the end of it (rad or m, base to flange), `rest_n` what the
+    channels show there beyond the offset: the moment of gravity.
+    """
+
+    offset_n: Eight
+    drift_n_s: Eight = (0.0,) * CHANNELS
+    pose: tuple[float, ...] = ()
+    rest_n: Eight = (0.0,) * CHANNELS
+
+
+class PlateLimits(ConfigModel):
+    """What the floor may see: the largest force and moment about the base's axes, either sign."""
+
+    force_n: ThreePositive
+    moment_nm: ThreePositive
+
+
+class PlateConfig(ConfigModel):
+    """A force plate of four three-component sensors, as C3D's FORCE_PLATFORM type 3 has it.
+
+    `a_m` and `b_m` are the sensors' distances from the middle along the plate's x and y; `az0_m`
+    is the sensors' plane seen from the surface, negative: the plate's z points down. All three
+    stand on the plate's certificate. `sensitivity` is the crosstalk: channel readings = matrix
+    times sensor forces. `position_m` and `rotation_rad` (roll, pitch, yaw as in a URDF) put the
+    plate's frame, its origin in the middle of the surface, into the robot's base frame. A period
+    in which a channel drifts faster than `drift_limit_n_s` is not averaged.
+    """
+
+    a_m: Positive
+    b_m: Positive
+    az0_m: Annotated[float, Field(le=0.0)]
+    position_m: Vector3
+    rotation_rad: Vector3
+    sensitivity: SquareMatrix | None = None
+    zero: PlateZero | None = None
+    drift_limit_n_s: Positive = 0.5
+    limits: PlateLimits | None = None
+    amplifier: AmplifierConfig
+
+    @model_validator(mode="after")
+    def _plausible(self) -> PlateConfig:
+        if max(self.a_m, self.b_m, -self.az0_m) > 2.0:
+            raise ValueError(
+                f"a_m, b_m and az0_m are metres, they are {self.a_m:g}, {self.b_m:g} and"
+                f" {self.az0_m:g}: a certificate's millimetres must be divided by 1000"
+            )
+        if self.sensitivity is not None:
+            sizes = np.linalg.svd(np.array(self.sensitivity), compute_uv=False)
+            if sizes[-1] * WORST_CROSSTALK < sizes[0]:
+                raise ValueError(
+                    "sensitivity cannot be undone: its rows, one a channel, are not independent"
+                )
+        return self

@@ -1,0 +1,126 @@
+"""JSON text and files to data, without what JSON's readers disagree about.
+
+Refused are numbers that are none (`NaN`, `Infinity`, `1e999`) or that no machine word holds, keys
+that stand twice, half characters, and nesting that ends a reader.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from config.errors import ConfigError
+from config.formats.bounded_file import read_file
+
+M = TypeVar("M", bound=BaseModel)
+
+MAX_DEPTH = 64
+_LONGEST_INTEGER = 20
+_LARGEST_INTEGER = 1 << 63
+
+
+def parse_json(data: bytes | str) -> Any:
+    """Parse one JSON document.
+
+    Raises
+    ------
+    ConfigError
+        The text is not JSON, or uses a part of it that is refused. The message names the key, or
+        line and column, and not the file.
+    """
+    try:
+        text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
+        tree = json.loads(
+            text, parse_int=_integer, parse_constant=float, object_pairs_hook=_without_doubles
+        )
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"not UTF-8 text (byte {error.start}); is it the right file?") from None
+    except json.JSONDecodeError as error:
+        raise ConfigError(
+            f"line {error.lineno}, column {error.colno}: not valid JSON: {error.msg}"
+        ) from None
+    except RecursionError:
+        raise ConfigError(f"not valid JSON: nested more than {MAX_DEPTH} deep") from None
+    _look_through(tree)
+    return tree
+
+
+def read_json_file(path: Path, model: type[M], most_bytes: int, what: str) -> M:
+    """Read a JSON file that this program wrote.
+
+    Parameters
+    ----------
+    path
+        The file.
+    model
+        What stands in it.
+    most_bytes
+        The largest size that such a file can have.
+    what
+        What the file is, for the message, as "a payload of `rid-daq payload identify`".
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or is none; the message has the file and the key.
+    """
+    try:
+        data = read_file(path, most_bytes)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    try:
+        parse_json(data)
+        return model.model_validate_json(data)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: not {what}: {error}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the whole document"
+        raise ConfigError(f"{path}: not {what}: {where}: {first['msg']}") from error
+
+
+def _integer(digits: str) -> int | float:
+    """Return an integer; infinity, which is refused by its key, where it is none to count with."""
+    number = int(digits) if len(digits) <= _LONGEST_INTEGER else math.inf
+    return number if abs(number) < _LARGEST_INTEGER else math.inf
+
+
+def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    members = dict(pairs)
+    if len(members) < len(pairs):
+        double = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise ConfigError(f"the key {double[:80]!r} stands twice in the same place; remove one")
+    return members
+
+
+def _look_through(tree: Any) -> None:
+    """Refuse what is no value, and say where it stands."""
+    waiting: list[tuple[tuple[str, ...], Any]] = [((), tree)]
+    while waiting:
+        path, value = waiting.pop()
+        if len(path) > MAX_DEPTH:
+            raise ConfigError(f"nested more than {MAX_DEPTH} deep")
+        if isinstance(value, dict):
+            for key, child in value.items():
+                _refuse_half_characters(path, key)
+                waiting.append(((*path, key), child))
+        elif isinstance(value, list):
+            waiting.extend(((*path, str(i)), child) for i, child in enumerate(value))
+        elif isinstance(value, str):
+            _refuse_half_characters(path, value)
+        elif isinstance(value, float) and not math.isfinite(value):
+            _refuse(path, "is not a finite number")
+
+
+def _refuse_half_characters(path: tuple[str, ...], text: str) -> None:
+    if not text.isascii() and any("\ud800" <= character <= "\udfff" for character in text):
+        _refuse(path, "is text with half a character (a lone surrogate)")
+
+
+def _refuse(path: tuple[str, ...], problem: str) -> NoReturn:
+    raise ConfigError(f"{'.'.join(path) or 'the whole document'}: {problem}")

@@ -1,0 +1,183 @@
+"""Joint axes as lines in space, to modified Denavit-Hartenberg rows.
+
+Neighbouring axes that are far from parallel get the common normal as x (Khalil and Kleinfinger
+1986); nearly parallel ones get Hayati's angle beta (Hayati 1983), because their common normal may
+lie arbitrarily far away. Both are exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from config.robot.robot import KinematicRow
+
+FloatArray = npt.NDArray[np.float64]
+
+NEARLY_PARALLEL: Final = 0.17  # sine of the angle, about 10 degrees
+_EXACT: Final = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class AxisFrames:
+    """Rows, and where the frames that they lead to are at position zero.
+
+    Attributes
+    ----------
+    origin_m : (3,) array
+        Origin of frame 0 in the root frame; its axes are the root's.
+    rows : tuple of KinematicRow
+        One a joint, modified convention.
+    frames : (n + 1, 4, 4) array
+        Frames 0 to n in the root frame at position zero.
+    """
+
+    origin_m: FloatArray
+    rows: tuple[KinematicRow, ...]
+    frames: FloatArray
+
+
+def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray) -> AxisFrames:
+    """Return the modified rows of a chain of joint axes.
+
+    Frame 0 is the root frame where row 1 can start from it; otherwise it is moved, not turned, to
+    the first axis.
+
+    Parameters
+    ----------
+    points_m : (n, 3) array
+        A point on each axis, in the root frame, all joints at zero; frames are put there where
+        the geometry leaves the choice.
+    directions : (n, 3) array
+        Unit vectors along the axes, in the sense of positive motion.
+    last : (3, 3) array
+        Rotation whose x axis the last frame's x follows as far as it can, in the root frame.
+    """
+    n = len(points_m)
+    origin, x = _on_root(points_m[0], directions[0])
+    frames = np.zeros((n + 1, 4, 4))
+    frames[0] = _frame(np.eye(3), origin)
+    rows: list[KinematicRow] = []
+    place, x_before = origin, x
+    for i in range(n):
+        # From frame i: x_before leads from `place` on axis i to `crossing` on axis i + 1.
+        z = frames[i, :3, 2]
+        crossing, a = _crossing(place, z, x_before, points_m[i], directions[i])
+        if i + 1 < n:
+            foot, x_next = _towards(
+                points_m[i], directions[i], points_m[i + 1], directions[i + 1], x_before
+            )
+        else:
+            foot, x_next = points_m[i], _perpendicular(last[:, 0], directions[i])
+        start = np.column_stack([x_before, np.cross(z, x_before), z])
+        end = np.column_stack([x_next, np.cross(directions[i], x_next), directions[i]])
+        w = start.T @ directions[i]
+        if _sine(z, directions[i]) >= NEARLY_PARALLEL and i > 0:
+            w[0] = 0.0  # x is the common normal
+        alpha, beta = np.arctan2(-w[1], w[2]), np.arctan2(w[0], np.hypot(w[1], w[2]))
+        rest = (_about_x(alpha) @ _about_y(beta)).T @ start.T @ end
+        d = float((foot - crossing) @ directions[i])
+        theta = np.arctan2(rest[1, 0], rest[0, 0])
+        rows.append(
+            KinematicRow(
+                alpha_rad=_clean(alpha),
+                beta_rad=_clean(beta),
+                theta_rad=_clean(theta),
+                a_m=_clean(a),
+                d_m=_clean(d),
+            )
+        )
+        frames[i + 1] = _frame(np.real(end), foot)
+        place, x_before = foot, x_next
+    return AxisFrames(origin, tuple(rows), frames)
+
+
+def _on_root(point: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the origin of frame 0 and its x: the root's where axis 1 crosses the root's x axis."""
+    x = np.array([1.0, 0.0, 0.0])
+    across = direction[1:]
+    length = across @ across
+    nearest = point - direction * ((across @ point[1:]) / length if length > _EXACT else point[0])
+    size = max(1.0, float(np.abs(point).max()))
+    if np.abs(nearest[1:]).max() <= _EXACT * size:
+        return np.zeros(3), x
+    return np.array(point), x
+
+
+def _towards(
+    p: FloatArray, u: FloatArray, p_next: FloatArray, u_next: FloatArray, x_before: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return where a frame sits on its axis (p, u) and its x, which leads to the next axis."""
+    normal = np.cross(u, u_next)
+    sine = float(np.linalg.norm(normal))
+    size = max(1.0, float(np.abs(p).max()), float(np.abs(p_next).max()))
+    if sine < NEARLY_PARALLEL:
+        crossing = p_next - u_next * (((p_next - p) @ u) / (u_next @ u))
+        across = crossing - p
+        length = float(np.linalg.norm(across))
+        if length <= _EXACT * size:
+            return p, _perpendicular(x_before, u)
+        return p, _perpendicular(across / length, u)
+    x = normal / sine
+    between = p_next - p
+    foot = p + u * (np.cross(between, u_next) @ normal / sine**2)
+    distance = float(between @ x)
+    backwards = distance < 0.0 if abs(distance) > _EXACT * size else x @ x_before < -_EXACT
+    return foot, -x if backwards else x
+
+
+def _crossing(
+    place: FloatArray, z: FloatArray, x: FloatArray, p: FloatArray, u: FloatArray
+) -> tuple[FloatArray, float]:
+    """Return the point of axis (p, u) on the line from `place` along x, and how far along it is."""
+    if _sine(z, u) < NEARLY_PARALLEL:
+        crossing = p - u * (((p - place) @ z) / (u @ z))
+        return crossing, float((crossing - place) @ x)
+    # The line along x meets the axis; with x given and not normal to u (the root), solve for both.
+    system = np.column_stack([x, -u])
+    along, back = np.linalg.lstsq(system, p - place, rcond=None)[0]
+    return p + back * u, float(along)
+
+
+def _perpendicular(wanted: FloatArray, u: FloatArray) -> FloatArray:
+    """Return the unit vector normal to u that is closest to the one wanted."""
+    for candidate in (wanted, *np.eye(3)):
+        x = candidate - u * (candidate @ u)
+        length = float(np.linalg.norm(x))
+        if length > 1e-3:
+            x = x / length
+            x = x - u * (x @ u)
+            return np.asarray(x / np.linalg.norm(x))
+    raise AssertionError("an axis cannot be parallel to x, y and z")
+
+
+def _sine(u: FloatArray, w: FloatArray) -> float:
+    return float(np.linalg.norm(np.cross(u, w)))
+
+
+def _frame(rotation: FloatArray, origin: FloatArray) -> FloatArray:
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = rotation, origin
+    return frame
+
+
+def _about_x(angle: float) -> FloatArray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def _about_y(angle: float) -> FloatArray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def _clean(value: float) -> float:
+    """Return a value without rounding's dust: 0 where it is nothing, pi where it is pi."""
+    rounded = round(float(value), 15)
+    for exact in (0.0, np.pi, -np.pi, np.pi / 2.0, -np.pi / 2.0):
+        if abs(value - exact) < 4e-15:
+            return abs(exact) if abs(exact) == np.pi else float(exact)
+    return rounded if abs(rounded) >= _EXACT else 0.0

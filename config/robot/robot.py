@@ -1,0 +1,323 @@
+"""`RobotDescription`: what is known of a robot before anything is measured."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal, Self
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from config.model import ConfigModel
+from config.robot.bodies import Body
+
+Vector3 = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+
+WORST_COUPLING: Final = 1e6
+
+JointType = Literal["revolute", "prismatic"]
+FrictionTerm = Literal[
+    "coulomb",
+    "viscous",
+    "offset",
+    "asymmetric",
+    "cubic",
+    "cube_root",
+    "stribeck",
+    "temperature",
+    "load",
+]
+
+
+class KinematicRow(ConfigModel):
+    """One row of a Denavit-Hartenberg table, angles in rad, lengths in m.
+
+    `theta_rad` (revolute) or `d_m` (prismatic) is the constant that the joint position is added
+    to. `beta_rad` is Hayati's angle for nearly parallel axes (physics: section 1); it exists in the
+    modified convention only.
+    """
+
+    alpha_rad: float = 0.0
+    beta_rad: float = 0.0
+    theta_rad: float = 0.0
+    a_m: float = 0.0
+    d_m: float = 0.0
+
+
+_ROW_FIELDS: Final = tuple(KinematicRow.model_fields)
+
+
+class Kinematics(ConfigModel):
+    """A table of rows, base to flange.
+
+    In the modified convention frame i-1 becomes frame i by
+    Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d), all of row i; in the standard
+    convention by Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha). `calibration` holds, row by row,
+    what a kinematic calibration found to be added to the nominal values.
+    """
+
+    convention: Literal["modified_dh", "standard_dh"]
+    rows: tuple[KinematicRow, ...] = Field(min_length=1)
+    calibration: tuple[KinematicRow, ...] = ()
+
+    @model_validator(mode="after")
+    def _checks(self) -> Kinematics:
+        rows = (*self.rows, *self.calibration)
+        if self.convention == "standard_dh" and any(row.beta_rad for row in rows):
+            raise ValueError("beta_rad exists in the modified_dh convention only")
+        if self.calibration and len(self.calibration) != len(self.rows):
+            raise ValueError(
+                f"calibration has {len(self.calibration)} rows of offsets for {len(self.rows)} rows"
+            )
+        return self
+
+    @property
+    def calibrated_rows(self) -> tuple[KinematicRow, ...]:
+        """The rows with the offsets of a kinematic calibration added."""
+        if not self.calibration:
+            return self.rows
+        return tuple(
+            KinematicRow(
+                **{name: getattr(row, name) + getattr(offset, name) for name in _ROW_FIELDS}
+            )
+            for row, offset in zip(self.rows, self.calibration, strict=True)
+        )
+
+    def modified_rows(self) -> tuple[KinematicRow, ...]:
+        """Return the rows in the modified convention.
+
+        A standard table is shifted by half a row: frame i then sits on axis i, and the last
+        `a_m` and `alpha_rad` (from axis n to the flange) are left out, since no link's motion
+        depends on them.
+        """
+        rows = self.calibrated_rows
+        if self.convention == "modified_dh":
+            return rows
+        before = (KinematicRow(), *rows[:-1])
+        return tuple(
+            KinematicRow(
+                alpha_rad=previous.alpha_rad,
+                a_m=previous.a_m,
+                theta_rad=row.theta_rad,
+                d_m=row.d_m,
+            )
+            for previous, row in zip(before, rows, strict=True)
+        )
+
+
+class JointLimits(ConfigModel):
+    """What a joint must not exceed; rad or m, per second, N m or N at the link side.
+
+    With a `coupling`, position and acceleration are the joint's, torque is its motor's, and
+    velocity bounds both, each on its own side.
+    """
+
+    position_min: float
+    position_max: float
+    velocity: Positive
+    acceleration: Positive
+    torque: Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> JointLimits:
+        if self.position_min >= self.position_max:
+            raise ValueError(
+                f"position_min {self.position_min} must be below position_max {self.position_max}"
+            )
+        return self
+
+
+class Rotor(ConfigModel):
+    """Where a motor's rotor sits and which way it spins (physics: section 3).
+
+    `link` is the carrying link, 0 for the base; `axis` is the spin axis in that link's frame, in
+    the sense in which a positive `gear_ratio` turns for positive joint velocity. A motor may ride
+    on the very link that it moves (`link` equal to its joint's number).
+    """
+
+    link: Annotated[int, Field(ge=0)]
+    axis: Vector3
+
+    @model_validator(mode="after")
+    def _unit_vector(self) -> Rotor:
+        norm = sum(c * c for c in self.axis) ** 0.5
+        if abs(norm - 1.0) > 1e-6:
+            raise ValueError(f"axis must be a unit vector, its length is {norm:.6g}")
+        return self
+
+
+class Joint(ConfigModel):
+    """One joint: its kind, limits, gear and what its model contains.
+
+    `armature` adds the plain inertia mu^2 I_M of a motor whose mounting is not known, at the link
+    side; `rotor` is the better model where it is. `friction` lists the terms of the joint's
+    friction (physics: section 4): `asymmetric` is Coulomb friction of a size for each direction,
+    `stribeck` starts from the speed `stribeck_velocity` [rad/s or m/s], `temperature` lets Coulomb
+    and viscous friction change linearly away from `reference_temperature_k`, `load` grows with the
+    torque that the gear transmits. `efficiency` (0 to 1) is where the estimate of the gear's
+    efficiency starts (5.16, 5.17); without it the gear loses nothing. `torque_constant_nm_per_a` is
+    torque at the link side, gear included, per ampere of the motor, at `reference_temperature_k`;
+    `torque_constant_per_k` is by which share of itself it changes per kelvin (magnets: some -0.001
+    1/K), which drives do not know.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z][\w-]{0,31}$")
+    type: JointType = "revolute"
+    limits: JointLimits
+    gear_ratio: float = 1.0
+    rotor: Rotor | None = None
+    torque_constant_nm_per_a: Positive | None = None
+    torque_constant_per_k: Annotated[float, Field(ge=-0.01, le=0.01)] = 0.0
+    friction: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
+    stribeck_velocity: Positive = 0.05
+    reference_temperature_k: Positive = 298.15
+    armature: bool = False
+    efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+
+    @model_validator(mode="after")
+    def _checks(self) -> Joint:
+        if self.gear_ratio == 0.0:
+            raise ValueError("gear_ratio must not be 0")
+        if len(set(self.friction)) != len(self.friction):
+            raise ValueError("friction names a term twice")
+        for twice in ("coulomb", "offset"):
+            if {"asymmetric", twice} <= set(self.friction):
+                raise ValueError(
+                    f"friction names asymmetric and {twice}, which say the same: asymmetric stands"
+                    " for coulomb and offset together"
+                )
+        if self.efficiency is not None and "load" in self.friction:
+            raise ValueError(
+                "efficiency and the friction term load say the same of a gear: choose one"
+            )
+        if self.armature and self.rotor is not None:
+            raise ValueError("armature and rotor say the same inertia twice: choose one")
+        return self
+
+
+class GravitySpring(ConfigModel):
+    """A gravity-compensation spring across one joint (3.36-3.38), angle zero with the link up.
+
+    `physical` needs the distances `l_m` and `r_m` of the spring's ends from the axis; `fourier`
+    (3.37) fits three harmonics of the angle where they are not known.
+    """
+
+    joint: str
+    form: Literal["physical", "fourier"] = "physical"
+    l_m: Positive | None = None
+    r_m: Positive | None = None
+
+    @model_validator(mode="after")
+    def _needs_distances(self) -> GravitySpring:
+        if self.form == "physical" and (self.l_m is None or self.r_m is None):
+            raise ValueError("a physical spring needs l_m and r_m; form: fourier does without")
+        return self
+
+
+class LinkCad(ConfigModel):
+    """What the drawing says of a link, in its frame (modified convention, frame i on axis i).
+
+    `inertia_kg_m2` is xx, xy, xz, yy, yz, zz about the centre of gravity, elements of the matrix.
+    `uncertainty` is the standard deviation of every value as a share of its size.
+    """
+
+    mass_kg: NonNegative
+    centre_m: Vector3 = (0.0, 0.0, 0.0)
+    inertia_kg_m2: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    uncertainty: Annotated[float, Field(gt=0.0)] = 0.1
+
+    @model_validator(mode="after")
+    def _physical(self) -> Self:
+        xx, xy, xz, yy, yz, zz = self.inertia_kg_m2
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        slack = 1e-6 * abs(moments[2])
+        if moments[0] < -slack or moments[0] + moments[1] < moments[2] - slack:
+            raise ValueError(
+                f"inertia_kg_m2 has the principal moments {', '.join(f'{m:.4g}' for m in moments)}:"
+                " none may be negative, nor larger than the other two together; check the order"
+                " xx, xy, xz, yy, yz, zz and the signs"
+            )
+        return self
+
+
+class RobotDescription(ConfigModel):
+    """A serial robot: kinematics, joints, rotors, spring, gravity. Inertias are measured.
+
+    `coupling` is C of q = C alpha (5.18), for wrists whose motors move several joints: alpha are
+    the motors' angles over their gear ratios. `cad` is what the drawings say of the links, base to
+    flange; it is a prior, never a result. `bodies` is the space that the links take.
+    `base_offset_m` is the origin of frame 0 in the frame of the whole robot, whose axes it has;
+    `tool_rpy_rad` turns the tool's frame against the last one's (roll, pitch, yaw as in a URDF).
+    Both matter to exports alone.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
+    gravity_m_s2: Vector3 = (0.0, 0.0, -9.81)
+    base_offset_m: Vector3 = (0.0, 0.0, 0.0)
+    kinematics: Kinematics
+    tool_offset_m: Vector3 = (0.0, 0.0, 0.0)
+    tool_rpy_rad: Vector3 = (0.0, 0.0, 0.0)
+    joints: tuple[Joint, ...] = Field(min_length=1)
+    spring: GravitySpring | None = None
+    coupling: tuple[tuple[float, ...], ...] | None = None
+    cad: tuple[LinkCad, ...] | None = None
+    bodies: tuple[Body, ...] = ()
+
+    @field_validator("coupling")
+    @classmethod
+    def _both_ways(
+        cls, coupling: tuple[tuple[float, ...], ...] | None, others: ValidationInfo
+    ) -> tuple[tuple[float, ...], ...] | None:
+        n = len(others.data.get("joints", ()))
+        if coupling is None or not n:
+            return coupling
+        if [len(row) for row in coupling] != [n] * n:
+            raise ValueError(f"coupling must have {n} rows of {n} numbers, one a joint")
+        if np.linalg.cond(np.array(coupling)) > WORST_COUPLING:
+            raise ValueError("coupling cannot be inverted: q = C alpha must hold both ways")
+        return coupling
+
+    @field_validator("cad")
+    @classmethod
+    def _a_drawing_a_link(
+        cls, cad: tuple[LinkCad, ...] | None, others: ValidationInfo
+    ) -> tuple[LinkCad, ...] | None:
+        n = len(others.data.get("joints", ()))
+        if cad is not None and n and len(cad) != n:
+            raise ValueError(f"cad has {len(cad)} links for {n} joints: list one a joint")
+        return cad
+
+    @model_validator(mode="after")
+    def _fits_joints(self) -> RobotDescription:
+        n = len(self.joints)
+        for body in self.bodies:
+            if body.link > n:
+                raise ValueError(f"a body sits on link {body.link} of {n}")
+        return self
+
+    @model_validator(mode="after")
+    def _consistent(self) -> RobotDescription:
+        if len(self.kinematics.rows) != len(self.joints):
+            raise ValueError(
+                f"kinematics has {len(self.kinematics.rows)} rows for {len(self.joints)} joints"
+            )
+        names = self.joint_names
+        if len(set(names)) != len(names):
+            raise ValueError("two joints have the same name")
+        if self.spring is not None and self.spring.joint not in names:
+            raise ValueError(
+                f"spring.joint {self.spring.joint!r} is not a joint; joints are {', '.join(names)}"
+            )
+        for number, joint in enumerate(self.joints, start=1):
+            if joint.rotor is not None and joint.rotor.link > number:
+                raise ValueError(
+                    f"rotor of joint {joint.name!r} sits on link {joint.rotor.link}: it must sit on"
+                    f" the base (0), on a link before its joint, or on link {number} that it moves"
+                )
+        return self
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints' names, base to flange."""
+        return tuple(joint.name for joint in self.joints)

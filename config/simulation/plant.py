@@ -1,0 +1,188 @@
+"""`PlantConfig`: the truth of a simulated robot, for the mock hardware and the demo's judge.
+
+What the identification models do not have stands in `unmodelled`, so that it can be switched off.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from config.cell.plate import Eight, SquareMatrix
+from config.errors import ConfigError
+from config.model import ConfigModel
+from config.robot.robot import Kinematics, NonNegative, Positive, Vector3
+
+
+class LinkInertia(ConfigModel):
+    """A rigid link: mass, centre of gravity in the link frame, inertia about it in its axes.
+
+    `inertia_kg_m2` is Ixx, Iyy, Izz, Ixy, Ixz, Iyz. The rotors' masses and transverse inertias are
+    part of the links that carry them; their polar inertias are not.
+    """
+
+    mass_kg: Positive
+    centre_m: Vector3
+    inertia_kg_m2: tuple[float, float, float, float, float, float]
+
+
+class PayloadBody(LinkInertia):
+    """A body that can be mounted on the flange, in the frame of the last link."""
+
+    @model_validator(mode="after")
+    def _can_exist(self) -> Self:
+        xx, yy, zz, xy, xz, yz = self.inertia_kg_m2
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if moments[0] < 0.0 or moments[0] + moments[1] < moments[2]:
+            raise ValueError(
+                f"inertia_kg_m2 has the principal moments {', '.join(f'{m:.4g}' for m in moments)}:"
+                " none may be negative, nor larger than the other two together"
+            )
+        return self
+
+
+class SimulatedThermal(ConfigModel):
+    """How a motor warms up, and what that changes.
+
+    `loss_at_rated_w` is the copper loss at rated torque, growing with the torque's square; the
+    share `friction_share` of the friction's power goes into the motor too. Temperature follows with
+    `rise_k_per_w` and `time_constant_s`, from `initial_k`. Friction and torque constant change by
+    `friction_per_k` and `torque_constant_per_k` of themselves per kelvin away from the joint's
+    reference temperature (robot file); friction never falls below a fifth.
+    """
+
+    initial_k: Positive = 298.15
+    ambient_k: Positive = 298.15
+    time_constant_s: Positive
+    rise_k_per_w: Positive
+    loss_at_rated_w: NonNegative
+    friction_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5
+    friction_per_k: float = 0.0
+    torque_constant_per_k: float = 0.0
+
+
+class SimulatedAxis(ConfigModel):
+    """One simulated axis: motor, friction, servo loop and what its drive reports.
+
+    Friction and torques are the motor's, at the link side of its gear. The velocity loop is
+    tau = K_p (1 + 1/(T_i s)) of the velocity error, with the current loop a first-order lag behind
+    it.
+    """
+
+    rotor_inertia_kg_m2: NonNegative
+    coulomb_nm: NonNegative
+    viscous_nm_s: NonNegative
+    velocity_gain_nm_s: Positive
+    velocity_integral_time_s: Positive
+    current_loop_bandwidth_hz: Positive = 300.0
+    rated_motor_torque_nm: Positive
+    peak_motor_torque_nm: Positive
+    encoder_increments_per_motor_rev: Annotated[int, Field(ge=16, le=2**24)]
+    torque_noise_nm: NonNegative = 0.0
+    brake_torque_nm: Positive
+    initial_position: float = 0.0
+
+
+class SimulatedSpring(ConfigModel):
+    """The gravity spring's stiffness and free length (3.36); its geometry is the robot file's."""
+
+    stiffness_n_per_m: Positive
+    free_length_m: Positive
+
+
+class SimulatedPlate(ConfigModel):
+    """The truth of a simulated force plate, of its charge amplifier and of its serial line.
+
+    Where the sensors sit and what the amplifier is set to is the cell file's. `crosstalk`: charge
+    of a channel = `sensitivity_pc_n` times (matrix times sensor forces). Operate adds the charge
+    `zero_jump_pc` and lets `drift_pc_s` flow; `noise_v` is of each sample at the output, whose full
+    scale is 10 V. The amplifier's clock shows `clock_offset_s` when it is switched on, with the
+    cell, and runs `clock_ppm` fast. Bytes reach the computer up to `line_jitter_s` after they have
+    been sent.
+    """
+
+    sensitivity_pc_n: Eight
+    crosstalk: SquareMatrix | None = None
+    zero_jump_pc: Eight = (0.0,) * 8
+    drift_pc_s: Eight = (0.0,) * 8
+    noise_v: NonNegative = 0.0
+    clock_offset_s: float = 0.0
+    clock_ppm: Annotated[float, Field(ge=-10_000.0, le=10_000.0)] = 0.0
+    line_jitter_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+
+
+class UnmodelledAxis(ConfigModel):
+    """Effects of one axis that no model of the estimators has."""
+
+    stribeck_nm: NonNegative = 0.0
+    stribeck_velocity_rad_s: Positive = 0.05
+    load_friction: NonNegative = 0.0
+    cogging_nm: NonNegative = 0.0
+    cogging_periods_per_motor_rev: Annotated[int, Field(ge=1)] = 12
+    tachometer_ripple: NonNegative = 0.0
+    friction_drift_per_s: float = 0.0
+    thermal: SimulatedThermal | None = None
+
+
+class Unmodelled(ConfigModel):
+    """All effects that the models do not have: per axis, and true kinematics off the nominal."""
+
+    axes: tuple[UnmodelledAxis, ...]
+    kinematics: Kinematics | None = None
+
+
+class PlantConfig(ConfigModel):
+    """A simulated robot; lists run base to flange, one entry a joint of the robot file.
+
+    `payloads` are bodies for its flange, by name; `attached` is the one that hangs there when the
+    robot is switched on.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
+    links: tuple[LinkInertia, ...] = Field(min_length=1)
+    axes: tuple[SimulatedAxis, ...] = Field(min_length=1)
+    spring: SimulatedSpring | None = None
+    plate: SimulatedPlate | None = None
+    unmodelled: Unmodelled | None = None
+    payloads: dict[str, PayloadBody] = Field(default_factory=dict)
+    attached: str | None = None
+
+    @field_validator("payloads")
+    @classmethod
+    def _named(cls, payloads: dict[str, PayloadBody]) -> dict[str, PayloadBody]:
+        for name in payloads:
+            if not name.isidentifier():
+                raise ValueError(f"{name!r} is no name for a payload: use letters, digits and _")
+        return payloads
+
+    @model_validator(mode="after")
+    def _attachable(self) -> Self:
+        if self.attached is not None:
+            self._require_payload(self.attached)
+        return self
+
+    def _require_payload(self, name: str) -> None:
+        if name not in self.payloads:
+            known = ", ".join(self.payloads) or "none"
+            raise ValueError(f"no payload {name!r}; there are: {known}")
+
+    def with_payload(self, name: str | None) -> PlantConfig:
+        """Return the same plant with a payload of `payloads` on its flange, or with none.
+
+        Raises
+        ------
+        ConfigError
+            There is no payload of that name.
+        """
+        if name is not None:
+            try:
+                self._require_payload(name)
+            except ValueError as error:
+                raise ConfigError(f"plant {self.name!r}: {error}") from None
+        return self.model_copy(update={"attached": name})
+
+    def without_unmodelled(self) -> PlantConfig:
+        """Return the same plant with every effect switched off that the models do not have."""
+        return self.model_copy(update={"unmodelled": None})

@@ -1,0 +1,335 @@
+"""`SerialAmplifier`: a charge amplifier on a serial line, by its profile.
+
+Every wait has a deadline. A range, a sensitivity or a filter is set only where it differs, because
+some amplifiers lose the charge on their channels by it, and with that the plate's zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from config.cell.amplifier_profile import AmplifierProfile
+from config.cell.plate import CHANNELS, AmplifierConfig
+from config.errors import DeviceTimeoutError, DriverError, ProtocolError
+from drivers.amplifier.codec import Answer
+from drivers.amplifier.dialogue import ANSWER_TIMEOUT_S, OFF, ON, AmplifierDialogue
+from drivers.amplifier.settings import RequiredSetting, required_settings
+from drivers.amplifier.simulated_arrivals import ArrivalReader, arrivals_path
+from drivers.amplifier.stream import AmplifierStream, StreamCounts
+from drivers.device_text import printable
+from drivers.interfaces import ForcePlate, PlateRead, PlateSetting
+from drivers.ports.transport import SerialLink, open_serial
+
+
+class SerialAmplifier(ForcePlate):
+    """The amplifier behind an open port.
+
+    Parameters
+    ----------
+    link : SerialLink
+        The port.
+    config : AmplifierConfig
+        What is required of the amplifier.
+    profile : AmplifierProfile
+        What it speaks.
+    arrivals : ArrivalReader, optional
+        Where a simulated amplifier says when its rows arrive, if time itself is simulated.
+    """
+
+    def __init__(
+        self,
+        link: SerialLink,
+        config: AmplifierConfig,
+        profile: AmplifierProfile,
+        arrivals: ArrivalReader | None = None,
+    ) -> None:
+        self.profile = profile
+        self._link = link
+        self._config = config
+        self._dialogue = AmplifierDialogue(link, profile)
+        self._arrivals = arrivals
+        self._stream: AmplifierStream | None = None
+        self._pieces: list[bytes] = []
+        self._piece_ends: list[int] = []
+        self._piece_times_s: list[float] = []
+        self._counts = StreamCounts()
+
+    @property
+    def stream_counts(self) -> StreamCounts:
+        """What the stream under way, or the last one, has brought."""
+        return self._counts
+
+    def connect(self) -> str:
+        """End a stream that is under way; return who answers.
+
+        Raises
+        ------
+        ProtocolError
+            The amplifier answers at another speed, which is named, or answers no text.
+        DeviceTimeoutError
+            Nothing answers at any speed.
+        TransportError
+            The port is gone.
+        """
+        self._stream = None
+        return self._dialogue.connect()
+
+    def settings(self) -> tuple[PlateSetting, ...]:
+        """Read every setting back; nothing is changed.
+
+        Raises
+        ------
+        DriverError
+            The amplifier does not answer, or not as its profile says.
+        """
+        return tuple(self._check(wanted) for wanted in required_settings(self._config))
+
+    def configure(self) -> bool:
+        """Change the settings that differ and read them back.
+
+        Returns
+        -------
+        bool
+            Whether that lost the charges on the channels: zero must be made again.
+
+        Raises
+        ------
+        ProtocolError
+            A setting is refused, or reads back differently.
+        DriverError
+            The amplifier does not answer.
+        """
+        charge_lost = False
+        for wanted in required_settings(self._config):
+            if self._check(wanted).verdict == "ok":
+                continue
+            if not wanted.is_settable:
+                raise ProtocolError(
+                    f"{self._where}: {wanted.label} is {self._check(wanted).found}, the cell file"
+                    f" says {wanted.text}: correct the cell file"
+                )
+            charge_lost |= self._ask(wanted.name, wanted.text, wanted.channel).charge_lost
+            found = self._check(wanted)
+            if found.verdict != "ok":
+                raise ProtocolError(
+                    f"{self._where}: {wanted.label} was set to {wanted.text} and reads back"
+                    f" {found.found}: choose a value that the amplifier has"
+                )
+        return charge_lost
+
+    def operate(self) -> None:
+        """Measure from now on; raises `DriverError` when the amplifier does not go along."""
+        self._switch(ON, "operate")
+
+    def reset(self) -> None:
+        """Discharge the channels; raises `DriverError` when the amplifier does not go along."""
+        self._switch(OFF, "reset")
+
+    def is_operating(self) -> bool:
+        """Return whether the channels measure; raises `DriverError`."""
+        text = self._ask("operate").text
+        if text not in (ON, OFF):
+            raise self._dialogue.unexpected("operate or reset", text)
+        return text == ON
+
+    def take_overloads(self) -> tuple[bool, ...]:
+        """Return which channels were overloaded since the last call, and forget it.
+
+        Raises
+        ------
+        DriverError
+            The amplifier does not answer, or not as its profile says.
+        """
+        text = self._ask("overload").text
+        try:
+            word = int(text, 16)
+        except ValueError:
+            word = -1
+        if not 0 <= word < 1 << CHANNELS:
+            raise self._dialogue.unexpected("overloads", text)
+        return tuple(bool(word >> channel & 1) for channel in range(CHANNELS))
+
+    def forces_n(self) -> NDArray[np.float64]:
+        """Return what the channels measure now [N], shape (8,); raises `DriverError`."""
+        text = self._ask("values").text
+        try:
+            values = np.array([float(part) for part in text.split(",")])
+        except ValueError:
+            raise self._dialogue.unexpected("eight forces", text) from None
+        if values.shape != (CHANNELS,) or not np.isfinite(values).all():
+            raise self._dialogue.unexpected("eight forces", text)
+        return values
+
+    def start(self) -> None:
+        """Begin the stream of rows; raises `DriverError` when the amplifier does not go along."""
+        self._ask("stream", ON)
+        self._forget_pieces()
+        self._stream = AmplifierStream(self.profile, self._config.format, self._config.rate_hz)
+        self._counts = self._stream.counts
+
+    def gather(self, until_s: float) -> bool:
+        """Take in what has come, waiting for it until `until_s` [s, monotonic clock], for `read`.
+
+        Cheaper than `read`: a piece costs a system call or two, whatever is in it.
+
+        Returns
+        -------
+        bool
+            Whether anything came.
+
+        Raises
+        ------
+        TransportError
+            The port is gone.
+        ProtocolError
+            No stream was started.
+        """
+        if self._stream is None:
+            raise ProtocolError(f"{self._where}: no stream was started")
+        lines = self._dialogue.lines
+        piece, lines.rest = lines.rest, b""
+        piece = piece or self._link.read(until_s)
+        if piece:
+            end = self._piece_ends[-1] if self._piece_ends else self._stream.taken_bytes
+            self._pieces.append(piece)
+            self._piece_ends.append(end + len(piece))
+            self._piece_times_s.append(self._link.last_time_s)
+        return bool(piece)
+
+    def read(self, until_s: float) -> PlateRead:
+        """Gather, and return all that was gathered since the last call.
+
+        Raises
+        ------
+        TransportError
+            The port is gone.
+        ProtocolError
+            No stream was started.
+        """
+        self.gather(until_s)
+        assert self._stream is not None
+        block = self._stream.feed(b"".join(self._pieces))
+        ends, times_s = self._piece_ends, np.array(self._piece_times_s)
+        event_arrival_s = times_s[np.searchsorted(ends, block.event_ends)]
+        if self._arrivals is None:
+            arrival_s = times_s[np.searchsorted(ends, block.row_ends)]
+        else:
+            arrival_s = self._arrivals.time_s(block.rows["sequence"])
+        self._forget_pieces()
+        return PlateRead(
+            block.rows, block.events, arrival_s, event_arrival_s, self._link.last_time_s
+        )
+
+    def mark(self) -> float:
+        """Ask for the device's time within the stream; the answer is an event.
+
+        Returns
+        -------
+        float
+            When the question was about to be sent [s, monotonic clock].
+        """
+        asked_s = self._link.clock.now_s()
+        self._link.write(self._dialogue.codec.request("time"))
+        return asked_s
+
+    def forget_overloads(self) -> None:
+        """Ask for the overloads within the stream: those that are over leave the rows' status.
+
+        The answer is an event.
+
+        Raises
+        ------
+        TransportError
+            The port is gone.
+        """
+        self._link.write(self._dialogue.codec.request("overload"))
+
+    def stop(self, until_s: float) -> tuple[PlateRead, ...]:
+        """End the stream and return what came until then.
+
+        Raises
+        ------
+        DeviceTimeoutError
+            The amplifier did not confirm it until `until_s` [s, monotonic clock].
+        TransportError
+            The port is gone.
+        """
+        stream = self._stream
+        if stream is None:
+            return ()
+        self._link.write(self._dialogue.codec.request("stream", OFF))
+        reads = []
+        while not stream.stopped:
+            read = self.read(until_s)
+            reads.append(read)
+            if not stream.stopped and self._link.clock.now_s() >= until_s:
+                self._stream = None
+                raise DeviceTimeoutError(f"{self._where}: the amplifier does not end its stream")
+        self._stream = None
+        lines = self._dialogue.lines
+        lines.rest = b""
+        lines.feed(stream.rest)
+        self._dialogue.answer("stream", max(until_s, self._link.clock.now_s() + ANSWER_TIMEOUT_S))
+        return tuple(reads)
+
+    def _forget_pieces(self) -> None:
+        self._pieces, self._piece_ends, self._piece_times_s = [], [], []
+
+    @property
+    def _where(self) -> str:
+        return self._dialogue.where
+
+    def _ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
+        if self._stream is not None:
+            raise ProtocolError(f"{self._where}: {name} cannot be asked while rows are streaming")
+        return self._dialogue.ask(name, value, channel)
+
+    def _switch(self, value: str, what: str) -> None:
+        self._ask("operate", value)
+        if self.is_operating() != (value == ON):
+            raise ProtocolError(f"{self._where}: took the command and did not {what}")
+
+    def _check(self, wanted: RequiredSetting) -> PlateSetting:
+        text = self._ask(wanted.name, channel=wanted.channel).text
+        return PlateSetting(
+            name=wanted.label,
+            channel=wanted.channel,
+            required=wanted.shown(wanted.text),
+            found=wanted.shown(printable(text)),
+            verdict="ok" if wanted.agrees(text) else "red",
+        )
+
+
+@contextmanager
+def open_amplifier(config: AmplifierConfig, profile: AmplifierProfile) -> Iterator[SerialAmplifier]:
+    """Open the amplifier's port; nothing is sent yet. Leaving ends a stream and closes the port.
+
+    Raises
+    ------
+    TransportError
+        The port cannot be opened.
+    """
+    with open_serial(config.address, config.baud_rate) as link:
+        path = arrivals_path(config.address)
+        arrivals = ArrivalReader(path) if path.exists() else None
+        try:
+            amplifier = SerialAmplifier(link, config, profile, arrivals)
+            try:
+                yield amplifier
+            finally:
+                _end_stream(amplifier, link)
+        finally:
+            if arrivals is not None:
+                arrivals.close()
+
+
+def _end_stream(amplifier: SerialAmplifier, link: SerialLink) -> None:
+    """End a stream that is still under way, if the line is still there."""
+    try:
+        amplifier.stop(link.clock.now_s() + ANSWER_TIMEOUT_S)
+    except DriverError:
+        return  # the line is gone, or the amplifier: there is nothing left to end

@@ -1,0 +1,170 @@
+"""`AmplifierDialogue`: questions to a charge amplifier and its answers, with deadlines."""
+
+from __future__ import annotations
+
+from config.cell.amplifier_profile import BAUD_RATES, AmplifierProfile
+from config.cell.plate import CHANNEL_NAMES
+from config.errors import DeviceTimeoutError, ProtocolError, TransportError
+from drivers.amplifier.codec import AmplifierCodec, Answer, LineSplitter
+from drivers.device_text import printable
+from drivers.ports.transport import SerialLink
+
+ANSWER_TIMEOUT_S = 2.0
+PROBE_TIMEOUT_S = 0.15
+ON, OFF = "1", "0"
+
+_MAX_STALE_BYTES = 1 << 20
+
+
+class AmplifierDialogue:
+    """One question after the other over an open port.
+
+    Parameters
+    ----------
+    link : SerialLink
+        The port, open at the speed that the cell file names.
+    profile : AmplifierProfile
+        What the amplifier speaks.
+
+    Attributes
+    ----------
+    lines : LineSplitter
+        What came and was not an answer yet; after the start of a stream, its first bytes.
+    """
+
+    def __init__(self, link: SerialLink, profile: AmplifierProfile) -> None:
+        self.codec = AmplifierCodec(profile)
+        self.lines = LineSplitter()
+        self._link = link
+        self._profile = profile
+        self._baud_rate = link.baud_rate
+
+    @property
+    def where(self) -> str:
+        """Which amplifier, for people."""
+        return f"amplifier at {self._link.address}"
+
+    def connect(self) -> str:
+        """End a stream that is under way; return who answers.
+
+        Raises
+        ------
+        ProtocolError
+            The amplifier answers at another speed, which is named, or answers no text.
+        DeviceTimeoutError
+            Nothing answers at any speed.
+        TransportError
+            The port is gone.
+        """
+        try:
+            return self._greet(ANSWER_TIMEOUT_S)
+        except (DeviceTimeoutError, ProtocolError) as error:
+            found = self._search()
+            if found is None:
+                if isinstance(error, ProtocolError):
+                    raise
+                raise DeviceTimeoutError(
+                    f"{self.where}: nothing answers at any speed; check that the amplifier is on,"
+                    " its cable (crossed or not) and plate.amplifier.address"
+                ) from error
+        raise ProtocolError(
+            f"{self.where}: the amplifier answers at {found} baud, not at"
+            f" {self._baud_rate}: set plate.amplifier.baud_rate to {found}, or the amplifier"
+            f" to {self._baud_rate}"
+        )
+
+    def ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
+        """Set or ask something.
+
+        Parameters
+        ----------
+        name : str
+            Field of `config.cell.amplifier_profile.Commands`.
+        value : str, optional
+            What to set; None to ask.
+        channel : int
+            1 to 8; 0 for all or none.
+
+        Raises
+        ------
+        ProtocolError
+            The amplifier answers an error, or no text.
+        DeviceTimeoutError
+            It does not answer in time.
+        TransportError
+            The port is gone.
+        """
+        clock = self._link.clock
+        if self._link.read(clock.now_s()) or self.lines.rest:
+            self.lines = LineSplitter()  # nothing was asked, so this answers nothing
+        request = self.codec.request(name, value, channel)
+        self._link.write(request)
+        answer = self.answer(name, clock.now_s() + ANSWER_TIMEOUT_S)
+        if answer.error:
+            of = f" of {CHANNEL_NAMES[channel - 1]}" if channel else ""
+            raise ProtocolError(
+                f"{self.where}: {printable(request.strip())} ({name}{of}):"
+                f" {self.codec.error_text(answer.error)}"
+            )
+        return answer
+
+    def answer(self, name: str, until_s: float) -> Answer:
+        """Wait for the next line; raises `DeviceTimeoutError` where none ends in time."""
+        while (line := self.lines.next_line()) is None:
+            data = self._link.read(until_s)
+            if not data and self._link.clock.now_s() >= until_s:
+                rest = self.lines.rest
+                heard = f"; heard {printable(rest, 24)!r}" if rest else ""
+                raise DeviceTimeoutError(
+                    f"{self.where}: no answer to {name} at {self._link.baud_rate} baud{heard}"
+                )
+            self.lines.feed(data)
+        return self.codec.read_answer(line)
+
+    def unexpected(self, what: str, text: str) -> ProtocolError:
+        """Return the error of an answer that the profile does not know."""
+        return ProtocolError(
+            f"{self.where}: asked for {what}, answered {printable(text)!r}: not what profile"
+            f" {self._profile.name} says"
+        )
+
+    def _greet(self, timeout_s: float) -> str:
+        """End whatever is under way and ask who is there."""
+        clock = self._link.clock
+        self.lines = LineSplitter()
+        # the first terminator ends what noise has left in the amplifier's input
+        end = self._profile.terminator.encode("ascii")
+        self._link.write(end + self.codec.request("stream", OFF))
+        until_s = clock.now_s() + timeout_s
+        heard, done = b"", self._profile.ok.text.encode("ascii")
+        while not heard.rstrip(b"\r\n").endswith(done) or not heard.endswith((b"\r", b"\n")):
+            data = self._link.read(until_s)
+            if not data and clock.now_s() >= until_s:
+                break
+            heard = (heard + data)[-_MAX_STALE_BYTES:]
+        self._link.write(self.codec.request("identify"))
+        until_s = clock.now_s() + timeout_s
+        while not (answer := self.answer("identify", until_s)).text:
+            if answer.error:
+                raise self.unexpected("who it is", f"E{answer.error}")
+            # a confirmation: that of the stream's end, which came late
+        return printable(answer.text)
+
+    def _search(self) -> int | None:
+        """Return the speed at which the amplifier answers; None where it is silent at all."""
+        try:
+            for baud_rate in BAUD_RATES:
+                if baud_rate == self._baud_rate:
+                    continue
+                try:
+                    self._link.set_baud_rate(baud_rate)
+                except TransportError:
+                    continue  # this adapter does not have it
+                try:
+                    self._greet(PROBE_TIMEOUT_S)
+                except (DeviceTimeoutError, ProtocolError):
+                    continue
+                return baud_rate
+            return None
+        finally:
+            self._link.set_baud_rate(self._baud_rate)

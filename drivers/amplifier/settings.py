@@ -1,0 +1,77 @@
+"""What a cell file requires of its amplifier, setting by setting."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from config.cell.plate import CHANNEL_NAMES, AmplifierConfig
+
+_SAME = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class RequiredSetting:
+    """One setting.
+
+    Attributes
+    ----------
+    name : str
+        Field of `config.cell.amplifier_profile.Commands`.
+    channel : int
+        1 to 8, 0 for all.
+    value : float
+        What it must be.
+    label : str
+        What it is, in words.
+    unit : str
+        Of the value.
+    is_settable : bool
+        Whether it can be set; otherwise the cell file must agree with the device.
+    """
+
+    name: str
+    channel: int
+    value: float
+    label: str
+    unit: str
+    is_settable: bool = True
+
+    @property
+    def text(self) -> str:
+        """The value as it is sent."""
+        return f"{self.value:.7g}"
+
+    def shown(self, text: str) -> str:
+        """Return a value with its unit, for people."""
+        return f"{text} {self.unit}".rstrip()
+
+    def agrees(self, text: str) -> bool:
+        """Return whether what the device answered is this value, to a thousandth."""
+        try:
+            found = float(text)
+        except ValueError:
+            return False
+        return math.isclose(found, self.value, rel_tol=_SAME)
+
+
+def required_settings(config: AmplifierConfig) -> tuple[RequiredSetting, ...]:
+    """Return every setting that a cell file requires, in the order in which they are set."""
+    channels = range(1, len(CHANNEL_NAMES) + 1)
+    sensitivities = zip(channels, CHANNEL_NAMES, config.sensitivity_pc_n, strict=True)
+    ranges = zip(channels, CHANNEL_NAMES, config.range_n, strict=True)
+    return (
+        RequiredSetting("bits", 0, config.bits, "bits of the converter", "", is_settable=False),
+        *(
+            RequiredSetting("sensitivity", channel, value, f"sensitivity of {name}", "pC/N")
+            for channel, name, value in sensitivities
+        ),
+        *(
+            RequiredSetting("range", channel, value, f"range of {name}", "N")
+            for channel, name, value in ranges
+        ),
+        RequiredSetting("low_pass", 0, config.low_pass_hz, "low-pass", "Hz"),
+        RequiredSetting("rate", 0, config.rate_hz, "rows a second", "1/s"),
+        RequiredSetting("format", 0, int(config.format == "binary"), "format (1 is binary)", ""),
+        RequiredSetting("trigger", 0, int(config.trigger), "trigger edges (1 is on)", ""),
+    )

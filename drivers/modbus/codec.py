@@ -1,0 +1,111 @@
+"""Between registers and quantities: what is read together, and what the words mean.
+
+Registers are 16 bits, most significant byte first (Modbus application protocol 1.1b3, 4.2); the
+order of the two registers of a 32-bit number is each maker's own.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from config.cell.drive_profile import DriveProfile, Quantity, Register
+from config.errors import ProtocolError
+
+_CODES: Final = {"uint16": "H", "int16": "h", "uint32": "I", "int32": "i", "float32": "f"}
+
+
+@dataclass(frozen=True)
+class RegisterRead:
+    """One request: a stretch of registers and what lies in it."""
+
+    table: Literal["holding", "input"]
+    address: int
+    count: int
+    quantities: tuple[Quantity, ...]
+
+
+def plan_reads(profile: DriveProfile, quantities: Iterable[Quantity]) -> tuple[RegisterRead, ...]:
+    """Return the requests that bring those of the quantities that the drive has."""
+    wanted: list[Quantity] = [name for name in quantities if name in profile.registers]
+    wanted.sort(key=lambda name: (profile.registers[name].table, profile.registers[name].address))
+    reads: list[RegisterRead] = []
+    for name in wanted:
+        register = profile.registers[name]
+        last = reads[-1] if reads else None
+        if last is not None and last.table == register.table:
+            gap = register.address - (last.address + last.count)
+            count = register.address + register.count - last.address
+            if gap <= profile.largest_gap and count <= profile.most_registers:
+                names = (*last.quantities, name)
+                reads[-1] = RegisterRead(last.table, last.address, count, names)
+                continue
+        reads.append(RegisterRead(register.table, register.address, register.count, (name,)))
+    return tuple(reads)
+
+
+def decode(
+    profile: DriveProfile, read: RegisterRead, words: Sequence[int]
+) -> dict[Quantity, float]:
+    """Return the quantities, in SI, of a stretch of registers.
+
+    Raises
+    ------
+    ProtocolError
+        There are not as many words as were asked for, or a number is not finite.
+    """
+    if len(words) != read.count:
+        raise ProtocolError(
+            f"{len(words)} registers were answered where {read.count} were asked for"
+        )
+    values: dict[Quantity, float] = {}
+    for name in read.quantities:
+        register = profile.registers[name]
+        start = register.address - read.address
+        raw = _number(register, words[start : start + register.count], profile.word_order)
+        if not math.isfinite(raw):
+            raise ProtocolError(
+                f"{name} is {raw} in register {register.address}: check the profile's type and"
+                " word_order"
+            )
+        values[name] = register.scale * raw + register.offset
+    return values
+
+
+def encode(profile: DriveProfile, values: Mapping[Quantity, float]) -> dict[int, int]:
+    """Return what the registers hold, by address, where a drive has these values in SI.
+
+    A value that its type cannot hold is held at the type's end.
+    """
+    words: dict[int, int] = {}
+    for name, value in values.items():
+        register = profile.registers.get(name)
+        if register is None:
+            continue
+        packed = struct.pack(f">{_CODES[register.type]}", _raw(register, value))
+        parts = [int.from_bytes(packed[i : i + 2], "big") for i in range(0, len(packed), 2)]
+        if profile.word_order == "little":
+            parts.reverse()
+        words |= {register.address + i: part for i, part in enumerate(parts)}
+    return words
+
+
+def _number(register: Register, words: Sequence[int], order: Literal["big", "little"]) -> float:
+    parts = words if order == "big" else tuple(reversed(words))
+    data = b"".join(word.to_bytes(2, "big") for word in parts)
+    (number,) = struct.unpack(f">{_CODES[register.type]}", data)
+    return float(number)
+
+
+def _raw(register: Register, value: float) -> float | int:
+    raw = (value - register.offset) / register.scale
+    if register.type == "float32":
+        return raw
+    bits = 16 * register.count
+    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1)
+    if register.type.startswith("u"):
+        low, high = 0, (1 << bits) - 1
+    return max(low, min(high, round(raw)))

@@ -1,0 +1,120 @@
+"""`ModbusDriveMonitor`: temperatures and nominal data of a cell's drives, over Modbus."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+
+import numpy as np
+
+from config.cell.drive_profile import NAMEPLATE, POLLED, DriveProfile, Quantity
+from config.cell.monitor import MonitorConfig
+from config.errors import DeviceTimeoutError, ProtocolError
+from drivers.interfaces import DriveMonitor, MonitorReading, MotorData
+from drivers.modbus.codec import decode, plan_reads
+from drivers.modbus.link import ModbusLink, open_modbus
+
+COLDEST_K = 223.15
+HOTTEST_K = 523.15
+"""What lies outside is no temperature of a motor: a wrong register, type or scale."""
+
+
+class ModbusDriveMonitor(DriveMonitor):
+    """The drives behind an open line.
+
+    Parameters
+    ----------
+    link : ModbusLink
+        The line.
+    units : sequence of int
+        The drives' addresses on it, base to flange.
+    profile : DriveProfile
+        Their registers.
+    """
+
+    def __init__(self, link: ModbusLink, units: Sequence[int], profile: DriveProfile) -> None:
+        self._link = link
+        self._units = tuple(units)
+        self._profile = profile
+        self._polls = plan_reads(profile, POLLED)
+        self._plates = plan_reads(profile, NAMEPLATE)
+
+    def motors(self) -> tuple[MotorData, ...]:
+        """Return what the drives say of their motors.
+
+        Raises
+        ------
+        DriverError
+            One of them does not answer, or not as its profile says.
+        """
+        answers: list[MotorData] = []
+        for unit in self._units:
+            values: dict[Quantity, float] = dict.fromkeys(NAMEPLATE, math.nan)
+            for read in self._plates:
+                values |= decode(self._profile, read, self._link.read(unit, read))
+            answers.append(MotorData(**values))
+        return tuple(answers)
+
+    def read(self) -> MonitorReading:
+        """Return temperatures; see `DriveMonitor.read`.
+
+        Raises
+        ------
+        TransportError
+            The line is gone.
+        """
+        temperature = np.full(len(self._units), math.nan)
+        operating = np.full(len(self._units), math.nan)
+        problems: list[str] = []
+        for number, unit in enumerate(self._units):
+            values: dict[Quantity, float] = {}
+            try:
+                for read in self._polls:
+                    values |= decode(self._profile, read, self._link.read(unit, read))
+            except (DeviceTimeoutError, ProtocolError) as error:
+                problems.append(str(error))
+                continue
+            degrees = values["motor_temperature_k"]
+            if COLDEST_K <= degrees <= HOTTEST_K:
+                temperature[number] = degrees
+            else:
+                problems.append(
+                    f"{self._link.name}, unit {unit}: a motor of {degrees - 273.15:.1f} °C: check"
+                    " register, type and scale in the profile"
+                )
+            operating[number] = values.get("operating_time_s", math.nan)
+        return MonitorReading(temperature, operating, tuple(problems))
+
+    def close(self) -> None:
+        """Close the line."""
+        self._link.close()
+
+    def __enter__(self) -> ModbusDriveMonitor:
+        """Return the monitor itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the line."""
+        self.close()
+
+
+def open_drive_monitor(
+    config: MonitorConfig,
+    profile: DriveProfile,
+    pause: Callable[[float], None] = time.sleep,
+) -> ModbusDriveMonitor:
+    """Open the way to the drives that a cell file names; nothing is asked yet.
+
+    Raises
+    ------
+    TransportError
+        It cannot be opened.
+    """
+    return ModbusDriveMonitor(open_modbus(config, pause), config.units, profile)

@@ -1,0 +1,121 @@
+"""`FramePort`: what the driver wants of a CAN bus, and `PythonCanPort`: any python-can bus as one.
+
+A bus may be a `FramePort` by itself, as SocketCAN (`drivers.ports.socketcan_port`) and the
+simulated bus are: whole batches of plain tuples cost a tenth of python-can's messages.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from config.errors import TransportError
+from drivers.ports.python_can import can
+
+BUS_OFF = 0x040
+RESTARTED = 0x100
+
+
+class Arrival(NamedTuple):
+    """A classic data frame with an 11-bit identifier, and when it arrived on the link's clock [s].
+
+    Where the bus does not tell, that is when it was read.
+    """
+
+    cob_id: int
+    data: bytes
+    time_s: float
+
+
+@runtime_checkable
+class FramePort(Protocol):
+    """An open CAN bus; its methods raise `can.CanError`, `OSError` or `TransportError`.
+
+    Attributes
+    ----------
+    channel_info
+        What to call it in messages.
+    time_stamped
+        Whether frames say in real time when they arrived, however late they are read.
+    """
+
+    channel_info: str
+    time_stamped: bool
+
+    @abstractmethod
+    def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
+        """Send frames (identifier and data), oldest first.
+
+        Every frame is tried; the first one's error is raised at the end.
+        """
+
+    @abstractmethod
+    def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
+        """Return what has arrived; None when nothing comes within `timeout_s` [s].
+
+        The sequence may be empty, where only other frames came than classic data frames.
+        """
+
+    @abstractmethod
+    def shutdown(self) -> None:
+        """Close the bus."""
+
+
+class PythonCanPort:
+    """Any bus of python-can.
+
+    Parameters
+    ----------
+    bus
+        The open bus.
+    simulated
+        Whether its messages' time stamps are in the link's (simulated) time.
+    """
+
+    def __init__(self, bus: can.BusABC, *, simulated: bool) -> None:
+        self._bus = bus
+        self._simulated = simulated
+        self.channel_info = bus.channel_info
+        self.time_stamped = False
+        self.shutdown = bus.shutdown
+
+    def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
+        """Send frames; see `FramePort`."""
+        failed: Exception | None = None
+        for cob_id, data in frames:
+            message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
+            try:
+                self._bus.send(message)
+            except (can.CanError, OSError) as error:
+                failed = failed or error
+        if failed is not None:
+            raise failed
+
+    def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
+        """Return the next frame; see `FramePort`."""
+        message = self._bus.recv(timeout_s)
+        if message is None:
+            return None
+        if message.is_error_frame:
+            refuse_bus_off(message.arbitration_id, self.channel_info)
+            return ()
+        if message.is_extended_id or message.is_remote_frame or message.is_fd:
+            return ()
+        time_s = message.timestamp if self._simulated else time.monotonic()
+        return (Arrival(message.arbitration_id, bytes(message.data), time_s),)
+
+
+def refuse_bus_off(error_class: int, channel: str) -> None:
+    """Raise `TransportError` where an error frame says that the controller is, or was, bus-off."""
+    if error_class & BUS_OFF:
+        raise TransportError(
+            f"CAN bus {channel}: the adapter is bus-off;"
+            " check bit rate, cable and termination, then restart the interface"
+        )
+    if error_class & RESTARTED:
+        raise TransportError(
+            f"CAN bus {channel}: the adapter was bus-off and has restarted by itself; check bit"
+            " rate, cable and termination, and set restart-ms 0, so that a person restarts it"
+        )

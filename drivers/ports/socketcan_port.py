@@ -1,0 +1,177 @@
+"""`SocketCanPort`: a network interface of Linux's SocketCAN as a raw socket, without python-can.
+
+Kernel time stamps say when a frame arrived, however late it is read; the kernel's counter says how
+many it had to drop; the send buffer holds about one cycle, so that no set-point can wait in it for
+long and act when nobody expects it.
+"""
+
+from __future__ import annotations
+
+import errno
+import select
+import socket
+import struct
+from collections.abc import Sequence
+
+from config.errors import TransportError
+from drivers.ports.can_ports import Arrival, refuse_bus_off
+from drivers.ports.kernel_stamps import KernelStamps, both_clocks
+
+RECEIVE_BUFFER_BYTES = 4 << 20
+SEND_BUFFER_BYTES = 20 << 10
+"""Some 25 frames, a cycle of sixteen axes: the kernel counts about 800 bytes for each."""
+
+ERROR_FLAG, REMOTE_FLAG, EXTENDED_FLAG = 0x2000_0000, 0x4000_0000, 0x8000_0000
+
+_FRAME = struct.Struct("=IB3x8s")
+_TIME = struct.Struct("@qq")
+_COUNT = struct.Struct("@I")
+_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL = 33, 35, 40
+_SOL_CAN_RAW, _CAN_RAW_ERR_FILTER = 101, 2
+_ERROR_CLASSES = 0x1FFF_FFFF
+_CONTROLLER, _CONTROLLER_OVERFLOW = 0x004, 0x01
+_ANCILLARY_BYTES = socket.CMSG_SPACE(_TIME.size) + socket.CMSG_SPACE(_COUNT.size)
+_MOST_FRAMES = 1024
+_QUEUE_FULL = (errno.EAGAIN, errno.ENOBUFS)
+
+
+class SocketCanPort:
+    """A CAN interface such as can0; see `drivers.ports.can_ports.FramePort`.
+
+    Parameters
+    ----------
+    channel
+        The interface's name.
+    watch_errors
+        Whether error frames are received at all; simulated devices leave them to the master.
+
+    Attributes
+    ----------
+    channel_info
+        What to call it in messages.
+    lost_frames
+        How many frames the kernel dropped because they were not read in time, and how many times
+        the controller reported that it had to.
+    error_frames
+        How many error frames came (error-passive, arbitration lost, ...); bus-off is an error.
+
+    Raises
+    ------
+    OSError
+        There is no such interface.
+    """
+
+    time_stamped = True
+
+    def __init__(self, channel: str, *, watch_errors: bool = True) -> None:
+        self.channel_info = f"socketcan {channel}"
+        self.lost_frames = 0
+        self.error_frames = 0
+        self._dropped = 0
+        self._stamps = KernelStamps(*both_clocks())
+        self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        try:
+            self._set_options(watch_errors)
+            self._socket.bind((channel,))
+            self._socket.setblocking(False)
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def _set_options(self, watch_errors: bool) -> None:
+        own = self._socket
+        try:
+            own.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
+        except PermissionError:  # without CAP_NET_ADMIN as much as net.core.rmem_max allows
+            own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        own.setsockopt(
+            socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES // 2
+        )  # the kernel doubles it
+        own.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        own.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        if watch_errors:
+            own.setsockopt(_SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, _ERROR_CLASSES)
+
+    def fileno(self) -> int:
+        """Return the socket's descriptor."""
+        return self._socket.fileno()
+
+    def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
+        """Send frames; see `FramePort`. A frame that would have to wait is refused.
+
+        Raises
+        ------
+        TransportError
+            The transmit queue is full: nobody acknowledges, or the cable is off.
+        """
+        failed: OSError | None = None
+        send = self._socket.send
+        for cob_id, data in frames:
+            try:
+                send(_FRAME.pack(cob_id, len(data), data))
+            except OSError as error:
+                failed = failed or error
+        if failed is None:
+            return
+        if failed.errno in _QUEUE_FULL:
+            raise TransportError(
+                f"CAN bus {self.channel_info}: the transmit queue is full, the frames are not going"
+                " out; check that the drives are powered, the cable, and the termination"
+            ) from failed
+        raise failed
+
+    def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
+        """Return all that has arrived; see `FramePort`."""
+        if not select.select([self._socket], [], [], max(timeout_s, 0.0))[0]:
+            return None
+        date_ns, now_ns = both_clocks()
+        self._stamps.look(date_ns, now_ns)
+        arrived: list[Arrival] = []
+        receive = self._socket.recvmsg
+        try:
+            for _ in range(_MOST_FRAMES):
+                data, ancillary, _, _ = receive(_FRAME.size, _ANCILLARY_BYTES)
+                can_id, length, payload = _FRAME.unpack(data)
+                time_s = self._note(ancillary, now_ns)
+                if can_id < 0x800:
+                    arrived.append(Arrival(can_id, payload[:length], time_s))
+                elif can_id & ERROR_FLAG:
+                    self._error_frame(can_id, payload)
+        except BlockingIOError:
+            self._stamps.all_read()
+        return arrived
+
+    def _note(self, ancillary: list[tuple[int, int, bytes]], now_ns: int) -> float:
+        """Take the kernel's drop counter; return its time stamp on CLOCK_MONOTONIC [s]."""
+        time_s = now_ns * 1e-9
+        for _, kind, value in ancillary:
+            if kind == _SO_TIMESTAMPNS:
+                seconds, nanoseconds = _TIME.unpack(value)
+                time_s = self._stamps.arrival_s(seconds * 1_000_000_000 + nanoseconds)
+            elif kind == _SO_RXQ_OVFL:
+                (dropped,) = _COUNT.unpack(value)
+                self.lost_frames += (dropped - self._dropped) & 0xFFFF_FFFF
+                self._dropped = dropped
+        return time_s
+
+    def _error_frame(self, can_id: int, payload: bytes) -> None:
+        self.error_frames += 1
+        if can_id & _CONTROLLER and payload[1] & _CONTROLLER_OVERFLOW:
+            self.lost_frames += 1
+        refuse_bus_off(can_id & _ERROR_CLASSES, self.channel_info)
+
+    def shutdown(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+def transmit_queue_frames(channel: str) -> int | None:
+    """Return how many frames may wait in an interface's transmit queue (txqueuelen).
+
+    None where the interface does not say.
+    """
+    try:
+        with open(f"/sys/class/net/{channel}/tx_queue_len", encoding="ascii") as file:
+            return int(file.read())
+    except (OSError, ValueError):
+        return None

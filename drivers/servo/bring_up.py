@@ -1,0 +1,157 @@
+"""Bringing up all drives of a cell: is the bus ours, do they boot, are they as required."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from config.cell.cell import CellConfig, DriveAxis
+from config.errors import (
+    ConfigError,
+    DeviceTimeoutError,
+    PreflightError,
+    ProtocolError,
+)
+from config.robot.robot import RobotDescription
+from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
+from drivers.canopen.nmt import NmtCommand, nmt_frame
+from drivers.interfaces import DriveSetting
+from drivers.ports.transport import CanLink
+from drivers.servo.requirements import STATUS_EVENT_MS
+from drivers.servo.supervision import DriveWatch
+
+FULL_BYTES = (8, 8)
+TRIMMED_BYTES = (4, 6)
+BOOT_TIMEOUT_S = 5.0
+SETTLE_S = 0.02
+
+
+def axes_in_joint_order(cell: CellConfig, robot: RobotDescription) -> tuple[DriveAxis, ...]:
+    """Return the cell's axes in the order of the robot's joints.
+
+    Raises
+    ------
+    ConfigError
+        A joint has no drive, or a drive moves a joint that the robot does not have.
+    """
+    by_joint = {axis.joint: axis for axis in cell.axes}
+    missing = [name for name in robot.joint_names if name not in by_joint]
+    surplus = [name for name in by_joint if name not in robot.joint_names]
+    if missing or surplus:
+        raise ConfigError(
+            f"cell {cell.name!r} and robot {robot.name!r} do not fit: joints without a drive:"
+            f" {', '.join(missing) or 'none'}; drives of unknown joints:"
+            f" {', '.join(surplus) or 'none'}"
+        )
+    return tuple(by_joint[name] for name in robot.joint_names)
+
+
+def bus_load(cell: CellConfig) -> float:
+    """Return the typical load of a cell's bus (1.0: full) by its cyclic exchange and heartbeats."""
+    safety = cell.drive_safety
+    trimmed = cell.exchange == "trimmed"
+    return cyclic_load(
+        len(cell.axes),
+        cell.cycle_time_s,
+        cell.can.bitrate,
+        master_heartbeat_s=safety.master_heartbeat_ms / 1000.0,
+        drive_heartbeat_s=safety.drive_heartbeat_ms / 1000.0,
+        frame_bytes=TRIMMED_BYTES if trimmed else FULL_BYTES,
+        status_s=STATUS_EVENT_MS / 1000.0 if trimmed else math.inf,
+    )
+
+
+def check_bus_load(cell: CellConfig) -> float:
+    """Return `bus_load`.
+
+    Raises
+    ------
+    ConfigError
+        It is above 80 %.
+    """
+    load = bus_load(cell)
+    if load > LOAD_LIMIT:
+        trim = ", set exchange: trimmed" if cell.exchange == "full" else ""
+        raise ConfigError(
+            f"cell {cell.name!r}: {len(cell.axes)} axes every {cell.cycle_time_ms} ms would fill"
+            f" {100 * load:.0f} % of the CAN bus at {cell.can.bitrate} bit/s, more than"
+            f" {100 * LOAD_LIMIT:.0f} %; raise cycle_time_ms or the bit rate{trim}"
+        )
+    return load
+
+
+def wait_for_boot_up(
+    link: CanLink, cell: CellConfig, axes: Sequence[DriveAxis], watch: DriveWatch
+) -> None:
+    """Make sure that no other master is on the bus, then reset every drive's communication.
+
+    Raises
+    ------
+    LockedError
+        Another master was heard.
+    DeviceTimeoutError
+        A drive does not boot.
+    ProtocolError
+        Two devices boot with the same node id.
+    """
+    listen_for_masters(link, cell, watch)
+    for axis in axes:
+        link.send(nmt_frame(NmtCommand.RESET_COMMUNICATION, axis.node_id))
+    _listen(link, watch, BOOT_TIMEOUT_S, until_booted=True)
+    silent = _who(axes, (not count for count in watch.boot_ups))
+    if silent:
+        raise DeviceTimeoutError(
+            f"no boot-up message within {BOOT_TIMEOUT_S:g} s from {silent}; check power, node id,"
+            " bit rate and termination"
+        )
+    _listen(link, watch, SETTLE_S, until_booted=False)
+    twice = _who(axes, (count > 1 for count in watch.boot_ups))
+    if twice:
+        raise ProtocolError(
+            f"more than one boot-up message came from {twice}; two devices may share the node id,"
+            " or the drive resets itself"
+        )
+
+
+def refuse_red(settings: Iterable[DriveSetting]) -> None:
+    """Raise `PreflightError`, naming every setting that is not as required."""
+    red = [
+        f"{s.joint} (node {s.node_id}): {s.name} {s.object_name} is {s.found},"
+        f" required: {s.required}" + (f" ({s.next_action})" if s.next_action else "")
+        for s in settings
+        if s.verdict == "red"
+    ]
+    if red:
+        raise PreflightError(
+            "; ".join(red) + ". Nothing is moved; correct the drive or the cell file"
+        )
+
+
+def listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> None:
+    """Listen for as long as a master may be silent, before anything is sent.
+
+    Raises
+    ------
+    LockedError
+        Another master was heard.
+    """
+    timeout_s = cell.drive_safety.master_heartbeat_timeout_ms / 1000.0
+    until_s = link.clock.now_s() + max(2.5 * cell.cycle_time_s, timeout_s)
+    while link.clock.now_s() < until_s:
+        frame = link.receive(until_s)
+        if frame is not None:
+            watch.refuse_foreign_master(frame.cob_id)
+
+
+def _listen(link: CanLink, watch: DriveWatch, duration_s: float, *, until_booted: bool) -> None:
+    until_s = link.clock.now_s() + duration_s
+    while link.clock.now_s() < until_s and not (until_booted and all(watch.boot_ups)):
+        frame = link.receive(until_s)
+        if frame is not None:
+            watch.handle(frame, link.last_time_s)
+
+
+def _who(axes: Sequence[DriveAxis], chosen: Iterable[bool]) -> str:
+    return ", ".join(
+        f"{axis.joint} (node {axis.node_id})" for axis, yes in zip(axes, chosen, strict=True) if yes
+    )

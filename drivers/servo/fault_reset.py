@@ -1,0 +1,111 @@
+"""Resetting a drive's fault: a person's command, never done by the program itself.
+
+By SDO, without power and before the cyclic exchange: bit 7 of 6040h rises once (CiA 402-2, T15).
+Nothing is enabled by it; motion needs the whole bring-up afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from config.cell.cell import DriveAxis
+from drivers.canopen.emcy import code_text
+from drivers.canopen.frames import Frame
+from drivers.canopen.sdo import SdoAbort, abort_text
+from drivers.ports.transport import CanLink
+from drivers.servo.cia402 import ControlWord, PowerState, state_of
+from drivers.servo.sdo_port import SdoPort
+
+RESET_TIMEOUT_S = 1.0
+LOOK_S = 0.02
+
+_FAULTY = (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class FaultReset:
+    """What a drive was, and what it is after it was told to reset its fault.
+
+    Attributes
+    ----------
+    joint, node_id
+        Which drive.
+    before, after
+        Its power state; the same where it was not in fault and nothing was sent.
+    error
+        What it said of its fault; empty where there was none.
+    refusal
+        Why the command could not be written; empty where it could.
+    """
+
+    joint: str
+    node_id: int
+    before: PowerState
+    after: PowerState
+    error: str = ""
+    refusal: str = ""
+
+    @property
+    def was_faulty(self) -> bool:
+        """Whether there was a fault."""
+        return self.before in _FAULTY
+
+    @property
+    def is_faulty(self) -> bool:
+        """Whether there still is one."""
+        return self.after in _FAULTY
+
+
+def reset_fault(
+    link: CanLink, axis: DriveAxis, others: Callable[[Frame, float], None]
+) -> FaultReset:
+    """Reset a drive's fault, if it has one.
+
+    Parameters
+    ----------
+    link
+        The bus.
+    axis
+        The drive.
+    others
+        Takes the frames that are not this drive's SDO answers, with their time [s].
+
+    Raises
+    ------
+    DeviceTimeoutError
+        The drive does not answer.
+    TransportError
+        The bus is gone.
+    """
+    port = SdoPort(link, axis.node_id, others)
+    joint, node = axis.joint, axis.node_id
+    try:
+        before = state_of(port.read_int(0x6041, 0))
+        if before not in _FAULTY:
+            return FaultReset(joint, node, before, before)
+        code = port.read_int(0x603F, 0)
+    except SdoAbort as abort:
+        unknown = PowerState.NOT_READY_TO_SWITCH_ON
+        return FaultReset(joint, node, unknown, unknown, refusal=abort_text(abort.code))
+    error = f"{code_text(code)} ({code:04X}h)"
+    try:
+        for word in (ControlWord.DISABLE_VOLTAGE, ControlWord.FAULT_RESET):
+            port.write(0x6040, 0, word.to_bytes(2, "little"))
+        after = _settled(link, port, others)
+        port.write(0x6040, 0, ControlWord.DISABLE_VOLTAGE.to_bytes(2, "little"))
+    except SdoAbort as abort:
+        return FaultReset(joint, node, before, before, error, abort_text(abort.code))
+    return FaultReset(joint, node, before, after, error)
+
+
+def _settled(link: CanLink, port: SdoPort, others: Callable[[Frame, float], None]) -> PowerState:
+    """Return the state once it is no fault any more, or after `RESET_TIMEOUT_S`."""
+    until_s = link.clock.now_s() + RESET_TIMEOUT_S
+    while (state := state_of(port.read_int(0x6041, 0))) in _FAULTY:
+        if link.clock.now_s() >= until_s:
+            break
+        look_s = link.clock.now_s() + LOOK_S
+        while (frame := link.receive(look_s)) is not None:
+            others(frame, link.last_time_s)
+    return state

@@ -1,0 +1,91 @@
+"""`SdoPort`: one node's objects, read and written over a `CanLink` before the cyclic exchange."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from config.errors import ProtocolError
+from drivers.canopen.frames import Frame, sdo_answer_cob_id
+from drivers.canopen.sdo import SdoAbort, SdoCode, object_name
+from drivers.canopen.sdo_client import SdoClient
+from drivers.ports.transport import CanLink
+
+MISSING = (SdoCode.NO_OBJECT, SdoCode.NO_SUBINDEX)
+
+
+class SdoPort:
+    """Blocking SDO with one node; every other frame of the bus goes to `others`.
+
+    Parameters
+    ----------
+    link
+        The bus.
+    node_id
+        The drive.
+    others
+        Called with each frame that is not an answer of this node's SDO server, and its time [s].
+    timeout_s
+        How long to wait for each answer. Nothing is asked twice.
+    """
+
+    def __init__(
+        self,
+        link: CanLink,
+        node_id: int,
+        others: Callable[[Frame, float], None],
+        timeout_s: float = 0.5,
+    ) -> None:
+        self.node_id = node_id
+        self._link = link
+        self._others = others
+        self._client = SdoClient(node_id, timeout_s)
+        self._answer_cob_id = sdo_answer_cob_id(node_id)
+
+    def read(self, index: int, subindex: int) -> bytes:
+        """Return an object's bytes.
+
+        Raises
+        ------
+        SdoAbort
+            The drive refuses.
+        DeviceTimeoutError
+            The drive does not answer.
+        TransportError
+            The bus is gone.
+        """
+        return self._run(self._client.upload(index, subindex, self._link.clock.now_s()))
+
+    def write(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object; raises as `read` does."""
+        self._run(self._client.download(index, subindex, data, self._link.clock.now_s()))
+
+    def read_int(self, index: int, subindex: int, *, signed: bool = False) -> int:
+        """Return an integer object of 1 to 8 bytes; raises as `read` does."""
+        data = self.read(index, subindex)
+        if not 1 <= len(data) <= 8:
+            raise ProtocolError(
+                f"node {self.node_id}: object {object_name(index, subindex)} has {len(data)} bytes"
+                " where a number was expected"
+            )
+        return int.from_bytes(data, "little", signed=signed)
+
+    def _run(self, request: Frame) -> bytes:
+        self._link.send(request)
+        client = self._client
+        while not client.done:
+            frame = self._link.receive(client.deadline_s)
+            if frame is None:
+                reply = client.check(self._link.clock.now_s())
+            elif frame.cob_id == self._answer_cob_id:
+                reply = client.handle(frame, self._link.last_time_s)
+            else:
+                self._others(frame, self._link.last_time_s)
+                reply = client.check(self._link.last_time_s)
+            if reply is not None:
+                self._link.send(reply)
+        return client.result()
+
+
+def is_missing(abort: SdoAbort) -> bool:
+    """Return whether an abort says that the drive does not have the object at all."""
+    return abort.code in MISSING

@@ -1,0 +1,235 @@
+"""`StopRamp`: how far an axis gets until it rests, by what its drive holds; what is too far is red.
+
+Judged is what the drive reads back. A deceleration that rounds to nothing in the drive's units, or
+a limit that lets an axis run through its whole range before anything acts, is a stop that is none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from config.cell.cell import CellConfig, DriveAxis
+from config.robot.robot import Joint
+from drivers.interfaces import DriveSetting
+from drivers.servo.cia402 import AxisUnits
+
+LONGEST_STOP_S = 2.0
+LEAST_TORQUE_SHARE = 0.9
+
+PROFILE_DECELERATION = (0x6084, 0)
+QUICK_STOP_DECELERATION = (0x6085, 0)
+FOLLOWING_ERROR_WINDOW = (0x6065, 0)
+FOLLOWING_ERROR_TIME_MS = (0x6066, 0)
+TORQUE_LIMIT = (0x6072, 0)
+
+_QUICK_STOPS_BY_PROFILE = (1, 5)
+_FAULT_REACTION_BY_PROFILE = 1
+_WINDOW_OFF = 0xFFFF_FFFF
+
+Held = Mapping[tuple[int, int], int]
+
+
+class _Delay(NamedTuple):
+    """What passes between a fault and the ramp: travel besides that at top speed, and time."""
+
+    after: str
+    time_s: float
+    travel: float
+    lower: str
+
+
+@dataclass(frozen=True, slots=True)
+class StopRamp:
+    """An axis on its ramp, from the largest velocity that it is let have.
+
+    Attributes
+    ----------
+    velocity
+        The joint's limit with the margin at which the motion is stopped [rad/s or m/s].
+    deceleration
+        As the drive holds it [rad/s² or m/s²]; 0 where it holds none.
+    """
+
+    velocity: float
+    deceleration: float
+
+    @property
+    def time_s(self) -> float:
+        """How long the ramp takes [s]; infinite without a deceleration."""
+        return self.velocity / self.deceleration if self.deceleration > 0.0 else math.inf
+
+    @property
+    def distance(self) -> float:
+        """How far the axis gets on it [rad or m]."""
+        return 0.5 * self.velocity * self.time_s
+
+
+def uses_profile_deceleration(cell: CellConfig) -> bool:
+    """Return whether a stop of a cell's drives takes 6084h and not 6085h (CiA 402-2, 605Ah)."""
+    safety = cell.drive_safety
+    return (
+        safety.quick_stop_option in _QUICK_STOPS_BY_PROFILE
+        or safety.fault_reaction_option == _FAULT_REACTION_BY_PROFILE
+    )
+
+
+def stop_settings(
+    cell: CellConfig, axis: DriveAxis, joint: Joint, units: AxisUnits, held: Held
+) -> Iterator[DriveSetting]:
+    """Judge what one drive holds by where its axis comes to rest.
+
+    Parameters
+    ----------
+    cell, axis, joint, units
+        The limits, the drive, its joint, and the drive's numbers in the joint's units. With a
+        coupled wrist everything is the motor's, over its gear ratio.
+    held
+        What was read back, by index and subindex; an object that could not be read is left out, and
+        red already.
+
+    Yields
+    ------
+    DriveSetting
+        The ordered stop, the farthest way to rest after a fault, and the torque for it.
+    """
+    ramp = _ramp(cell, joint, units, held)
+    if ramp is not None:
+        yield _ordered(cell, axis, joint, ramp)
+        yield _after_a_fault(cell, axis, joint, units, held, ramp)
+    if TORQUE_LIMIT in held:
+        yield _torque(axis, joint, units, held[TORQUE_LIMIT])
+
+
+def _ramp(cell: CellConfig, joint: Joint, units: AxisUnits, held: Held) -> StopRamp | None:
+    """Return the longest ramp that a stop may take; None where a deceleration was not read."""
+    used: tuple[tuple[int, int], ...] = (QUICK_STOP_DECELERATION,)
+    if uses_profile_deceleration(cell):
+        used = (*used, PROFILE_DECELERATION)
+    if not all(key in held for key in used):
+        return None
+    velocity = joint.limits.velocity * (1.0 + cell.supervision.limit_margin_fraction)
+    least = min(held[key] for key in used)
+    return StopRamp(velocity, least / abs(units.velocity_units_per_rad_s))
+
+
+def _ordered(cell: CellConfig, axis: DriveAxis, joint: Joint, ramp: StopRamp) -> DriveSetting:
+    """Judge a stop that is ordered at top speed: its command acts at the SYNC after the next."""
+    before_s = 2.0 * cell.cycle_time_s
+    time_s = before_s + ramp.time_s
+    distance = ramp.velocity * before_s + ramp.distance
+    good = time_s <= LONGEST_STOP_S and distance <= _range(joint)
+    return DriveSetting(
+        joint.name,
+        axis.node_id,
+        "6085h:00",
+        "stop from top speed",
+        _required(joint),
+        _found(time_s, distance, joint) + f" from {ramp.velocity:.3g} {_unit(joint)}/s",
+        "ok" if good else "red",
+        ""
+        if good
+        else "raise drive_safety.quick_stop_deceleration_rad_s2: the axis would not stop"
+        " in time, or not within its range",
+    )
+
+
+def _after_a_fault(
+    cell: CellConfig, axis: DriveAxis, joint: Joint, units: AxisUnits, held: Held, ramp: StopRamp
+) -> DriveSetting:
+    """Judge the farthest way to rest after a fault that somebody has to notice first."""
+    delays = list(_delays(cell, units, held, ramp.velocity))
+    far = [ramp.velocity * each.time_s + each.travel + ramp.distance for each in delays]
+    late = [each.time_s + ramp.time_s for each in delays]
+    beyond = [i for i in range(len(delays)) if far[i] > _range(joint) or late[i] > LONGEST_STOP_S]
+    worst = max(beyond or range(len(delays)), key=lambda i: (far[i], late[i]))
+    lower = " and ".join(delays[i].lower for i in beyond)
+    return DriveSetting(
+        joint.name,
+        axis.node_id,
+        "6085h:00",
+        "rest after a fault",
+        _required(joint),
+        f"{_found(late[worst], far[worst], joint)} ({delays[worst].after})",
+        "red" if beyond else "ok",
+        f"lower {lower}, or raise drive_safety.quick_stop_deceleration_rad_s2" if beyond else "",
+    )
+
+
+def _delays(cell: CellConfig, units: AxisUnits, held: Held, velocity: float) -> Iterator[_Delay]:
+    safety, rules, cycle_s = cell.drive_safety, cell.supervision, cell.cycle_time_s
+    yield _Delay(
+        "this computer dies", 1e-3 * safety.master_heartbeat_timeout_ms, 0.0,
+        "drive_safety.master_heartbeat_timeout_ms",
+    )  # fmt: skip
+    yield _Delay(
+        "another drive dies", 1e-3 * safety.drive_heartbeat_timeout_ms + 2.0 * cycle_s, 0.0,
+        "drive_safety.drive_heartbeat_timeout_ms",
+    )  # fmt: skip
+    yield _Delay(
+        "answers are lost", (rules.missed_frames_limit + 2) * cycle_s, 0.0,
+        "supervision.missed_frames_limit",
+    )  # fmt: skip
+    yield _Delay(
+        "this computer is late", (rules.late_by_cycles_limit + 2.0) * cycle_s, 0.0,
+        "supervision.late_by_cycles_limit",
+    )  # fmt: skip
+    yield _Delay(
+        "an encoder is stuck", (rules.stuck_encoder_cycles + 2) * cycle_s, 0.0,
+        "supervision.stuck_encoder_cycles",
+    )  # fmt: skip
+    allowed = rules.following_error_min_rad + rules.following_error_per_velocity_s * velocity
+    yield _Delay(
+        "following error", 2.0 * cycle_s, allowed,
+        "supervision.following_error_min_rad and supervision.following_error_per_velocity_s",
+    )  # fmt: skip
+    if FOLLOWING_ERROR_WINDOW in held and FOLLOWING_ERROR_TIME_MS in held:
+        counts = held[FOLLOWING_ERROR_WINDOW]
+        window = math.inf if counts == _WINDOW_OFF else counts / abs(units.counts_per_rad)
+        yield _Delay(
+            "following error, by the drive", 1e-3 * held[FOLLOWING_ERROR_TIME_MS], window,
+            "drive_safety.following_error_rad and drive_safety.following_error_timeout_ms",
+        )  # fmt: skip
+
+
+def _torque(axis: DriveAxis, joint: Joint, units: AxisUnits, permille: int) -> DriveSetting:
+    """Judge whether the drive may make the torque that motions take: a stop takes no less."""
+    allowed = abs(units.torque_nm(permille))
+    wanted = LEAST_TORQUE_SHARE * joint.limits.torque
+    good = allowed >= wanted
+    unit = "N m" if joint.type == "revolute" else "N"
+    return DriveSetting(
+        joint.name,
+        axis.node_id,
+        "6072h:00",
+        "torque for a stop",
+        f"≥ {wanted:.4g} {unit}",
+        f"{allowed:.4g} {unit}",
+        "ok" if good else "red",
+        ""
+        if good
+        else "raise drive_safety.torque_limit_fraction, or lower the joint's"
+        " limits.torque in the robot file to what the drive may make",
+    )
+
+
+def _range(joint: Joint) -> float:
+    return joint.limits.position_max - joint.limits.position_min
+
+
+def _required(joint: Joint) -> str:
+    return f"≤ {LONGEST_STOP_S:g} s, ≤ {_range(joint):.3g} {_unit(joint)}"
+
+
+def _found(time_s: float, distance: float, joint: Joint) -> str:
+    if math.isinf(time_s):
+        return "never: its deceleration is 0 in the drive's units"
+    if math.isinf(distance):
+        return "never: the drive's window is off"
+    return f"{time_s:.3g} s, {distance:.3g} {_unit(joint)}"
+
+
+def _unit(joint: Joint) -> str:
+    return "rad" if joint.type == "revolute" else "m"

@@ -1,0 +1,245 @@
+"""`DriveWatch`: what drives say outside the cyclic data, turned into events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+from config.cell.cell import DriveSafety
+from config.errors import LockedError
+from drivers.canopen.emcy import parse_emcy
+from drivers.canopen.frames import (
+    HEARTBEAT_BASE,
+    LSS_MASTER_COB_ID,
+    NMT_COB_ID,
+    SDO_REQUEST_BASE,
+    SYNC_COB_ID,
+    Frame,
+    emcy_cob_id,
+    heartbeat_cob_id,
+    rpdo_cob_id,
+    sdo_answer_cob_id,
+    sdo_request_cob_id,
+)
+from drivers.canopen.heartbeat import HeartbeatConsumer
+from drivers.canopen.nmt import NmtState, state_name
+from drivers.device_text import printable
+from drivers.interfaces import DriveEvent, EventKind
+
+MOST_EVENTS = 64
+MOST_NAMED = 4
+
+
+class DriveWatch:
+    """Judges heartbeats, boot-ups, emergencies and frames that nobody should send.
+
+    It has no clock and no bus: it is given frames and times. Before `arm` only emergencies and
+    boot-ups are noted (a drive that has just been reset boots up), and another master is refused;
+    after it, everything counts, and another master is an event that ends the motion.
+
+    Parameters
+    ----------
+    joint_names, node_ids
+        The axes, base to flange.
+    safety
+        The cell's time limits and the node id of this computer.
+
+    Attributes
+    ----------
+    boot_ups
+        How many boot-up messages each axis has sent since `forget`.
+    heartbeats
+        One `HeartbeatConsumer` an axis.
+    unexpected_frames
+        How many frames came with an identifier that nobody in the cell has.
+    dropped_events
+        How many events were not kept because more than `MOST_EVENTS` were waiting.
+    """
+
+    def __init__(
+        self,
+        joint_names: Sequence[str],
+        node_ids: Sequence[int],
+        safety: DriveSafety,
+    ) -> None:
+        self._joint_names = tuple(joint_names)
+        timeout_s = safety.drive_heartbeat_timeout_ms / 1000.0
+        self._emcy = {emcy_cob_id(node): axis for axis, node in enumerate(node_ids)}
+        self._heartbeat = {heartbeat_cob_id(node): axis for axis, node in enumerate(node_ids)}
+        self._answers = frozenset(sdo_answer_cob_id(node) for node in node_ids)
+        self._masters_own = {
+            SYNC_COB_ID: "SYNC",
+            LSS_MASTER_COB_ID: "layer settings (LSS)",
+            NMT_COB_ID: "NMT commands",
+            heartbeat_cob_id(safety.master_node_id): f"node {safety.master_node_id}'s heartbeat",
+        }
+        for node in node_ids:
+            self._masters_own[sdo_request_cob_id(node)] = f"SDO requests to node {node}"
+            for number in (1, 2):
+                self._masters_own[rpdo_cob_id(node, number)] = f"commands to node {node}"
+        self.heartbeats = tuple(HeartbeatConsumer(timeout_s) for _ in node_ids)
+        self.boot_ups = [0] * len(node_ids)
+        self.unexpected_frames = 0
+        self.dropped_events = 0
+        self._seen: set[int] = set()
+        self._armed = False
+        self._operational = False
+        self._events: list[DriveEvent] = []
+
+    def forget(self) -> None:
+        """Begin anew, as before a reset of the drives: no events, not armed."""
+        self._events.clear()
+        self._seen.clear()
+        self._armed = self._operational = False
+        self.boot_ups = [0] * len(self.boot_ups)
+
+    def arm(self, now_s: float) -> None:
+        """From now [s] on, every heartbeat is due and no boot-up is expected."""
+        self._events.clear()
+        self._armed = True
+        for consumer in self.heartbeats:
+            consumer.start(now_s)
+
+    def expect_operational(self) -> None:
+        """From now on a drive that reports another NMT state has left the cyclic exchange."""
+        self._operational = True
+
+    def foreign_master(self, cob_id: int) -> str | None:
+        """Return what a frame is, if only a master sends it; None otherwise."""
+        own = self._masters_own.get(cob_id)
+        if own is None and SDO_REQUEST_BASE < cob_id < HEARTBEAT_BASE - 0x80:
+            return f"SDO requests to node {cob_id - SDO_REQUEST_BASE}"
+        return own
+
+    def handle(self, frame: Frame, now_s: float) -> None:
+        """Take a frame that is not a TPDO of this cell.
+
+        Raises
+        ------
+        LockedError
+            Another master was heard before `arm`.
+        """
+        cob_id, data = frame
+        axis = self._heartbeat.get(cob_id)
+        if axis is not None:
+            self._heartbeat_arrived(axis, data, now_s)
+        elif (axis := self._emcy.get(cob_id)) is not None:
+            self._emergency_arrived(axis, data, now_s)
+        elif cob_id in self._answers:
+            return
+        elif self._armed:
+            self._unexpected(cob_id, now_s)
+        else:
+            self.refuse_foreign_master(cob_id)
+
+    def refuse_foreign_master(self, cob_id: int) -> None:
+        """Raise `LockedError` where only another master can have sent a frame."""
+        foreign = self.foreign_master(cob_id)
+        if foreign is not None:
+            raise LockedError(
+                f"another master is active on the CAN bus: it sends {foreign}; stop it first"
+            )
+
+    def wrong_length(self, axis: int, data_bytes: int, now_s: float, mapped: int = 8) -> None:
+        """Note a TPDO whose length is not what was mapped; its data are not used."""
+        self._note(
+            EventKind.WRONG_LENGTH,
+            axis,
+            now_s,
+            f"sent a TPDO of {data_bytes} bytes where {mapped} are mapped; the frame was not used",
+            data_bytes,
+        )
+
+    def check(self, now_s: float, telling_s: float) -> None:
+        """Find the drives that will have been silent for too long when it can be told.
+
+        Parameters
+        ----------
+        now_s
+            Until when every frame has been taken [s].
+        telling_s
+            How long it takes to tell the other drives [s].
+        """
+        if not self._armed:
+            return
+        for axis, consumer in enumerate(self.heartbeats):
+            if consumer.expired(now_s + telling_s):
+                self._note(EventKind.HEARTBEAT_LOST, axis, now_s, "stopped sending its heartbeat")
+
+    @property
+    def unexpected_identifiers(self) -> str:
+        """The first identifiers that nobody in the cell has, in words."""
+        named = ", ".join(f"{cob_id:03X}h" for cob_id in sorted(self._seen)[:MOST_NAMED])
+        return named + (", …" if len(self._seen) > MOST_NAMED else "")
+
+    def take_events(self) -> tuple[DriveEvent, ...]:
+        """Return and forget what happened."""
+        if not self._events:
+            return ()
+        events = tuple(self._events)
+        self._events.clear()
+        return events
+
+    def faults(self) -> tuple[DriveEvent, ...]:
+        """Return the waiting events after which motion must not go on; they stay waiting."""
+        return tuple(event for event in self._events if event.kind.is_fault)
+
+    def _heartbeat_arrived(self, axis: int, data: bytes, now_s: float) -> None:
+        if len(data) != 1:
+            self._note(
+                EventKind.WRONG_LENGTH,
+                axis,
+                now_s,
+                f"sent a heartbeat of {len(data)} bytes where 1 is right",
+                len(data),
+            )
+            return
+        state = data[0] & 0x7F
+        self.heartbeats[axis].heard(state, now_s)
+        if state == NmtState.INITIALISING:
+            self.boot_ups[axis] += 1
+            if self._armed:
+                self._note(
+                    EventKind.BOOT_UP,
+                    axis,
+                    now_s,
+                    "booted: it was reset or lost its supply, and has lost its configuration",
+                )
+        elif self._operational and state != NmtState.OPERATIONAL:
+            text = f"left the cyclic exchange: its NMT state is {state_name(state)}"
+            self._note(EventKind.NOT_OPERATIONAL, axis, now_s, text, state)
+
+    def _emergency_arrived(self, axis: int, data: bytes, now_s: float) -> None:
+        code, words = _emergency(bytes(data))
+        kind = EventKind.EMERGENCY if code else EventKind.EMERGENCY_CLEARED
+        self._note(kind, axis, now_s, words, code)
+
+    def _unexpected(self, cob_id: int, now_s: float) -> None:
+        foreign = self.foreign_master(cob_id)
+        self.unexpected_frames += 1
+        if cob_id in self._seen or len(self._seen) >= MOST_EVENTS:
+            return
+        self._seen.add(cob_id)
+        if foreign is not None:
+            text = f"another master is active on this bus: it sends {foreign}"
+            self._append(DriveEvent(EventKind.FOREIGN_MASTER, "", now_s, text, cob_id))
+        else:
+            text = f"a frame came with identifier {cob_id:03X}h, which nobody in the cell has"
+            self._append(DriveEvent(EventKind.UNEXPECTED_FRAME, "", now_s, text, cob_id))
+
+    def _note(self, kind: EventKind, axis: int, now_s: float, text: str, code: int = 0) -> None:
+        joint = self._joint_names[axis]
+        self._append(DriveEvent(kind, joint, now_s, f"{joint}: the drive {text}", code))
+
+    def _append(self, event: DriveEvent) -> None:
+        if len(self._events) < MOST_EVENTS:
+            self._events.append(event)
+        else:
+            self.dropped_events += 1
+
+
+@lru_cache(maxsize=MOST_EVENTS)  # a drive that floods the bus says the same again and again
+def _emergency(data: bytes) -> tuple[int, str]:
+    """Return an emergency message's code and what is told of it."""
+    emergency = parse_emcy(data)
+    return emergency.code, f"reported: {printable(str(emergency), 160)}"

@@ -1,0 +1,54 @@
+"""`WristCoupling`: between the joints of a coupled wrist and the motors that move them (5.18).
+
+Everything that one drive measures or is told is its motor's: counts, velocity, torque, its watch on
+the following error. Positions and velocities of the program are the joints'. `CyclicExchange` turns
+the one into the other, and nothing else does; torques stay the motors', as identification has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from config.robot.robot import RobotDescription
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class WristCoupling:
+    """The matrix C of q = C alpha; alpha are the motors' angles over their gear ratios.
+
+    Attributes
+    ----------
+    joints_by_motors : ndarray, shape (n, n)
+        C.
+    motors_by_joints : ndarray, shape (n, n)
+        Its inverse.
+    motors_of : tuple of tuple of int
+        For each joint the motors that move it.
+    """
+
+    joints_by_motors: Array
+    motors_by_joints: Array
+    motors_of: tuple[tuple[int, ...], ...]
+
+    @classmethod
+    def of_robot(cls, robot: RobotDescription) -> WristCoupling | None:
+        """Return the coupling of a robot; None where each motor moves its own joint alone."""
+        if robot.coupling is None:
+            return None
+        matrix = np.array(robot.coupling)
+        motors = tuple(tuple(np.flatnonzero(row).tolist()) for row in matrix)
+        return cls(matrix, np.linalg.inv(matrix), motors)
+
+    def to_joints(self, of_motors: Array, out: Array) -> None:
+        """Write the joints' positions or velocities into `out`, (n,), from the motors'."""
+        np.matmul(self.joints_by_motors, of_motors, out=out)
+
+    def to_motors(self, of_joints: Sequence[float] | Array) -> Array:
+        """Return the motors' positions or velocities, (n,) or (samples, n), from the joints'."""
+        return np.asarray(np.asarray(of_joints) @ self.motors_by_joints.T)

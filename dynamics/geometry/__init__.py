@@ -1,0 +1,4 @@
+"""Where the links are: forward and inverse kinematics, distances between bodies.
+
+No masses and no torques. Begin with `kinematics.py`.
+"""

@@ -1,0 +1,282 @@
+"""`Clearances`: how far the robot's bodies stay from one another and from what is around them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+
+import coal  # pyright: ignore[reportMissingImports]
+import numpy as np
+
+from config.robot.bodies import Body, Box, Capsule, Plane, Workspace
+from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import (
+    Chain,
+    FloatArray,
+    IntArray,
+    link_transforms,
+    point_jacobian,
+)
+
+POINT_RADIUS_M = 1e-4
+
+
+@dataclass(frozen=True)
+class _Solid:
+    """A shape of coal, the link that carries it, and its place in that link's frame.
+
+    `half` and `radius` are of a capsule about its centre that holds it: half its line, from the
+    centre to an end. Of solids around the robot it is not asked.
+    """
+
+    name: str
+    link: int
+    shape: coal.CollisionGeometry
+    rotation: FloatArray
+    centre: FloatArray
+    half: FloatArray
+    radius: float
+
+
+@dataclass(frozen=True)
+class _Touch:
+    """Distances of some (sample, pair)s, the nearest points of both, and from which to which."""
+
+    distance: FloatArray
+    points: tuple[FloatArray, FloatArray]
+    normals: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances:
+    """The pairs of solids whose distance counts.
+
+    Bodies of the same link or of neighbouring links are not held against one another: they touch
+    by design. A robot without bodies is held against the surroundings with its tool point alone.
+    Bodies whose surrounding capsules are far apart are not looked at any closer.
+
+    Attributes
+    ----------
+    chain : Chain
+        The robot's geometry.
+    pairs : tuple of (solid, solid)
+        What must stay apart; the second of each is a body of the robot.
+    margin_m : float
+        The least distance.
+    """
+
+    chain: Chain
+    pairs: tuple[tuple[_Solid, _Solid], ...]
+    margin_m: float
+
+    @classmethod
+    def of(cls, robot: RobotDescription, workspace: Workspace | None = None) -> Clearances:
+        """Take the pairs out of a robot's bodies and a cell's workspace."""
+        workspace = workspace or Workspace()
+        chain = Chain.from_description(robot)
+        bodies = [_body_solid(body, number) for number, body in enumerate(robot.bodies, start=1)]
+        pairs = [
+            (first, second)
+            for first, second in combinations(bodies, 2)
+            if abs(first.link - second.link) > 1
+        ]
+        around = [_plane_solid(plane) for plane in workspace.planes]
+        for box in workspace.boxes:
+            around += _box_solids(box)
+        moving = [body for body in bodies if body.link > 0]
+        if around and not moving:
+            moving = [_ball("the tool point", chain.n, chain.tool_m, POINT_RADIUS_M)]
+        pairs += [(outside, body) for outside in around for body in moving]
+        return cls(chain, tuple(pairs), workspace.clearance_m)
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each pair is called in a message."""
+        return tuple(f"{first.name} and {second.name}" for first, second in self.pairs)
+
+    def nearest(self, q: FloatArray) -> FloatArray:
+        """Return each pair's least distance, (pairs,) [m], over poses q of (samples, n).
+
+        Overlap counts as negative distance.
+        """
+        links = link_transforms(self.chain, q)
+        bounds = self._bounds(links)
+        nearest = np.full(len(self), np.inf)
+        for column in range(len(self)):
+            order = np.argsort(bounds[:, column])
+            for rows in np.array_split(order, math.ceil(len(order) / 8)):
+                if bounds[rows[0], column] >= nearest[column]:
+                    break
+                found = self._measure(links, rows, np.full(len(rows), column)).distance
+                nearest[column] = min(nearest[column], float(found.min()))
+        return nearest
+
+    def shortfall(self, q: FloatArray) -> tuple[float, FloatArray]:
+        """Return by how much bodies are too close, and how that changes with the joints.
+
+        Parameters
+        ----------
+        q : (samples, n) array
+            Joint positions [rad or m].
+
+        Returns
+        -------
+        squares : float
+            Sum over samples and pairs of the squares of what the distances lack [m^2].
+        gradient : (samples, n) array
+            Its derivatives by the joint positions.
+        """
+        gradient = np.zeros_like(q)
+        links = link_transforms(self.chain, q)
+        rows, columns = np.nonzero(self._bounds(links) < self.margin_m)
+        touch = self._measure(links, rows, columns)
+        short = self.margin_m - touch.distance
+        close = short > 0.0
+        rows, columns, short = rows[close], columns[close], short[close]
+        for side, sign in ((0, 2.0), (1, -2.0)):
+            carriers = np.array([self.pairs[c][side].link for c in columns], dtype=np.intp)
+            moved = point_jacobian(self.chain, links[rows], carriers, touch.points[side][close])
+            along = np.einsum("sd,sdn->sn", touch.normals[close], moved)
+            np.add.at(gradient, rows, sign * short[:, np.newaxis] * along)
+        return float(short @ short), gradient
+
+    def _bounds(self, links: FloatArray) -> FloatArray:
+        """Return no more than the distance of each pair, (samples, pairs) [m], quickly."""
+        bodies = {id(body): body for pair in self.pairs for body in pair}
+        lines = {key: _line(body, links) for key, body in bodies.items()}
+        bounds = np.empty((len(links), len(self)))
+        for column, (first, second) in enumerate(self.pairs):
+            centre, half = lines[id(second)]
+            if isinstance(first.shape, coal.Halfspace):
+                height = centre @ first.shape.n - np.abs(half @ first.shape.n) - first.shape.d
+                bounds[:, column] = height - second.radius
+            elif isinstance(first.shape, coal.Box):
+                # The box and the capsule's own box along the same axes.
+                size = first.shape.halfSide + np.abs(half)
+                beyond = np.maximum(np.abs(centre - first.centre) - size, 0.0)
+                bounds[:, column] = np.linalg.norm(beyond, axis=1) - second.radius
+            else:
+                gap = _line_distance(*lines[id(first)], centre, half)
+                bounds[:, column] = gap - first.radius - second.radius
+        return bounds
+
+    def _measure(self, links: FloatArray, rows: IntArray, columns: IntArray) -> _Touch:
+        """Let coal measure pair `columns[k]` in sample `rows[k]`."""
+        distance, normals = np.empty(len(rows)), np.empty((len(rows), 3))
+        points = np.empty((len(rows), 3)), np.empty((len(rows), 3))
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        for k, (row, column) in enumerate(zip(rows, columns, strict=True)):
+            first, second = self.pairs[column]
+            result.clear()
+            distance[k] = coal.distance(
+                first.shape,
+                _place(first, links[row]),
+                second.shape,
+                _place(second, links[row]),
+                request,
+                result,
+            )
+            points[0][k] = result.getNearestPoint1()
+            points[1][k] = result.getNearestPoint2()
+            normals[k] = result.normal
+        return _Touch(distance, points, normals)
+
+
+def _line(solid: _Solid, links: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return centre and half of a solid's line in the base frame, (samples, 3) each."""
+    if solid.link == 0:
+        shape = (len(links), 3)
+        return np.broadcast_to(solid.centre, shape), np.broadcast_to(solid.half, shape)
+    link = links[:, solid.link - 1]
+    rotation, origin = link[:, :3, :3], link[:, :3, 3]
+    return np.asarray(rotation @ solid.centre + origin), np.asarray(rotation @ solid.half)
+
+
+def _line_distance(
+    first: FloatArray, half_first: FloatArray, second: FloatArray, half_second: FloatArray
+) -> FloatArray:
+    """Return the distance of line segments, (samples,); Ericson (2005), section 5.1.9."""
+    r = first - second
+    a, b, e, c, f = (
+        np.einsum("sd,sd->s", left, right)
+        for left, right in (
+            (half_first, half_first),
+            (half_first, half_second),
+            (half_second, half_second),
+            (half_first, r),
+            (half_second, r),
+        )
+    )
+    along_first = _share(b * f - c * e, a * e - b * b)
+    along_second = _share(b * along_first + f, e)
+    along_first = _share(b * along_second - c, a)
+    apart = r + along_first[:, np.newaxis] * half_first - along_second[:, np.newaxis] * half_second
+    return np.asarray(np.linalg.norm(apart, axis=1))
+
+
+def _share(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
+    """Return the quotient within -1..1, and 0 where the denominator vanishes."""
+    safe = np.where(denominator > 1e-12, denominator, 1.0)
+    return np.clip(np.where(denominator > 1e-12, numerator / safe, 0.0), -1.0, 1.0)
+
+
+def _place(solid: _Solid, links: FloatArray) -> coal.Transform3s:
+    if solid.link == 0:
+        return coal.Transform3s(solid.rotation, solid.centre)
+    rotation, origin = links[solid.link - 1, :3, :3], links[solid.link - 1, :3, 3]
+    return coal.Transform3s(rotation @ solid.rotation, rotation @ solid.centre + origin)
+
+
+def _body_solid(body: Body, number: int) -> _Solid:
+    name = f"link {body.link}'s body {number}" if body.link else f"the base's body {number}"
+    if isinstance(body, Capsule):
+        start, end = np.array(body.start_m), np.array(body.end_m)
+        centre, half = (start + end) / 2.0, (end - start) / 2.0
+        if not half.any():
+            return _ball(name, body.link, centre, body.radius_m)
+        shape = coal.Capsule(body.radius_m, 2.0 * float(np.linalg.norm(half)))
+        return _Solid(name, body.link, shape, _z_along(half), centre, half, body.radius_m)
+    corners = np.array(body.points_m)
+    centre = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
+    points = coal.StdVec_Vec3s()
+    for corner in corners:
+        points.append(corner - centre)
+    hull = coal.Convex.convexHull(points, True, "Qt")
+    radius = float(np.linalg.norm(corners - centre, axis=1).max())
+    return _Solid(name, body.link, hull, np.eye(3), centre, np.zeros(3), radius)
+
+
+def _ball(name: str, link: int, centre: FloatArray, radius: float) -> _Solid:
+    return _Solid(name, link, coal.Sphere(radius), np.eye(3), centre, np.zeros(3), radius)
+
+
+def _plane_solid(plane: Plane) -> _Solid:
+    """Return the half-space behind a plane, where the robot must not be."""
+    return _half_space(plane.name, np.array(plane.normal), plane.offset_m)
+
+
+def _half_space(name: str, normal: FloatArray, offset: float) -> _Solid:
+    shape = coal.Halfspace(normal, offset)
+    return _Solid(name, 0, shape, np.eye(3), np.zeros(3), np.zeros(3), math.inf)
+
+
+def _box_solids(box: Box) -> list[_Solid]:
+    low, high = np.array(box.min_m), np.array(box.max_m)
+    if box.keep == "out":
+        shape, centre = coal.Box(*(high - low)), (low + high) / 2.0
+        return [_Solid(box.name, 0, shape, np.eye(3), centre, np.zeros(3), math.inf)]
+    walls = [_half_space(box.name, axis, low[k]) for k, axis in enumerate(np.eye(3))]
+    return walls + [_half_space(box.name, -axis, -high[k]) for k, axis in enumerate(np.eye(3))]
+
+
+def _z_along(direction: FloatArray) -> FloatArray:
+    """Return a rotation whose third column points along a vector."""
+    z = direction / np.linalg.norm(direction)
+    other = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(other, z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

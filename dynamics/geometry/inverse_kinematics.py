@@ -1,0 +1,183 @@
+"""Joint positions that put the tool point where it is wanted, along a path, by Newton's method."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from config.errors import ConfigError
+from dynamics.geometry.kinematics import Chain, FloatArray, jacobian, link_transforms
+
+ITERATIONS: Final = 50
+TOLERANCE_M: Final = 1e-11
+LONGEST_STEP: Final = 0.3
+SINGULAR: Final = 1e-3
+STEP: Final = 1e-5
+
+
+def follow(
+    chain: Chain, points_m: FloatArray, near: FloatArray, rotation: FloatArray | None = None
+) -> FloatArray:
+    """Return joint positions along a path of the tool point, from one point to the next.
+
+    Parameters
+    ----------
+    chain : Chain
+        The arm.
+    points_m : (samples, 3) array
+        Wanted tool points in the base frame; neighbours are close.
+    near : (n,) array
+        A pose near the first: it chooses among the arm's ways to reach it.
+    rotation : (3, 3) array, optional
+        Orientation of the last link's frame to hold; free, if not given. An arm of three joints has
+        none to choose.
+
+    Returns
+    -------
+    (samples, n) array
+        Joint positions [rad or m].
+
+    Raises
+    ------
+    ConfigError
+        A point cannot be reached from the one before, or only through a singular pose.
+    """
+    found = np.empty((len(points_m), chain.n))
+    pose = np.array(near, dtype=float)
+    for number, point in enumerate(points_m):
+        what = f"point {number + 1} of {len(points_m)} of the path"
+        pose = reach(chain, point, pose, rotation, what)
+        found[number] = pose
+    return found
+
+
+def reach(
+    chain: Chain, point: FloatArray, near: FloatArray, rotation: FloatArray | None, what: str
+) -> FloatArray:
+    """Return the joint positions near a pose that put the tool point where it is wanted.
+
+    Parameters
+    ----------
+    chain : Chain
+        The arm.
+    point : (3,) array
+        Wanted tool point in the base frame [m].
+    near : (n,) array
+        A pose near it.
+    rotation : (3, 3) array or None
+        Orientation of the last link's frame to hold; None leaves it free.
+    what : str
+        What a message calls the point.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be reached from there, or only through a singular pose.
+    """
+    pose = near
+    place = ", ".join(f"{1e3 * x:.0f}" for x in point)
+    for _ in range(ITERATIONS):
+        short, slopes = (
+            found[0] for found in _missing(chain, pose[np.newaxis], point[np.newaxis], rotation)
+        )
+        if np.abs(short).max() < TOLERANCE_M:
+            return pose
+        left, size, right = np.linalg.svd(slopes, full_matrices=False)
+        if size[-1] < SINGULAR * size[0]:
+            raise ConfigError(
+                f"{what} ({place} mm) leads through a pose in which the arm cannot move"
+                " in every direction: shift or turn the path, or start it near another pose"
+            )
+        step = right.T @ ((left.T @ short) / size)
+        pose = pose + step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
+    raise ConfigError(
+        f"{what} ({place} mm) cannot be reached: move it nearer to the robot, or start"
+        " it near another pose"
+    )
+
+
+class PathSlopes(NamedTuple):
+    """Joint positions along a path of the tool point, and how they change with its length.
+
+    Attributes
+    ----------
+    position, slope, bend : (samples, n) array
+        rad or m, and its first two derivatives by the length [1/m, 1/m^2].
+    """
+
+    position: FloatArray
+    slope: FloatArray
+    bend: FloatArray
+
+
+def refine(
+    chain: Chain,
+    points_m: FloatArray,
+    direction: FloatArray,
+    curvature: FloatArray,
+    near: FloatArray,
+    rotation: FloatArray | None = None,
+) -> PathSlopes:
+    """Return joint positions along a path from good guesses, all rows at once, and their slopes.
+
+    Parameters
+    ----------
+    chain : Chain
+        The arm.
+    points_m, direction, curvature : (samples, 3) array
+        The path in the base frame: points, unit tangents, and their change by the length [1/m].
+    near : (samples, n) array
+        Poses near those wanted.
+    rotation : (3, 3) array, optional
+        Orientation of the last link's frame to hold.
+
+    Raises
+    ------
+    ConfigError
+        The guesses were not near enough.
+    """
+    position = np.array(near, dtype=float)
+    for _ in range(ITERATIONS):
+        short, slopes = _missing(chain, position, points_m, rotation)
+        if np.abs(short).max() < TOLERANCE_M:
+            break
+        position += _solved(slopes, short)
+    else:
+        raise ConfigError(
+            "the path comes too near a pose in which the arm cannot move in every direction: shift"
+            " or turn it"
+        )
+    spin = np.zeros((len(points_m), 0 if rotation is None else 3))
+    slope = _solved(slopes, np.concatenate([direction, spin], axis=1))
+    step = STEP / np.maximum(np.abs(slope).max(axis=1, keepdims=True), 1e-12)
+    rows = slopes.shape[1]
+    ahead, behind = (
+        jacobian(chain, position + sign * step * slope)[:, :rows] for sign in (1.0, -1.0)
+    )
+    turning = ((ahead - behind) / (2.0 * step[:, :, np.newaxis])) @ slope[:, :, np.newaxis]
+    bend = _solved(slopes, np.concatenate([curvature, spin], axis=1) - turning[:, :, 0])
+    return PathSlopes(position, slope, bend)
+
+
+def _solved(slopes: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Return the smallest joint changes that make the changes wanted, row by row."""
+    return np.asarray((np.linalg.pinv(slopes) @ wanted[:, :, np.newaxis])[:, :, 0])
+
+
+def _missing(
+    chain: Chain, pose: FloatArray, points: FloatArray, rotation: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return what poses lack of points and orientation, (samples, 3 or 6), and the Jacobians."""
+    last = link_transforms(chain, pose)[:, -1]
+    short = points - (last[:, :3, :3] @ chain.tool_m + last[:, :3, 3])
+    slopes = jacobian(chain, pose)
+    if rotation is None:
+        return short, slopes[:, :3]
+    turned = rotation @ last[:, :3, :3].transpose(0, 2, 1)
+    vee = [
+        turned[:, 2, 1] - turned[:, 1, 2],
+        turned[:, 0, 2] - turned[:, 2, 0],
+        turned[:, 1, 0] - turned[:, 0, 1],
+    ]
+    return np.concatenate([short, 0.5 * np.stack(vee, axis=1)], axis=1), slopes

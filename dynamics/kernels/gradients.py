@@ -1,0 +1,384 @@
+"""The compiled sweep that carries weights on the regressor's elements back to the motion.
+
+The reverse mode of `kernels`: one sweep outwards keeps every link's motion; each row's screw then
+takes the weights inwards from link to link; a last sweep inwards takes them through the motion.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynamics.geometry.kinematics import BoolArray, ChainArrays, FloatArray
+from dynamics.kernels.rigid_body import RotorArrays
+from dynamics.kernels.simd import (
+    LANES,
+    Lanes,
+    Samples,
+    gather,
+    kernel,
+    load,
+    scatter,
+    spread,
+    store,
+)
+from dynamics.kernels.vectors import (
+    Rotation,
+    Vector,
+    accumulate,
+    add,
+    angular_motion,
+    cross,
+    dot,
+    eight_from,
+    joint_frame,
+    load_vector,
+    scale,
+    store_vector,
+    turn,
+    turn_back,
+    unit_vector,
+    zero_vector,
+)
+
+
+@kernel
+def pull_back(
+    chain: ChainArrays,
+    rotors: RotorArrays,
+    motion: FloatArray,
+    actuator: FloatArray,
+    first_link: int,
+    link_weights: FloatArray,
+    rotor_weights: FloatArray,
+    by_joint: FloatArray,
+    by_actuator: FloatArray,
+    first: int,
+    last: int,
+) -> None:
+    """Find how sums of weights * columns of links and rotors change with the motion.
+
+    Parameters
+    ----------
+    chain, rotors
+        As for `fill_rotors`.
+    motion, actuator : (3, samples, n) arrays
+        Positions, velocities, accelerations of the joints and of the actuators.
+    first_link : int
+        The first link (from 0) that has weights; n leaves the links out.
+    link_weights : (sums, samples, n, 10 (n - first_link)) array
+        Weights on the columns of `fill_rigid_body`, in the rows of the joints.
+    rotor_weights : (sums, samples, n, rotors) array
+        Weights on the columns of `fill_rotors`.
+    by_joint, by_actuator : (sums, 3, samples, n) arrays
+        Derivatives of each sum by `motion` and, where there are rotors, by `actuator`. Zero on
+        entry.
+    first, last : int
+        The samples to do.
+    """
+    _, fixed_rotations, prismatic, _ = chain
+    rotor_joint, rotor_link, rotor_axis, rotor_ratio, own_torque = rotors
+    joints = motion.shape[2]
+    # Of every link, the base first: angular velocity and acceleration, acceleration of the origin,
+    # and what the sum gains by each.
+    moves = np.zeros((3 * (joints + 1), 3, LANES))
+    gains = np.zeros((3 * (joints + 1), 3, LANES))
+    frames = np.empty((4 * joints, 3, LANES))
+    screws = np.empty((2 * joints, 3, LANES))
+    by_position = np.empty((joints, 1, LANES))
+    for start in range(first, last, LANES):
+        samples = eight_from(start, last)
+        _sweep_out(chain, motion, samples, moves, frames)
+        for one in range(len(by_joint)):
+            gains[:] = 0.0
+            by_position[:] = 0.0
+            for k in range(joints):
+                _carry_screw(prismatic, k, frames, screws)
+                turning_gain = sliding_gain = zero_vector()
+                for i in range(joints - 1, k - 1, -1):
+                    if i >= first_link:
+                        of_link = link_weights[one, :, k, 10 * (i - first_link) :]
+                        a, b = _weigh_link(of_link, samples, i, screws, moves, gains)
+                        turning_gain, sliding_gain = add(turning_gain, a), add(sliding_gain, b)
+                    for r in range(len(rotor_link)):
+                        if rotor_link[r] == i + 1:
+                            weight = gather(rotor_weights[one, :, k], samples, r)
+                            a = _weigh_rotor(
+                                weight,
+                                _axis(rotor_axis, r),
+                                rotor_ratio[r],
+                                rotor_joint[r],
+                                actuator,
+                                samples,
+                                i,
+                                screws,
+                                moves,
+                                gains,
+                                by_actuator[one],
+                            )
+                            turning_gain = add(turning_gain, a)
+                    if i > k:
+                        turning_gain, sliding_gain = _carry_back(
+                            fixed_rotations[i],
+                            prismatic[i],
+                            i,
+                            turning_gain,
+                            sliding_gain,
+                            frames,
+                            screws,
+                            by_position,
+                        )
+            for r in range(len(rotor_link)):
+                _weigh_own(
+                    rotor_weights[one],
+                    own_torque,
+                    r,
+                    _axis(rotor_axis, r),
+                    rotor_ratio[r],
+                    rotor_joint[r],
+                    rotor_link[r],
+                    samples,
+                    gains,
+                    by_actuator[one],
+                )
+            _sweep_in(
+                fixed_rotations,
+                prismatic,
+                motion,
+                samples,
+                moves,
+                frames,
+                gains,
+                by_position,
+                by_joint[one],
+            )
+
+
+@kernel
+def _sweep_out(
+    chain: ChainArrays,
+    motion: FloatArray,
+    samples: Samples,
+    moves: FloatArray,
+    frames: FloatArray,
+) -> None:
+    """Keep every link's motion and every joint's frame."""
+    rows, fixed_rotations, prismatic, gravity = chain
+    w = dw = zero_vector()
+    dv = (w[0] - gravity[0], w[1] - gravity[1], w[2] - gravity[2])
+    store_vector(dv, moves, 2)
+    for i in range(motion.shape[2]):
+        q, qd = gather(motion[0], samples, i), gather(motion[1], samples, i)
+        qdd = gather(motion[2], samples, i)
+        rotation, offset = joint_frame(rows[i], fixed_rotations[i], prismatic[i], q)
+        centripetal = cross(w, cross(w, offset))
+        dv = turn(rotation, add(dv, add(cross(dw, offset), centripetal)))
+        w, dw = angular_motion(rotation, w, dw, prismatic[i], qd, qdd)
+        if prismatic[i]:
+            dv = (dv[0] + 2.0 * w[1] * qd, dv[1] - 2.0 * w[0] * qd, dv[2] + qdd)
+        store_vector(w, moves, 3 * i + 3)
+        store_vector(dw, moves, 3 * i + 4)
+        store_vector(dv, moves, 3 * i + 5)
+        for column in range(3):
+            store_vector(rotation[column], frames, 4 * i + column)
+        store_vector(offset, frames, 4 * i + 3)
+
+
+@kernel
+def _carry_screw(prismatic: BoolArray, k: int, frames: FloatArray, screws: FloatArray) -> None:
+    """Carry the screw of joint k out to the last link."""
+    turning = unit_vector(3 if prismatic[k] else 2)
+    sliding = unit_vector(2 if prismatic[k] else 3)
+    store_vector(turning, screws, 2 * k)
+    store_vector(sliding, screws, 2 * k + 1)
+    for i in range(k + 1, len(prismatic)):
+        rotation, offset = _frame(frames, i)
+        sliding = turn(rotation, add(sliding, cross(turning, offset)))
+        turning = turn(rotation, turning)
+        store_vector(turning, screws, 2 * i)
+        store_vector(sliding, screws, 2 * i + 1)
+
+
+@kernel
+def _weigh_link(
+    weights: FloatArray,
+    samples: Samples,
+    i: int,
+    screws: FloatArray,
+    moves: FloatArray,
+    gains: FloatArray,
+) -> tuple[Vector, Vector]:
+    """Take in the weights on link i's ten columns; return what the screw's two vectors gain.
+
+    The weights act as the parameters of a body, so the screw gains that body's moment and force.
+    """
+    m = gather(weights, samples, 0)
+    h = (gather(weights, samples, 1), gather(weights, samples, 2), gather(weights, samples, 3))
+    xx, xy = gather(weights, samples, 4), gather(weights, samples, 5)
+    xz, yy = gather(weights, samples, 6), gather(weights, samples, 7)
+    yz, zz = gather(weights, samples, 8), gather(weights, samples, 9)
+    inertia = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+    t, s = load_vector(screws, 2 * i), load_vector(screws, 2 * i + 1)
+    w, dw = load_vector(moves, 3 * i + 3), load_vector(moves, 3 * i + 4)
+    dv = load_vector(moves, 3 * i + 5)
+    momentum = turn(inertia, w)
+    force = add(scale(m, dv), add(cross(dw, h), cross(w, cross(w, h))))
+    moment = add(cross(h, dv), add(turn(inertia, dw), cross(w, momentum)))
+    by_w = add(cross(momentum, t), turn(inertia, cross(t, w)))
+    accumulate(add(by_w, _by_centripetal(s, w, h)), gains, 3 * i + 3)
+    accumulate(add(cross(h, s), turn(inertia, t)), gains, 3 * i + 4)
+    accumulate(add(scale(m, s), cross(t, h)), gains, 3 * i + 5)
+    return moment, force
+
+
+@kernel
+def _weigh_rotor(
+    weight: Lanes,
+    axis: Vector,
+    ratio: float,
+    joint: int,
+    actuator: FloatArray,
+    samples: Samples,
+    i: int,
+    screws: FloatArray,
+    moves: FloatArray,
+    gains: FloatArray,
+    by_actuator: FloatArray,
+) -> Vector:
+    """Take in the weight on a rotor's load on link i; return what the screw's turning gains."""
+    t, w = load_vector(screws, 2 * i), load_vector(moves, 3 * i + 3)
+    weight = ratio * weight
+    spin, spin_up = gather(actuator[1], samples, joint), gather(actuator[2], samples, joint)
+    gyration = cross(w, axis)
+    accumulate(scale(weight * spin, cross(axis, t)), gains, 3 * i + 3)
+    _add(weight * dot(t, gyration), by_actuator[1], samples, joint)
+    _add(weight * dot(t, axis), by_actuator[2], samples, joint)
+    return scale(weight, add(scale(spin_up, axis), scale(spin, gyration)))
+
+
+@kernel
+def _weigh_own(
+    weights: FloatArray,
+    own_torque: FloatArray,
+    r: int,
+    axis: Vector,
+    ratio: float,
+    joint: int,
+    link: int,
+    samples: Samples,
+    gains: FloatArray,
+    by_actuator: FloatArray,
+) -> None:
+    """Take in the weights on a rotor's torque on its own actuator."""
+    weight = spread(0.0)
+    for k in range(own_torque.shape[0]):
+        weight = weight + own_torque[k, joint] * gather(weights[:, k], samples, r)
+    weight = ratio * weight
+    accumulate(scale(weight, axis), gains, 3 * link + 1)
+    _add(ratio * weight, by_actuator[2], samples, joint)
+
+
+@kernel
+def _carry_back(
+    fixed: FloatArray,
+    prismatic: bool,
+    i: int,
+    turning_gain: Vector,
+    sliding_gain: Vector,
+    frames: FloatArray,
+    screws: FloatArray,
+    by_position: FloatArray,
+) -> tuple[Vector, Vector]:
+    """Carry what a screw gains on link i over its joint, to the link before."""
+    rotation, offset = _frame(frames, i)
+    force = turn_back(rotation, sliding_gain)
+    if prismatic:
+        before = load_vector(screws, 2 * i - 2)
+        gain = _along(fixed, cross(force, before))
+    else:
+        turning, sliding = load_vector(screws, 2 * i), load_vector(screws, 2 * i + 1)
+        gain = _by_turn(turning_gain, turning) + _by_turn(sliding_gain, sliding)
+    store(load(by_position, i, 0) + gain, by_position, i, 0)
+    return add(turn_back(rotation, turning_gain), cross(offset, force)), force
+
+
+@kernel
+def _sweep_in(
+    fixed_rotations: FloatArray,
+    prismatic: BoolArray,
+    motion: FloatArray,
+    samples: Samples,
+    moves: FloatArray,
+    frames: FloatArray,
+    gains: FloatArray,
+    by_position: FloatArray,
+    by_joint: FloatArray,
+) -> None:
+    """Take what the links' motions gain back to the joints'."""
+    for i in range(len(prismatic) - 1, -1, -1):
+        rotation, offset = _frame(frames, i)
+        qd = gather(motion[1], samples, i)
+        w, dw = load_vector(moves, 3 * i + 3), load_vector(moves, 3 * i + 4)
+        dv = load_vector(moves, 3 * i + 5)
+        by_w, by_dw = load_vector(gains, 3 * i + 3), load_vector(gains, 3 * i + 4)
+        by_dv = load_vector(gains, 3 * i + 5)
+        gain = load(by_position, i, 0)
+        if prismatic[i]:
+            scatter(2.0 * _by_turn(by_dv, w), by_joint[1], samples, i)
+            scatter(by_dv[2], by_joint[2], samples, i)
+            by_w = (by_w[0] - 2.0 * qd * by_dv[1], by_w[1] + 2.0 * qd * by_dv[0], by_w[2])
+        else:
+            scatter(by_w[2] + _by_turn(by_dw, w), by_joint[1], samples, i)
+            scatter(by_dw[2], by_joint[2], samples, i)
+            by_w = (by_w[0] - qd * by_dw[1], by_w[1] + qd * by_dw[0], by_w[2])
+            turned = (dw[0] - w[1] * qd, dw[1] + w[0] * qd, dw[2])
+            gain = gain + _by_turn(by_dv, dv) + _by_turn(by_w, w) + _by_turn(by_dw, turned)
+        force = turn_back(rotation, by_dv)
+        w, dw = load_vector(moves, 3 * i), load_vector(moves, 3 * i + 1)
+        if prismatic[i]:
+            by_offset = add(cross(force, dw), cross(w, cross(w, force)))
+            gain = gain + _along(fixed_rotations[i], by_offset)
+        by_w = add(turn_back(rotation, by_w), _by_centripetal(force, w, offset))
+        accumulate(by_w, gains, 3 * i)
+        accumulate(add(turn_back(rotation, by_dw), cross(offset, force)), gains, 3 * i + 1)
+        accumulate(force, gains, 3 * i + 2)
+        scatter(gain, by_joint[0], samples, i)
+
+
+@kernel
+def _frame(frames: FloatArray, i: int) -> tuple[Rotation, Vector]:
+    rotation = (
+        load_vector(frames, 4 * i),
+        load_vector(frames, 4 * i + 1),
+        load_vector(frames, 4 * i + 2),
+    )
+    return rotation, load_vector(frames, 4 * i + 3)
+
+
+@kernel
+def _by_centripetal(s: Vector, w: Vector, p: Vector) -> Vector:
+    """Return the derivative of s . w x (w x p) by w."""
+    along = add(scale(dot(w, p), s), scale(dot(s, w), p))
+    return add(along, scale(-2.0 * dot(s, p), w))
+
+
+@kernel
+def _by_turn(gain: Vector, v: Vector) -> Lanes:
+    """Return what is gained as a vector's frame turns about z."""
+    return gain[0] * v[1] - gain[1] * v[0]
+
+
+@kernel
+def _along(fixed: FloatArray, v: Vector) -> Lanes:
+    """Return the component of v along a joint's axis, seen from the frame before."""
+    along: Lanes = v[0] * fixed[0, 2] + v[1] * fixed[1, 2] + v[2] * fixed[2, 2]
+    return along
+
+
+@kernel
+def _axis(rotor_axis: FloatArray, r: int) -> Vector:
+    return (spread(rotor_axis[r, 0]), spread(rotor_axis[r, 1]), spread(rotor_axis[r, 2]))
+
+
+@kernel
+def _add(x: Lanes, array: FloatArray, samples: Samples, column: int) -> None:
+    scatter(gather(array, samples, column) + x, array, samples, column)

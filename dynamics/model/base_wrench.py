@@ -1,0 +1,67 @@
+"""The base wrench of given parameters, and how sums of it change with the motion."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from dynamics.geometry.kinematics import FloatArray
+from dynamics.model.robot_model import RobotModel, base_wrench_regressor, checked_parameters
+
+STEP: Final = 1e-4
+
+
+def base_wrench(
+    model: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray, parameters: FloatArray
+) -> FloatArray:
+    """Return the wrench that the base exerts on the robot, (samples, 6) [N, N m].
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot.
+    q, v, a : (samples, n) arrays
+        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
+    parameters : (parameters,) array
+        Values of `model.parameter_names`.
+
+    Raises
+    ------
+    EstimationError
+        Where a shape does not fit the model.
+    """
+    theta = checked_parameters(model, parameters)
+    return np.asarray(base_wrench_regressor(model, q, v, a) @ theta)
+
+
+def base_wrench_gradient(
+    model: RobotModel,
+    q: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    parameters: FloatArray,
+    weights: FloatArray,
+) -> FloatArray:
+    """Return how the sum of weights * base wrench changes with the motion, (3, samples, n).
+
+    By central differences: exact in v, in which the wrench is quadratic, and in a, in which it is
+    linear; in q to some 1e-8 of it.
+
+    Parameters
+    ----------
+    model, q, v, a, parameters
+        As for `base_wrench`.
+    weights : (samples, 6) array
+        The weights.
+    """
+    motion = np.array([q, v, a])
+    _, samples, n = motion.shape
+    steps = np.zeros((3, n, 3, 1, n))
+    for order in range(3):
+        steps[order, range(n), order, 0, range(n)] = STEP
+    moved = np.stack([motion + steps, motion - steps])  # (2, 3, n, 3, samples, n)
+    flat = moved.transpose(3, 0, 1, 2, 4, 5).reshape(3, -1, n)
+    wrench = base_wrench(model, flat[0], flat[1], flat[2], parameters).reshape(2, 3, n, samples, 6)
+    slopes = (wrench[0] - wrench[1]) / (2.0 * STEP)
+    return np.asarray(np.einsum("djsk,sk->dsj", slopes, weights))

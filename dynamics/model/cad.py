@@ -1,0 +1,73 @@
+"""Standard parameters out of a robot's drawings, with their stated uncertainty."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from config.errors import ConfigError
+from config.robot.robot import LinkCad, RobotDescription
+from dynamics.geometry.kinematics import FloatArray
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+
+SMALLEST_MASS_KG: Final = 0.01
+SMALLEST_ARM_M: Final = 0.01
+
+
+def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
+    """Return what the drawings say of a model's standard parameters.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The model.
+    robot : RobotDescription
+        Its robot, with `cad`.
+
+    Returns
+    -------
+    values : (parameters,) array
+        The links' inertial parameters about their frames' origins; zero for all others.
+    sigmas : (parameters,) array
+        Their standard deviations: the stated share of the link's mass, of its first moment and of
+        the size of its inertia; infinite where the drawings say nothing (friction, rotors, spring).
+
+    Raises
+    ------
+    ConfigError
+        Where the robot has no `cad`.
+    """
+    if robot.cad is None:
+        raise ConfigError(
+            f"robot {robot.name!r} has no cad values: state mass, centre and inertia of its links"
+            " under `cad` in the robot file"
+        )
+    values = np.zeros(len(model.parameter_names))
+    sigmas = np.full(len(values), np.inf)
+    for link, cad in enumerate(robot.cad):
+        columns = slice(PARAMETERS_PER_LINK * link, PARAMETERS_PER_LINK * (link + 1))
+        values[columns] = _about_origin(cad)
+        sigmas[columns] = cad.uncertainty * _sizes(values[columns])
+    return values, sigmas
+
+
+def _about_origin(cad: LinkCad) -> FloatArray:
+    """Return the ten parameters of a link about its frame's origin (parallel axes)."""
+    mass, c = cad.mass_kg, np.array(cad.centre_m)
+    steiner = mass * (c @ c * np.eye(3) - np.outer(c, c))
+    xx, xy, xz, yy, yz, zz = cad.inertia_kg_m2
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) + steiner
+    return np.array([mass, *(mass * c), *inertia[np.triu_indices(3)]])
+
+
+def _sizes(link: FloatArray) -> FloatArray:
+    """Return what a share of uncertainty is taken of: mass, first moment, inertia as a whole.
+
+    None is zero, since no drawing is exact: a link counts as at least a small, compact body.
+    """
+    mass = max(float(link[0]), SMALLEST_MASS_KG)
+    moment = max(float(np.linalg.norm(link[1:4])), mass * SMALLEST_ARM_M)
+    inertia = max(float(link[4] + link[7] + link[9]) / 3.0, mass * SMALLEST_ARM_M**2)
+    return np.array([mass, *(moment,) * 3, *(inertia,) * 6])

@@ -1,0 +1,154 @@
+"""How torque and regressor change with the motion, and the joint-space inertia.
+
+Nothing is differenced: the kernels run backwards (reverse mode, as in Griewank and Walther 2008),
+and what acts on one joint alone takes the complex step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from config.errors import EstimationError
+from dynamics.geometry.kinematics import FloatArray
+from dynamics.model.robot_model import RobotModel, checked_parameters, load_torque
+from dynamics.model.transmission import Transmission
+from dynamics.terms.conditions import Conditions
+
+INERTIAL_TERMS: Final = ("rigid_body", "rotors", "armature")
+
+
+def torque_derivatives(
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    parameters: npt.ArrayLike,
+    conditions: Conditions | None = None,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the derivatives of the actuators' torques by q, v and a.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot. The jumps of a hard sign(v) and of gear losses are left out.
+    q, v, a : (samples, n) arrays
+        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
+    parameters : (parameters,) array
+        Values of `model.parameter_names`.
+    conditions : Conditions, optional
+        Temperature and payload; the load is computed here.
+
+    Returns
+    -------
+    by_q, by_v, by_a : (samples, n, n) arrays
+        Element (s, i, j) is the derivative of torque i by coordinate j of the joints.
+
+    Raises
+    ------
+    EstimationError
+        Where a shape does not fit the model, or a condition is missing.
+    """
+    theta = checked_parameters(model, parameters)
+    if model.transmission.losses:
+        load = load_torque(model, q, v, a, theta, conditions)
+        conditions = replace(conditions or Conditions(), load_nm=load)
+    motion = model.motion(q, v, a, conditions)
+    _, samples, n = motion.joint.shape
+    factors = model.transmission.factors(motion)
+    out = np.zeros((n, 3, samples, n))
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        # Sum i is the torque of actuator i.
+        one_row = np.eye(n)[:, np.newaxis, :, np.newaxis] * theta[columns]
+        weights = np.broadcast_to(one_row, (n, samples, *one_row.shape[2:]))
+        by_motion = term.torque_gradient(motion, weights)
+        if factors is not None and term.through_gears:
+            by_motion *= factors.T[:, np.newaxis, :, np.newaxis]
+        out += by_motion
+    by_q, by_v, by_a = np.ascontiguousarray(out.transpose(1, 2, 0, 3))
+    return by_q, by_v, by_a
+
+
+def mass_matrix(model: RobotModel, q: npt.ArrayLike, parameters: npt.ArrayLike) -> FloatArray:
+    """Return the joint-space inertia with rotors and armatures, (samples, n, n).
+
+    Its rows are joint torques (not actuator torques), before any loss in the gears.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot, without its payload.
+    q : (samples, n) array
+        Joint positions [rad or m].
+    parameters : (parameters,) array
+        Values of `model.parameter_names`.
+
+    Raises
+    ------
+    EstimationError
+        Where a shape does not fit the model.
+    """
+    theta = checked_parameters(model, parameters)
+    inertial = replace(
+        model,
+        terms=tuple(term for term in model.terms if term.name in INERTIAL_TERMS),
+        transmission=Transmission(),
+    )
+    groups = model.parameter_groups
+    kept = np.concatenate([theta[groups[term.name]] for term in inertial.terms])
+    rest = np.zeros_like(np.asarray(q, dtype=np.float64))
+    inertia = torque_derivatives(inertial, q, rest, rest, kept)[2]
+    if model.coupling is not None:
+        inertia = np.einsum("ij,sik->sjk", np.linalg.inv(model.coupling), inertia)
+    return inertia
+
+
+def regressor_gradient(
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    weights: FloatArray,
+    conditions: Conditions | None = None,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return how the sum of weights * Phi changes with the motion.
+
+    Any scalar J of the regressor has the gradient that this gives with weights = dJ / dPhi.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot. The jumps of a hard sign(v) and of gear losses are left out.
+    q, v, a : (samples, n) arrays
+        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
+    weights : (samples, n, parameters) array
+        The weights.
+    conditions : Conditions, optional
+        As for `regressor`.
+
+    Returns
+    -------
+    by_q, by_v, by_a : (samples, n) arrays
+        The gradient.
+
+    Raises
+    ------
+    EstimationError
+        Where a shape does not fit the model, or a condition is missing.
+    """
+    motion = model.motion(q, v, a, conditions)
+    expected = (*motion.joint.shape[1:], len(model.parameter_names))
+    if weights.shape != expected:
+        raise EstimationError(f"weights must have the shape {expected}, got {weights.shape}")
+    factors = model.transmission.factors(motion)
+    out = np.zeros(motion.joint.shape)
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        on_term = weights[np.newaxis, :, :, columns]
+        if factors is not None and term.through_gears:
+            on_term = on_term * factors[:, :, np.newaxis]
+        out += term.torque_gradient(motion, on_term)[0]
+    by_q, by_v, by_a = out
+    return by_q, by_v, by_a

@@ -1,0 +1,364 @@
+"""`SampleTorque`: the model's torque for one sample at a time, as a controller needs it.
+
+The regressor's kernels (`dynamics.kernels.rigid_body`) compute eight samples at once; a controller
+has one and wants its torque, not the regressor. This is the recursion of appendix B itself, with
+every term of the model, on numbers instead of eight, in memory that is there beforehand: nothing is
+allocated.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from config.errors import EstimationError
+from dynamics.geometry.kinematics import BoolArray, FloatArray
+from dynamics.kernels.simd import kernel
+from dynamics.model.robot_model import RobotModel, checked_parameters
+from dynamics.terms.armature import Armature
+from dynamics.terms.friction import Friction, FrictionFunction
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from dynamics.terms.rotors import Rotors
+from dynamics.terms.spring import Spring
+
+Vector: TypeAlias = tuple[float, float, float]
+ModelArrays: TypeAlias = tuple[
+    FloatArray,  # (n, 5) the chain's rows
+    FloatArray,  # (n, 3, 3) its fixed rotations
+    BoolArray,  # (n,) whether a joint slides
+    FloatArray,  # (n + 2, 10) the links' parameters; gravity; spring
+    FloatArray,  # (terms, 8) rotors, armatures, friction, losses: what `_Kind` says
+    FloatArray,  # (2, n, n) C and C^-1
+    FloatArray,  # (n + 4, 21) memory to compute in
+]
+
+_ROTOR, _ARMATURE, _FRICTION, _EFFICIENCY, _LOAD = 0.0, 1.0, 2.0, 3.0, 4.0
+_KIND, _JOINT, _VALUE, _FUNCTION, _SPEED = 0, 1, 2, 3, 4
+_LINK, _AXIS, _RATIO = 3, 4, 7
+_NO_SPRING, _STRAIGHT, _FOURIER = 0.0, 1.0, 2.0
+_ACTUATOR, _LOAD_TORQUE, _FREE_TORQUE, _LINK_MOTION = 0, 1, 2, 3  # rows of memory after the links'
+
+_NUMBERS: Final[dict[FrictionFunction, int]] = {
+    "coulomb": 0, "viscous": 1, "offset": 2, "forward": 3, "backward": 4, "cubic": 5,
+    "cube_root": 6, "stribeck": 7,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class SampleTorque:
+    """A robot's model with its parameters, ready to be evaluated sample by sample.
+
+    Attributes
+    ----------
+    joints : int
+        How many joints.
+    arrays : ModelArrays
+        What `sample_torque` takes.
+    """
+
+    joints: int
+    arrays: ModelArrays
+
+    @classmethod
+    def of(
+        cls, model: RobotModel, parameters: npt.ArrayLike, *, least_smoothing_rad_s: float = 0.0
+    ) -> SampleTorque:
+        """Take a model and its parameters, without payload.
+
+        Parameters
+        ----------
+        model : RobotModel
+            The robot.
+        parameters : (parameters,) array
+            Values of `model.parameter_names`, in their order and units.
+        least_smoothing_rad_s : float
+            sign(v) of friction is smoothed at least so much: rounding at rest is no motion.
+
+        Raises
+        ------
+        EstimationError
+            The parameters are not the model's, or friction depends on the drives' temperature.
+        """
+        theta = checked_parameters(model, parameters)
+        n = model.chain.n
+        bodies = np.zeros((n + 2, PARAMETERS_PER_LINK))
+        bodies[:n] = theta[: PARAMETERS_PER_LINK * n].reshape(n, PARAMETERS_PER_LINK)
+        bodies[n, :3] = model.chain.gravity_m_s2
+        terms: list[list[float]] = []
+        for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+            values = theta[columns].tolist()
+            if isinstance(term, Rotors):
+                terms += _rotors(term, values)
+            elif isinstance(term, Armature):
+                terms += [
+                    [_ARMATURE, joint, value]
+                    for joint, value in zip(term.joints, values, strict=True)
+                ]
+            elif isinstance(term, Friction):
+                bodies[n, 3] = max(term.sign_smoothing_rad_s, least_smoothing_rad_s)
+                terms += _friction(term, values)
+            elif isinstance(term, Spring):
+                form = _FOURIER if term.distances_m is None else _STRAIGHT
+                numbers = values if term.distances_m is None else [*values, *term.distances_m]
+                bodies[n + 1, : 2 + len(numbers)] = [form, term.joint, *numbers]
+        for loss in model.transmission.losses:
+            kind = _EFFICIENCY if loss.kind == "efficiency" else _LOAD
+            terms.append([kind, loss.joint, loss.parameter.value])
+        table = np.zeros((len(terms), 8))
+        for row, numbers in zip(table, terms, strict=True):
+            row[: len(numbers)] = numbers
+        coupling = np.eye(n) if model.coupling is None else model.coupling
+        return cls(
+            joints=n,
+            arrays=(
+                np.ascontiguousarray(model.chain.rows),
+                np.ascontiguousarray(model.chain.fixed_rotations),
+                np.ascontiguousarray(model.chain.prismatic),
+                bodies,
+                table,
+                np.array([coupling, np.linalg.inv(coupling)], dtype=float),
+                np.zeros((n + 4, max(21, n, 6 * (n + 1)))),
+            ),
+        )
+
+    def __call__(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the actuators' torques, link side, shape (n,) [N m or N].
+
+        Parameters
+        ----------
+        q, v, a : ndarray, shape (n,)
+            Joint positions, velocities, accelerations [rad or m, per s, per s^2].
+        """
+        torque = np.empty(self.joints)
+        sample_torque(self.arrays, q, v, a, torque)
+        return torque
+
+
+def _rotors(term: Rotors, values: list[float]) -> list[list[float]]:
+    return [
+        [_ROTOR, int(term.joint[k]), value, int(term.link[k]), *term.axis[k], float(term.ratio[k])]
+        for k, value in enumerate(values)
+    ]
+
+
+def _friction(term: Friction, values: list[float]) -> list[list[float]]:
+    speeds = {speed.joint: speed.parameter.value for speed in term.stribeck}
+    rows = []
+    for column, value in zip(term.columns, values, strict=True):
+        if column.function not in _NUMBERS:
+            raise EstimationError(
+                f"{column.parameter_name} depends on the drive's temperature, which is not known"
+                " ahead of the motion: identify a model without the friction term `temperature`"
+            )
+        speed = speeds[column.joint] if column.function == "stribeck" else 1.0
+        rows.append([_FRICTION, column.joint, value, _NUMBERS[column.function], speed])
+    return rows
+
+
+@kernel
+def sample_torque(
+    model: ModelArrays, q: FloatArray, v: FloatArray, a: FloatArray, torque: FloatArray
+) -> None:
+    """Compute the actuators' torques of one sample.
+
+    Parameters
+    ----------
+    model : tuple of arrays
+        `SampleTorque.arrays`; the last is written to.
+    q, v, a : (n,) arrays
+        Joint positions, velocities, accelerations.
+    torque : (n,) array
+        Written.
+    """
+    rows, fixed, prismatic, bodies, terms, coupling, memory = model
+    n = len(q)
+    speed, carried = memory[n + _ACTUATOR], memory[n + _LOAD_TORQUE]
+    free, links = memory[n + _FREE_TORQUE], memory[n + _LINK_MOTION]
+    w = (0.0, 0.0, 0.0)
+    dw = (0.0, 0.0, 0.0)
+    dv = (-bodies[n, 0], -bodies[n, 1], -bodies[n, 2])
+    _keep(w, dw, links, 0)
+    for i in range(n):
+        slide = q[i] if prismatic[i] else 0.0
+        angle = rows[i, 2] + (q[i] - slide)
+        c, s = math.cos(angle), math.sin(angle)
+        f = fixed[i]
+        x = (c * f[0, 0] + s * f[0, 1], c * f[1, 0] + s * f[1, 1], c * f[2, 0] + s * f[2, 1])
+        y = (c * f[0, 1] - s * f[0, 0], c * f[1, 1] - s * f[1, 0], c * f[2, 1] - s * f[2, 0])
+        z = (f[0, 2], f[1, 2], f[2, 2])
+        d = rows[i, 4] + slide
+        offset = (rows[i, 3] + d * z[0], d * z[1], d * z[2])
+        moved = _add(dv, _add(_cross(dw, offset), _cross(w, _cross(w, offset))))
+        dv = (_dot(x, moved), _dot(y, moved), _dot(z, moved))
+        w = (_dot(x, w), _dot(y, w), _dot(z, w))
+        dw = (_dot(x, dw), _dot(y, dw), _dot(z, dw))
+        if prismatic[i]:
+            dv = (dv[0] + 2.0 * w[1] * v[i], dv[1] - 2.0 * w[0] * v[i], dv[2] + a[i])
+        else:
+            dw = (dw[0] + w[1] * v[i], dw[1] - w[0] * v[i], dw[2] + a[i])
+            w = (w[0], w[1], w[2] + v[i])
+        _keep(w, dw, links, i + 1)
+        body = bodies[i]
+        first = (body[1], body[2], body[3])
+        load = _add(_cross(dw, first), _cross(w, _cross(w, first)))
+        force = (body[0] * dv[0] + load[0], body[0] * dv[1] + load[1], body[0] * dv[2] + load[2])
+        spin = _inertia(body, w)
+        moment = _add(_cross(first, dv), _add(_inertia(body, dw), _cross(w, spin)))
+        row = memory[i]
+        row[0], row[1], row[2] = x
+        row[3], row[4], row[5] = y
+        row[6], row[7], row[8] = z
+        row[9], row[10], row[11] = offset
+        row[12], row[13], row[14] = force
+        row[15], row[16], row[17] = moment
+        row[18] = row[19] = row[20] = 0.0
+    for i in range(n):
+        free[i] = carried[i] = speed[i] = 0.0
+        for j in range(n):
+            speed[i] += coupling[1, i, j] * v[j]
+    _act(model, a, n)
+    force = moment = turning = (0.0, 0.0, 0.0)  # on link i + 1, from all that it carries
+    for i in range(n - 1, -1, -1):
+        row = memory[i]
+        force = _add(force, (row[12], row[13], row[14]))
+        moment = _add(moment, (row[15], row[16], row[17]))
+        turning = _add(turning, (row[18], row[19], row[20]))
+        along = force[2] if prismatic[i] else moment[2]
+        beside = 0.0 if prismatic[i] else turning[2]
+        if bodies[n + 1, 0] != _NO_SPRING and int(bodies[n + 1, 1]) == i:
+            along += _spring(bodies[n + 1], q[i])
+        for j in range(n):
+            carried[j] += coupling[0, i, j] * along
+            free[j] += coupling[0, i, j] * beside
+        force, moment, turning = (
+            _back(row, force),
+            _add(_back(row, moment), _cross((row[9], row[10], row[11]), _back(row, force))),
+            _back(row, turning),
+        )
+    for i in range(n):
+        factor = 1.0
+        direction = carried[i] * speed[i]
+        way = 1.0 if direction > 0.0 else (-1.0 if direction < 0.0 else 0.0)
+        for k in range(len(terms)):
+            if terms[k, _KIND] >= _EFFICIENCY and int(terms[k, _JOINT]) == i:
+                if terms[k, _KIND] == _EFFICIENCY:
+                    factor *= terms[k, _VALUE] ** -way
+                else:
+                    factor *= 1.0 + terms[k, _VALUE] * way
+        torque[i] = factor * carried[i] + free[i]
+
+
+@kernel
+def _act(model: ModelArrays, a: FloatArray, n: int) -> None:
+    """Add what acts on actuators, beside the gears: rotors, armatures, friction."""
+    bodies, terms, coupling, memory = model[3], model[4], model[5], model[6]
+    speed, free, links = memory[n + _ACTUATOR], memory[n + _FREE_TORQUE], memory[n + _LINK_MOTION]
+    smoothing = bodies[n, 3]
+    for k in range(len(terms)):
+        term = terms[k]
+        j = int(term[_JOINT])
+        if term[_KIND] == _FRICTION:
+            shape = _friction_function(int(term[_FUNCTION]), speed[j], term[_SPEED], smoothing)
+            free[j] += term[_VALUE] * shape
+        elif term[_KIND] <= _ARMATURE:
+            faster = 0.0
+            for i in range(n):
+                faster += coupling[1, j, i] * a[i]
+            if term[_KIND] == _ARMATURE:
+                free[j] += term[_VALUE] * faster
+                continue
+            link = int(term[_LINK])
+            axis = (term[_AXIS], term[_AXIS + 1], term[_AXIS + 2])
+            w = (links[6 * link], links[6 * link + 1], links[6 * link + 2])
+            dw = (links[6 * link + 3], links[6 * link + 4], links[6 * link + 5])
+            ratio = term[_RATIO]
+            free[j] += term[_VALUE] * ratio * (ratio * faster + _dot(axis, dw))
+            if link > 0:
+                across = _cross(w, axis)
+                gyro = term[_VALUE] * ratio
+                for c in range(3):
+                    memory[link - 1, 18 + c] += gyro * (faster * axis[c] + speed[j] * across[c])
+
+
+@kernel
+def _friction_function(function: int, u: float, scale: float, smoothing: float) -> float:
+    sign = 1.0 if u > 0.0 else (-1.0 if u < 0.0 else 0.0)
+    smooth = math.tanh(u / smoothing) if smoothing > 0.0 else sign
+    moving = 1.0 if smoothing > 0.0 else abs(sign)
+    if function == 0:
+        return smooth
+    if function == 1:
+        return u
+    if function == 2:
+        return 1.0
+    if function == 3:
+        return 0.5 * (smooth + moving)
+    if function == 4:
+        return 0.5 * (smooth - moving)
+    if function == 5:
+        return u * u * u
+    if function == 6:
+        return sign * float(abs(u) ** (1.0 / 3.0))
+    return smooth * math.exp(-abs(u) / scale)
+
+
+@kernel
+def _spring(spring: FloatArray, q: float) -> float:
+    if spring[0] == _FOURIER:
+        total = 0.0
+        for k in range(3):
+            angle = (k + 1) * q
+            total += spring[2 + 2 * k] * math.cos(angle) + spring[3 + 2 * k] * math.sin(angle)
+        return total
+    far, near = spring[4], spring[5]
+    length = math.sqrt(far * far + near * near - 2.0 * far * near * math.cos(q))
+    return float(far * near * math.sin(q) * (spring[2] - spring[3] / length))
+
+
+@kernel
+def _keep(w: Vector, dw: Vector, links: FloatArray, link: int) -> None:
+    for c in range(3):
+        links[6 * link + c] = w[c]
+        links[6 * link + 3 + c] = dw[c]
+
+
+@kernel
+def _inertia(body: FloatArray, u: Vector) -> Vector:
+    return (
+        body[4] * u[0] + body[5] * u[1] + body[6] * u[2],
+        body[5] * u[0] + body[7] * u[1] + body[8] * u[2],
+        body[6] * u[0] + body[8] * u[1] + body[9] * u[2],
+    )
+
+
+@kernel
+def _back(row: FloatArray, u: Vector) -> Vector:
+    """Express a vector of link i + 1's frame in the frame before."""
+    return (
+        row[0] * u[0] + row[3] * u[1] + row[6] * u[2],
+        row[1] * u[0] + row[4] * u[1] + row[7] * u[2],
+        row[2] * u[0] + row[5] * u[1] + row[8] * u[2],
+    )
+
+
+@kernel
+def _cross(a: Vector, b: Vector) -> Vector:
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@kernel
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def _add(a: Vector, b: Vector) -> Vector:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])

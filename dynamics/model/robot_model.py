@@ -1,0 +1,384 @@
+"""`RobotModel`: the sum of the terms, linear in the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import Chain, FloatArray
+from dynamics.model.transmission import Transmission
+from dynamics.terms.armature import Armature
+from dynamics.terms.conditions import Conditions
+from dynamics.terms.friction import Friction
+from dynamics.terms.motion import Motion
+from dynamics.terms.payload import Payload
+from dynamics.terms.rigid_body import RigidBodies
+from dynamics.terms.rotors import Rotors
+from dynamics.terms.shape import ShapeParameter
+from dynamics.terms.spring import Spring
+from dynamics.terms.term import Term
+
+BLOCK_SAMPLES: Final = 512
+
+
+@dataclass(frozen=True, eq=False)
+class RobotModel:
+    """Inverse dynamics tau = Phi(q, v, a) theta of one robot.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange; the joints of every array's last or second axis.
+    chain : Chain
+        The geometry.
+    terms : tuple of Term
+        The rigid bodies first, so that the first 10 n parameters are always the links'.
+    transmission : Transmission
+        What the gears take of the torque that they transmit.
+    coupling : (n, n) array, or None
+        C of q = C alpha, where the actuators move several joints (5.18).
+    """
+
+    joint_names: tuple[str, ...]
+    chain: Chain
+    terms: tuple[Term, ...]
+    transmission: Transmission = field(default_factory=Transmission)
+    coupling: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.joint_names) != self.chain.n:
+            raise EstimationError(
+                f"{len(self.joint_names)} joint names for a chain of {self.chain.n} joints"
+            )
+        names = self.parameter_names
+        doubled = sorted({name for name in names if names.count(name) > 1})
+        if doubled:
+            raise EstimationError(f"two terms of the model name a parameter {', '.join(doubled)}")
+
+    @classmethod
+    def from_description(
+        cls,
+        robot: RobotDescription,
+        *,
+        rotors: bool = True,
+        friction: bool = True,
+        spring: bool = True,
+        payload: bool = False,
+        sign_smoothing_rad_s: float = 0.0,
+    ) -> RobotModel:
+        """Build the model of what the description has, less the terms that are switched off.
+
+        `rotors` stands for plain armatures too, `payload` adds an unknown body on the last link.
+
+        Raises
+        ------
+        ConfigError
+            Where the description's spring cannot be meant.
+        EstimationError
+            Where `sign_smoothing_rad_s` is negative.
+        """
+        chain = Chain.from_description(robot)
+        terms: list[Term] = [RigidBodies(chain)]
+        if rotors and any(joint.rotor is not None for joint in robot.joints):
+            terms.append(Rotors.from_description(robot))
+        if rotors and any(joint.armature for joint in robot.joints):
+            terms.append(Armature.from_description(robot))
+        if friction and any(joint.friction for joint in robot.joints):
+            terms.append(
+                Friction.from_description(robot, sign_smoothing_rad_s=sign_smoothing_rad_s)
+            )
+        if spring and robot.spring is not None:
+            terms.append(Spring.from_description(robot))
+        if payload:
+            terms.append(Payload(chain))
+        return cls(
+            robot.joint_names,
+            chain,
+            tuple(terms),
+            Transmission.from_description(robot, friction=friction),
+            None if robot.coupling is None else np.array(robot.coupling),
+        )
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The standard parameters, term by term."""
+        return tuple(name for term in self.terms for name in term.parameter_names)
+
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """Their units, in the order of the names."""
+        return tuple(unit for term in self.terms for unit in term.parameter_units)
+
+    @cached_property
+    def parameter_groups(self) -> dict[str, slice]:
+        """Which columns belong to which term, such as `rigid_body`, `rotors`, `friction`."""
+        ends = np.cumsum([len(term.parameter_names) for term in self.terms]).tolist()
+        return {
+            term.name: slice(start, end)
+            for term, start, end in zip(self.terms, [0, *ends[:-1]], ends, strict=True)
+        }
+
+    @property
+    def _shape(self) -> tuple[ShapeParameter, ...]:
+        friction = (term.shape for term in self.terms if isinstance(term, Friction))
+        return (*(p for shape in friction for p in shape), *self.transmission.shape)
+
+    @property
+    def shape_names(self) -> tuple[str, ...]:
+        """The parameters that the torque is not linear in: Stribeck speeds, losses of gears."""
+        return tuple(parameter.name for parameter in self._shape)
+
+    @property
+    def shape_units(self) -> tuple[str, ...]:
+        """Their units, in the order of the names."""
+        return tuple(parameter.unit for parameter in self._shape)
+
+    @property
+    def shape_values(self) -> FloatArray:
+        """Their values, in the order of the names."""
+        return np.array([parameter.value for parameter in self._shape])
+
+    @property
+    def shape_bounds(self) -> FloatArray:
+        """The ranges that they must stay in, (shape parameters, 2)."""
+        return np.array([(p.low, p.high) for p in self._shape]).reshape(-1, 2)
+
+    def with_shape(self, values: npt.ArrayLike) -> RobotModel:
+        """Return the same model with other values of `shape_names`.
+
+        Raises
+        ------
+        EstimationError
+            Where there are not as many values as names.
+        """
+        shape = np.asarray(values, dtype=np.float64)
+        if shape.shape != (len(self._shape),):
+            raise EstimationError(
+                f"the model has {len(self._shape)} shape parameters"
+                f" ({', '.join(self.shape_names) or 'none'}), got an array of shape {shape.shape}"
+            )
+        terms: list[Term] = []
+        for term in self.terms:
+            if isinstance(term, Friction):
+                count = len(term.shape)
+                term, shape = term.with_shape(shape[:count]), shape[count:]
+            terms.append(term)
+        return replace(self, terms=tuple(terms), transmission=self.transmission.with_shape(shape))
+
+    def motion(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        a: npt.ArrayLike,
+        conditions: Conditions | None = None,
+    ) -> Motion:
+        """Return a motion of this robot; see `Motion.of`."""
+        return Motion.of(q, v, a, self.chain.n, self.coupling, conditions)
+
+    def actuator_speed(self, v: FloatArray) -> FloatArray:
+        """Return the actuators' speeds (samples, n), link side, from the joints' (5.18)."""
+        return v if self.coupling is None else np.asarray(v @ np.linalg.inv(self.coupling).T)
+
+
+def regressor(
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    conditions: Conditions | None = None,
+) -> FloatArray:
+    """Return Phi with tau = Phi theta, the actuators' torques at the link side.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot.
+    q, v, a : (samples, n) arrays
+        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
+    conditions : Conditions, optional
+        Temperature, load and payload, where the model depends on them.
+
+    Returns
+    -------
+    (samples, n, parameters) array
+        N m (N for a prismatic joint) per unit of each of `model.parameter_names`. Without coupling
+        an actuator's torque is its joint's.
+
+    Raises
+    ------
+    EstimationError
+        Where q, v and a do not all have the shape (samples, n), or a condition is missing.
+    """
+    motion = model.motion(q, v, a, conditions)
+    out = np.empty((*motion.joint.shape[1:], len(model.parameter_names)))
+    _fill(model, motion, out)
+    return out
+
+
+def regressor_blocks(
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    conditions: Conditions | None = None,
+    *,
+    block: int = BLOCK_SAMPLES,
+) -> Iterator[tuple[slice, FloatArray]]:
+    """Yield the regressor piece by piece, so that its memory does not grow with the recording.
+
+    Parameters
+    ----------
+    model, q, v, a, conditions
+        As for `regressor`.
+    block : int
+        Samples a piece; the default stays in a core's cache.
+
+    Yields
+    ------
+    samples : slice
+        The samples of the piece.
+    phi : (samples, n, parameters) array
+        Their regressor. The next piece overwrites it.
+
+    Raises
+    ------
+    EstimationError
+        As for `regressor`.
+    """
+    motion = model.motion(q, v, a, conditions)
+    _, samples, n = motion.joint.shape
+    buffer = np.empty((min(block, samples), n, len(model.parameter_names)))
+    for start in range(0, samples, block):
+        piece = slice(start, min(start + block, samples))
+        phi = buffer[: piece.stop - start]
+        _fill(model, motion.part(piece), phi)
+        yield piece, phi
+
+
+def _fill(model: RobotModel, motion: Motion, out: FloatArray) -> None:
+    factors = model.transmission.factors(motion)
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        own = out[:, :, columns]
+        if not isinstance(term, RigidBodies):  # which write all
+            own[...] = 0.0
+        term.fill_torque(motion, own)
+        if factors is not None and term.through_gears:
+            own *= factors[:, :, np.newaxis]
+
+
+def base_wrench_regressor(
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    conditions: Conditions | None = None,
+) -> FloatArray:
+    """Return Phi_e with w = Phi_e theta, the wrench that the base exerts on the robot.
+
+    At rest its force is the weight, pointing up; a force plate under the base feels the opposite
+    (physics: section 7, one more backward Newton-Euler step).
+
+    Parameters
+    ----------
+    model, q, v, a, conditions
+        As for `regressor`.
+
+    Returns
+    -------
+    (samples, 6, parameters) array
+        Fx, Fy, Fz [N], then Mx, My, Mz [N m] about the base frame's origin, in its axes. The base
+        feels neither friction nor spring (their columns are zero) nor the rotors' motor side.
+
+    Raises
+    ------
+    EstimationError
+        Where q, v and a do not all have the shape (samples, n).
+    """
+    motion = model.motion(q, v, a, conditions)
+    out = np.zeros((motion.joint.shape[1], 6, len(model.parameter_names)))
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        term.fill_base_wrench(motion, out[:, :, columns])
+    return out
+
+
+def torque(
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    parameters: npt.ArrayLike,
+    conditions: Conditions | None = None,
+) -> FloatArray:
+    """Return the actuators' torques at the link side, (samples, n) [N m or N].
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot.
+    q, v, a : (samples, n) arrays
+        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
+    parameters : (parameters,) array
+        Values of `model.parameter_names`, in their order and units.
+    conditions : Conditions, optional
+        Temperature and payload; the load is computed here.
+
+    Raises
+    ------
+    EstimationError
+        Where a shape does not fit the model, or a condition is missing.
+    """
+    theta = checked_parameters(model, parameters)
+    if model.transmission.losses:
+        load = load_torque(model, q, v, a, theta, conditions)
+        conditions = replace(conditions or Conditions(), load_nm=load)
+    tau = np.empty(np.shape(q))
+    for samples, phi in regressor_blocks(model, q, v, a, conditions):
+        tau[samples] = (phi.reshape(-1, len(theta)) @ theta).reshape(phi.shape[:2])
+    return tau
+
+
+def load_torque(
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    parameters: npt.ArrayLike,
+    conditions: Conditions | None = None,
+) -> FloatArray:
+    """Return the torque that each gear would transmit if it lost nothing, (samples, n) [N m or N].
+
+    Links, payload and spring, in actuator coordinates: what `Conditions.load_nm` wants.
+    """
+    theta = checked_parameters(model, parameters)
+    motion = model.motion(q, v, a, conditions)
+    load = np.zeros(motion.joint.shape[1:])
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        if term.through_gears:
+            out = np.zeros((*load.shape, len(term.parameter_names)))
+            term.fill_torque(motion, out)
+            load += out @ theta[columns]
+    return load
+
+
+def checked_parameters(model: RobotModel, parameters: npt.ArrayLike) -> FloatArray:
+    """Return the parameters as an array.
+
+    Raises
+    ------
+    EstimationError
+        Where there is not one value for each of the model's parameters.
+    """
+    theta = np.asarray(parameters, dtype=np.float64)
+    if theta.shape != (len(model.parameter_names),):
+        raise EstimationError(
+            f"the model has {len(model.parameter_names)} parameters, got an array of shape"
+            f" {theta.shape}"
+        )
+    return theta

@@ -1,0 +1,47 @@
+"""How the torque changes with the parameters that it is not linear in."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from dynamics.geometry.kinematics import FloatArray
+from dynamics.model.robot_model import RobotModel, checked_parameters
+from dynamics.terms.conditions import Conditions
+from dynamics.terms.friction import Friction
+
+
+def shape_slopes(
+    model: RobotModel,
+    q: npt.ArrayLike,
+    v: npt.ArrayLike,
+    a: npt.ArrayLike,
+    parameters: npt.ArrayLike,
+    conditions: Conditions | None = None,
+) -> FloatArray:
+    """Return the derivative of the torque by `model.shape_names`, (samples, n, shape parameters).
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot.
+    q, v, a : (samples, n) arrays
+        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
+    parameters : (parameters,) array
+        Values of `model.parameter_names`.
+    conditions : Conditions, optional
+        Its `load_nm` is needed where gears lose something.
+
+    Raises
+    ------
+    EstimationError
+        Where a shape does not fit the model, or the load is missing.
+    """
+    theta = checked_parameters(model, parameters)
+    motion = model.motion(q, v, a, conditions)
+    parts = [
+        term.shape_slopes(motion, theta[columns])
+        for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True)
+        if isinstance(term, Friction)
+    ]
+    return np.concatenate([*parts, model.transmission.shape_slopes(motion)], axis=2)

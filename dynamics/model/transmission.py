@@ -1,0 +1,112 @@
+"""`Transmission`: what the gears take of the torque that they transmit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import FloatArray
+from dynamics.terms.motion import Motion
+from dynamics.terms.shape import ShapeParameter
+
+LOWEST_EFFICIENCY: Final = 0.2
+HIGHEST_LOAD_FRICTION: Final = 0.5
+START_LOAD_FRICTION: Final = 0.02
+
+
+@dataclass(frozen=True)
+class GearLoss:
+    """The loss of one gear: an efficiency, or friction in proportion to the load."""
+
+    joint: int
+    kind: Literal["efficiency", "load"]
+    parameter: ShapeParameter
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """Losses in proportion to the torque that a gear transmits.
+
+    With s = 1 where the motor drives the load, s = -1 where the load drives the motor, the torque
+    behind the gear is multiplied by eta^-s (5.16, 5.17), or by 1 + c s: friction c |load| sign(v).
+    A gear does not transmit its own rotor's inertia; where an estimate cannot tell that from the
+    link's, both count as load.
+    """
+
+    losses: tuple[GearLoss, ...] = ()
+
+    @classmethod
+    def from_description(cls, robot: RobotDescription, *, friction: bool = True) -> Transmission:
+        """Take the gears' losses out of a robot description."""
+        losses: list[GearLoss] = []
+        for j, joint in enumerate(robot.joints):
+            if joint.efficiency is not None:
+                eta = ShapeParameter(
+                    f"eta_{joint.name}", "1", joint.efficiency, LOWEST_EFFICIENCY, 1.0
+                )
+                losses.append(GearLoss(j, "efficiency", eta))
+            if friction and "load" in joint.friction:
+                share = ShapeParameter(
+                    f"cl_{joint.name}", "1", START_LOAD_FRICTION, 0.0, HIGHEST_LOAD_FRICTION
+                )
+                losses.append(GearLoss(j, "load", share))
+        return cls(tuple(losses))
+
+    @property
+    def shape(self) -> tuple[ShapeParameter, ...]:
+        """The nonlinear parameters, gear by gear."""
+        return tuple(loss.parameter for loss in self.losses)
+
+    def with_shape(self, values: FloatArray) -> Transmission:
+        """Return the same gears with other values of the nonlinear parameters."""
+        return Transmission(
+            tuple(
+                replace(loss, parameter=replace(loss.parameter, value=float(value)))
+                for loss, value in zip(self.losses, values, strict=True)
+            )
+        )
+
+    def factors(self, motion: Motion) -> FloatArray | None:
+        """Return what the torque behind each gear is multiplied by, (samples, n); None for 1.
+
+        Raises
+        ------
+        EstimationError
+            Where the gears lose something and the motion's load is not known.
+        """
+        if not self.losses:
+            return None
+        factors: FloatArray = np.ones_like(motion.actuator[1])
+        direction = self._direction(motion)
+        for loss in self.losses:
+            s, value = direction[:, loss.joint], loss.parameter.value
+            factors[:, loss.joint] *= value**-s if loss.kind == "efficiency" else 1.0 + value * s
+        return factors
+
+    def shape_slopes(self, motion: Motion) -> FloatArray:
+        """Return how the torque changes with the losses, (samples, n, losses)."""
+        slopes = np.zeros((*motion.joint.shape[1:], len(self.losses)))
+        if not self.losses:
+            return slopes
+        direction = self._direction(motion)
+        load = np.asarray(motion.conditions.load_nm)
+        for k, loss in enumerate(self.losses):
+            s, value = direction[:, loss.joint], loss.parameter.value
+            slope = -s * value ** (-s - 1.0) if loss.kind == "efficiency" else s
+            slopes[:, loss.joint, k] = slope * load[:, loss.joint]
+        return slopes
+
+    def _direction(self, motion: Motion) -> FloatArray:
+        """Return 1 where the motor drives the load, -1 where the load drives it, (samples, n)."""
+        load = motion.conditions.load_nm
+        if load is None:
+            names = ", ".join(parameter.name for parameter in self.shape)
+            raise EstimationError(
+                f"{names} depend on the torque that the gears transmit: give"
+                " `Conditions.load_nm`, as `load_torque` computes it"
+            )
+        return np.asarray(np.sign(load * motion.actuator[1]))

@@ -1,0 +1,30 @@
+"""Slopes of columns, exact to rounding, without a derivative being written down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from dynamics.geometry.kinematics import FloatArray
+
+STEP: Final = 1e-30
+
+Values: TypeAlias = Any  # an array, complex where slopes are taken
+
+
+def slopes(columns: Callable[[Values], Values], x: FloatArray) -> FloatArray:
+    """Return the derivative of functions that are analytic around each x.
+
+    The complex step (Squire and Trapp 1998): f(x + i h) = f(x) + i h f'(x) + O(h^2), so for a
+    tiny h the imaginary part over h is the derivative, with no difference taken.
+
+    Parameters
+    ----------
+    columns : function
+        The functions, each applied element by element.
+    x : array
+        Where.
+    """
+    return np.asarray(columns(x + 1j * STEP).imag / STEP)

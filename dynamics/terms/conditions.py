@@ -1,0 +1,38 @@
+"""`Conditions`: what the torque depends on besides the motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynamics.geometry.kinematics import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """The circumstances of a motion.
+
+    Attributes
+    ----------
+    temperature_k : (samples, n) or (n,) array, or None
+        Temperature of each joint's drive [K]; needed by temperature-dependent friction.
+    load_nm : (samples, n) array, or None
+        Signed torque that each gear transmits, link side [N m or N]; needed by transmission
+        efficiency and load-dependent friction. `load_torque` computes it from parameters.
+    payload : bool
+        Whether the unknown payload is attached.
+    """
+
+    temperature_k: FloatArray | None = None
+    load_nm: FloatArray | None = None
+    payload: bool = False
+
+    def part(self, samples: slice) -> Conditions:
+        """Return the conditions of some of the samples."""
+        temperature, load = self.temperature_k, self.load_nm
+        if temperature is not None and np.ndim(temperature) == 2:
+            temperature = temperature[samples]
+        return replace(
+            self, temperature_k=temperature, load_nm=None if load is None else load[samples]
+        )

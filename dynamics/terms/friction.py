@@ -1,0 +1,255 @@
+"""`Friction`: the term of every actuator's friction, linear in its coefficients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final, Literal
+
+import numpy as np
+
+from config.errors import EstimationError
+from config.robot.robot import FrictionTerm, Joint, RobotDescription
+from dynamics.geometry.kinematics import FloatArray
+from dynamics.terms.complex_step import Values, slopes
+from dynamics.terms.motion import Motion
+from dynamics.terms.shape import ShapeParameter
+
+SLOWEST_STRIBECK: Final = 0.02
+FASTEST_STRIBECK: Final = 0.5
+
+FrictionFunction = Literal[
+    "coulomb", "viscous", "offset", "forward", "backward", "cubic", "cube_root", "stribeck",
+    "coulomb_by_temperature", "viscous_by_temperature",
+]  # fmt: skip
+
+_FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
+    "coulomb": ("coulomb",),
+    "viscous": ("viscous",),
+    "offset": ("offset",),
+    "asymmetric": ("forward", "backward"),
+    "cubic": ("cubic",),
+    "cube_root": ("cube_root",),
+    "stribeck": ("stribeck",),
+    "temperature": ("coulomb_by_temperature", "viscous_by_temperature"),
+    "load": (),  # a loss of the gear: see `Transmission`
+}
+_SYMBOLS: Final[dict[FrictionFunction, str]] = {
+    "coulomb": "fc",
+    "viscous": "fv",
+    "offset": "fo",
+    "forward": "fcp",
+    "backward": "fcn",
+    "cubic": "f3",
+    "cube_root": "fcr",
+    "stribeck": "fs",
+    "coulomb_by_temperature": "fcT",
+    "viscous_by_temperature": "fvT",
+}
+# The unit for a revolute and for a prismatic joint.
+_UNITS: Final[dict[FrictionFunction, tuple[str, str]]] = {
+    "coulomb": ("N m", "N"),
+    "viscous": ("N m s/rad", "N s/m"),
+    "offset": ("N m", "N"),
+    "forward": ("N m", "N"),
+    "backward": ("N m", "N"),
+    "cubic": ("N m (s/rad)^3", "N (s/m)^3"),
+    "cube_root": ("N m (s/rad)^(1/3)", "N (s/m)^(1/3)"),
+    "stribeck": ("N m", "N"),
+    "coulomb_by_temperature": ("N m/K", "N/K"),
+    "viscous_by_temperature": ("N m s/(rad K)", "N s/(m K)"),
+}
+
+
+@dataclass(frozen=True)
+class FrictionColumn:
+    """One friction coefficient: which function, of which joint (from 0), its name and unit."""
+
+    joint: int
+    function: FrictionFunction
+    parameter_name: str
+    unit: str
+    reference_temperature_k: float
+
+
+@dataclass(frozen=True)
+class StribeckSpeed:
+    """Speed at which the Stribeck friction of a joint (from 0) has fallen to 1/e (2.10)."""
+
+    joint: int
+    parameter: ShapeParameter
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Friction of the actuators, link side, in the terms that each joint chose (2.8-2.14).
+
+    With `sign_smoothing_rad_s` > 0, sign(v) is tanh(v / sign_smoothing_rad_s). Asymmetric friction
+    is f+ while moving forward, f- while moving backward, both positive where they brake: Coulomb
+    friction (f+ + f-) / 2 and the offset (f+ - f-) / 2, which smoothing leaves alone. All
+    functions are analytic on either side of v = 0, so that a complex step goes through them.
+    """
+
+    columns: tuple[FrictionColumn, ...]
+    sign_smoothing_rad_s: float = 0.0
+    stribeck: tuple[StribeckSpeed, ...] = ()
+
+    through_gears = False
+    name = "friction"
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.sign_smoothing_rad_s < np.inf:
+            raise EstimationError(
+                f"sign_smoothing_rad_s is {self.sign_smoothing_rad_s}: it must be 0 (a hard sign)"
+                " or a small positive speed"
+            )
+
+    @classmethod
+    def from_description(
+        cls, robot: RobotDescription, *, sign_smoothing_rad_s: float = 0.0
+    ) -> Friction:
+        """Take the friction terms of the robot's joints, joint by joint."""
+        columns = tuple(
+            _column(j, joint, function)
+            for j, joint in enumerate(robot.joints)
+            for term in joint.friction
+            for function in _FUNCTIONS[term]
+        )
+        stribeck = tuple(
+            StribeckSpeed(
+                j,
+                ShapeParameter(
+                    f"vs_{joint.name}",
+                    "m/s" if joint.type == "prismatic" else "rad/s",
+                    joint.stribeck_velocity,
+                    min(SLOWEST_STRIBECK, joint.stribeck_velocity),
+                    max(FASTEST_STRIBECK, joint.stribeck_velocity),
+                ),
+            )
+            for j, joint in enumerate(robot.joints)
+            if "stribeck" in joint.friction
+        )
+        return cls(columns, sign_smoothing_rad_s, stribeck)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """One name a coefficient."""
+        return tuple(column.parameter_name for column in self.columns)
+
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """The units, in the order of the names."""
+        return tuple(column.unit for column in self.columns)
+
+    @property
+    def shape(self) -> tuple[ShapeParameter, ...]:
+        """The nonlinear parameters: the Stribeck speeds, joint by joint."""
+        return tuple(speed.parameter for speed in self.stribeck)
+
+    def with_shape(self, values: FloatArray) -> Friction:
+        """Return the same friction with other Stribeck speeds."""
+        return replace(
+            self,
+            stribeck=tuple(
+                replace(speed, parameter=replace(speed.parameter, value=float(value)))
+                for speed, value in zip(self.stribeck, values, strict=True)
+            ),
+        )
+
+    def shape_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
+        """Return how the torque changes with the Stribeck speeds, (samples, n, speeds)."""
+        slopes = np.zeros((*motion.joint.shape[1:], len(self.stribeck)))
+        for k, stribeck in enumerate(self.stribeck):
+            j, speed = stribeck.joint, stribeck.parameter.value
+            size = sum(
+                float(value)
+                for column, value in zip(self.columns, coefficients, strict=True)
+                if column.joint == j and column.function == "stribeck"
+            )
+            v = motion.actuator[1, :, j]
+            shape = self._sign(v) * np.exp(-np.abs(v) / speed)
+            slopes[:, j, k] = size * shape * np.abs(v) / speed**2
+        return slopes
+
+    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, n, coefficients).
+
+        Raises
+        ------
+        EstimationError
+            Where friction depends on temperature and the motion's is not known.
+        """
+        for c, column in enumerate(self.columns):
+            speed = motion.actuator[1, :, column.joint]
+            out[:, column.joint, c] = self._values(column, motion, speed)
+
+    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+        """Leave `out` zero: friction acts between two links, and the base feels none of it."""
+
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights * columns change with the motion; see `Term`.
+
+        The jump of a hard sign is left out.
+        """
+        out = np.zeros((len(weights), *motion.actuator.shape))
+        for c, column in enumerate(self.columns):
+            speed = motion.actuator[1, :, column.joint]
+            values = partial(self._values, column, motion)
+            out[:, 1, :, column.joint] += weights[:, :, column.joint, c] * slopes(values, speed)
+        return motion.by_joints(out)
+
+    def _values(self, column: FrictionColumn, motion: Motion, v: Values) -> Values:
+        match column.function:
+            case "coulomb":
+                return self._sign(v)
+            case "viscous":
+                return v
+            case "offset":
+                return np.ones_like(v)
+            case "forward":
+                return 0.5 * (self._sign(v) + self._motion(v))
+            case "backward":
+                return 0.5 * (self._sign(v) - self._motion(v))
+            case "cubic":
+                return v**3
+            case "cube_root":
+                direction = np.sign(v.real)
+                return direction * (direction * v) ** (1.0 / 3.0)
+            case "stribeck":
+                speed = next(s.parameter.value for s in self.stribeck if s.joint == column.joint)
+                return self._sign(v) * np.exp(-np.sign(v.real) * v / speed)
+            case "coulomb_by_temperature":
+                return self._sign(v) * _warmth(column, motion)
+            case "viscous_by_temperature":
+                return v * _warmth(column, motion)
+
+    def _sign(self, v: Values) -> Values:
+        smoothing = self.sign_smoothing_rad_s
+        return np.tanh(v / smoothing) if smoothing else np.sign(v.real)
+
+    def _motion(self, v: Values) -> Values:
+        """Return 1, but 0 where a hard sign is."""
+        return 1.0 if self.sign_smoothing_rad_s else np.abs(np.sign(v.real))
+
+
+def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
+    revolute, prismatic = _UNITS[function]
+    return FrictionColumn(
+        joint=j,
+        function=function,
+        parameter_name=f"{_SYMBOLS[function]}_{joint.name}",
+        unit=prismatic if joint.type == "prismatic" else revolute,
+        reference_temperature_k=joint.reference_temperature_k,
+    )
+
+
+def _warmth(column: FrictionColumn, motion: Motion) -> FloatArray:
+    """Return how much warmer a drive is than its reference, (samples,) [K]."""
+    temperature = motion.conditions.temperature_k
+    if temperature is None:
+        raise EstimationError(
+            f"{column.parameter_name} depends on the drive's temperature, and the recording has"
+            " none: record or import it, or leave the friction term `temperature` out"
+        )
+    shape = motion.actuator.shape[1:]
+    return np.broadcast_to(temperature, shape)[:, column.joint] - column.reference_temperature_k

@@ -1,0 +1,104 @@
+"""`Motion`: positions, velocities and accelerations as the terms of a model need them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from config.errors import EstimationError
+from dynamics.geometry.kinematics import FloatArray
+from dynamics.terms.conditions import Conditions
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion in joint and in actuator coordinates, and its circumstances.
+
+    Attributes
+    ----------
+    joint : (3, samples, n) array
+        q, v, a of the joints [rad or m, per s, per s^2].
+    actuator : (3, samples, n) array
+        The same of the actuators, link side: alpha with q = C alpha (5.18). The very array of the
+        joints where the robot has no coupling.
+    coupling : (n, n) array, or None
+        C; None where each actuator moves its own joint only.
+    conditions : Conditions
+        Temperature, load, payload.
+    """
+
+    joint: FloatArray
+    actuator: FloatArray
+    coupling: FloatArray | None = None
+    conditions: Conditions = field(default_factory=Conditions)
+
+    @classmethod
+    def of(
+        cls,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        a: npt.ArrayLike,
+        joints: int,
+        coupling: FloatArray | None = None,
+        conditions: Conditions | None = None,
+    ) -> Motion:
+        """Stack q, v, a, each (samples, n), into fresh arrays.
+
+        Raises
+        ------
+        EstimationError
+            Where the shapes do not fit one another or the robot.
+        """
+        shapes = [np.shape(x) for x in (q, v, a)]
+        expected = (*shapes[0][:1], joints)
+        if shapes != [expected] * 3:
+            raise EstimationError(
+                f"q, v and a must all have the shape (samples, {joints}), got"
+                f" {', '.join(map(str, shapes))}"
+            )
+        conditions = conditions or Conditions()
+        for name, shapes in (
+            ("temperature_k", [expected, (joints,)]),
+            ("load_nm", [expected]),
+        ):
+            values = getattr(conditions, name)
+            if values is not None and np.shape(values) not in shapes:
+                raise EstimationError(
+                    f"{name} has the shape {np.shape(values)}, the motion {expected}"
+                )
+        joint = np.array((q, v, a), dtype=np.float64)
+        if coupling is None:
+            return cls(joint, joint, None, conditions)
+        actuator = np.array(joint @ np.linalg.inv(coupling).T, joint.dtype, order="C")
+        return cls(joint, actuator, coupling, conditions)
+
+    def part(self, samples: slice) -> Motion:
+        """Return the motion of some of the samples."""
+        joint = np.ascontiguousarray(self.joint[:, samples])
+        actuator = joint
+        if self.coupling is not None:
+            actuator = np.ascontiguousarray(self.actuator[:, samples])
+        return Motion(joint, actuator, self.coupling, self.conditions.part(samples))
+
+    def to_actuators(self, rows: FloatArray) -> None:
+        """Turn joint torques (samples, n, any) into actuator torques C^T tau (5.19), in place."""
+        if self.coupling is None:
+            return
+        mixed = self.coupling - np.eye(len(self.coupling))
+        before = {j: rows[:, j].copy() for j in np.flatnonzero(mixed.any(axis=1))}
+        for j, i in zip(*np.nonzero(mixed), strict=True):
+            rows[:, i] += mixed[j, i] * before[j]
+
+    def to_joints(self, weights: FloatArray) -> FloatArray:
+        """Turn weights (any, samples, n, any) on actuators' rows into weights on joints' rows."""
+        if self.coupling is not None:
+            weights = np.einsum("ji,rsip->rsjp", self.coupling, weights)
+        return weights
+
+    def by_joints(self, by_actuators: FloatArray) -> FloatArray:
+        """Turn derivatives (..., n) by the actuators' coordinates into such by the joints'."""
+        if self.coupling is not None:
+            by_actuators = by_actuators @ np.linalg.inv(self.coupling)
+        return by_actuators

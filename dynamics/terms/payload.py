@@ -1,0 +1,53 @@
+"""`Payload`: the term of an unknown body on the last link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynamics.geometry.kinematics import Chain, FloatArray
+from dynamics.terms.motion import Motion
+from dynamics.terms.rigid_body import SYMBOLS, UNITS, fill_links, links_gradient
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """Ten inertial parameters of a payload, in the frame of the last link (5.6).
+
+    `mL`, first moment `sxL syL szL`, inertia about the frame's origin `IxxL` to `IzzL`. They act
+    where `Conditions.payload` says that it is attached, so that runs with and without it tell the
+    payload from the last link.
+    """
+
+    chain: Chain
+
+    through_gears = True
+    name = "payload"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The ten names."""
+        return tuple(f"{symbol}L" for symbol in SYMBOLS)
+
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """The units, in the order of the names."""
+        return UNITS
+
+    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, n, 10)."""
+        if motion.conditions.payload:
+            fill_links(self.chain, motion, self.chain.n - 1, False, out)
+            motion.to_actuators(out)
+
+    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, 6, 10)."""
+        if motion.conditions.payload:
+            fill_links(self.chain, motion, self.chain.n - 1, True, out)
+
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights * columns change with the motion; see `Term`."""
+        if not motion.conditions.payload:
+            return np.zeros((len(weights), *motion.joint.shape))
+        return links_gradient(self.chain, motion, self.chain.n - 1, weights)

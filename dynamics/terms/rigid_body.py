@@ -1,0 +1,136 @@
+"""`RigidBodies`: the term of the links' masses, first moments and inertias."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from config.errors import EstimationError
+from dynamics.geometry.kinematics import Chain, FloatArray, IntArray
+from dynamics.kernels.gradients import pull_back
+from dynamics.kernels.rigid_body import fill_rigid_body
+from dynamics.kernels.threads import share_out
+from dynamics.terms.motion import Motion
+
+PARAMETERS_PER_LINK: Final = 10
+SYMBOLS: Final = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+UNITS: Final = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
+_NO_INDEX: Final[IntArray] = np.empty(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBodies:
+    """Inertial and gravitational loads of the links (physics: section 2).
+
+    Link i has, in frame i of `Chain`: mass `m{i}`, first moment `sx{i} sy{i} sz{i}` = m c, and the
+    inertia about the frame's origin `Ixx{i} Ixy{i} Ixz{i} Iyy{i} Iyz{i} Izz{i}`, elements of the
+    inertia matrix (so Ixy = -integral of x y dm).
+    """
+
+    chain: Chain
+
+    through_gears = True
+    name = "rigid_body"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Ten names a link, link by link."""
+        return tuple(f"{s}{link}" for link in range(1, self.chain.n + 1) for s in SYMBOLS)
+
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """The units, in the order of the names."""
+        return UNITS * self.chain.n
+
+    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, n, 10 n)."""
+        fill_links(self.chain, motion, 0, False, out)
+        motion.to_actuators(out)
+
+    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, 6, 10 n)."""
+        fill_links(self.chain, motion, 0, True, out)
+
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights * columns change with the motion; see `Term`."""
+        return links_gradient(self.chain, motion, 0, weights)
+
+
+def fill_links(
+    chain: Chain, motion: Motion, first_link: int, of_base: bool, out: FloatArray
+) -> None:
+    """Fill the columns of the links from `first_link` (from 0) on, in the joints' rows.
+
+    Parameters
+    ----------
+    chain : Chain
+        The arm.
+    motion : Motion
+        The motion.
+    first_link : int
+        The first link with columns.
+    of_base : bool
+        Whether the rows are the six components of the base wrench or the n joints.
+    out : (samples, 6 or n, 10 (n - first_link)) array
+        Written whole, known zeros too. Its columns must be neighbours in memory.
+
+    Raises
+    ------
+    EstimationError
+        Where `out` is not such an array: the kernel would write beside it.
+    """
+    _, samples, n = motion.joint.shape
+    expected = (samples, 6 if of_base else n, PARAMETERS_PER_LINK * (n - first_link))
+    if out.shape != expected or out.dtype != np.float64 or not out[:1, :1].flags.c_contiguous:
+        raise EstimationError(
+            f"the links' columns need an array of floats of the shape {expected} whose last axis"
+            f" is contiguous, got {out.shape} of {out.dtype} with strides {out.strides}"
+        )
+
+    def fill(first: int, last: int) -> None:
+        fill_rigid_body(chain.arrays, motion.joint, of_base, first_link, out, first, last)
+
+    share_out(len(out), fill)
+
+
+def links_gradient(
+    chain: Chain, motion: Motion, first_link: int, weights: FloatArray
+) -> FloatArray:
+    """Return how sums of weights * columns change with the motion of the joints.
+
+    Parameters
+    ----------
+    chain, motion, first_link
+        As for `fill_links`.
+    weights : (sums, samples, n, 10 (n - first_link)) array
+        Weights on the columns, in the rows of the actuators.
+
+    Returns
+    -------
+    (sums, 3, samples, n) array
+        Derivatives of each sum by q, v and a.
+    """
+    out = np.zeros((len(weights), *motion.joint.shape))
+    no_rotors = (_NO_INDEX, _NO_INDEX, np.empty((0, 3)), np.empty(0), np.eye(chain.n))
+    weights = motion.to_joints(weights)
+    unweighted = np.broadcast_to(0.0, (*weights.shape[:3], 1))
+
+    def pull(first: int, last: int) -> None:
+        pull_back(
+            chain.arrays,
+            no_rotors,
+            motion.joint,
+            motion.actuator,
+            first_link,
+            weights,
+            unweighted,
+            out,
+            out,
+            first,
+            last,
+        )
+
+    share_out(motion.joint.shape[1], pull)
+    return out

@@ -1,0 +1,134 @@
+"""`Rotors`: the term of the motors' polar inertias, with their coupling to the links."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import Chain, FloatArray, IntArray
+from dynamics.kernels.gradients import pull_back
+from dynamics.kernels.rigid_body import RotorArrays, fill_rotors
+from dynamics.kernels.threads import share_out
+from dynamics.terms.motion import Motion
+
+
+@dataclass(frozen=True, eq=False)
+class Rotors:
+    """Polar inertias of the rotors, `Im{i}` for the motor of joint i (physics: section 3).
+
+    What remains of a rotor after its mass, its transverse inertia and I_M e e^T have been lumped
+    into the link that carries it: the load I_M mu (q.. e + q. w x e) on that link, and
+    I_M (mu^2 q.. + mu e.w') on its joint's actuator. The base feels the first only. Where a wrist
+    couples the axes, q of the rotor's own motion is its actuator's coordinate.
+
+    Attributes
+    ----------
+    chain : Chain
+        The arm.
+    joint : (rotors,) int array
+        The joint that a rotor drives, from 0.
+    link : (rotors,) int array
+        The link that carries it; 0 is the base.
+    axis : (rotors, 3) array
+        Unit vector of its spin in the frame of that link.
+    ratio : (rotors,) array
+        mu, rotor speed relative to its link over joint speed [1, or rad/m].
+    """
+
+    chain: Chain
+    joint: IntArray
+    link: IntArray
+    axis: FloatArray
+    ratio: FloatArray
+
+    through_gears = False
+    name = "rotors"
+
+    def __post_init__(self) -> None:
+        arrays = (self.joint, self.link, self.axis, self.ratio)
+        count = len(self.joint)
+        if [array.shape for array in arrays] != [(count,), (count,), (count, 3), (count,)]:
+            raise EstimationError("joint, link, axis and ratio must have one entry a rotor")
+        if np.any((self.link < 0) | (self.link > self.joint + 1) | (self.joint >= self.chain.n)):
+            raise EstimationError(
+                f"rotors of joints {self.joint} (from 0) sit on links {self.link}: a rotor must"
+                " sit on the base (0) or on a link up to the one that it moves"
+            )
+        for array in arrays:
+            array.setflags(write=False)
+
+    @classmethod
+    def from_description(cls, robot: RobotDescription) -> Rotors:
+        """Take every rotor that the robot's joints name, in the order of the joints."""
+        driven = [(j, joint) for j, joint in enumerate(robot.joints) if joint.rotor is not None]
+        rotors = [joint.rotor for _, joint in driven if joint.rotor is not None]
+        axis = np.array([rotor.axis for rotor in rotors], dtype=np.float64).reshape(-1, 3)
+        return cls(
+            chain=Chain.from_description(robot),
+            joint=np.array([j for j, _ in driven], dtype=np.int64),
+            link=np.array([rotor.link for rotor in rotors], dtype=np.int64),
+            axis=axis / np.linalg.norm(axis, axis=1, keepdims=True),
+            ratio=np.array([joint.gear_ratio for _, joint in driven], dtype=np.float64),
+        )
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """One name a rotor."""
+        return tuple(f"Im{j + 1}" for j in self.joint)
+
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """The units, in the order of the names."""
+        return ("kg m^2",) * len(self.joint)
+
+    def fill_torque(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, n, rotors)."""
+        self._fill(motion, False, out)
+        motion.to_actuators(out)
+
+    def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
+        """Fill `out`, (samples, 6, rotors)."""
+        self._fill(motion, True, out)
+
+    def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
+        """Return how sums of weights * columns change with the motion; see `Term`."""
+        by_joint = np.zeros((len(weights), *motion.joint.shape))
+        by_actuator = np.zeros_like(by_joint)
+        weights = motion.to_joints(weights)
+        unweighted = np.broadcast_to(0.0, (*weights.shape[:3], 1))
+        rotors = self._arrays(motion)
+
+        def pull(first: int, last: int) -> None:
+            pull_back(
+                self.chain.arrays,
+                rotors,
+                motion.joint,
+                motion.actuator,
+                self.chain.n,
+                unweighted,
+                weights,
+                by_joint,
+                by_actuator,
+                first,
+                last,
+            )
+
+        share_out(motion.joint.shape[1], pull)
+        return by_joint + motion.by_joints(by_actuator)
+
+    def _arrays(self, motion: Motion) -> RotorArrays:
+        own = np.eye(self.chain.n)
+        if motion.coupling is not None:
+            own = np.ascontiguousarray(np.linalg.inv(motion.coupling).T, dtype=np.float64)
+        return self.joint, self.link, self.axis, self.ratio, own
+
+    def _fill(self, motion: Motion, of_base: bool, out: FloatArray) -> None:
+        chain, rotors = self.chain.arrays, self._arrays(motion)
+
+        def fill(first: int, last: int) -> None:
+            fill_rotors(chain, rotors, motion.joint, motion.actuator, of_base, out, first, last)
+
+        share_out(len(out), fill)

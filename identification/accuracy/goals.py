@@ -1,0 +1,192 @@
+"""`Goal`: an accuracy that a measurement shall reach, and whether an estimate has it."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from dynamics.model.robot_model import RobotModel, regressor
+from identification.estimation.estimate import Estimate
+from identification.model.base_parameters import BaseParameters
+
+FEWEST_PERIODS: Final = 3
+POSES: Final = 400
+TORQUE: Final = "torque"
+
+_GOAL = re.compile(r"\s*([A-Za-z]\w*)\s*<\s*([0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(\S.*)?")
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A standard deviation not to be exceeded.
+
+    Attributes
+    ----------
+    name : str
+        A base parameter's name, or `torque`: the predicted torque's RMS over the motion.
+    limit : float
+        Largest standard deviation, in the parameter's unit (N m for torque), or a share of it.
+    relative : bool
+        Whether `limit` is a share of the value.
+    text : str
+        As it was asked for.
+    """
+
+    name: str
+    limit: float
+    relative: bool
+    text: str
+
+
+@dataclass(frozen=True)
+class GoalState:
+    """How far a goal is reached.
+
+    Attributes
+    ----------
+    goal : Goal
+        The goal.
+    sigma, limit : float
+        Standard deviation reached and allowed, in the unit.
+    noise : float or None
+        The part of `sigma` that falls with more periods; None where it is not known.
+    unit : str
+        The unit.
+    """
+
+    goal: Goal
+    sigma: float
+    limit: float
+    noise: float | None
+    unit: str
+
+    @property
+    def reached(self) -> bool:
+        """Whether the standard deviation is small enough."""
+        return self.sigma <= self.limit
+
+    def sentence(self, periods: int) -> str:
+        """Say how far it is, and what would help, after some averaged periods."""
+        so_far = f"{self.goal.text}: σ is {self.sigma:.3g} {self.unit} after {periods} periods"
+        if self.reached:
+            return f"{so_far}, reached"
+        if self.noise is None or self.noise <= 0.0:
+            return so_far
+        model_part = math.sqrt(max(self.sigma**2 - self.noise**2, 0.0))
+        if model_part >= self.limit:
+            return (
+                f"{so_far}; {model_part:.3g} {self.unit} of it is the model's error, which more"
+                " periods do not reduce: choose a better model (identify --choose) or move more"
+            )
+        share = self.noise**2 / (self.limit**2 - model_part**2)
+        return f"{so_far}; about {math.ceil(periods * share)} periods in all would do"
+
+
+def parse_goals(texts: Sequence[str], model: RobotModel, base: BaseParameters) -> tuple[Goal, ...]:
+    """Read goals such as `sx3<0.01kgm`, `fv_axis1<5%` or `torque<1.5Nm`.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        One a goal; the unit may be left out, and is the parameter's own.
+    model, base : RobotModel, BaseParameters
+        The model, and what of it can be identified.
+
+    Raises
+    ------
+    ConfigError
+        A goal cannot be read, or names what cannot be identified.
+    """
+    return tuple(_parse(text, model, base) for text in texts)
+
+
+def goal_states(
+    goals: Sequence[Goal], estimate: Estimate, motion: tuple[FloatArray, FloatArray, FloatArray]
+) -> tuple[GoalState, ...]:
+    """Hold an estimate against goals.
+
+    Parameters
+    ----------
+    goals : sequence of Goal
+        The goals.
+    estimate : Estimate
+        The estimate so far.
+    motion : tuple of (samples, n) arrays
+        q, v, a on which a torque goal is judged.
+    """
+    return tuple(_state(goal, estimate, motion) for goal in goals)
+
+
+def _parse(text: str, model: RobotModel, base: BaseParameters) -> Goal:
+    match = _GOAL.fullmatch(text)
+    if match is None:
+        raise ConfigError(
+            f"--until {text}: write a parameter, <, a number and a unit or %, such as sx3<0.01kgm,"
+            " fv_axis1<5% or torque<1.5Nm"
+        )
+    name, number, unit = match[1], float(match[2]), (match[3] or "").replace(" ", "")
+    if number <= 0.0:
+        raise ConfigError(f"--until {text}: the standard deviation must be above 0")
+    if name == TORQUE:
+        own = "Nm"
+    elif name in base.names:
+        own = base.units[base.names.index(name)].replace(" ", "")
+    elif name in model.parameter_names:
+        index = base.standard_names.index(name)
+        inside = [w for w, row in zip(base.words, base.combination, strict=True) if row[index]]
+        where = f"it is seen only as part of {inside[0]!r}" if inside else "it has no effect at all"
+        raise ConfigError(f"--until {text}: {name} cannot be identified by itself: {where}")
+    else:
+        raise ConfigError(
+            f"--until {text}: {name} is no parameter of this robot; they are {TORQUE},"
+            f" {', '.join(base.names)}"
+        )
+    if unit == "%":
+        if name == TORQUE:
+            raise ConfigError(f"--until {text}: state the torque in Nm")
+        return Goal(name, number / 100.0, True, text)
+    if unit not in ("", own):
+        raise ConfigError(f"--until {text}: the unit of {name} is {own}")
+    return Goal(name, number, False, text)
+
+
+def _state(
+    goal: Goal, estimate: Estimate, motion: tuple[FloatArray, FloatArray, FloatArray]
+) -> GoalState:
+    if goal.name == TORQUE:
+        noise = estimate.covariance_noise
+        return GoalState(
+            goal,
+            _torque_sigma(estimate, estimate.covariance_honest, motion),
+            goal.limit,
+            None if noise is None else _torque_sigma(estimate, noise, motion),
+            "N m",
+        )
+    index = estimate.base.names.index(goal.name)
+    size = abs(float(estimate.values[index])) if goal.relative else 1.0
+    noise_sigma = estimate.sigma_noise
+    return GoalState(
+        goal,
+        float(estimate.sigma[index]),
+        goal.limit * size,
+        None if noise_sigma is None else float(noise_sigma[index]),
+        estimate.base.units[index],
+    )
+
+
+def _torque_sigma(
+    estimate: Estimate, covariance: FloatArray, motion: tuple[FloatArray, FloatArray, FloatArray]
+) -> float:
+    """Return the largest of the joints' RMS standard deviations of the predicted torque."""
+    step = max(1, len(motion[0]) // POSES)
+    q, v, a = (part[::step] for part in motion)
+    phi = estimate.base.columns(regressor(estimate.model, q, v, a))
+    variance = np.einsum("snb,bc,snc->n", phi, covariance, phi) / len(phi)
+    return float(np.sqrt(variance.max()))

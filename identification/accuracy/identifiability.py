@@ -1,0 +1,165 @@
+"""Parameters that the data hardly see, and the motion that would show them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.robot import Joint, RobotDescription
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.conditions import Conditions
+from identification.consistency.closest_robot import honest_metric
+from identification.estimation.estimate import Estimate
+from identification.model.torque_columns import torque_columns
+
+SAMPLES: Final = 80
+LIMIT_SHARE: Final = 0.8
+SMALLEST_GAIN: Final = 1.5
+
+
+@dataclass(frozen=True)
+class WeakParameter:
+    """A base parameter that cannot be told from zero.
+
+    Attributes
+    ----------
+    words, unit : str
+        The parameter.
+    value, sigma : float
+        Its estimate and honest standard deviation.
+    motion : str
+        The motion that would show it best, in words; empty where none of those tried does.
+    gain : float
+        How many times smaller the standard deviation would be with that motion added.
+    """
+
+    words: str
+    unit: str
+    value: float
+    sigma: float
+    motion: str
+    gain: float
+
+    @property
+    def sentence(self) -> str:
+        """The finding in words."""
+        text = f"{self.words} = {self.value:.3g} ± {2 * self.sigma:.2g} {self.unit} is hardly seen"
+        if not self.motion:
+            return f"{text}; it is small, and no motion of one or two joints would show it better."
+        return (
+            f"{text}; {self.motion} for as long again would make its interval {self.gain:.1f} times"
+            " smaller."
+        )
+
+
+def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, ...]:
+    """Return the rigid-body parameters that are not told from zero, the worst seen first.
+
+    For each, motions of one joint or two at their limits are tried: their information is added to
+    the estimate's own, as that of one more run of the same length and colour of residuals.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The estimate.
+    most : int
+        How many are returned.
+    """
+    sigma = estimate.sigma
+    weak = [
+        i
+        for i in np.argsort(-sigma / np.maximum(np.abs(estimate.values), 1e-300))
+        if estimate.base.rigid_body[i] and abs(estimate.values[i]) < 2.0 * sigma[i]
+    ][:most]
+    if not weak:
+        return ()
+    _, factor = honest_metric(estimate)
+    whitening = np.linalg.inv(sigma[:, np.newaxis] * factor)
+    information = whitening.T @ whitening
+    noise = np.maximum(estimate.residual_nm, 1e-6 * estimate.residual_nm.max())
+    # Coloured residuals are worth fewer values than there are rows.
+    white = np.diagonal(estimate.covariance_residual)
+    honest = np.diagonal(estimate.covariance_honest)
+    colour = min(1.0, float(np.median(white / honest)))
+    tried: list[tuple[str, FloatArray]] = []
+    for words, motion in joint_motions(estimate.robot):
+        tried.append((words, _information(estimate, motion, noise)))
+    found = []
+    for i in weak:
+        best, gain = "", 1.0
+        for words, more in tried:
+            weight = colour * estimate.equations / len(more)
+            covariance = np.linalg.inv(information + weight * (more.T @ more))
+            better = float(sigma[i] / np.sqrt(covariance[i, i]))
+            if better > gain * 1.05:  # the simpler motion comes first, and stays unless beaten
+                best, gain = words, better
+        found.append(
+            WeakParameter(
+                words=estimate.base.words[i],
+                unit=estimate.base.units[i],
+                value=float(estimate.values[i]),
+                sigma=float(sigma[i]),
+                motion=best if gain >= SMALLEST_GAIN else "",
+                gain=gain,
+            )
+        )
+    return tuple(found)
+
+
+def _information(
+    estimate: Estimate, motion: tuple[FloatArray, FloatArray, FloatArray], noise: FloatArray
+) -> FloatArray:
+    """Return the weighted rows of a motion, shape (samples n, b)."""
+    model: RobotModel = estimate.model
+    warm = Conditions(temperature_k=np.full(model.chain.n, 300.0))
+    columns = torque_columns(model, estimate.base, motion, warm)
+    return np.asarray((columns / noise[:, np.newaxis]).reshape(-1, len(estimate.base)))
+
+
+def joint_motions(
+    robot: RobotDescription,
+) -> list[tuple[str, tuple[FloatArray, FloatArray, FloatArray]]]:
+    """Return motions in words and as q, v, a: joints by one, then by two; wide, then fast."""
+    names = robot.joint_names
+    motions = []
+    for moved in (*((j,) for j in range(len(names))), *combinations(range(len(names)), 2)):
+        who = " and ".join(names[j] for j in moved)
+        together = " together" if len(moved) > 1 else ""
+        for fast, how in ((False, "through their range"), (True, "with large accelerations")):
+            how = how if together else how.replace("their", "its")
+            motions.append((f"moving {who}{together} {how}", _swing(robot, moved, fast)))
+    return motions
+
+
+def _swing(
+    robot: RobotDescription, moved: tuple[int, ...], fast: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return sines at some joints' limits, the others at the middle of their range."""
+    q, v, a = np.zeros((3, SAMPLES, len(robot.joints)))
+    phase = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
+    for j, joint in enumerate(robot.joints):
+        limits = joint.limits
+        q[:, j] = (limits.position_max + limits.position_min) / 2.0
+        if j not in moved:
+            continue
+        turns = 1 + moved.index(j)  # two joints at two frequencies, so that all poses are met
+        amplitude, omega = _amplitude(joint, fast)
+        angle = turns * phase + 0.7 * j
+        q[:, j] += amplitude * np.sin(angle)
+        v[:, j] = amplitude * omega * np.cos(angle)
+        a[:, j] = -amplitude * omega**2 * np.sin(angle)
+    return q, v, a
+
+
+def _amplitude(joint: Joint, fast: bool) -> tuple[float, float]:
+    """Return amplitude and angular frequency of a swing that keeps to the joint's limits."""
+    limits = joint.limits
+    reach = LIMIT_SHARE * min((limits.position_max - limits.position_min) / 2.0, np.pi)
+    if not fast:
+        return reach, LIMIT_SHARE * min(limits.velocity, 0.5) / reach
+    omega = LIMIT_SHARE * limits.acceleration / limits.velocity
+    return min(reach, LIMIT_SHARE * limits.velocity / omega), omega

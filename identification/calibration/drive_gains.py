@@ -1,0 +1,202 @@
+"""`DriveGains`: how much torque a drive really makes, found with a load of known mass.
+
+Torques that are all too large by one factor fit a robot that is too heavy by it, just as well; a
+load that was weighed decides. What joints disagree about, one joint against another, the shared
+parameters decide.
+
+The usual equation g tau - Phi beta = Phi_L theta_L puts the measured torque, noise and all, among
+the regressors: least squares then makes the gains too small down to negative, and total least
+squares gives the unmodelled torque the same freedom (Gautier and Briot 2014 need long and clean
+recordings for it). Here the noise stays where it is, on the torque, tau = (Phi beta + Phi_L
+theta_L) / g + noise, which is bilinear and solved by Gauss-Newton.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.special import ndtr
+
+from config.arrays import FloatArray, read_only
+from config.errors import EstimationError
+from identification.equations.time_domain import TimeRun, joint_equations
+from identification.estimation.estimate import Estimate
+from identification.regression.intervals import Cluster, jackknife
+from identification.regression.least_squares import Solution, Triangle, solve
+
+ITERATIONS: Final = 50
+SETTLED: Final = 1e-6
+SIGNIFICANT_P: Final = 0.01
+MASS: Final = "mL"
+
+
+@dataclass(frozen=True, eq=False)
+class DriveGains:
+    """True torque over measured torque of each joint.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        The joints.
+    values, sigma : ndarray, shape (n,)
+        Gains and their honest standard deviations; 1 where the torque constant is right.
+    covariance : ndarray, shape (n, n)
+        Of the gains, which share the error of the load.
+    """
+
+    joint_names: tuple[str, ...]
+    values: FloatArray
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.joint_names)
+        for name, shape in (("values", (n,)), ("covariance", (n, n))):
+            array = read_only(name, getattr(self, name), float, shape, EstimationError)
+            object.__setattr__(self, name, array)
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Standard deviations, shape (n,)."""
+        return np.asarray(np.sqrt(np.diagonal(self.covariance)))
+
+    @property
+    def wrong(self) -> tuple[bool, ...]:
+        """Whether each gain differs from 1 by more than chance (Bonferroni)."""
+        deviation = np.abs(self.values - 1.0) / self.sigma
+        chance = 2.0 * len(self.values) * ndtr(-deviation)
+        return tuple((chance < SIGNIFICANT_P).tolist())
+
+    def sentences(self) -> list[str]:
+        """Say of each joint what it is."""
+        found = []
+        for name, value, sigma, wrong in zip(
+            self.joint_names, self.values, self.sigma, self.wrong, strict=True
+        ):
+            words = "multiply its torque constant by it" if wrong else "as in the robot file"
+            found.append(f"{name}: drive gain {value:.3f} ± {2.0 * sigma:.2g} (2σ): {words}")
+        return found
+
+
+def drive_gains(
+    estimate: Estimate, runs: tuple[TimeRun, ...], mass_kg: float, mass_sigma_kg: float
+) -> DriveGains:
+    """Estimate the gains of all drives from runs with and without a weighed load.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        From the same runs; its model has a payload, of which only the mass is known.
+    runs : tuple of TimeRun
+        The recordings, some with the load.
+    mass_kg, mass_sigma_kg : float
+        Its mass, and the scales' standard deviation.
+
+    Raises
+    ------
+    EstimationError
+        The model has no payload or loses torque in its gears, or the motion does not tell a gain.
+    """
+    base, model = estimate.base, estimate.model
+    if MASS not in base.names:
+        raise EstimationError(
+            "drive gains need runs with and without the weighed load: name those with it (--loaded)"
+        )
+    if model.transmission.losses:
+        raise EstimationError(
+            "drive gains need friction that does not depend on load: leave the friction term `load`"
+            " and efficiencies out"
+        )
+    if mass_kg <= 0.0 or mass_sigma_kg <= 0.0:
+        raise EstimationError("a weighed load has a positive mass, and scales have an error")
+    n, b, standstill = model.chain.n, len(base), estimate.standstill_rad_s
+    triangles = [Triangle.empty(b) for _ in range(n)]
+    for rows in joint_equations(model, base, runs, standstill):
+        triangles = [t.add(*equations) for t, equations in zip(triangles, rows, strict=True)]
+    scales = _Scales(
+        names=(*base.names, *(f"the drive gain of {name}" for name in model.joint_names)),
+        factors=tuple(t.factor for t in triangles),
+        rows=tuple(t.rows for t in triangles),
+        mass=base.names.index(MASS),
+        mass_kg=mass_kg,
+        mass_sigma_kg=mass_sigma_kg,
+    )
+    values, shares, solution, sigma = scales.fit(estimate.values)
+
+    def cluster(rows: list[tuple[FloatArray, FloatArray]]) -> Cluster:
+        parts = [
+            scales.rows_of(j, matrix, rhs, values, shares) for j, (matrix, rhs) in enumerate(rows)
+        ]
+        matrix = np.vstack([part[0] / s for part, s in zip(parts, sigma, strict=True)])
+        return Cluster.of(
+            matrix, np.concatenate([part[1] / s for part, s in zip(parts, sigma, strict=True)])
+        )
+
+    stretches = joint_equations(model, base, runs, standstill)
+    covariance = jackknife(solution.information, (cluster(rows) for rows in stretches))
+    # The load's weight is no stretch of time: its part comes beside what the stretches show.
+    to_mass = solution.covariance[b:, scales.mass] / mass_sigma_kg
+    of_shares = covariance[b:, b:] + np.outer(to_mass, to_mass)
+    gains = 1.0 / shares
+    return DriveGains(
+        joint_names=model.joint_names,
+        values=gains,
+        covariance=of_shares * np.outer(gains**2, gains**2),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Scales:
+    """tau_j = s_j Phi_j x + noise with an x of which one element was weighed; s = 1 / gain."""
+
+    names: tuple[str, ...]
+    factors: tuple[FloatArray, ...]
+    rows: tuple[int, ...]
+    mass: int
+    mass_kg: float
+    mass_sigma_kg: float
+
+    def fit(self, start: FloatArray) -> tuple[FloatArray, FloatArray, Solution, FloatArray]:
+        """Return x, s, the last linear solution, and each joint's RMS residual."""
+        x, s = (
+            start * (self.mass_kg / start[self.mass]),
+            np.full(len(self.factors), start[self.mass] / self.mass_kg),
+        )
+        if s[0] <= 0.0:
+            raise EstimationError(
+                "the load shows no positive mass: were the loaded runs the others?"
+            )
+        n, b = len(self.factors), len(x)
+        for _ in range(ITERATIONS):
+            triangles, sigma = [], []
+            for j, factor in enumerate(self.factors):
+                matrix, misfit = self.rows_of(j, factor[:, :-1], factor[:, -1], x, s)
+                sigma.append(max(np.sqrt(np.sum(misfit**2) / max(self.rows[j], 1)), 1e-150))
+                triangles.append(Triangle.empty(b + n).add(matrix, misfit, self.rows[j]))
+            weighed = np.zeros((1, b + n))
+            weighed[0, self.mass] = 1.0
+            error = np.array([self.mass_kg - x[self.mass]])
+            triangles.append(Triangle.empty(b + n).add(weighed, error))
+            weights = [*(1.0 / np.array(sigma)), 1.0 / self.mass_sigma_kg]
+            solution = solve(triangles, weights, self.names)
+            step = solution.values
+            x, s = x + step[:b], s + step[b:]
+            if (s <= 0.0).any():
+                worst = self.names[b + int(np.argmin(s))]
+                raise EstimationError(
+                    f"the motion does not tell {worst}: move more, with more load"
+                )
+            if np.all(np.abs(step[b:]) < SETTLED):
+                return x, s, solution, np.array(sigma)
+        raise EstimationError("the drive gains do not settle: move more, with more load")
+
+    def rows_of(
+        self, joint: int, matrix: FloatArray, rhs: FloatArray, x: FloatArray, s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return some rows of a joint, linear in steps of x and s, and their misfit."""
+        predicted = matrix @ x
+        slopes = np.zeros((len(rhs), len(x) + len(s)))
+        slopes[:, : len(x)] = s[joint] * matrix
+        slopes[:, len(x) + joint] = predicted
+        return slopes, rhs - s[joint] * predicted

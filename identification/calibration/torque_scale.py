@@ -1,0 +1,181 @@
+"""`TorqueScale`: whether an axis's torque constant agrees with the force plate.
+
+The plate measures newtons without any motor. With a factor of its own on each axis's torques the
+combined equations tell how far every torque constant is off, with an interval; friction does not
+count, since the plate does not feel it and each axis's takes up the factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.special import chdtrc, fdtrc, stdtr
+
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from identification.equations.whitened import WhiteEquations, bin_clusters
+from identification.estimation.fitted_periods import FittedPeriods
+from identification.estimation.shape_parameters import step_prior
+from identification.regression.intervals import jackknife
+from identification.regression.least_squares import Triangle, solve
+
+STEPS: Final = 4
+SIGNIFICANT_P: Final = 0.01
+WORTH_TELLING: Final = 0.02
+
+
+@dataclass(frozen=True)
+class TorqueScale:
+    """How the torques of one axis compare with the force plate.
+
+    Attributes
+    ----------
+    joint : str
+        The axis.
+    ratio : float
+        Torque as measured over torque as the plate has it.
+    sigma : float
+        Standard deviation of the ratio, honest about coloured residuals.
+    p_value : float
+        Probability of such a deviation from 1 on any axis where all agree (Holm).
+    """
+
+    joint: str
+    ratio: float
+    sigma: float
+    p_value: float
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the axis does not agree with the plate."""
+        return self.p_value < SIGNIFICANT_P and abs(self.ratio - 1.0) >= WORTH_TELLING
+
+
+@dataclass(frozen=True)
+class TorqueConsistency:
+    """The consistency test of all axes.
+
+    Attributes
+    ----------
+    axes : tuple of TorqueScale
+        One an axis.
+    p_value : float
+        Probability of deviations like these where torque constants and plate agree.
+    """
+
+    axes: tuple[TorqueScale, ...]
+    p_value: float
+
+    @property
+    def sentence(self) -> str:
+        """The finding in words."""
+        wrong = [axis for axis in self.axes if axis.wrong]
+        if not wrong:
+            ratios = ", ".join(f"{a.ratio:.4f} ± {2.0 * a.sigma:.4f}" for a in self.axes)
+            small = "; so little, a gear's friction under load can do"
+            return (
+                "Torque constants and force plate agree: measured over expected torque is"
+                f" {ratios} (p = {self.p_value:.2g}"
+                f"{small if self.p_value < SIGNIFICANT_P else ''})."
+            )
+        words = "; ".join(
+            f"{axis.joint} measures {abs(100.0 * (axis.ratio - 1.0)):.1f} ±"
+            f" {200.0 * axis.sigma:.1f} % too {'much' if axis.ratio > 1.0 else 'little'}"
+            f" (p = {axis.p_value:.1g})"
+            for axis in wrong
+        )
+        if len(wrong) == len(self.axes) > 1 and self._alike():
+            return (
+                f"Against the force plate, all torques are off by the same factor: {words}. More"
+                " likely than every torque constant the plate's sensitivity is wrong."
+            )
+        return (
+            f"Against the force plate, {words}: check the torque constant and the gear ratio"
+            f" of {' and of '.join(axis.joint for axis in wrong)}."
+        )
+
+    def _alike(self) -> bool:
+        weights = np.array([axis.sigma**-2 for axis in self.axes])
+        ratios = np.array([axis.ratio for axis in self.axes])
+        mean = float(np.sum(weights * ratios) / np.sum(weights))
+        spread = float(np.sum(weights * (ratios - mean) ** 2))
+        return bool(chdtrc(len(self.axes) - 1, spread) > SIGNIFICANT_P)
+
+
+def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
+    """Test whether the torques of each axis agree with the force plate.
+
+    Parameters
+    ----------
+    fitted : FittedPeriods
+        A fit of the combined model.
+
+    Raises
+    ------
+    EstimationError
+        It is of another model, or the motion does not tell the factors.
+    """
+    if fitted.options.kind != "combined":
+        raise EstimationError("only the combined model tells whether torques and plate agree")
+    joints = fitted.robot.joint_names
+    n, width = len(joints), len(fitted.fit.solution.values)
+    names = (*(f"value {k}" for k in range(width)), *(f"the torque scale of {j}" for j in joints))
+    near, scale = fitted.fit.solution.values, np.ones(n)
+    prior = fitted.problem.prior.triangle(width + n)
+    known = [prior]
+    if fitted.shapes:
+        known.append(step_prior(fitted.model, len(fitted.base), width + n))
+    covariance = np.zeros((n, n))
+    clusters = 2
+    for _ in range(STEPS):
+        white = tuple(tuple(_scaled(parts, near, scale)) for parts in fitted.fit.white)
+        triangles = [
+            Triangle.empty(width + n).add(part.matrix, part.rhs, part.rows)
+            for parts in white
+            for part in parts
+        ]
+        solution = solve([*triangles, *known], [1.0] * (len(triangles) + len(known)), names)
+        near, scale = solution.values[:width], scale + solution.values[width:]
+        clusters = sum(len(parts[0].rhs) // 2 + 1 for parts in white)
+        honest = jackknife(solution.information, bin_clusters(white, solution.values))
+        covariance = np.where(
+            np.outer(*[np.diagonal(honest) >= np.diagonal(solution.covariance)] * 2),
+            honest,
+            solution.covariance,
+        )[width:, width:]
+    sigma = np.sqrt(np.diagonal(covariance))
+    freedom = max(clusters - 1, 1)
+    alone = 2.0 * stdtr(freedom, -np.abs(scale - 1.0) / sigma)
+    wald = float((scale - 1.0) @ np.linalg.solve(covariance, scale - 1.0)) / n
+    return TorqueConsistency(
+        tuple(
+            TorqueScale(joint, float(ratio), float(s), float(p))
+            for joint, ratio, s, p in zip(joints, scale, sigma, _holm(alone), strict=True)
+        ),
+        float(fdtrc(n, freedom, wald)),
+    )
+
+
+def _scaled(
+    parts: tuple[WhiteEquations, ...], near: FloatArray, scale: FloatArray
+) -> Iterator[WhiteEquations]:
+    """Yield outputs linearised in the factors of the joints' torques, which come first."""
+    for j, part in enumerate(parts):
+        columns = np.zeros((len(part.rhs), len(scale)))
+        if j < len(scale):
+            columns[:, j] = part.matrix @ near
+            part = part.scaled(float(scale[j]))
+        yield part.widened(columns)
+
+
+def _holm(p_values: FloatArray) -> FloatArray:
+    """Return p-values adjusted for testing several axes at once (Holm 1979)."""
+    order = np.argsort(p_values)
+    factors = len(p_values) - np.arange(len(p_values))
+    adjusted = np.minimum(np.maximum.accumulate(p_values[order] * factors), 1.0)
+    out = np.empty_like(p_values)
+    out[order] = adjusted
+    return out

@@ -1,0 +1,41 @@
+"""`LinkBody`: a link as people and simulators know it, about its centre of gravity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class LinkBody:
+    """A link about its centre of gravity, in its frame (modified convention)."""
+
+    mass_kg: float
+    centre_m: FloatArray
+    inertia_kg_m2: FloatArray
+
+    @classmethod
+    def of(cls, parameters: FloatArray) -> LinkBody:
+        """Take a link's ten parameters about its origin apart (parallel-axis theorem)."""
+        mass, centre = float(parameters[0]), parameters[1:4] / parameters[0]
+        inertia = np.zeros((3, 3))
+        inertia[np.triu_indices(3)] = parameters[4:]
+        inertia = inertia + np.triu(inertia, 1).T
+        steiner = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        return cls(mass, centre, inertia - steiner)
+
+    @property
+    def principal_moments_kg_m2(self) -> FloatArray:
+        """The principal moments of inertia, ascending, shape (3,)."""
+        return np.array(np.linalg.eigvalsh(self.inertia_kg_m2), dtype=float)
+
+    @property
+    def can_exist(self) -> bool:
+        """Whether some distribution of positive mass has these values (Traversaro 2016)."""
+        if self.mass_kg <= 0.0:
+            return False
+        moments = self.principal_moments_kg_m2
+        return bool(moments[0] > 0.0 and moments[0] + moments[1] > moments[2])

@@ -1,0 +1,183 @@
+"""Base parameters by an extended Kalman filter that simulates the robot and corrects itself.
+
+The measured torques drive a simulation of the robot; where the measured positions contradict it,
+positions, speeds and base parameters are corrected together (Gautier and Poignet 2001). No signal
+is differentiated, forward dynamics stands where the other methods have inverse dynamics, and the
+parameters are followed sample by sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from dynamics.model.inverse_dynamics import torque_derivatives
+from dynamics.terms.conditions import Conditions
+from identification.equations.time_domain import TimeRun
+from identification.estimation.estimate import Estimate
+from identification.model.torque_columns import torque_columns
+
+PASSES: Final = 2
+FORGETTING: Final = 10.0
+POSITION_SIGMA: Final = 1e-4
+SPEED_SIGMA: Final = 1e-2
+
+
+def estimate_by_kalman_filter(
+    estimate: Estimate, runs: tuple[TimeRun, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Estimate the base parameters of a model with an extended Kalman filter.
+
+    The filter starts at the estimate with a tenth of its information, and goes through the
+    recordings twice, the second time with a tenth of its own: the start tells it little. From
+    further away it need not find back: light wrists with friction make a simulation stiff.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The model, and the size of each joint's residuals, which is the torques' noise.
+    runs : tuple of TimeRun
+        The recordings; of their motion the positions are used.
+
+    Returns
+    -------
+    values : ndarray, shape (b,)
+        Base parameters.
+    covariance : ndarray, shape (b, b)
+        The filter's own, which takes noise for white, times what colour makes of the estimate's.
+
+    Raises
+    ------
+    EstimationError
+        The gears lose a share of their load, or the simulated robot runs away from the measured.
+    """
+    if estimate.model.transmission.losses:
+        raise EstimationError(
+            "the Kalman filter does not simulate gears that lose a share of their load: leave the"
+            " friction term `load` and efficiencies out"
+        )
+    values = estimate.values
+    covariance = estimate.covariance_honest + estimate.covariance_residual
+    for _ in range(PASSES):
+        covariance = FORGETTING * covariance
+        for run in runs:
+            simulation = _Simulation(estimate, run)
+            for segment in range(int(run.signals.segment[-1]) + 1):
+                rows = np.flatnonzero(run.signals.segment == segment)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    values, covariance = simulation.through(rows, values, covariance)
+    white, honest = (
+        np.diagonal(estimate.covariance_residual),
+        np.diagonal(estimate.covariance_honest),
+    )
+    colour = np.sqrt(np.maximum(honest / white, 1.0))
+    return values, np.asarray(covariance * np.outer(colour, colour))
+
+
+@dataclass(frozen=True, eq=False)
+class _Simulation:
+    """One recording, simulated from measured torques; the state is q, v and the parameters."""
+
+    estimate: Estimate
+    run: TimeRun
+
+    def through(
+        self, rows: np.ndarray, values: FloatArray, covariance: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Go through one segment; return the parameters and their covariance at its end."""
+        signals, n, b = self.run.signals, self.estimate.model.chain.n, len(values)
+        # Noise of this size at every sample says as much as the noise inside the band.
+        per_sample = 1.0 / (2.0 * signals.cutoff_hz * signals.sample_period_s)
+        noise = per_sample * POSITION_SIGMA**2 * np.eye(n)
+        state = np.concatenate([signals.position[rows[0]], signals.velocity[rows[0]], values])
+        spread = np.zeros((2 * n + b, 2 * n + b))
+        spread[: 2 * n, : 2 * n] = np.diag([POSITION_SIGMA**2] * n + [SPEED_SIGMA**2] * n)
+        spread[2 * n :, 2 * n :] = covariance
+        loudest = np.sqrt(np.mean(signals.torque_nm[rows] ** 2, axis=0))
+        for row, following in pairwise(rows):
+            try:
+                state, slope, entry = self._ahead(row, following, state, loudest)
+                spread = slope @ spread @ slope.T + per_sample * entry @ entry.T
+                gain = np.linalg.solve(spread[:n, :n] + noise, spread[:n]).T
+            except (np.linalg.LinAlgError, FloatingPointError):
+                raise EstimationError(
+                    f"the robot that the Kalman filter simulates runs away at"
+                    f" {signals.time_s[row]:.3g} s: the model does not fit the recording"
+                ) from None
+            state = state + gain @ (signals.position[following] - state[:n])
+            rest = np.eye(2 * n + b)
+            rest[:, :n] -= gain
+            spread = rest @ spread @ rest.T + gain @ noise @ gain.T  # Joseph's form
+            spread = 0.5 * (spread + spread.T)
+        return state[2 * n :], spread[2 * n :, 2 * n :]
+
+    def _ahead(
+        self, row: int, following: int, state: FloatArray, loudest: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the next state (Heun), its slope by this one, and how torque noise enters it."""
+        signals, model = self.run.signals, self.estimate.model
+        n, step_s = model.chain.n, signals.sample_period_s
+        q, v, beta = state[:n], state[n : 2 * n], state[2 * n :]
+        conditions = self.run.conditions.part(slice(row, row + 1))
+        torque = signals.torque_nm[row]
+        a, columns, inverse = self._acceleration(q, v, beta, torque, conditions)
+        q_guess, v_guess = q + step_s * v + 0.5 * step_s**2 * a, v + step_s * a
+        later = signals.torque_nm[following]
+        a_then = self._acceleration(q_guess, v_guess, beta, later, conditions)[0]
+        moved = np.concatenate(
+            [
+                q + step_s * v + step_s**2 / 6.0 * (2.0 * a + a_then),
+                v + 0.5 * step_s * (a + a_then),
+                beta,
+            ]
+        )
+        # Near standstill friction is as steep as one likes: what counts is its slope outside.
+        standstill = self.estimate.standstill_rad_s
+        lively = np.copysign(np.maximum(np.abs(v), standstill), v)
+        motion = (q[np.newaxis], lively[np.newaxis], a[np.newaxis])
+        standard = self.estimate.base.to_standard(beta)
+        by_q, by_v, _ = torque_derivatives(model, *motion, standard, conditions)
+        by_state = -inverse @ np.hstack([by_q[0], by_v[0], columns])
+        slope = np.eye(len(state))
+        slope[:n, n : 2 * n] += step_s * np.eye(n)
+        slope[:n] += 0.5 * step_s**2 * by_state
+        slope[n : 2 * n] += step_s * by_state
+        # A joint that stands may be held by any friction: its torque says next to nothing.
+        slow = np.abs(model.actuator_speed(v[np.newaxis])[0]) < standstill
+        sigma = np.where(slow, loudest, 0.0)
+        sigma = np.maximum(sigma, self.estimate.residual_nm)
+        entry = np.zeros((len(state), n))
+        entry[:n], entry[n : 2 * n] = 0.5 * step_s**2 * inverse, step_s * inverse
+        return moved, slope, entry * sigma
+
+    def _acceleration(
+        self,
+        q: FloatArray,
+        v: FloatArray,
+        beta: FloatArray,
+        torque: FloatArray,
+        conditions: Conditions,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the acceleration (n,), the regressor there (n, b), and the inverse inertia."""
+        n = len(q)
+        warmth = conditions.temperature_k
+        repeated = None if warmth is None else np.tile(np.atleast_2d(warmth)[0], (n + 2, 1))
+        poses = np.tile(q, (n + 2, 1))
+        speeds, accelerations = np.zeros((2, n + 2, n))
+        speeds[0], accelerations[2:] = v, np.eye(n)
+        all_columns = torque_columns(
+            self.estimate.model,
+            self.estimate.base,
+            (poses, speeds, accelerations),
+            Conditions(repeated, payload=conditions.payload),
+        )
+        by_acceleration = all_columns[2:] - all_columns[1]
+        inverse = np.linalg.pinv((by_acceleration @ beta).T)
+        a = inverse @ (torque - all_columns[0] @ beta)
+        columns = all_columns[0] + np.einsum("j,jib->ib", a, by_acceleration)
+        return a, columns, inverse

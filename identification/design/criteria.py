@@ -1,0 +1,150 @@
+"""What makes an excitation good: functions of the information about the base parameters.
+
+The information is the inverse of the covariance that an estimate would have, for one sample of
+noise one. Each criterion gives its worth, the smaller the better, and a smooth stand-in with its
+exact gradient for the search.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from config.arrays import FloatArray
+
+NORM_POWER = 12
+INFORMATION_SHARE = 0.3
+_SMALLEST_EIGENVALUE = 1e-14
+
+
+class Criterion(Protocol):
+    """What a search makes small."""
+
+    @abstractmethod
+    def worth(self, information: FloatArray) -> float:
+        """Return the criterion itself of an information matrix (b, b)."""
+
+    @abstractmethod
+    def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
+        """Return what stands for it in the search, and the derivatives by the elements."""
+
+    @abstractmethod
+    def words(self, worth: float) -> str:
+        """Say what the criterion's value means."""
+
+
+@dataclass(frozen=True)
+class DOptimal:
+    """Minus the log determinant of the information, per parameter (D-optimality).
+
+    The volume of the confidence ellipsoid, whatever the parameters' units.
+    """
+
+    def worth(self, information: FloatArray) -> float:
+        """Return the criterion itself of an information matrix (b, b)."""
+        return self.smooth(information)[0]
+
+    def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
+        """Return the criterion and its derivatives by the elements of the information."""
+        log_det, inverse = _log_det(information)
+        return -log_det / len(information), -inverse / len(information)
+
+    def words(self, worth: float) -> str:
+        """Say what the criterion's value means."""
+        return f"log determinant {-worth:.4g} per parameter"
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """The condition number of the weighted base regressor (2.25, 2.26).
+
+    By default each column is scaled to length one, so that units do not count. The number then
+    does not mind how small a motion is, and a share of the log determinant joins the search.
+    Where `parameter_size` (b,) is given, the columns are multiplied by it instead.
+    """
+
+    parameter_size: FloatArray | None = None
+
+    def worth(self, information: FloatArray) -> float:
+        """Return the condition number for an information matrix (b, b)."""
+        eigenvalues, _ = _eigen(information, self._size(information))
+        return math.sqrt(float(eigenvalues[-1] / eigenvalues[0]))
+
+    def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
+        """Return the log with p-norms for largest and smallest eigenvalue, and its derivatives."""
+        size = self._size(information)
+        eigenvalues, vectors = _eigen(information, size)
+        high = (eigenvalues / eigenvalues[-1]) ** NORM_POWER
+        low = (eigenvalues[0] / eigenvalues) ** NORM_POWER
+        worth = 0.5 * math.log(eigenvalues[-1] / eigenvalues[0])
+        worth += 0.5 / NORM_POWER * (math.log(high.sum()) + math.log(low.sum()))
+        slope = 0.5 * (high / high.sum() - low / low.sum()) / eigenvalues
+        inner = (vectors * slope) @ vectors.T
+        gradient = inner / np.outer(size, size)
+        if self.parameter_size is None:
+            scaled = information / np.outer(size, size)
+            gradient -= np.diag(np.sum(inner * scaled, axis=1) / size**2)
+            log_det, inverse = _log_det(information)
+            worth -= INFORMATION_SHARE * log_det / len(size)
+            gradient -= INFORMATION_SHARE * inverse / len(size)
+        return worth, gradient
+
+    def words(self, worth: float) -> str:
+        """Say what the criterion's value means."""
+        return f"condition number {worth:.4g}"
+
+    def _size(self, information: FloatArray) -> FloatArray:
+        if self.parameter_size is None:
+            return column_sizes(information)
+        return 1.0 / self.parameter_size
+
+
+@dataclass(frozen=True, eq=False)
+class Goals:
+    """The mean log standard deviation of chosen combinations, the rows of `wanted` (k, b).
+
+    A row with a single one is a parameter; rows of a regressor are predicted torques.
+    """
+
+    wanted: FloatArray
+
+    def worth(self, information: FloatArray) -> float:
+        """Return the criterion itself of an information matrix (b, b)."""
+        return self.smooth(information)[0]
+
+    def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
+        """Return the criterion and its derivatives by the elements of the information."""
+        _, inverse = _log_det(information)
+        spread = self.wanted @ inverse
+        variance = np.einsum("kb,kb->k", spread, self.wanted)
+        worth = 0.5 * float(np.mean(np.log(variance)))
+        gradient = -0.5 * (spread / variance[:, np.newaxis]).T @ spread / len(variance)
+        return worth, gradient
+
+    def words(self, worth: float) -> str:
+        """Say what the criterion's value means."""
+        return f"mean log deviation {worth:.4g}"
+
+
+def column_sizes(information: FloatArray) -> FloatArray:
+    """Return the lengths of the columns behind an information matrix, none of them zero."""
+    size = np.sqrt(np.maximum(np.diagonal(information), 0.0))
+    return np.asarray(np.maximum(size, 1e-9 * max(float(size.max()), 1e-300)))
+
+
+def _log_det(information: FloatArray) -> tuple[float, FloatArray]:
+    """Return the log determinant and the inverse, through the scaled information."""
+    size = column_sizes(information)
+    eigenvalues, vectors = _eigen(information, size)
+    inverse = (vectors / eigenvalues) @ vectors.T / np.outer(size, size)
+    return float(np.sum(np.log(eigenvalues)) + 2.0 * np.sum(np.log(size))), inverse
+
+
+def _eigen(information: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return eigenvalues, ascending and never zero, and vectors of the scaled information."""
+    eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
+    return np.maximum(eigenvalues, _SMALLEST_EIGENVALUE * eigenvalues[-1]), vectors

@@ -1,0 +1,38 @@
+"""`fourier_basis`: offset, sines and cosines of a periodic motion, and their derivatives."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from config.arrays import FloatArray
+
+
+def fourier_basis(period_s: float, harmonics: int, points_per_harmonic: int) -> FloatArray:
+    """Return offset, sines and cosines over one period, with their derivatives (2.30).
+
+    Parameters
+    ----------
+    period_s : float
+        The period [s].
+    harmonics : int
+        The highest harmonic, N.
+    points_per_harmonic : int
+        How many points there are to each of the N harmonics.
+
+    Returns
+    -------
+    (3, points_per_harmonic N, 2 N + 1) array
+        What q, its rate [1/s] and the rate of that [1/s^2] are made of.
+    """
+    points = points_per_harmonic * harmonics
+    omega = 2.0 * math.pi / period_s * np.arange(1, harmonics + 1)
+    angle = np.outer(np.arange(points) / points * period_s, omega)
+    one, sine, cosine = np.ones((points, 1)), np.sin(angle), np.cos(angle)
+    rows = [
+        np.hstack([one, sine, cosine]),
+        np.hstack([0.0 * one, omega * cosine, -omega * sine]),
+        np.hstack([0.0 * one, -(omega**2) * sine, -(omega**2) * cosine]),
+    ]
+    return np.asarray(rows, dtype=float)

@@ -1,0 +1,380 @@
+"""`ExcitationProblem`: how good a periodic motion is and by how much it breaks limits.
+
+The motion of joint j is q0 + sum_k a_k sin(k w t) + b_k cos(k w t) (2.30). All that is asked of it
+is a smooth function of these coefficients: the criterion through the exact gradient of the
+regressor, the limits as squared violations. The criterion is sampled at a handful of points per
+highest harmonic (physics: section 10), the limits at more; `motion_check` verifies the result.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.motion.motion import FourierJoint, FourierMotion
+from config.robot.bodies import Workspace
+from config.robot.robot import RobotDescription
+from dynamics.geometry.clearances import Clearances
+from dynamics.model.base_wrench import base_wrench, base_wrench_gradient
+from dynamics.model.inverse_dynamics import regressor_gradient
+from dynamics.model.robot_model import RobotModel, regressor
+from identification.design.criteria import Criterion
+from identification.design.fourier_basis import fourier_basis
+from identification.design.model import design_model
+from identification.model.base_parameters import BaseParameters, base_parameters
+
+POINTS_PER_HARMONIC = 8
+LIMIT_POINTS_PER_HARMONIC = 24
+SIGN_SMOOTHING_SHARE = 0.02
+CLEARANCE_SCALE_M = 0.015
+DECIMALS = 6
+START_POSES = 500
+START_AMPLITUDE = 0.15
+
+Shifts = tuple[FloatArray, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationProblem:
+    """One design task.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot with its limits and bodies. Gears count as lossless, at reference temperature.
+    period_s : float
+        The period [s].
+    harmonics : int
+        The highest harmonic of every joint, N.
+    criterion : Criterion
+        What is made small.
+    limit_fraction : float
+        Share of the position, velocity, acceleration and torque limits that is planned with.
+    expected_noise_nm : (n,) array
+        Standard deviation of a torque sample; the rows' weights.
+    parameters : (parameters,) array, or None
+        A-priori standard parameters of `model` for the torque limits; None leaves torque out.
+    given : (b, b) array, or None
+        Information about the base parameters that earlier runs hold already, per sample.
+    workspace : Workspace
+        Where the robot may be.
+    base_limits : (6,) array, or None
+        Largest forces [N] and moments [N m] that the base may exert on the robot.
+    """
+
+    robot: RobotDescription
+    period_s: float
+    harmonics: int
+    criterion: Criterion
+    limit_fraction: float
+    expected_noise_nm: FloatArray
+    parameters: FloatArray | None = None
+    given: FloatArray | None = None
+    workspace: Workspace = field(default_factory=Workspace)
+    base_limits: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        n, b = len(self.robot.joints), len(self.base)
+        if self.harmonics < 1 or not 0.0 < self.limit_fraction <= 1.0 or self.period_s <= 0.0:
+            raise ConfigError(
+                f"excitation design: harmonics {self.harmonics} must be at least 1, limit_fraction"
+                f" {self.limit_fraction:g} above 0 and at most 1, period_s {self.period_s:g}"
+                " positive"
+            )
+        if np.shape(self.expected_noise_nm) != (n,) or np.min(self.expected_noise_nm) <= 0.0:
+            raise ConfigError("excitation design: expected_noise_nm needs a positive value a joint")
+        if self.given is not None and self.given.shape != (b, b):
+            raise ConfigError(
+                f"excitation design: the earlier information has the shape {self.given.shape}, the"
+                f" model {b} base parameters: give models of the same robot and terms"
+            )
+        if self.base_limits is not None and (
+            self.parameters is None or self.base_limits.shape != (6,)
+        ):
+            raise ConfigError(
+                "excitation design: limits on the base are six, and need a-priori parameters: give"
+                " a model, or `cad` in the robot file"
+            )
+        names = self.model.parameter_names
+        if self.parameters is not None and self.parameters.shape != (len(names),):
+            raise ConfigError(
+                f"excitation design: {self.parameters.shape} a-priori values for the"
+                f" {len(names)} parameters of robot {self.robot.name!r}"
+            )
+
+    @cached_property
+    def model(self) -> RobotModel:
+        """The model, whose sign of the speed is hard."""
+        return design_model(self.robot)
+
+    @cached_property
+    def _smooth_model(self) -> RobotModel:
+        """The same model with a smoothed sign, which has a gradient."""
+        fastest = max(joint.limits.velocity for joint in self.robot.joints)
+        return design_model(self.robot, SIGN_SMOOTHING_SHARE * fastest)
+
+    @cached_property
+    def base(self) -> BaseParameters:
+        """What of the model can be identified at all."""
+        return base_parameters(self.model)
+
+    @cached_property
+    def clearances(self) -> Clearances:
+        """The pairs of bodies that must stay apart."""
+        return Clearances.of(self.robot, self.workspace)
+
+    def with_clearance(self, more_m: float) -> ExcitationProblem:
+        """Return the same task with a larger clearance around the bodies."""
+        clearance_m = self.workspace.clearance_m + more_m
+        workspace = self.workspace.model_copy(update={"clearance_m": clearance_m})
+        return replace(self, workspace=workspace)
+
+    def information(self, rows: FloatArray) -> FloatArray:
+        """Return the information per sample of weighted base rows (points, n, b), and `given`."""
+        flat = rows.reshape(-1, rows.shape[2])
+        information = flat.T @ flat / len(rows)
+        return information if self.given is None else information + self.given
+
+    def weighted_rows(self, standard_regressor: FloatArray) -> FloatArray:
+        """Return base rows over the expected noise, (points, n, b)."""
+        return self.base.columns(standard_regressor) / self.expected_noise_nm[:, np.newaxis]
+
+    @property
+    def size(self) -> int:
+        """The number of variables: offset, sines and cosines of every joint."""
+        return len(self.robot.joints) * (2 * self.harmonics + 1)
+
+    @cached_property
+    def _scales(self) -> FloatArray:
+        """What a variable of one stands for, (n, 2 N + 1): half range, largest amplitudes."""
+        omega = 2.0 * math.pi / self.period_s * np.arange(1, self.harmonics + 1)
+        half, velocity, acceleration = self._sizes[:, :, np.newaxis]
+        largest = np.minimum(half, np.minimum(velocity / omega, acceleration / omega**2))
+        return np.asarray(self.limit_fraction * np.hstack([half, largest, largest]))
+
+    @cached_property
+    def _middle(self) -> FloatArray:
+        limits = [joint.limits for joint in self.robot.joints]
+        return np.array([(each.position_max + each.position_min) / 2.0 for each in limits])
+
+    @cached_property
+    def _coarse(self) -> FloatArray:
+        return fourier_basis(self.period_s, self.harmonics, POINTS_PER_HARMONIC)
+
+    @cached_property
+    def _fine(self) -> FloatArray:
+        return fourier_basis(self.period_s, self.harmonics, LIMIT_POINTS_PER_HARMONIC)
+
+    def motion(self, x: FloatArray, basis: FloatArray) -> FloatArray:
+        """Return q, v, a, (3, points, n), of variables of shape (size,)."""
+        moved = basis @ self._coefficients(x).T
+        moved[0] += self._middle
+        return np.asarray(moved)
+
+    def _coefficients(self, x: FloatArray) -> FloatArray:
+        return np.asarray(x.reshape(self._scales.shape) * self._scales)
+
+    def within(self, x: FloatArray) -> FloatArray:
+        """Return variables of the same motion, made smaller where it breaks planned limits.
+
+        All amplitudes shrink by one share, about the motion's middle pose.
+        """
+        q, v, a = self.motion(x, self._fine)
+        planned = self.limit_fraction * self._sizes
+        centre = self._middle + self._coefficients(x)[:, 0]
+        swing = q - centre
+        room = [planned[0] - sign * (centre - self._middle) for sign in (1.0, -1.0)]
+        used = [swing.max(axis=0), -swing.min(axis=0), np.abs(v).max(axis=0), np.abs(a).max(axis=0)]
+        allowed = [*room, *planned[1:]]
+        if self._to_motors is not None:
+            used.append(np.abs(v @ self._to_motors.T).max(axis=0))
+            allowed.append(planned[1])
+        share = np.array(allowed) / np.maximum(used, 1e-12)
+        return self.shrunk(x, min(1.0, max(0.0, float(share.min()))))
+
+    def shrunk(self, x: FloatArray, share: float) -> FloatArray:
+        """Return variables of the same motion with its amplitudes made smaller."""
+        smaller = x.reshape(self._scales.shape).copy()
+        smaller[:, 1:] *= share
+        return smaller.ravel()
+
+    def to_fourier(self, x: FloatArray, periods: int, transient_periods: int) -> FourierMotion:
+        """Return variables as a motion file has them."""
+        coefficients = np.round(self._coefficients(x), DECIMALS)
+        n = self.harmonics
+        return FourierMotion(
+            kind="fourier",
+            robot=self.robot.name,
+            period_s=self.period_s,
+            periods=periods,
+            transient_periods=transient_periods,
+            joints=tuple(
+                FourierJoint(
+                    joint=joint.name,
+                    offset=round(float(row[0] + middle), DECIMALS),
+                    sine=tuple(row[1 : n + 1].tolist()),
+                    cosine=tuple(row[n + 1 :].tolist()),
+                )
+                for joint, row, middle in zip(
+                    self.robot.joints, coefficients, self._middle, strict=True
+                )
+            ),
+        )
+
+    def start(self, seed: int) -> FloatArray:
+        """Draw variables to start from: a pose that is clear of everything, moved about a little.
+
+        Raises
+        ------
+        ConfigError
+            No such pose is found: bodies or workspace cannot be meant.
+        """
+        random = np.random.default_rng(seed)
+        x = START_AMPLITUDE * random.normal(size=self._scales.shape)
+        decay = 1.0 / np.arange(1, self.harmonics + 1)
+        x[:, 1:] *= np.concatenate([decay, decay])
+        distances = np.zeros(0)
+        for _ in range(START_POSES):
+            x[:, 0] = random.uniform(-0.8, 0.8, len(x))
+            pose = self._middle + x[:, 0] * self._scales[:, 0]
+            distances = self.clearances.nearest(pose[np.newaxis])
+            if (distances >= self.clearances.margin_m).all():
+                return np.asarray(x.ravel())
+        nearest = int(np.argmin(distances))
+        raise ConfigError(
+            f"in none of {START_POSES} random poses is robot {self.robot.name!r} clear of itself"
+            f" and of the workspace; in the last one {self.clearances.names[nearest]} are"
+            f" {distances[nearest]:.3f} m apart: check `bodies` in the robot file and `workspace`"
+            " in the cell file"
+        )
+
+    def value(self, x: FloatArray, penalty: float, shifts: Shifts) -> tuple[float, FloatArray]:
+        """Return criterion plus penalties for broken limits, and the gradient.
+
+        Parameters
+        ----------
+        x : (size,) array
+            The variables.
+        penalty : float
+            What the mean squared violations, in shares of the limits, are multiplied by.
+        shifts : tuple of arrays
+            By how much each limit is moved inwards at each point, in shares: `next_shifts`.
+        """
+        q, v, a = self.motion(x, self._coarse)
+        phi = regressor(self._smooth_model, q, v, a)
+        rows = self.weighted_rows(phi)
+        worth, by_information = self.criterion.smooth(self.information(rows))
+        weights = np.zeros_like(phi)
+        by_rows = 2.0 / len(rows) * rows @ by_information
+        weights[:, :, list(self.base.kept)] = by_rows / self.expected_noise_nm[:, np.newaxis]
+        fine = self.motion(x, self._fine)
+        coarse = np.array([q, v, a])
+        over_q, over_v, over_a, over_torque, *over_more = self._excess(fine, coarse, phi, shifts)
+        gradient = np.zeros(self._scales.shape)
+        if self._to_motors is not None:
+            over_motor = over_more.pop(0)
+            share = penalty / len(fine[1])
+            worth += share * float(np.sum(over_motor**2))
+            slope = 2.0 * share * (over_motor[0] - over_motor[1]) / self._sizes[1]
+            gradient += (slope @ self._to_motors).T @ self._fine[1]
+        for basis, excess, size in zip(
+            self._fine, (over_q, over_v, over_a), self._sizes, strict=True
+        ):
+            share = penalty / len(basis)
+            worth += share * float(np.sum(excess**2))
+            gradient += 2.0 * share * ((excess[0] - excess[1]) / size).T @ basis
+        share = penalty / len(q)
+        worth += share * float(np.sum(over_torque**2))
+        slope = 2.0 * share * (over_torque[0] - over_torque[1]) / self._torques
+        weights += slope[:, :, np.newaxis] * self._prior
+        by_motion = np.array(regressor_gradient(self._smooth_model, q, v, a, weights))
+        for excess in over_more:
+            worth += share * float(np.sum(excess**2))
+            slope = 2.0 * share * (excess[0] - excess[1]) / self.base_limits
+            if slope.any():
+                by_motion += base_wrench_gradient(self.model, q, v, a, self._prior, slope)
+        for basis, by in zip(self._coarse, by_motion, strict=True):
+            gradient += by.T @ basis
+        if len(self.clearances):
+            squares, by_q = self.clearances.shortfall(fine[0])
+            share = penalty / (len(fine[0]) * CLEARANCE_SCALE_M**2)
+            worth += share * squares
+            gradient += share * by_q.T @ self._fine[0]
+        return worth, np.asarray((gradient * self._scales).ravel())
+
+    def no_shifts(self) -> Shifts:
+        """Return shifts of zero, to start with."""
+        n, fine, coarse = len(self.robot.joints), len(self._fine[0]), len(self._coarse[0])
+        rows = [(fine, n)] * 3 + [(coarse, n)]
+        rows += [(fine, n)] * (self._to_motors is not None)
+        rows += [(coarse, 6)] * (self.base_limits is not None)
+        return tuple(np.zeros((2, *shape)) for shape in rows)
+
+    def next_shifts(self, x: FloatArray, shifts: Shifts) -> Shifts:
+        """Move each limit further inwards by what it is broken by, or back as far as it may.
+
+        These are the multipliers of the augmented Lagrangian over the penalty (Hestenes 1969,
+        Powell 1969; Rockafellar 1973 for inequalities).
+        """
+        coarse = self.motion(x, self._coarse)
+        phi = regressor(self._smooth_model, *coarse)
+        return tuple(self._excess(self.motion(x, self._fine), coarse, phi, shifts))
+
+    def _excess(
+        self, fine: FloatArray, coarse: FloatArray, phi: FloatArray, shifts: Shifts
+    ) -> list[FloatArray]:
+        """Return by what q, v, a, torques and base wrench leave the shifted limits, in shares.
+
+        The arrays have the shape (2, points, n or 6): above the upper limit, below the lower one.
+        Without a coupled wrist and limits on the base there are four.
+        """
+        offsets = [fine[0] - self._middle, fine[1], fine[2], phi @ self._prior]
+        sizes = [*self._sizes, self._torques]
+        if self._to_motors is not None:
+            offsets.append(fine[1] @ self._to_motors.T)
+            sizes.append(self._sizes[1])
+        if self.base_limits is not None:
+            offsets.append(base_wrench(self.model, coarse[0], coarse[1], coarse[2], self._prior))
+            sizes.append(self.base_limits)
+        return [
+            np.maximum(np.array([offset, -offset]) / size - self.limit_fraction + shift, 0.0)
+            for offset, size, shift in zip(offsets, sizes, shifts, strict=True)
+        ]
+
+    @cached_property
+    def _to_motors(self) -> FloatArray | None:
+        """Turns the joints' speeds into the motors' over their gears, (n, n); None where uncoupled.
+
+        A motor may turn as fast as its joint may where nothing couples them.
+        """
+        if self.robot.coupling is None:
+            return None
+        return np.asarray(np.linalg.inv(np.array(self.robot.coupling)))
+
+    @cached_property
+    def _prior(self) -> FloatArray:
+        """The a-priori parameters; zeros, and so no torque, where there are none."""
+        if self.parameters is None:
+            return np.zeros(len(self.model.parameter_names))
+        return self.parameters
+
+    @cached_property
+    def _sizes(self) -> FloatArray:
+        """Half the position range, largest speed, largest acceleration, (3, n)."""
+        limits = [joint.limits for joint in self.robot.joints]
+        return np.array(
+            [
+                [(each.position_max - each.position_min) / 2.0 for each in limits],
+                [each.velocity for each in limits],
+                [each.acceleration for each in limits],
+            ]
+        )
+
+    @cached_property
+    def _torques(self) -> FloatArray:
+        return np.array([joint.limits.torque for joint in self.robot.joints])

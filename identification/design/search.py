@@ -1,0 +1,170 @@
+"""Optimal excitation: many starts, each refined by gradients, each verified on a dense grid."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import cast
+
+import joblib
+from scipy.optimize import minimize
+
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.motion.motion import FourierMotion
+from config.process.termination import termination_held
+from identification.design.problem import ExcitationProblem
+from identification.design.verification import MotionCheck, check_motion
+
+PENALTIES = (10.0, 10.0, 30.0, 100.0)
+ITERATIONS = 200
+LATER_SHARE = 0.3
+SHRINKING = (0.98, 0.95, 0.9, 0.8)
+PLANNED_MARGIN_M = 0.005
+SCHEDULER_TIMEOUT_S = 10.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One refined motion: the seed its start was drawn from, the motion, what a check said."""
+
+    seed: int
+    motion: FourierMotion
+    check: MotionCheck
+
+
+def refine(
+    problem: ExcitationProblem,
+    seed: int,
+    sample_period_s: float,
+    *,
+    iterations: int = ITERATIONS,
+    periods: int = 16,
+    transient_periods: int = 1,
+) -> Candidate:
+    """Refine one start by an augmented Lagrangian and L-BFGS, and check the result densely.
+
+    Where the result breaks a limit by a little, it is drawn together about its middle pose until it
+    breaks none.
+
+    Parameters
+    ----------
+    problem : ExcitationProblem
+        What is asked of the motion.
+    seed : int
+        Where the start is drawn from; the same seed gives the same motion.
+    sample_period_s : float
+        The cell's cycle time [s].
+    iterations : int
+        Most iterations of the first minimisation; the later ones have a share of it.
+    periods, transient_periods : int
+        Of the motion file.
+    """
+    planned = problem.with_clearance(PLANNED_MARGIN_M)
+    x = planned.start(seed)
+    shifts = planned.no_shifts()
+    before = PENALTIES[0]
+    most = iterations
+    for penalty in PENALTIES:
+        shifts = tuple(shift * (before / penalty) for shift in shifts)
+        x = minimize(
+            planned.value,
+            x,
+            args=(penalty, shifts),
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxiter": most, "maxcor": 30},
+        ).x
+        shifts = planned.next_shifts(x, shifts)
+        before = penalty
+        most = max(1, int(LATER_SHARE * iterations))
+    x = problem.within(x)
+
+    def candidate(x: FloatArray) -> Candidate:
+        motion = problem.to_fourier(x, periods, transient_periods)
+        return Candidate(seed, motion, check_motion(problem, motion, sample_period_s))
+
+    found = candidate(x)
+    for share in SHRINKING:
+        if not found.check.broken:
+            break
+        found = candidate(problem.shrunk(x, share))
+    return found
+
+
+def candidates(
+    problem: ExcitationProblem,
+    seeds: Sequence[int],
+    sample_period_s: float,
+    *,
+    iterations: int = ITERATIONS,
+    periods: int = 16,
+    transient_periods: int = 1,
+    jobs: int = -1,
+    scheduler: str | None = None,
+) -> Generator[Candidate]:
+    """Refine many starts side by side, and yield each as it is ready.
+
+    Parameters
+    ----------
+    problem, sample_period_s, iterations, periods, transient_periods
+        As for `refine`.
+    seeds : sequence of int
+        One start each. All of them give the same set of candidates wherever they are computed.
+    jobs : int
+        Processes; -1 for one a core.
+    scheduler : str, optional
+        Address of a Dask scheduler; its workers need this program installed.
+
+    Raises
+    ------
+    ConfigError
+        The scheduler cannot be reached, or Dask is not installed.
+    """
+    work = joblib.delayed(refine)
+    tasks = (
+        work(
+            problem,
+            seed,
+            sample_period_s,
+            iterations=iterations,
+            periods=periods,
+            transient_periods=transient_periods,
+        )
+        for seed in seeds
+    )
+    with backend(scheduler, jobs), warnings.catch_warnings():
+        # A caller that has seen enough closes this generator, which is no reason for a warning.
+        warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)
+        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
+        yield from cast(Generator[Candidate], parallel(tasks))
+
+
+@contextmanager
+def backend(scheduler: str | None, jobs: int) -> Iterator[None]:
+    """Let joblib compute on this machine, or on a Dask cluster."""
+    if scheduler is None:
+        # One thread a process: rounding must not depend on how many cores share a sum.
+        with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
+            with termination_held():
+                joblib.Parallel(n_jobs=jobs)([joblib.delayed(int)()])
+            yield
+        return
+    try:
+        from dask.distributed import Client
+    except ImportError as error:
+        raise ConfigError(
+            "--scheduler needs Dask, which is not installed: install rid-daq with its extra"
+            " `cluster`, or leave the option out"
+        ) from error
+    try:
+        client = Client(scheduler, timeout=SCHEDULER_TIMEOUT_S)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"no Dask scheduler answers at {scheduler}: {error}. Start one with `dask scheduler`,"
+            " or leave the option out to use this machine"
+        ) from error
+    with client, joblib.parallel_config(backend="dask"):
+        yield

@@ -1,0 +1,187 @@
+"""Excitation by the two-harmonic heuristic (3.22): one low and one high harmonic per axis.
+
+The low harmonic sweeps the joint through its range, the high one gives accelerations. Harmonics,
+amplitude shares, offsets and phases are drawn from a seed; of all draws, each within the limits by
+construction, the one is kept whose regressor has the smallest condition number (2.25, 2.26).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.plan import plan_motion
+from config.errors import ConfigError
+from config.motion.motion import FourierJoint, FourierMotion
+from config.robot.bodies import Workspace
+from config.robot.robot import Joint, RobotDescription
+from dynamics.geometry.clearances import Clearances
+from dynamics.model.robot_model import RobotModel, regressor
+from identification.model.base_parameters import BaseParameters, base_parameters
+
+POINTS_PER_HIGHEST_HARMONIC = 8
+DECIMALS = 6
+
+
+def design_two_harmonic(
+    robot: RobotDescription,
+    period_s: float,
+    sample_period_s: float,
+    *,
+    highest_harmonic: int = 8,
+    limit_fraction: float = 0.85,
+    tries: int = 200,
+    seed: int = 0,
+    periods: int = 16,
+    transient_periods: int = 1,
+    workspace: Workspace | None = None,
+) -> FourierMotion:
+    """Design a periodic excitation and verify it, ramps included.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot with its limits.
+    period_s, sample_period_s : float
+        The period and the cell's cycle time [s]; the period must hold a whole number of cycles.
+    highest_harmonic : int
+        The highest harmonic of the period that may be used, at least 2.
+    limit_fraction : float
+        Share of the position, velocity and acceleration limits that the motion may use.
+    tries, seed : int
+        How many draws are compared, and the seed they come from.
+    periods, transient_periods : int
+        Periods of the motion that count, and that settle.
+    workspace : Workspace, optional
+        What is around the robot; its own bodies are in its description.
+
+    Raises
+    ------
+    ConfigError
+        The arguments cannot be meant, or the motion does not pass the verification.
+    """
+    if highest_harmonic < 2 or tries < 1 or not 0.0 < limit_fraction <= 1.0:
+        raise ConfigError(
+            f"two-harmonic design: highest_harmonic {highest_harmonic} must be at least 2, tries"
+            f" {tries} at least 1, limit_fraction {limit_fraction:g} above 0 and at most 1"
+        )
+    model = RobotModel.from_description(robot)
+    base = base_parameters(model)
+    draws = two_harmonic_draws(
+        robot,
+        period_s,
+        highest_harmonic=highest_harmonic,
+        limit_fraction=limit_fraction,
+        seed=seed,
+        periods=periods,
+        transient_periods=transient_periods,
+    )
+    drawn = sorted(
+        itertools.islice(draws, tries),
+        key=lambda motion: _condition_number(robot, model, base, motion),
+    )
+    clearances = Clearances.of(robot, workspace)
+    for motion in drawn:
+        samples = plan_motion(motion, robot, sample_period_s)
+        if (clearances.nearest(samples.position) >= clearances.margin_m).all():
+            return motion
+    raise ConfigError(
+        f"none of {tries} draws keeps clear of the robot's own bodies and of the workspace: take"
+        " more --tries, or the method `optimal`, which goes around them"
+    )
+
+
+def two_harmonic_draws(
+    robot: RobotDescription,
+    period_s: float,
+    *,
+    highest_harmonic: int = 8,
+    limit_fraction: float = 0.85,
+    seed: int = 0,
+    periods: int = 16,
+    transient_periods: int = 1,
+) -> Iterator[FourierMotion]:
+    """Draw motions without end; the arguments are those of `design_two_harmonic`."""
+    random = np.random.default_rng(seed)
+    while True:
+        yield FourierMotion(
+            kind="fourier",
+            robot=robot.name,
+            period_s=period_s,
+            periods=periods,
+            transient_periods=transient_periods,
+            joints=tuple(
+                _draw(joint, period_s, highest_harmonic, limit_fraction, random)
+                for joint in robot.joints
+            ),
+        )
+
+
+def condition_number(robot: RobotDescription, motion: FourierMotion) -> float:
+    """Return the condition number of a motion's base regressor (2.25, 2.26).
+
+    Rows are divided by their joint's torque limit, columns by their length.
+    """
+    model = RobotModel.from_description(robot)
+    return _condition_number(robot, model, base_parameters(model), motion)
+
+
+def _condition_number(
+    robot: RobotDescription, model: RobotModel, base: BaseParameters, motion: FourierMotion
+) -> float:
+    harmonics = max(len(joint.sine) for joint in motion.joints)
+    points = POINTS_PER_HIGHEST_HARMONIC * harmonics
+    trajectory = FourierTrajectory.from_motion(motion, robot, motion.period_s / points)
+    times = trajectory.sample_times_s
+    phi = base.columns(
+        regressor(
+            model,
+            trajectory.position(times),
+            trajectory.velocity(times),
+            trajectory.acceleration(times),
+        )
+    )
+    torque = np.array([joint.limits.torque for joint in robot.joints])
+    rows = (phi / torque[:, np.newaxis]).reshape(-1, len(base))
+    size = np.linalg.norm(rows, axis=0)
+    if (size == 0.0).any() or len(rows) < len(base):
+        return math.inf
+    singular = np.linalg.svd(rows / size, compute_uv=False)
+    return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else math.inf
+
+
+def _draw(
+    joint: Joint,
+    period_s: float,
+    highest_harmonic: int,
+    limit_fraction: float,
+    random: np.random.Generator,
+) -> FourierJoint:
+    """Draw one joint's motion: each harmonic takes its share of every limit, so both fit."""
+    limits = joint.limits
+    half_range = (limits.position_max - limits.position_min) / 2.0
+    low = int(random.integers(1, max(1, highest_harmonic // 4) + 1))
+    high = int(random.integers(max(low, highest_harmonic // 2) + 1, highest_harmonic + 1))
+    share = float(random.uniform(0.4, 0.9))
+    sine, cosine = np.zeros(high), np.zeros(high)
+    total = 0.0
+    for harmonic, part in ((low, share), (high, 1.0 - share)):
+        omega = 2.0 * math.pi * harmonic / period_s
+        largest = min(half_range, limits.velocity / omega, limits.acceleration / omega**2)
+        amplitude = limit_fraction * part * largest
+        phase = random.uniform(0.0, 2.0 * math.pi)
+        sine[harmonic - 1] = amplitude * math.cos(phase)
+        cosine[harmonic - 1] = amplitude * math.sin(phase)
+        total += amplitude
+    middle = (limits.position_max + limits.position_min) / 2.0
+    room = max(0.0, limit_fraction * half_range - total)
+    return FourierJoint(
+        joint=joint.name,
+        offset=round(middle + room * float(random.uniform(-1.0, 1.0)), DECIMALS),
+        sine=tuple(np.round(sine, DECIMALS).tolist()),
+        cosine=tuple(np.round(cosine, DECIMALS).tolist()),
+    )

@@ -1,0 +1,213 @@
+"""`MotionCheck`: what a periodic motion is worth, and every limit held against it densely."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import Phase
+from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.motion.motion import FourierMotion
+from dynamics.model.base_wrench import base_wrench
+from dynamics.model.robot_model import regressor, torque
+from identification.design.criteria import Condition, DOptimal
+from identification.design.problem import ExcitationProblem
+
+DENSE_POINTS_PER_HARMONIC = 200
+ACTIVE_SHARE = 0.98
+ACTIVE_DISTANCE_M = 0.01
+
+
+@dataclass(frozen=True)
+class LimitUse:
+    """How much of one limit a motion uses.
+
+    Attributes
+    ----------
+    what : str
+        The quantity, such as "torque of joint2".
+    used, limit : float
+        Largest magnitude (of a position: from the middle of the range), or least distance.
+    unit : str
+        Of both.
+    held : bool
+        Whether the motion stays within it.
+    active : bool
+        Whether it is what kept the motion from being larger.
+    """
+
+    what: str
+    used: float
+    limit: float
+    unit: str
+    held: bool
+    active: bool
+
+
+@dataclass(frozen=True)
+class MotionCheck:
+    """What came of checking a motion.
+
+    Attributes
+    ----------
+    worth : float
+        The criterion, the smaller the better.
+    condition_number : float
+        Of the model with its hard sign (2.25, 2.26), columns scaled, rows over the expected noise.
+    log_det : float
+        Log determinant of the information about the base parameters, per parameter.
+    uses : tuple of LimitUse
+        Positions, speeds, accelerations, torques, base wrench and distances, ramps included.
+    broken : tuple of str
+        What the motion breaks, in words; empty where it may be driven.
+    """
+
+    worth: float
+    condition_number: float
+    log_det: float
+    uses: tuple[LimitUse, ...]
+    broken: tuple[str, ...]
+
+
+class _Rows(NamedTuple):
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+
+
+def check_motion(
+    problem: ExcitationProblem, motion: FourierMotion, sample_period_s: float
+) -> MotionCheck:
+    """Check a motion against every limit of a design task, ramps included.
+
+    Position, speed and acceleration are checked between the cell's samples too, torque and
+    distances on a grid of its own over the period and at the samples of the ramps.
+
+    Parameters
+    ----------
+    problem : ExcitationProblem
+        The design task.
+    motion : FourierMotion
+        The motion.
+    sample_period_s : float
+        The cell's cycle time [s].
+
+    Raises
+    ------
+    ConfigError
+        The motion is not one of the robot's joints.
+    """
+    points = DENSE_POINTS_PER_HARMONIC * max(len(joint.sine) for joint in motion.joints)
+    grid = FourierTrajectory.from_motion(motion, problem.robot, motion.period_s / points)
+    times = grid.sample_times_s
+    period = _Rows(grid.position(times), grid.velocity(times), grid.acceleration(times))
+    broken: list[str] = []
+    rows = period
+    try:
+        rows = _with_ramps(problem, motion, sample_period_s, period)
+    except ConfigError as error:
+        broken.append(str(error))
+    uses = (*_motion_uses(problem, rows), *_torque_uses(problem, rows))
+    uses += (*_base_uses(problem, rows), *_distance_uses(problem, rows))
+    broken += [
+        f"{use.what}: {use.used:.4g} {use.unit} where {use.limit:.4g} {use.unit} is allowed"
+        for use in uses
+        if not use.held
+    ]
+    information = problem.information(problem.weighted_rows(regressor(problem.model, *period)))
+    known = bool((np.diagonal(information) > 0.0).all())
+    return MotionCheck(
+        worth=problem.criterion.worth(information) if known else math.inf,
+        condition_number=Condition().worth(information) if known else math.inf,
+        log_det=-DOptimal().worth(information) if known else -math.inf,
+        uses=uses,
+        broken=tuple(broken),
+    )
+
+
+def _with_ramps(
+    problem: ExcitationProblem, motion: FourierMotion, sample_period_s: float, period: _Rows
+) -> _Rows:
+    """Return a period and the ramps, as the cell would run them."""
+    once = motion.model_copy(update={"periods": 1, "transient_periods": 0})
+    plan = plan_motion(once, problem.robot, sample_period_s)
+    ramps = np.isin(plan.phase, (Phase.RUN_IN, Phase.RUN_OUT))
+    planned = (plan.position, plan.velocity, plan.acceleration)
+    return _Rows(
+        *(
+            np.vstack([dense, samples[ramps]])
+            for dense, samples in zip(period, planned, strict=True)
+        )
+    )
+
+
+def _motion_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...]:
+    uses: list[LimitUse] = []
+    for j, joint in enumerate(problem.robot.joints):
+        limits = joint.limits
+        unit = "m" if joint.type == "prismatic" else "rad"
+        half = (limits.position_max - limits.position_min) / 2.0
+        for what, values, limit, per in (
+            ("range", rows.q[:, j] - limits.position_min - half, half, ""),
+            ("speed", rows.v[:, j], limits.velocity, "/s"),
+            ("acceleration", rows.a[:, j], limits.acceleration, "/s²"),
+        ):
+            largest = float(np.abs(values).max())
+            uses.append(_use(problem, f"{what} of {joint.name}", largest, limit, unit + per))
+    return tuple(uses)
+
+
+def _torque_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...]:
+    if problem.parameters is None:
+        return ()
+    largest = np.abs(torque(problem.model, *rows, problem.parameters)).max(axis=0)
+    return tuple(
+        _use(
+            problem,
+            f"torque of {joint.name}",
+            float(tau),
+            joint.limits.torque,
+            "N" if joint.type == "prismatic" else "N m",
+        )
+        for joint, tau in zip(problem.robot.joints, largest, strict=True)
+    )
+
+
+def _base_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...]:
+    if problem.base_limits is None or problem.parameters is None:
+        return ()
+    largest = np.abs(base_wrench(problem.model, *rows, problem.parameters)).max(axis=0)
+    return tuple(
+        _use(problem, f"{name} on the base", float(used), float(limit), unit)
+        for name, unit, used, limit in zip(
+            WRENCH_NAMES, WRENCH_UNITS, largest, problem.base_limits, strict=True
+        )
+    )
+
+
+def _use(problem: ExcitationProblem, what: str, used: float, limit: float, unit: str) -> LimitUse:
+    active = used >= ACTIVE_SHARE * problem.limit_fraction * limit
+    return LimitUse(what, used, limit, unit, held=used <= limit * (1.0 + 1e-9), active=active)
+
+
+def _distance_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...]:
+    clearances = problem.clearances
+    margin = clearances.margin_m
+    return tuple(
+        LimitUse(
+            f"distance between {name}",
+            float(distance),
+            margin,
+            "m",
+            held=bool(distance >= margin),
+            active=bool(distance < margin + ACTIVE_DISTANCE_M),
+        )
+        for name, distance in zip(clearances.names, clearances.nearest(rows.q), strict=True)
+    )

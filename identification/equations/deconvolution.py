@@ -1,0 +1,71 @@
+"""The anti-alias filter's lag taken out of a recording that is not periodic.
+
+An 8th-order filter of 40 Hz delays the torque by 20 ms, enough to spoil a comparison with
+positions that no filter delayed. On averaged periods the filter is divided out on the bins; here it
+is divided out of the whole recording, which is then low-passed far below the filter's cut-off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition.recording.recording import Recording
+from acquisition.signals.bins import filter_response
+from config.arrays import FloatArray
+from config.cell.cell import ButterworthFilter
+from config.errors import EstimationError
+
+MARGIN_PERIODS = 40.0
+SMALLEST_GAIN = 1e-3
+
+
+def without_torque_filter(recording: Recording) -> Recording:
+    """Return a recording with torques as they were before the anti-alias filter.
+
+    High frequencies come out amplified (up to a thousandfold): low-pass what is returned. A
+    recording whose torques passed no filter is returned as it is.
+
+    Raises
+    ------
+    EstimationError
+        The stamps are not uniform.
+    """
+    if recording.torque_filter is None:
+        return recording
+    if recording.sample_period_s is None:
+        raise EstimationError(
+            "the recording's torques passed an anti-alias filter, but its stamps are not uniform:"
+            " the filter cannot be divided out"
+        )
+    torque = without_filter(recording.torque_nm, recording.sample_period_s, recording.torque_filter)
+    return replace(recording, torque_nm=torque, torque_filter=None)
+
+
+def without_filter(
+    values: FloatArray, sample_period_s: float, passed: ButterworthFilter | None
+) -> FloatArray:
+    """Return signals (samples, any) on a uniform time base as they were before a filter.
+
+    As of `without_torque_filter`: high frequencies come out amplified.
+    """
+    if passed is None:
+        return values
+    rows = len(values)
+    margin = min(rows - 1, round(MARGIN_PERIODS / (passed.cutoff_hz * sample_period_s)))
+    # Mirror both ends through their end points, so that the transform's wrap-around meets no step
+    # but in the margins.
+    extended = np.concatenate(
+        [
+            2.0 * values[:1] - values[margin:0:-1],
+            values,
+            2.0 * values[-1:] - values[-2 : -margin - 2 : -1],
+        ]
+    )
+    duration_s = len(extended) * sample_period_s
+    frequency_hz = np.arange(len(extended) // 2 + 1) / duration_s
+    response = filter_response(passed, frequency_hz)
+    response /= np.minimum(1.0, np.abs(response) / SMALLEST_GAIN)  # no gain above its inverse
+    bins = np.fft.rfft(extended, axis=0) / response[:, np.newaxis]
+    return np.asarray(np.fft.irfft(bins, n=len(extended), axis=0)[margin : margin + rows])

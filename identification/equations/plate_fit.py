@@ -1,0 +1,87 @@
+"""`PlateFit`: how a force plate's signals fit an estimate, and how late they were."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.processing.periods import PeriodAverage
+from config.arrays import FloatArray, read_only
+from config.errors import EstimationError
+from identification.equations.bins import BinEquations
+
+
+@dataclass(frozen=True, eq=False)
+class PlateFit:
+    """The plate's side of an estimate.
+
+    Attributes
+    ----------
+    residual : ndarray, shape (6,)
+        RMS of measured minus predicted base wrench inside the band, without its constant part
+        [N, N m].
+    noise : ndarray, shape (6,)
+        RMS that the measured noise of channels and positions alone would leave there.
+    delay_s, delay_sigma_s : ndarray, shape (runs,)
+        By how much the plate's signals were later than the positions in each run, beyond its
+        low-pass and what its clock told; made up for.
+    left_out : tuple of tuple of str
+        The channels that were left out in each run.
+    drift_n_s : ndarray, shape (runs, c)
+        Linear drift that was removed from each channel [N/s].
+    """
+
+    residual: FloatArray
+    noise: FloatArray
+    delay_s: FloatArray
+    delay_sigma_s: FloatArray
+    left_out: tuple[tuple[str, ...], ...]
+    drift_n_s: FloatArray
+
+    def __post_init__(self) -> None:
+        runs = len(self.left_out)
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "residual": (6,),
+            "noise": (6,),
+            "delay_s": (runs,),
+            "delay_sigma_s": (runs,),
+            "drift_n_s": (runs, None),
+        }
+        for name, shape in shapes.items():
+            array = read_only(f"plate {name}", getattr(self, name), float, shape, EstimationError)
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def of(
+        cls,
+        averages: Sequence[PeriodAverage],
+        equations: Sequence[BinEquations],
+        inertia_squares: FloatArray,
+        values: FloatArray,
+        delays_s: FloatArray,
+        delay_sigma_s: FloatArray,
+    ) -> PlateFit:
+        """Compare the plates of some runs with what `values` (b or b + s) predict.
+
+        Where a channel is left out, what it alone tells counts as zero.
+        """
+        residual, noise = np.zeros(6), np.zeros(6)
+        for each, squares, delay_s in zip(equations, inertia_squares, delays_s, strict=True):
+            assert each.reaction is not None
+            reaction = each.reaction.with_motion_noise(each.position_sigma, squares)
+            reaction = reaction.delayed(float(delay_s))
+            rest = reaction.components.T @ (reaction.rhs - reaction.matrix @ values)
+            residual += np.sum(rest[:, 1:] ** 2, axis=1)
+            power = 2.0 * reaction.covariance[1:].sum(axis=0)
+            noise += np.diagonal(reaction.components.T @ power @ reaction.components)
+        plates = [average.reaction for average in averages if average.reaction is not None]
+        return cls(
+            residual=np.sqrt(residual / len(equations)),
+            noise=np.sqrt(noise / len(equations)),
+            delay_s=delays_s,
+            delay_sigma_s=delay_sigma_s,
+            left_out=tuple(plate.left_out for plate in plates),
+            drift_n_s=np.array([plate.drift_n_s for plate in plates]),
+        )

@@ -1,0 +1,172 @@
+"""`ReactionEquations`: the base wrench of one mean period as equations on its DFT bins.
+
+They stand beside the joints' in `BinEquations`. The noise of the six components hangs together,
+since every channel of the plate shows in several of them; it is measured as a covariance a bin. A
+channel that is left out takes what it alone can tell with it: of the six components, combinations
+remain that the other channels give.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import null_space
+
+from acquisition.processing.reaction_average import ReactionAverage
+from acquisition.signals.bins import Bins, filter_response, to_bins
+from config.arrays import FloatArray
+from config.errors import EstimationError
+
+NEIGHBOURS = 4
+OFFSET_SIGMA = 1e4
+"""What a plate's constant offset is known to [N, N m]: nothing, for a robot's weight is less."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReactionEquations:
+    """Equations rhs = matrix beta + noise of the r combinations of the base wrench that are known.
+
+    Attributes
+    ----------
+    period_s : float
+        The period [s].
+    matrix : ndarray, shape (r, 2 H + 1, any)
+        Columns as in `BinEquations`.
+    rhs : ndarray, shape (r, 2 H + 1)
+        Measured, with the plate's low-pass divided out [N, N m].
+    covariance : ndarray, shape (H + 1, r, r)
+        Of the rows of each bin.
+    components : ndarray, shape (r, 6)
+        What the rows are of Fx, Fy, Fz, Mx, My, Mz; the unit matrix where every channel is used.
+    """
+
+    period_s: float
+    matrix: FloatArray
+    rhs: FloatArray
+    covariance: FloatArray
+    components: FloatArray
+
+    @property
+    def harmonics(self) -> int:
+        """The highest bin, H."""
+        return len(self.covariance) - 1
+
+    def delayed(self, delay_s: float) -> ReactionEquations:
+        """Return the equations where the plate's signals are late by `delay_s`, made up for."""
+        turn = np.exp(1j * self._omega * delay_s)
+        return replace(self, rhs=real_rows((_bins(self.rhs) * turn).T).T)
+
+    def with_motion_noise(
+        self, position_sigma: FloatArray, inertia_squares: FloatArray
+    ) -> ReactionEquations:
+        """Return the equations with the wrench that the positions' noise makes counted as noise.
+
+        Parameters
+        ----------
+        position_sigma : ndarray, shape (n, H + 1)
+            Standard deviation of the mean position's bins [rad or m].
+        inertia_squares : ndarray, shape (n, 6, 6)
+            Mean of g g^T, g the base wrench per unit acceleration of a joint.
+        """
+        squares = self.components @ inertia_squares @ self.components.T
+        noise = np.einsum("jk,jrs->krs", (position_sigma * self._omega**2) ** 2, squares)
+        return replace(self, covariance=self.covariance + noise)
+
+    def delay_column(self, predicted: FloatArray) -> FloatArray:
+        """Return how rows (r, 2 H + 1) change per second of delay of the plate's signals."""
+        return np.asarray(real_rows((-1j * self._omega * _bins(predicted)).T).T)
+
+    @property
+    def _omega(self) -> FloatArray:
+        return 2.0 * math.pi / self.period_s * np.arange(self.harmonics + 1, dtype=np.float64)
+
+
+def reaction_equations(
+    reaction: ReactionAverage, periods: int, sample_period_s: float, matrix: FloatArray
+) -> ReactionEquations:
+    """Set up the equations of a plate's mean period.
+
+    Parameters
+    ----------
+    reaction : ReactionAverage
+        The measurement.
+    periods : int
+        Periods averaged.
+    sample_period_s : float
+        Time between its samples [s].
+    matrix : ndarray, shape (6, 2 H + 1, any)
+        Columns of all six components.
+
+    Raises
+    ------
+    EstimationError
+        The channels that are left show no component of the wrench.
+    """
+    harmonics = matrix.shape[1] // 2
+    period_s = len(reaction.channels_n) * sample_period_s
+    components = np.eye(6)
+    if not reaction.used.all():
+        components = null_space(reaction.base_wrench_matrix[:, ~reaction.used].T).T
+    if len(components) == 0:
+        raise EstimationError(
+            f"without its channels {', '.join(reaction.left_out)} the force plate shows nothing:"
+            " leave it out"
+        )
+    from_channels = components @ reaction.base_wrench_matrix
+    response = np.ones(harmonics + 1, dtype=complex)
+    if reaction.low_pass is not None:
+        response = filter_response(reaction.low_pass, np.arange(harmonics + 1) / period_s)
+    bins = to_bins(reaction.channels_n, harmonics) @ from_channels.T / response[:, np.newaxis]
+    covariance = from_channels @ reaction.bin_covariance @ from_channels.T
+    covariance = _smooth_covariance(covariance)[: harmonics + 1] / periods
+    covariance /= np.abs(response[:, np.newaxis, np.newaxis]) ** 2
+    covariance[0] += OFFSET_SIGMA**2 * np.eye(len(components))
+    return ReactionEquations(
+        period_s=period_s,
+        matrix=np.tensordot(components, matrix, axes=1),
+        rhs=real_rows(bins).T,
+        covariance=covariance,
+        components=components,
+    )
+
+
+def real_rows(bins: Bins) -> FloatArray:
+    """Return the rows of complex bins (H + 1, outputs) as (2 H + 1, outputs)."""
+    root = math.sqrt(2.0)
+    return np.concatenate([bins.real[:1], root * bins.real[1:], root * bins.imag[1:]])
+
+
+def both_parts(per_bin: FloatArray) -> FloatArray:
+    """Repeat values of bins 0 to H (first axis) for the real and the imaginary rows."""
+    return np.concatenate([per_bin, per_bin[1:]])
+
+
+def smoothed(per_bin: FloatArray) -> FloatArray:
+    """Return values of bins (first axis), each the mean of its neighbourhood."""
+    edges = ((NEIGHBOURS, NEIGHBOURS), *((0, 0) for _ in per_bin.shape[1:]))
+    padded = np.pad(per_bin, edges, mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1, axis=0)
+    return np.asarray(windows.mean(axis=-1))
+
+
+def _bins(rows: FloatArray) -> Bins:
+    """Return the complex bins (outputs, H + 1) of rows (outputs, 2 H + 1)."""
+    harmonics = rows.shape[1] // 2
+    bins = rows[:, : harmonics + 1].astype(np.complex128)
+    bins[:, 1:] += 1j * rows[:, harmonics + 1 :]
+    bins[:, 1:] /= math.sqrt(2.0)
+    return np.asarray(bins)
+
+
+def _smooth_covariance(covariance: FloatArray) -> FloatArray:
+    """Return each bin's covariance averaged over its neighbours, but none of its variances less.
+
+    As for the torques: one bin's own comes from few periods, and one that stands out on purpose
+    keeps its size.
+    """
+    mean = smoothed(covariance)
+    own, common = (np.diagonal(c, axis1=1, axis2=2) for c in (covariance, mean))
+    growth = np.sqrt(np.maximum(own / np.maximum(common, 1e-300), 1.0))
+    return np.asarray(mean * growth[:, :, np.newaxis] * growth[:, np.newaxis, :])

@@ -1,0 +1,98 @@
+"""Contiguous parts of smoothed recordings, and averaged periods as such recordings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from acquisition.processing.periods import PeriodAverage, cut_periods
+from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.recording.recording import Recording
+from acquisition.signals.bins import differentiate_on_bins, filter_response, from_bins, to_bins
+from config.arrays import FloatArray
+from config.errors import DataQualityError
+from identification.equations.bins import harmonics_below
+
+
+def cut(signals: SmoothedSignals, parts: int) -> list[SmoothedSignals]:
+    """Cut a recording into contiguous parts of equal length."""
+    edges = np.linspace(0, len(signals), parts + 1).astype(int)
+    return [_rows(signals, slice(a, b)) for a, b in pairwise(edges)]
+
+
+def period_signals(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
+    """Return a mean period as a recording below `band_hz`, the anti-alias filter divided out."""
+    return _on_bins(average, (average.position, average.torque_nm), band_hz, average.temperature_k)
+
+
+def single_periods(recording: Recording, band_hz: float) -> dict[int, SmoothedSignals]:
+    """Return each period of a recording that misses no row, as `period_signals` does, by number.
+
+    Raises
+    ------
+    DataQualityError
+        The recording is not periodic, or misses too much.
+    """
+    samples = recording.samples_per_period
+    if samples is None:
+        raise DataQualityError("the recording is not periodic: it has no periods")
+    values, present = cut_periods(recording, samples)
+    warmth = recording.temperature_k
+    n = len(recording.joint_names)
+    return {
+        int(number): _on_bins(
+            recording,
+            (values[number, :, :n], values[number, :, n:]),
+            band_hz,
+            None if warmth is None else warmth.mean(axis=0),
+        )
+        for number in np.flatnonzero(present.all(axis=(1, 2)))
+    }
+
+
+def _on_bins(
+    source: PeriodAverage | Recording,
+    period: tuple[FloatArray, FloatArray],
+    band_hz: float,
+    temperature_k: FloatArray | None,
+) -> SmoothedSignals:
+    """Return position and torque (K, n) of one period of a source, with derivatives."""
+    position, torque_nm = period
+    rows, step_s = len(position), source.sample_period_s
+    if step_s is None:
+        raise DataQualityError("the recording has no sample period")
+    period_s = rows * step_s
+    harmonics = harmonics_below(band_hz, period_s, step_s, source.torque_filter)
+    q, v, a = differentiate_on_bins(position, step_s, harmonics)
+    torque = to_bins(torque_nm, harmonics)
+    if source.torque_filter is not None:
+        frequency_hz = np.arange(harmonics + 1) / period_s
+        torque = torque / filter_response(source.torque_filter, frequency_hz)[:, np.newaxis]
+    return SmoothedSignals(
+        joint_names=source.joint_names,
+        time_s=np.arange(rows, dtype=np.float64) * step_s,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        torque_nm=from_bins(torque, rows),
+        segment=np.zeros(rows, dtype=np.int64),
+        sample_period_s=step_s,
+        cutoff_hz=harmonics / period_s,
+        temperature_k=None if temperature_k is None else np.tile(temperature_k, (rows, 1)),
+    )
+
+
+def _rows(signals: SmoothedSignals, rows: slice) -> SmoothedSignals:
+    warmth = signals.temperature_k
+    return replace(
+        signals,
+        time_s=signals.time_s[rows],
+        position=signals.position[rows],
+        velocity=signals.velocity[rows],
+        acceleration=signals.acceleration[rows],
+        torque_nm=signals.torque_nm[rows],
+        segment=signals.segment[rows],
+        temperature_k=None if warmth is None else warmth[rows],
+    )

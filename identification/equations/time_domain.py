@@ -1,0 +1,125 @@
+"""`TimeRun`: smoothed recordings as equations in time, block by block to bound memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import BoolArray, FloatArray, IntArray
+from config.errors import EstimationError
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.conditions import Conditions
+from identification.model.base_parameters import BaseParameters
+from identification.model.torque_columns import torque_columns
+
+BLOCK_ROWS = 4096
+EVENT_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class TimeRun:
+    """One smoothed recording, and its circumstances."""
+
+    signals: SmoothedSignals
+    conditions: Conditions
+
+    @property
+    def event(self) -> IntArray:
+        """Which stretch of `EVENT_S` seconds each row belongs to, from 0, shape (samples,)."""
+        signals = self.signals
+        stretch = np.floor((signals.time_s - signals.time_s[0]) / EVENT_S)
+        changed = (np.diff(stretch) != 0.0) | (np.diff(signals.segment) != 0)
+        return np.concatenate([[0], np.cumsum(changed)])
+
+
+@dataclass(frozen=True, eq=False)
+class TimeBlock:
+    """Some rows of the equations rhs = columns (beta, shape step).
+
+    Attributes
+    ----------
+    columns : ndarray, shape (rows, n, any)
+        As `torque_columns` gives them.
+    rhs : ndarray, shape (rows, n)
+        Torque [N m or N].
+    use : ndarray of bool, shape (rows, n)
+        Where the joint moves fast enough for its friction to be known.
+    event : ndarray of int64, shape (rows,)
+        Which stretch of time a row belongs to, counted over all recordings from 0.
+    """
+
+    columns: FloatArray
+    rhs: FloatArray
+    use: BoolArray
+    event: IntArray
+
+
+def time_runs(
+    model: RobotModel, signals: Sequence[SmoothedSignals], payload: Sequence[bool]
+) -> tuple[TimeRun, ...]:
+    """Put recordings and their circumstances together.
+
+    Raises
+    ------
+    EstimationError
+        The joints are not the model's, or `payload` has not a value a recording.
+    """
+    if len(payload) != len(signals):
+        raise EstimationError(
+            f"payload says of {len(payload)} recordings whether they carry it, there are"
+            f" {len(signals)}"
+        )
+    for smoothed in signals:
+        if smoothed.joint_names != model.joint_names:
+            raise EstimationError(
+                f"the recording has joints {', '.join(smoothed.joint_names)}, the model"
+                f" {', '.join(model.joint_names)}: use the recording's own robot"
+            )
+    return tuple(
+        TimeRun(smoothed, Conditions(temperature_k=smoothed.temperature_k, payload=loaded))
+        for smoothed, loaded in zip(signals, payload, strict=True)
+    )
+
+
+def time_blocks(
+    model: RobotModel,
+    base: BaseParameters,
+    runs: Sequence[TimeRun],
+    standstill_rad_s: float,
+    standard: FloatArray | None = None,
+) -> Iterator[TimeBlock]:
+    """Yield the equations of some recordings; `standard` as in `torque_columns`."""
+    first_event = 0
+    for run in runs:
+        signals, event = run.signals, run.event + first_event
+        first_event = int(event[-1]) + 1
+        for start in range(0, len(signals), BLOCK_ROWS):
+            rows = slice(start, start + BLOCK_ROWS)
+            motion = (signals.position[rows], signals.velocity[rows], signals.acceleration[rows])
+            yield TimeBlock(
+                columns=torque_columns(model, base, motion, run.conditions.part(rows), standard),
+                rhs=signals.torque_nm[rows],
+                use=np.abs(model.actuator_speed(motion[1])) >= standstill_rad_s,
+                event=event[rows],
+            )
+
+
+def joint_equations(
+    model: RobotModel,
+    base: BaseParameters,
+    runs: Sequence[TimeRun],
+    standstill_rad_s: float,
+    standard: FloatArray | None = None,
+) -> Iterator[list[tuple[FloatArray, FloatArray]]]:
+    """Yield each joint's equations, matrix (rows, any) and torque (rows,), stretch by stretch.
+
+    A stretch is at most `EVENT_S` long; rows where the joint is too slow are left out.
+    """
+    for block in time_blocks(model, base, runs, standstill_rad_s, standard):
+        edges = np.flatnonzero(np.diff(block.event)) + 1
+        for rows in np.split(np.arange(len(block.event)), edges):
+            uses = [rows[block.use[rows, j]] for j in range(model.chain.n)]
+            yield [(block.columns[use, j], block.rhs[use, j]) for j, use in enumerate(uses)]

@@ -1,0 +1,223 @@
+"""`Estimate`: identified base parameters with their uncertainty, and what they predict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from config.arrays import FloatArray, read_only
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
+from dynamics.terms.conditions import Conditions
+from identification.equations.plate_fit import PlateFit
+from identification.model.base_parameters import BaseParameters
+from identification.model.options import ModelOptions
+
+BLOCK_ROWS = 4096
+
+Weighting = Literal["ml", "ls", "huber"]
+"""Rows weighted by one over their noise, all alike, or by noise with outliers held down."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Base parameters of one robot, with everything needed to use them.
+
+    Three covariances say how far to trust them: by the measured noise, by residuals taken for
+    white, and one that holds for coloured residuals, that is for model error.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot.
+    options : ModelOptions
+        The terms of its model, with the estimated values of the nonlinear parameters.
+    base : BaseParameters
+        Names, units, words and combinations of the b parameters.
+    values : ndarray, shape (b,)
+        The estimate.
+    covariance_noise : ndarray, shape (b, b), or None
+        From the noise between periods; None where nothing repeated.
+    covariance_residual : ndarray, shape (b, b)
+        From the residuals of each joint, taken for white.
+    covariance_honest : ndarray, shape (b, b)
+        From the residuals, whatever their colour (`identification.regression.intervals`).
+    shape_covariance : ndarray, shape (s, s)
+        The honest covariance of the nonlinear parameters.
+    condition_number : float
+        Of the weighted regressor, columns scaled to length one (2.25, 2.26).
+    equations : int
+        Equations used.
+    residual_nm : ndarray, shape (n,)
+        RMS of measured minus predicted torque inside the band [N m or N].
+    noise_nm : ndarray, shape (n,), or None
+        RMS that the measured noise alone would leave there.
+    left_out_fraction : ndarray, shape (n,)
+        Share of samples under the standstill speed, left out or with free friction.
+    method : "periodic" or "smoothed"
+        On the bins of averaged periods, or in the time domain on low-passed signals.
+    band_hz, standstill_rad_s : float
+        Highest frequency and lowest speed used.
+    weighting : "ml", "ls" or "huber"
+        How rows were weighted.
+    plate : PlateFit or None
+        How the force plate fits, where it was used.
+    periods : int
+        Averaged periods behind it; 0 for "smoothed".
+    cell_name : str
+        Where it was measured.
+    run_ids : tuple of str
+        The runs behind it.
+    """
+
+    robot: RobotDescription
+    options: ModelOptions
+    base: BaseParameters
+    values: FloatArray
+    covariance_noise: FloatArray | None
+    covariance_residual: FloatArray
+    covariance_honest: FloatArray
+    condition_number: float
+    equations: int
+    residual_nm: FloatArray
+    noise_nm: FloatArray | None
+    left_out_fraction: FloatArray
+    method: Literal["periodic", "smoothed"]
+    band_hz: float
+    standstill_rad_s: float
+    weighting: Weighting = "ml"
+    plate: PlateFit | None = None
+    shape_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    periods: int = 0
+    cell_name: str = ""
+    run_ids: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        b, n, s = len(self.base), len(self.robot.joints), len(self.options.shape or ())
+        shapes: dict[str, tuple[int, ...]] = {
+            "values": (b,),
+            "covariance_residual": (b, b),
+            "covariance_honest": (b, b),
+            "shape_covariance": (s, s),
+            "residual_nm": (n,),
+            "left_out_fraction": (n,),
+        }
+        if self.covariance_noise is not None:
+            shapes["covariance_noise"] = (b, b)
+        if self.noise_nm is not None:
+            shapes["noise_nm"] = (n,)
+        for name, shape in shapes.items():
+            array = read_only(
+                f"estimate {name}", getattr(self, name), float, shape, EstimationError
+            )
+            object.__setattr__(self, name, array)
+
+    @cached_property
+    def model(self) -> RobotModel:
+        """The robot's model."""
+        return self.options.build(self.robot)
+
+    @property
+    def standard_values(self) -> FloatArray:
+        """Standard parameters with the same torques: each head has its base parameter's value.
+
+        They are no link's true parameters; `identification.consistency.closest_robot` finds those
+        that can be.
+        """
+        return self.base.to_standard(self.values)
+
+    @property
+    def sigma_noise(self) -> FloatArray | None:
+        """Standard deviations by the measured noise, shape (b,)."""
+        return None if self.covariance_noise is None else _sigma(self.covariance_noise)
+
+    @property
+    def sigma_residual(self) -> FloatArray:
+        """Standard deviations by the residuals taken for white, shape (b,)."""
+        return _sigma(self.covariance_residual)
+
+    @property
+    def sigma(self) -> FloatArray:
+        """The standard deviations to quote, shape (b,): the honest ones, at least the noise's."""
+        honest, noise = _sigma(self.covariance_honest), self.sigma_noise
+        return honest if noise is None else np.maximum(noise, honest)
+
+    @property
+    def shape_sigma(self) -> FloatArray:
+        """Standard deviations of the nonlinear parameters, shape (s,)."""
+        return _sigma(self.shape_covariance)
+
+
+def predict(
+    estimate: Estimate,
+    q: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    conditions: Conditions | None = None,
+) -> FloatArray:
+    """Return the torques of an estimate, shape (samples, n) [N m or N], block by block.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The identified robot.
+    q, v, a : ndarray, shape (samples, n)
+        Motion [rad or m, per second, per second squared].
+    conditions : Conditions, optional
+        Temperature and payload; the load is computed here.
+    """
+    model, torque = estimate.model, np.empty(np.shape(q))
+    for start in range(0, len(q), BLOCK_ROWS):
+        rows = slice(start, start + BLOCK_ROWS)
+        block = None if conditions is None else conditions.part(rows)
+        if model.transmission.losses:
+            load = load_torque(model, q[rows], v[rows], a[rows], estimate.standard_values, block)
+            block = replace(block or Conditions(), load_nm=load)
+        phi = regressor(model, q[rows], v[rows], a[rows], block)
+        torque[rows] = estimate.base.columns(phi) @ estimate.values
+    return torque
+
+
+def predict_reaction(
+    estimate: Estimate,
+    q: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    conditions: Conditions | None = None,
+) -> FloatArray:
+    """Return the wrench that the base exerts on the robot, shape (samples, 6) [N, N m].
+
+    Its constant part, the weight above all, is as uncertain as the plate's offset was.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of the external or the combined model.
+    q, v, a, conditions
+        As for `predict`.
+
+    Raises
+    ------
+    EstimationError
+        It is of the internal model: torques do not show what the base feels.
+    """
+    if estimate.options.kind == "internal":
+        raise EstimationError(
+            "the internal model does not know the reaction on the base: identify the combined"
+            " model, from a run with a force plate"
+        )
+    wrench = np.empty((len(q), 6))
+    for start in range(0, len(q), BLOCK_ROWS):
+        rows = slice(start, start + BLOCK_ROWS)
+        block = None if conditions is None else conditions.part(rows)
+        phi = base_wrench_regressor(estimate.model, q[rows], v[rows], a[rows], block)
+        wrench[rows] = estimate.base.columns(phi) @ estimate.values
+    return wrench
+
+
+def _sigma(covariance: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.diagonal(covariance)))

@@ -1,0 +1,268 @@
+"""An `Estimate` as a JSON file that is complete in itself: `write_estimate`, `read_estimate`.
+
+The file carries the robot's description, the names, units and words of the parameters, both
+covariances, the cell and the software version, so that it can be used without anything else.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from config.errors import ConfigError, EstimationError
+from config.formats.json_file import read_json_file
+from config.formats.whole_file import write_whole
+from config.model import ConfigModel
+from config.robot.robot import FrictionTerm, RobotDescription
+from identification.equations.plate_fit import PlateFit
+from identification.estimation.estimate import Estimate, Weighting
+from identification.model.base_parameters import BaseParameters, ModelKind
+from identification.model.options import ModelOptions
+
+LARGEST_FILE_BYTES = 50_000_000
+
+Row = tuple[float, ...]
+Matrix = tuple[Row, ...]
+
+
+class _Options(ConfigModel):
+    kind: ModelKind = "internal"
+    rotors: bool
+    friction: bool
+    spring: bool
+    sign_smoothing_rad_s: float
+    friction_terms: tuple[FrictionTerm, ...] | None = None
+    payload: bool = False
+
+
+class _Shape(ConfigModel):
+    name: str
+    unit: str
+    value: float
+    sigma: float
+
+
+class _Parameter(ConfigModel):
+    name: str
+    words: str
+    unit: str
+    value: float
+    sigma: float
+    sigma_noise: float | None
+    sigma_residual: float
+
+
+class _Plate(ConfigModel):
+    residual: Row
+    noise: Row
+    delay_s: Row
+    delay_sigma_s: Row
+    left_out: tuple[tuple[str, ...], ...]
+    drift_n_s: Matrix
+
+
+class EstimateDocument(ConfigModel):
+    """What stands in the file; see `Estimate` for the meaning."""
+
+    kind: Literal["rid-daq estimate"]
+    format: Literal[1, 2]
+    software: str
+    cell: str
+    runs: tuple[str, ...]
+    method: Literal["periodic", "smoothed"]
+    band_hz: float
+    standstill_rad_s: float
+    weighting: Weighting = "ml"
+    periods: int
+    equations: int
+    condition_number: float
+    residual_nm: Row
+    noise_nm: Row | None
+    left_out_fraction: Row
+    parameters: tuple[_Parameter, ...]
+    shape_parameters: tuple[_Shape, ...] = ()
+    unseen: tuple[str, ...]
+    standard_parameters: tuple[str, ...]
+    combination: Matrix
+    covariance_noise: Matrix | None
+    covariance_residual: Matrix
+    covariance_honest: Matrix | None = None
+    shape_covariance: Matrix = ()
+    plate: _Plate | None = None
+    model: _Options
+    robot: RobotDescription
+
+
+def write_estimate(path: Path, estimate: Estimate) -> None:
+    """Write an estimate as JSON; the same estimate gives the same bytes.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be written.
+    """
+    text = estimate_document(estimate).model_dump_json(indent=1) + "\n"
+    write_whole(path, text.encode())
+
+
+def read_estimate(path: Path) -> Estimate:
+    """Read what `write_estimate` wrote.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read or is not an estimate.
+    """
+    what = "an estimate as `rid-daq identify` writes it"
+    document = read_json_file(path, EstimateDocument, LARGEST_FILE_BYTES, what)
+    try:
+        return _to_estimate(document)
+    except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix
+        raise ConfigError(f"{path}: not an estimate that fits itself: {error}") from error
+
+
+def estimate_document(estimate: Estimate) -> EstimateDocument:
+    """Return an estimate as what stands in its file."""
+    base, model = estimate.base, estimate.model
+    noise = estimate.sigma_noise
+    parameters = tuple(
+        _Parameter(
+            name=base.names[i],
+            words=base.words[i],
+            unit=base.units[i],
+            value=float(estimate.values[i]),
+            sigma=float(estimate.sigma[i]),
+            sigma_noise=None if noise is None else float(noise[i]),
+            sigma_residual=float(estimate.sigma_residual[i]),
+        )
+        for i in range(len(base))
+    )
+    return EstimateDocument(
+        kind="rid-daq estimate",
+        format=2,
+        software=f"rid-daq {version('rid-daq')}",
+        cell=estimate.cell_name,
+        runs=estimate.run_ids,
+        method=estimate.method,
+        band_hz=estimate.band_hz,
+        standstill_rad_s=estimate.standstill_rad_s,
+        weighting=estimate.weighting,
+        periods=estimate.periods,
+        equations=estimate.equations,
+        condition_number=estimate.condition_number,
+        residual_nm=_row(estimate.residual_nm),
+        noise_nm=None if estimate.noise_nm is None else _row(estimate.noise_nm),
+        left_out_fraction=_row(estimate.left_out_fraction),
+        parameters=parameters,
+        shape_parameters=tuple(
+            _Shape(name=name, unit=unit, value=float(value), sigma=float(sigma))
+            for name, unit, value, sigma in zip(
+                model.shape_names,
+                model.shape_units,
+                model.shape_values,
+                estimate.shape_sigma,
+                strict=True,
+            )
+        ),
+        unseen=base.unseen,
+        standard_parameters=base.standard_names,
+        combination=_matrix(base.combination),
+        covariance_noise=(
+            None if estimate.covariance_noise is None else _matrix(estimate.covariance_noise)
+        ),
+        covariance_residual=_matrix(estimate.covariance_residual),
+        covariance_honest=_matrix(estimate.covariance_honest),
+        shape_covariance=_matrix(estimate.shape_covariance),
+        plate=None if estimate.plate is None else _plate(estimate.plate),
+        model=_Options(
+            kind=estimate.options.kind,
+            rotors=estimate.options.rotors,
+            friction=estimate.options.friction,
+            spring=estimate.options.spring,
+            sign_smoothing_rad_s=estimate.options.sign_smoothing_rad_s,
+            friction_terms=estimate.options.friction_terms,
+            payload=estimate.options.payload,
+        ),
+        robot=estimate.robot,
+    )
+
+
+def _to_estimate(document: EstimateDocument) -> Estimate:
+    """Return the estimate that stands in a file."""
+    names = tuple(parameter.name for parameter in document.parameters)
+    shape = tuple(parameter.value for parameter in document.shape_parameters)
+    options = ModelOptions(**document.model.model_dump(), shape=shape or None)
+    model = options.build(document.robot)
+    expected = model.parameter_names
+    strangers = [name for name in names if name not in expected]
+    if strangers or document.standard_parameters != expected:
+        raise EstimationError(
+            f"the parameters {', '.join(strangers or names)} are not those of the robot in the file"
+        )
+    base = BaseParameters(
+        names=names,
+        words=tuple(parameter.words for parameter in document.parameters),
+        units=tuple(parameter.unit for parameter in document.parameters),
+        standard_names=expected,
+        kept=tuple(expected.index(name) for name in names),
+        combination=np.array(document.combination),
+        unseen=document.unseen,
+    )
+    return Estimate(
+        robot=document.robot,
+        options=options,
+        base=base,
+        values=np.array([parameter.value for parameter in document.parameters]),
+        covariance_noise=(
+            None if document.covariance_noise is None else np.array(document.covariance_noise)
+        ),
+        covariance_residual=np.array(document.covariance_residual),
+        covariance_honest=np.array(document.covariance_honest or document.covariance_residual),
+        shape_covariance=np.array(document.shape_covariance).reshape(len(shape), len(shape)),
+        plate=None if document.plate is None else _to_plate(document.plate),
+        condition_number=document.condition_number,
+        equations=document.equations,
+        residual_nm=np.array(document.residual_nm),
+        noise_nm=None if document.noise_nm is None else np.array(document.noise_nm),
+        left_out_fraction=np.array(document.left_out_fraction),
+        method=document.method,
+        band_hz=document.band_hz,
+        standstill_rad_s=document.standstill_rad_s,
+        weighting=document.weighting,
+        periods=document.periods,
+        cell_name=document.cell,
+        run_ids=document.runs,
+    )
+
+
+def _plate(plate: PlateFit) -> _Plate:
+    return _Plate(
+        residual=_row(plate.residual),
+        noise=_row(plate.noise),
+        delay_s=_row(plate.delay_s),
+        delay_sigma_s=_row(plate.delay_sigma_s),
+        left_out=plate.left_out,
+        drift_n_s=_matrix(plate.drift_n_s),
+    )
+
+
+def _to_plate(document: _Plate) -> PlateFit:
+    return PlateFit(
+        residual=np.array(document.residual),
+        noise=np.array(document.noise),
+        delay_s=np.array(document.delay_s),
+        delay_sigma_s=np.array(document.delay_sigma_s),
+        left_out=document.left_out,
+        drift_n_s=np.array(document.drift_n_s),
+    )
+
+
+def _row(values: np.ndarray) -> Row:
+    return tuple(float(value) for value in values)
+
+
+def _matrix(values: np.ndarray) -> Matrix:
+    return tuple(_row(row) for row in values)

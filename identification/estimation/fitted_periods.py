@@ -1,0 +1,217 @@
+"""`FittedPeriods`: averaged periods with the solution that was found for them.
+
+An `Estimate` is made of it; so are the questions that need its equations once more: what the force
+plate improved, and whether torque constants and plate agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.periods import PeriodAverage
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel
+from identification.equations.bins import BinEquations
+from identification.equations.plate_fit import PlateFit
+from identification.equations.whitened import residual_covariance
+from identification.estimation.estimate import Estimate, Weighting
+from identification.estimation.periodic_fit import PeriodicFit, PeriodicProblem
+from identification.estimation.prior import PriorRows
+from identification.estimation.shape_parameters import fit_shape
+from identification.model.base_parameters import BaseParameters, base_parameters
+from identification.model.inertia import base_inertia_squares, inertia_size
+from identification.model.options import ModelOptions
+from identification.regression.least_squares import Solution
+
+Prior = tuple[FloatArray, FloatArray]
+"""Values and standard deviations of the model's standard parameters; infinite for no knowledge."""
+
+MOST_STEPS: Final = 20
+SETTLED_SIGMAS: Final = 0.01
+LONGEST_DELAY_S: Final = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class FittedPeriods:
+    """A problem, its equations and their solution.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot.
+    options : ModelOptions
+        The terms of its model, with the fitted nonlinear parameters.
+    model : RobotModel
+        That model.
+    problem : PeriodicProblem
+        The averages, with the weights and delays that were found.
+    equations : tuple of BinEquations
+        One a run.
+    fit : PeriodicFit
+        The solution: b base parameters, s nonlinear ones' steps, one step of a plate's delay a run.
+    """
+
+    robot: RobotDescription
+    options: ModelOptions
+    model: RobotModel
+    problem: PeriodicProblem
+    equations: tuple[BinEquations, ...]
+    fit: PeriodicFit
+
+    @property
+    def base(self) -> BaseParameters:
+        """What the first b values of the solution are."""
+        return self.problem.base
+
+    @property
+    def shapes(self) -> int:
+        """Number of nonlinear parameters that were fitted."""
+        with_plate = 0 if self.options.kind == "internal" else len(self.equations)
+        return len(self.fit.solution.values) - len(self.base) - with_plate
+
+    def estimate(self, cell_name: str = "", run_ids: tuple[str, ...] = ()) -> Estimate:
+        """Return the estimate, with where it was measured."""
+        problem, fit, weighting = self.problem, self.fit, self.problem.weighting
+        b, s, covariance = len(self.base), self.shapes, fit.solution.covariance
+        honest = problem.honest_covariance(fit)
+        residual = residual_covariance(fit.white, fit.solution.values, covariance)
+        unfitted = np.zeros((len(self.model.shape_names),) * 2)
+        plate = None
+        if self.options.kind != "internal":
+            plate = PlateFit.of(
+                problem.averages,
+                self.equations,
+                problem.base_inertia,
+                fit.solution.values[: b + s],
+                problem.delays_s,
+                np.sqrt(np.diagonal(covariance)[b + s :]),
+            )
+        return Estimate(
+            robot=self.robot,
+            options=self.options,
+            base=self.base,
+            values=fit.solution.values[:b],
+            covariance_noise=None if weighting == "ls" else covariance[:b, :b],
+            covariance_residual=residual[:b, :b],
+            covariance_honest=honest[:b, :b],
+            plate=plate,
+            shape_covariance=honest[b : b + s, b : b + s] if s else unfitted,
+            condition_number=fit.solution.condition_number,
+            equations=fit.solution.rows,
+            residual_nm=fit.residual_nm,
+            noise_nm=None if weighting == "ls" else fit.noise_nm,
+            left_out_fraction=np.mean([e.left_out_fraction for e in self.equations], axis=0),
+            method="periodic",
+            band_hz=min(e.harmonics / e.period_s for e in self.equations),
+            standstill_rad_s=problem.standstill_rad_s,
+            weighting=weighting,
+            periods=sum(average.periods_kept for average in problem.averages),
+            cell_name=cell_name,
+            run_ids=run_ids,
+        )
+
+
+def fit_periodic(
+    robot: RobotDescription,
+    averages: Sequence[PeriodAverage],
+    *,
+    options: ModelOptions | None,
+    weighting: Weighting,
+    prior: Prior | None,
+    payload: Sequence[bool] | None,
+    band_hz: float,
+    standstill_rad_s: float,
+) -> FittedPeriods:
+    """Solve the equations of averaged periods; see `estimate_periodic`.
+
+    Raises
+    ------
+    EstimationError
+        The joints do not fit, the motion does not show the parameters, or a plate that the model
+        needs is missing.
+    """
+    model, base, options = model_of(robot, options)
+    n, runs = len(robot.joints), len(averages)
+    problem = PeriodicProblem(
+        base=base,
+        averages=tuple(averages),
+        payload=tuple(payload or [False] * runs),
+        band_hz=band_hz,
+        standstill_rad_s=standstill_rad_s,
+        weighting=weighting,
+        prior=prior_rows(base, prior),
+        inertia=np.zeros((runs, n, n)),
+        kind=options.kind,
+        base_inertia=np.zeros((runs, n, 6, 6)),
+        delays_s=np.zeros(runs),
+    )
+    equations = problem.equations(model, None)
+    values = problem.fit(model, None, equations).solution.values
+    # The torque that the positions' noise makes is known only once the inertia is.
+    sizes = [inertia_size(model, base, a.position, values) for a in averages]
+    squares = [base_inertia_squares(model, base, a.position, values) for a in averages]
+    problem = replace(problem, inertia=np.array(sizes), base_inertia=np.array(squares))
+    problem, fit = _with_delays(problem, model, None, equations)
+    if model.shape_names and options.kind != "external":
+
+        def solve(model: RobotModel, standard: FloatArray | None) -> Solution:
+            return problem.fit(model, standard, problem.equations(model, standard)).solution
+
+        shaped = fit_shape(model, base, solve)
+        model = shaped.model
+        equations = problem.equations(model, shaped.standard)
+        problem, fit = _with_delays(problem, model, shaped.standard, equations)
+    return FittedPeriods(robot, with_shape(options, model), model, problem, equations, fit)
+
+
+def _with_delays(
+    problem: PeriodicProblem,
+    model: RobotModel,
+    standard: FloatArray | None,
+    equations: tuple[BinEquations, ...],
+) -> tuple[PeriodicProblem, PeriodicFit]:
+    """Solve, together with the plates' delays by Gauss-Newton where there are plates."""
+    fit = problem.fit(model, standard, equations)
+    if problem.kind == "internal":
+        return problem, fit
+    near, runs = fit.solution.values, len(equations)
+    for _ in range(MOST_STEPS):
+        fit = problem.fit(model, standard, equations, near)
+        near, step = fit.solution.values[:-runs], fit.solution.values[-runs:]
+        sigma = np.sqrt(np.diagonal(fit.solution.covariance)[-runs:])
+        if np.all(np.abs(step) <= SETTLED_SIGMAS * sigma + 1e-9):
+            return problem, fit
+        problem = replace(problem, delays_s=problem.delays_s + step)
+        if np.max(np.abs(problem.delays_s)) > LONGEST_DELAY_S:
+            break
+    raise EstimationError(
+        f"the force plate's signals would be {1e3 * float(np.max(np.abs(problem.delays_s))):.3g} ms"
+        " late: they are not of this motion, or the plate's clock is wrong"
+    )
+
+
+def model_of(
+    robot: RobotDescription, options: ModelOptions | None
+) -> tuple[RobotModel, BaseParameters, ModelOptions]:
+    """Return the model that options ask for, what of it can be identified, and the options."""
+    options = options or ModelOptions()
+    if options.kind == "external":  # what is inside the robot, the base does not feel
+        options = replace(options, friction=False, friction_terms=None, spring=False)
+    model = options.build(robot)
+    return model, base_parameters(model, kind=options.kind), options
+
+
+def prior_rows(base: BaseParameters, prior: Prior | None) -> PriorRows:
+    """Return prior knowledge as equations; none where there is none."""
+    return PriorRows.none(base) if prior is None else PriorRows.of(base, *prior)
+
+
+def with_shape(options: ModelOptions, model: RobotModel) -> ModelOptions:
+    """Return options that build the model with its fitted nonlinear parameters."""
+    return replace(options, shape=tuple(model.shape_values.tolist()) or None)

@@ -1,0 +1,206 @@
+"""`PeriodicProblem`: least squares on the DFT bins of averaged periods."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from acquisition.processing.periods import PeriodAverage
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from dynamics.model.robot_model import RobotModel
+from identification.equations.bins import BinEquations, bin_equations
+from identification.equations.whitened import WhiteEquations, bin_clusters, whiten, whiten_reaction
+from identification.estimation.estimate import Weighting
+from identification.estimation.prior import PriorRows
+from identification.estimation.shape_parameters import step_prior
+from identification.model.base_parameters import BaseParameters, ModelKind
+from identification.regression.intervals import jackknife
+from identification.regression.least_squares import Solution, Triangle, solve
+from identification.regression.robust import huber_weights
+
+REWEIGHTINGS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicFit:
+    """The solution for one set of columns, and the whitened equations behind it.
+
+    Attributes
+    ----------
+    solution : Solution
+        Base parameters, steps of nonlinear ones, then a step of each run's delay of the plate.
+    white : tuple, one a run, of tuples of WhiteEquations
+        The outputs that were used: joints first, then the plate's.
+    joints : tuple, one a run, of tuples of WhiteEquations
+        The joints' outputs, used or not.
+    """
+
+    solution: Solution
+    white: tuple[tuple[WhiteEquations, ...], ...]
+    joints: tuple[tuple[WhiteEquations, ...], ...]
+
+    @property
+    def residual_nm(self) -> FloatArray:
+        """RMS residual of each joint, shape (n,) [N m or N]."""
+        values = self.solution.values
+        power = [
+            [np.sum((part.residual(values) * part.sigma) ** 2) for part in parts]
+            for parts in self.joints
+        ]
+        return np.asarray(np.sqrt(np.mean(power, axis=0)))
+
+    @property
+    def noise_nm(self) -> FloatArray:
+        """RMS that the noise alone would leave, shape (n,) [N m or N]."""
+        power = [
+            [np.sum(part.sigma**2) * part.rows / len(part.rhs) for part in parts]
+            for parts in self.joints
+        ]
+        return np.asarray(np.sqrt(np.mean(power, axis=0)))
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicProblem:
+    """Averaged periods, and how their rows are weighted.
+
+    `inertia` (averages, n, n) is the size of the joint-space inertia, through which the noise of
+    the positions becomes torque, `base_inertia` (averages, n, 6, 6) what makes them base wrench
+    (`base_inertia_squares`); zero before they are known. `kind` says which outputs are used, and
+    `delays_s` by how much the plate of each run is late.
+    """
+
+    base: BaseParameters
+    averages: tuple[PeriodAverage, ...]
+    payload: tuple[bool, ...]
+    band_hz: float
+    standstill_rad_s: float
+    weighting: Weighting
+    prior: PriorRows
+    inertia: FloatArray
+    kind: ModelKind = "internal"
+    base_inertia: FloatArray = field(default_factory=lambda: np.zeros(0))
+    delays_s: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if self.kind != "internal":
+            self._check_plates()
+        if len(self.payload) != len(self.averages):
+            raise EstimationError(
+                f"payload says of {len(self.payload)} runs whether they carry it, there are"
+                f" {len(self.averages)}"
+            )
+
+    def equations(self, model: RobotModel, standard: FloatArray | None) -> tuple[BinEquations, ...]:
+        """Return the equations of every average; `standard` as in `torque_columns`."""
+        return tuple(
+            bin_equations(
+                model,
+                self.base,
+                average,
+                band_hz=self.band_hz,
+                standstill_rad_s=self.standstill_rad_s,
+                payload=loaded,
+                standard=standard,
+                plate=self.kind != "internal",
+            )
+            for average, loaded in zip(self.averages, self.payload, strict=True)
+        )
+
+    def _check_plates(self) -> None:
+        runs = len(self.averages)
+        for number, average in enumerate(self.averages, start=1):
+            if average.reaction is None:
+                raise EstimationError(
+                    f"the {self.kind} model needs a force plate; run {number} of {runs} has none"
+                    " whose channels are valid: identify the internal model"
+                )
+        shapes = ((runs, len(self.averages[0].joint_names), 6, 6), (runs,))
+        if (self.base_inertia.shape, self.delays_s.shape) != shapes:
+            raise EstimationError(
+                f"base_inertia and delays_s of the shapes {self.base_inertia.shape} and"
+                f" {self.delays_s.shape} do not fit {runs} runs"
+            )
+
+    def fit(
+        self,
+        model: RobotModel,
+        standard: FloatArray | None,
+        equations: tuple[BinEquations, ...],
+        near: FloatArray | None = None,
+    ) -> PeriodicFit:
+        """Solve the equations.
+
+        With `near`, values near the solution, the delay of each run's plate is solved for too: the
+        last values are steps from `delays_s`.
+
+        Raises
+        ------
+        EstimationError
+            The motion does not show the parameters.
+        """
+        delays = [] if near is None else [f"the delay of plate {i}" for i in range(len(equations))]
+        joints = tuple(
+            tuple(
+                part.widened(np.zeros((len(part.rhs), len(delays))))
+                for part in whiten(each, inertia, uniform=self.weighting == "ls")
+            )
+            for each, inertia in zip(equations, self.inertia, strict=True)
+        )
+        white = joints if self.kind != "external" else tuple(() for _ in equations)
+        if self.kind != "internal":
+            plates = (self._plate(run, each, near) for run, each in enumerate(equations))
+            white = tuple((*own, *plate) for own, plate in zip(white, plates, strict=True))
+        names = (*self.base.names, *(model.shape_names if standard is not None else ()), *delays)
+        known = [self.prior.triangle(len(names))]
+        if standard is not None:
+            known.append(step_prior(model, len(self.base), len(names)))
+        fit = _solve(white, joints, known, names)
+        if self.weighting != "huber":
+            return fit
+        for _ in range(REWEIGHTINGS):
+            values = fit.solution.values
+            held_down = tuple(
+                tuple(part.reweighted(huber_weights(part.residual(values))) for part in parts)
+                for parts in white
+            )
+            better = _solve(held_down, joints, known, names)
+            change = np.abs(better.solution.values - values)
+            fit = better
+            if np.all(change <= 1e-3 * np.sqrt(np.diagonal(fit.solution.covariance))):
+                break
+        return fit
+
+    def _plate(
+        self, run: int, equations: BinEquations, near: FloatArray | None
+    ) -> tuple[WhiteEquations, ...]:
+        """Return the outputs of one run's plate."""
+        assert equations.reaction is not None
+        reaction = equations.reaction.delayed(float(self.delays_s[run]))
+        if near is not None:
+            columns = np.zeros((*reaction.rhs.shape, len(self.averages)))
+            columns[:, :, run] = reaction.delay_column(reaction.matrix @ near)
+            matrix = np.concatenate([reaction.matrix, columns], axis=2)
+            reaction = replace(reaction, matrix=matrix)
+        reaction = reaction.with_motion_noise(equations.position_sigma, self.base_inertia[run])
+        return whiten_reaction(reaction, uniform=self.weighting == "ls")
+
+    def honest_covariance(self, fit: PeriodicFit) -> FloatArray:
+        """Return the covariance of the solution that coloured residuals leave."""
+        return jackknife(fit.solution.information, bin_clusters(fit.white, fit.solution.values))
+
+
+def _solve(
+    white: tuple[tuple[WhiteEquations, ...], ...],
+    joints: tuple[tuple[WhiteEquations, ...], ...],
+    known: list[Triangle],
+    names: tuple[str, ...],
+) -> PeriodicFit:
+    triangles = [
+        Triangle.empty(len(names)).add(part.matrix, part.rhs, part.rows)
+        for parts in white
+        for part in parts
+    ]
+    solution = solve([*triangles, *known], [1.0] * (len(triangles) + len(known)), names)
+    return PeriodicFit(solution, white, joints)

@@ -1,0 +1,108 @@
+"""`PriorRows`: what is known before the measurement, as equations of the base parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import null_space
+
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from identification.model.base_parameters import BaseParameters
+from identification.regression.least_squares import Triangle
+
+SMALLEST_SIGMA_SHARE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class PriorRows:
+    """Equations matrix beta = rhs with unit noise, from Gaussian knowledge of standard parameters.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (rows, b)
+        They stand for the Bayesian prior: appended to the measurement's equations.
+    rhs : ndarray, shape (rows,)
+        Their right side.
+    """
+
+    matrix: FloatArray
+    rhs: FloatArray
+
+    @classmethod
+    def none(cls, base: BaseParameters) -> PriorRows:
+        """Return no knowledge at all."""
+        return cls(np.zeros((0, len(base))), np.zeros(0))
+
+    @classmethod
+    def of(cls, base: BaseParameters, values: FloatArray, sigmas: FloatArray) -> PriorRows:
+        """Turn values and standard deviations of standard parameters into equations.
+
+        With beta = K theta, the combinations of beta that hold no parameter of infinite sigma are
+        known; they have the covariance that K gives them.
+
+        Parameters
+        ----------
+        base : BaseParameters
+            The base parameters.
+        values, sigmas : ndarray, shape (p,)
+            Of the standard parameters, independent of one another; sigma infinite where nothing
+            is known, 0 to hold a value.
+
+        Raises
+        ------
+        EstimationError
+            The shapes do not fit, or a sigma is negative or not a number.
+        """
+        shape = (len(base.standard_names),)
+        if values.shape != shape or sigmas.shape != shape or not np.all(sigmas >= 0.0):
+            raise EstimationError(
+                f"a prior needs {shape[0]} values and as many sigmas, none of them negative"
+            )
+        known = np.isfinite(sigmas)
+        if not known.any():
+            return cls.none(base)
+        unknown = base.combination[:, ~known]
+        free = null_space(unknown.T) if unknown.any() else np.eye(len(base))
+        gain = free.T @ base.combination[:, known]
+        largest = float(np.max(np.abs(values[known]), initial=float(sigmas[known].max())))
+        sigma = np.maximum(sigmas[known], SMALLEST_SIGMA_SHARE * max(largest, 1e-300))
+        left, size, _ = np.linalg.svd(gain * sigma, full_matrices=False)
+        keep = size > 1e-12 * size.max(initial=0.0)
+        whitening = (left[:, keep] / size[keep]).T
+        return cls(whitening @ free.T, whitening @ (gain @ values[known]))
+
+    def triangle(self, width: int) -> Triangle:
+        """Return the equations as a triangle of `width` parameters, the base's first."""
+        columns = np.arange(self.matrix.shape[1])
+        return Triangle.empty(width, columns).add(self.matrix, self.rhs)
+
+
+def held(
+    base: BaseParameters, known: dict[str, tuple[float, float]]
+) -> tuple[FloatArray, FloatArray]:
+    """Return values and sigmas of standard parameters, of which some are known by name.
+
+    Parameters
+    ----------
+    base : BaseParameters
+        The base parameters.
+    known : dict of name to (value, sigma)
+        Such as {"mL": (2.805, 0.002)}.
+
+    Raises
+    ------
+    EstimationError
+        A name is not a parameter of the model.
+    """
+    values = np.zeros(len(base.standard_names))
+    sigmas = np.full(len(values), np.inf)
+    for name, (value, sigma) in known.items():
+        if name not in base.standard_names:
+            raise EstimationError(
+                f"{name!r} is no parameter of the model; they are {', '.join(base.standard_names)}"
+            )
+        index = base.standard_names.index(name)
+        values[index], sigmas[index] = value, sigma
+    return values, sigmas

@@ -1,0 +1,152 @@
+"""`RunningEstimate`: what a measurement says so far, brought up to date with every new stretch.
+
+Recursive least squares in the square-root information form (Bierman 1977): all that is kept of the
+past are triangular factors, so that a stretch costs the same however long the measurement is, and
+the result is that of all its rows at once. As only the factors grow, the noise of each joint is
+weighted anew at every look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from config.arrays import FloatArray, IntArray
+from config.errors import EstimationError
+from dynamics.model.robot_model import RobotModel
+from identification.equations.time_domain import EVENT_S, TimeRun, time_blocks
+from identification.estimation.smoothed_fit import weighted_by_residuals
+from identification.model.base_parameters import BaseParameters, base_parameters
+from identification.model.torque_columns import torque_structure
+from identification.regression.intervals import Cluster, jackknife
+from identification.regression.least_squares import Triangle
+
+
+@dataclass(frozen=True, eq=False)
+class RunningValues:
+    """Base parameters at one moment of a measurement.
+
+    Attributes
+    ----------
+    values, sigma : ndarray, shape (b,)
+        Base parameters and their honest standard deviations.
+    residual_nm : ndarray, shape (n,)
+        RMS residual of each joint [N m or N].
+    relative_percent : ndarray, shape (n,)
+        RMS residual over RMS torque of each joint [%].
+    """
+
+    values: FloatArray
+    sigma: FloatArray
+    residual_nm: FloatArray
+    relative_percent: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class RunningEstimate:
+    """Everything that rows measured so far say of the base parameters.
+
+    Nonlinear parameters, and what gears lose of their load, are as the model says.
+
+    Attributes
+    ----------
+    model, base : RobotModel, BaseParameters
+        What is estimated.
+    standstill_rad_s : float
+        A slower joint's rows are left out.
+    stretches : mapping of int to tuple of Triangle
+        The rows of each second, counted from the start of the run or of its period, as one triangle
+        a joint. What recurs in every period is one stretch, whose errors may recur as well.
+    """
+
+    model: RobotModel
+    base: BaseParameters
+    standstill_rad_s: float
+    stretches: Mapping[int, tuple[Triangle, ...]]
+
+    @classmethod
+    def begin(cls, model: RobotModel, standstill_rad_s: float) -> RunningEstimate:
+        """Return the estimate of no rows at all.
+
+        Raises
+        ------
+        EstimationError
+            The gears lose a share of their load: such a model is not linear in its parameters.
+        """
+        if model.transmission.losses:
+            raise EstimationError(
+                "a running estimate needs a model that is linear in its parameters: with gears that"
+                " lose a share of their load, identify after the measurement"
+            )
+        return cls(model, base_parameters(model), standstill_rad_s, {})
+
+    def add(self, run: TimeRun) -> RunningEstimate:
+        """Return the estimate with one more stretch of the measurement.
+
+        Parameters
+        ----------
+        run : TimeRun
+            A period, with time counted from its start, or any other part of a run that was not
+            added yet, with time counted from the run's start.
+        """
+        structure = torque_structure(self.model, self.base, slopes=False)
+        stretches = dict(self.stretches)
+        start = 0
+        for block in time_blocks(self.model, self.base, [run], self.standstill_rad_s):
+            time_s = run.signals.time_s[start : start + len(block.rhs)]
+            start += len(block.rhs)
+            second = np.floor(time_s / EVENT_S).astype(int)
+            for key in np.unique(second):
+                rows = np.flatnonzero(second == key)
+                known = stretches.get(int(key)) or _nothing(len(self.base), structure)
+                triangles = []
+                for j, (triangle, columns) in enumerate(zip(known, structure, strict=True)):
+                    use = rows[block.use[rows, j]]
+                    matrix = block.columns[use[:, np.newaxis], j, columns]
+                    triangles.append(triangle.add(matrix, block.rhs[use, j]))
+                stretches[int(key)] = tuple(triangles)
+        return replace(self, stretches=stretches)
+
+    def look(self) -> RunningValues:
+        """Return what is known now.
+
+        Raises
+        ------
+        EstimationError
+            The motion so far does not show the parameters.
+        """
+        structure = torque_structure(self.model, self.base, slopes=False)
+        triangles = list(_nothing(len(self.base), structure))
+        for parts in self.stretches.values():
+            triangles = [
+                whole.add(part.factor[:, :-1], part.factor[:, -1], part.rows)
+                for whole, part in zip(triangles, parts, strict=True)
+            ]
+        solution, scale = weighted_by_residuals(triangles, [], self.base.names)
+        clusters = (_cluster(parts, solution.values, scale) for parts in self.stretches.values())
+        covariance = jackknife(solution.information, clusters)
+        power = [
+            [triangle.residual_sum(values) / max(triangle.rows, 1) for triangle in triangles]
+            for values in (solution.values, np.zeros(len(self.base)))
+        ]
+        residual, torque = np.sqrt(power)
+        return RunningValues(
+            values=solution.values,
+            sigma=np.sqrt(np.diagonal(covariance)),
+            residual_nm=residual,
+            relative_percent=100.0 * residual / np.maximum(torque, 1e-300),
+        )
+
+
+def _nothing(parameters: int, structure: tuple[IntArray, ...]) -> tuple[Triangle, ...]:
+    return tuple(Triangle.empty(parameters, columns) for columns in structure)
+
+
+def _cluster(parts: tuple[Triangle, ...], values: FloatArray, scale: FloatArray) -> Cluster:
+    """Return what one stretch says, its residuals weighted by one over each joint's."""
+    factors = [part.full() / sigma for part, sigma in zip(parts, scale, strict=True)]
+    matrix = np.vstack([factor[:, :-1] for factor in factors])
+    rhs = np.concatenate([factor[:, -1] for factor in factors])
+    return Cluster.of(matrix, rhs - matrix @ values)

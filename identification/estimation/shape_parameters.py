@@ -1,0 +1,93 @@
+"""Nonlinear parameters beside the linear ones: Gauss-Newton on the same cost, step by step.
+
+Stribeck speeds and losses of gears enter the torque nonlinearly. For given values of them the rest
+is linear and solved exactly (variable projection: Golub and Pereyra 1973); their step comes from
+the equations linearised with `torque_columns`, halved until the cost falls, and kept in bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from dynamics.model.robot_model import RobotModel
+from identification.model.base_parameters import BaseParameters
+from identification.regression.least_squares import Solution, Triangle
+
+MOST_STEPS: Final = 25
+MOST_HALVINGS: Final = 6
+SETTLED_SIGMAS: Final = 0.01
+
+Solve = Callable[[RobotModel, FloatArray | None], Solution]
+"""Solve a model's equations, linearised around standard values where some are given."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeFit:
+    """A model with fitted nonlinear parameters, and the standard values it is linearised at."""
+
+    model: RobotModel
+    standard: FloatArray
+    solution: Solution
+    cost: float
+
+
+def fit_shape(model: RobotModel, base: BaseParameters, solve: Solve) -> ShapeFit:
+    """Fit the nonlinear parameters together with the linear ones.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The model with its starting values.
+    base : BaseParameters
+        What of its linear parameters can be identified.
+    solve : callable
+        Solves for the columns of `torque_columns`; with rows weighted alike in every call.
+
+    Raises
+    ------
+    EstimationError
+        The motion does not show the parameters.
+    """
+    standard = base.to_standard(solve(model, None).values)
+    best = _at(model, standard, base, solve)
+    for _ in range(MOST_STEPS):
+        low, high = best.model.shape_bounds.T
+        start, step = best.model.shape_values, best.solution.values[len(base) :]
+        sigma = np.sqrt(np.diagonal(best.solution.covariance)[len(base) :])
+        if np.all(np.abs(np.clip(start + step, low, high) - start) <= SETTLED_SIGMAS * sigma):
+            break
+        for halving in range(MOST_HALVINGS):
+            moved = np.clip(start + step / 2.0**halving, low, high)
+            tried = _at(best.model.with_shape(moved), best.standard, base, solve)
+            if tried.cost < best.cost:
+                best = tried
+                break
+        else:
+            break
+    return best
+
+
+def step_prior(model: RobotModel, b: int, width: int | None = None) -> Triangle:
+    """Return equations that hold the steps of nonlinear parameters to the size of their ranges.
+
+    They weigh nothing where the data speak, and keep a step small where they say nothing: the
+    speed of a Stribeck term whose coefficient comes out as zero. They stand behind `b` base
+    parameters, of `width` unknowns in all.
+    """
+    low, high = model.shape_bounds.T
+    columns = np.arange(b, b + len(low))
+    return Triangle.empty(width or b + len(low), columns).add(
+        np.diag(1.0 / (high - low)), np.zeros(len(low))
+    )
+
+
+def _at(model: RobotModel, standard: FloatArray, base: BaseParameters, solve: Solve) -> ShapeFit:
+    """Solve at a model, with the slopes taken at the linear optimum there."""
+    values, cost = solve(model, standard).leading(len(base))
+    standard = base.to_standard(values)
+    return ShapeFit(model, standard, solve(model, standard), cost)

@@ -1,0 +1,230 @@
+"""`SmoothedFit`: least squares on smoothed recordings in the time domain, streamed.
+
+A joint's equation is left out while the joint is slower than the standstill speed. Neighbouring
+rows are not independent; the honest covariance takes a second of all joints as one event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import FloatArray, IntArray
+from dynamics.model.robot_model import RobotModel
+from identification.equations.time_domain import TimeRun, time_blocks
+from identification.estimation.estimate import Weighting
+from identification.estimation.prior import PriorRows
+from identification.estimation.shape_parameters import step_prior
+from identification.model.base_parameters import BaseParameters
+from identification.model.torque_columns import torque_structure
+from identification.regression.intervals import Cluster, jackknife
+from identification.regression.least_squares import Solution, Triangle, solve
+from identification.regression.robust import huber_weights
+
+REWEIGHTINGS = 20
+SETTLED = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedFit:
+    """The solution for one set of columns.
+
+    Attributes
+    ----------
+    solution : Solution
+        Of base parameters and, where slopes were asked for, of steps of the nonlinear ones.
+    residual_nm : ndarray, shape (n,)
+        RMS residual of each joint [N m or N].
+    scale_nm : ndarray, shape (n,)
+        What each joint's rows were divided by.
+    rows_used : ndarray, shape (n,)
+        Rows used of each joint.
+    """
+
+    solution: Solution
+    residual_nm: FloatArray
+    scale_nm: FloatArray
+    rows_used: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedProblem:
+    """Recordings, and how their rows are weighted."""
+
+    base: BaseParameters
+    runs: tuple[TimeRun, ...]
+    standstill_rad_s: float
+    weighting: Weighting
+    prior: PriorRows
+
+    @property
+    def samples(self) -> int:
+        """Rows of all recordings."""
+        return sum(len(run.signals) for run in self.runs)
+
+    def fit(
+        self, model: RobotModel, standard: FloatArray | None, scale: FloatArray | None = None
+    ) -> SmoothedFit:
+        """Solve for the columns of `torque_columns` with these arguments.
+
+        Each joint's rows are divided by `scale`, shape (n,), where it is given; otherwise by what
+        the weighting says.
+
+        Raises
+        ------
+        EstimationError
+            The motion does not show the parameters.
+        """
+        structure = torque_structure(model, self.base, standard is not None)
+        triangles = self._triangles(model, standard, structure, None)
+        fit = self._solve(model, triangles, standard is not None, scale)
+        if self.weighting != "huber":
+            return fit
+        for _ in range(REWEIGHTINGS):
+            triangles = self._triangles(model, standard, structure, fit)
+            better = self._solve(model, triangles, standard is not None, fit.scale_nm)
+            change = np.abs(better.solution.values - fit.solution.values)
+            fit = better
+            if np.all(change <= 1e-3 * np.sqrt(np.diagonal(fit.solution.covariance))):
+                break
+        return fit
+
+    def honest_covariance(
+        self, model: RobotModel, standard: FloatArray | None, fit: SmoothedFit
+    ) -> FloatArray:
+        """Return the covariance of the solution that coloured residuals leave."""
+        structure = torque_structure(model, self.base, standard is not None)
+        return jackknife(fit.solution.information, self._events(model, standard, structure, fit))
+
+    def _triangles(
+        self,
+        model: RobotModel,
+        standard: FloatArray | None,
+        structure: tuple[IntArray, ...],
+        previous: SmoothedFit | None,
+    ) -> list[Triangle]:
+        width = len(self.base) + (0 if standard is None else len(model.shape_names))
+        triangles = [Triangle.empty(width, columns) for columns in structure]
+        for block in time_blocks(model, self.base, self.runs, self.standstill_rad_s, standard):
+            for j, columns in enumerate(structure):
+                use = np.flatnonzero(block.use[:, j])
+                matrix = block.columns[use, j][:, columns]
+                rhs = block.rhs[use, j]
+                if previous is not None:
+                    misfit = rhs - matrix @ previous.solution.values[columns]
+                    root = np.sqrt(huber_weights(misfit / previous.scale_nm[j]))
+                    matrix, rhs = matrix * root[:, np.newaxis], rhs * root
+                triangles[j] = triangles[j].add(matrix, rhs)
+        return triangles
+
+    def _solve(
+        self,
+        model: RobotModel,
+        triangles: Sequence[Triangle],
+        slopes: bool,
+        scale: FloatArray | None = None,
+    ) -> SmoothedFit:
+        """Weight each joint by one over its residual, found by iteration, or by a given scale."""
+        names = (*self.base.names, *(model.shape_names if slopes else ()))
+        known = [self.prior.triangle(len(names))]
+        if slopes:
+            known.append(step_prior(model, len(self.base)))
+        rows = np.array([triangle.rows for triangle in triangles], dtype=np.float64)
+        if scale is not None:
+            solution = weighted(triangles, known, scale, names)
+        elif self.weighting == "ls":
+            solution = weighted(triangles, known, np.ones(len(triangles)), names)
+            residual = _residual(triangles, solution)
+            overall = float(np.sqrt(np.sum(rows * residual**2) / np.sum(rows)))
+            scale = np.full(len(triangles), max(overall, 1e-300))
+            solution = weighted(triangles, known, scale, names)
+        else:
+            solution, scale = weighted_by_residuals(triangles, known, names)
+        return SmoothedFit(solution, _residual(triangles, solution), scale, rows)
+
+    def _events(
+        self,
+        model: RobotModel,
+        standard: FloatArray | None,
+        structure: tuple[IntArray, ...],
+        fit: SmoothedFit,
+    ) -> Iterator[Cluster]:
+        """Yield the clusters: seconds of all joints together."""
+        width = len(fit.solution.values)
+        gram, score, current = np.zeros((width, width)), np.zeros(width), 0
+        for block in time_blocks(model, self.base, self.runs, self.standstill_rad_s, standard):
+            edges = np.flatnonzero(np.diff(block.event)) + 1
+            for rows in np.split(np.arange(len(block.event)), edges):
+                if block.event[rows[0]] != current:
+                    yield Cluster(gram, score)
+                    gram, score = np.zeros((width, width)), np.zeros(width)
+                    current = int(block.event[rows[0]])
+                for j, columns in enumerate(structure):
+                    use = rows[block.use[rows, j]]
+                    matrix = block.columns[use[:, np.newaxis], j, columns]
+                    misfit = block.rhs[use, j] - matrix @ fit.solution.values[columns]
+                    weights = np.full(len(use), fit.scale_nm[j] ** -2)
+                    if self.weighting == "huber":
+                        weights *= huber_weights(misfit)
+                    weighted = (matrix * weights[:, np.newaxis]).T
+                    gram[columns[:, np.newaxis], columns] += weighted @ matrix
+                    score[columns] += weighted @ misfit
+        yield Cluster(gram, score)
+
+
+def weighted_by_residuals(
+    triangles: Sequence[Triangle], known: Sequence[Triangle], names: tuple[str, ...]
+) -> tuple[Solution, FloatArray]:
+    """Solve with each joint's rows over their own residual, found by iteration.
+
+    Parameters
+    ----------
+    triangles : sequence of Triangle
+        One a joint.
+    known : sequence of Triangle
+        Prior knowledge, weighted already.
+    names : tuple of str
+        The parameters.
+
+    Returns
+    -------
+    solution : Solution
+        The estimate.
+    scale_nm : ndarray, shape (n,)
+        What each joint's rows were divided by.
+
+    Raises
+    ------
+    EstimationError
+        The motion does not show the parameters.
+    """
+    scale = np.ones(len(triangles))
+    solution = weighted(triangles, known, scale, names)
+    for _ in range(REWEIGHTINGS):
+        residual = _residual(triangles, solution)
+        better = np.maximum(residual, 1e-9 * residual.max() + 1e-300)
+        settled = bool(np.all(np.abs(scale / better - 1.0) < SETTLED))
+        scale = better
+        solution = weighted(triangles, known, scale, names)
+        if settled:
+            break
+    return solution, scale
+
+
+def weighted(
+    triangles: Sequence[Triangle],
+    known: Sequence[Triangle],
+    scale: FloatArray,
+    names: tuple[str, ...],
+) -> Solution:
+    """Solve with each joint's rows divided by its `scale`, shape (n,)."""
+    return solve([*triangles, *known], [*(1.0 / scale), *(1.0 for _ in known)], names)
+
+
+def _residual(triangles: Sequence[Triangle], solution: Solution) -> FloatArray:
+    """Return the RMS residual of each joint, (n,)."""
+    error = np.array([triangle.residual_sum(solution.values) for triangle in triangles])
+    rows = np.array([triangle.rows for triangle in triangles], dtype=np.float64)
+    return np.asarray(np.sqrt(error / np.maximum(rows, 1.0)))

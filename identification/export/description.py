@@ -1,0 +1,157 @@
+"""A robot with identified inertias as URDF, SDF and as a Python file that builds it in Pinocchio.
+
+All three refuse links that no body can have. Friction is a line through the model's; rotors,
+spring and what else a format cannot say is listed at the top of the file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.formats.urdf import rotation_of_rpy, rpy_of_rotation
+from config.robot.robot import Joint
+from dynamics.geometry.kinematics import Chain
+from identification.consistency.rigid_body import LinkBody
+from identification.export.model import ExportModel, StraightFriction
+from identification.export.text import head, identifier, nested, numbers, plain, render
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A frame in the one before, as the formats write it."""
+
+    frame: FloatArray
+
+    @property
+    def xyz(self) -> str:
+        return numbers(self.frame[:3, 3], " ")
+
+    @property
+    def rpy(self) -> str:
+        return numbers(rpy_of_rotation(self.frame[:3, :3]), " ")
+
+    @property
+    def rows(self) -> str:
+        return nested(self.frame[:3, :3])
+
+    @property
+    def origin(self) -> str:
+        return nested(self.frame[:3, 3])
+
+
+@dataclass(frozen=True, eq=False)
+class _Link:
+    """A link and the joint that moves it, as the formats write them."""
+
+    name: str
+    parent: str
+    joint: Joint
+    place: _Place
+    body: LinkBody
+    friction: StraightFriction
+    armature: float
+    rotor_inertia: float
+
+    @property
+    def centre(self) -> str:
+        return numbers(self.body.centre_m, " ")
+
+    @property
+    def centre_commas(self) -> str:
+        return numbers(self.body.centre_m)
+
+    @property
+    def inertia(self) -> dict[str, float]:
+        elements = zip(("xx", "xy", "xz", "yy", "yz", "zz"), self._upper(), strict=True)
+        return {name: float(value) for name, value in elements}
+
+    @property
+    def inertia_commas(self) -> str:
+        return numbers(self._upper())
+
+    def _upper(self) -> FloatArray:
+        return self.body.inertia_kg_m2[np.triu_indices(3)]
+
+
+def urdf(model: ExportModel) -> str:
+    """Return a URDF of the robot.
+
+    The links are `base`, `link1` to the last, and `tool`; where gravity does not point along -z of
+    the base, `world` stands below it with z up.
+
+    Raises
+    ------
+    EstimationError
+        Where a link cannot exist.
+    """
+    return _render("robot.urdf.j2", model)
+
+
+def sdf(model: ExportModel) -> str:
+    """Return an SDF model (version 1.7), fixed to the world.
+
+    Raises
+    ------
+    EstimationError
+        Where a link cannot exist.
+    """
+    return _render("robot.sdf.j2", model)
+
+
+def pinocchio_model(model: ExportModel) -> str:
+    """Return a Python file whose `build_model()` makes the robot in Pinocchio.
+
+    Raises
+    ------
+    EstimationError
+        Where a link cannot exist.
+    """
+    return _render("pinocchio_model.py.j2", model)
+
+
+def _render(template: str, model: ExportModel) -> str:
+    model.require_links_that_exist()
+    upright = np.eye(4)
+    upright[:3, :3] = model.upright
+    robot = model.robot
+    armatures = template.startswith("pinocchio")
+    return render(
+        template,
+        name=identifier(robot.name),
+        head=head(model),
+        left_out=[plain(line) for line in model.left_out(armatures=armatures)],
+        mount=None if np.array_equal(model.upright, np.eye(3)) else _Place(upright),
+        links=[_link(model, number) for number in range(len(robot.joints))],
+        tool=_Place(_tool(model)),
+        gravity=numbers(model.model.chain.gravity_m_s2),
+    )
+
+
+def _link(model: ExportModel, number: int) -> _Link:
+    joint = model.robot.joints[number]
+    armature = model.armature(number)
+    return _Link(
+        name=f"link{number + 1}",
+        parent=f"link{number}" if number else "base",
+        joint=joint,
+        place=_Place(model.placements[number]),
+        body=model.links[number],
+        friction=model.straight_friction(number),
+        armature=armature,
+        rotor_inertia=armature / joint.gear_ratio**2,
+    )
+
+
+def _tool(model: ExportModel) -> FloatArray:
+    chain: Chain = model.model.chain
+    frame = np.eye(4)
+    frame[:3, 3] = chain.tool_m
+    frame[:3, :3] = rotation_of_rpy(*model.robot.tool_rpy_rad)
+    kinematics = model.robot.kinematics
+    if kinematics.convention == "standard_dh":  # its last frame is turned against axis n's
+        twist = rotation_of_rpy(kinematics.calibrated_rows[-1].alpha_rad, 0.0, 0.0)
+        frame[:3, :3] = twist @ frame[:3, :3]
+    return frame

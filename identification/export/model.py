@@ -1,0 +1,247 @@
+"""`ExportModel`: one value for every standard parameter, as other programs want a robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from scipy.optimize import nnls
+
+from config.arrays import FloatArray, read_only
+from config.errors import EstimationError
+from config.robot.robot import Joint, RobotDescription
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.friction import Friction
+from dynamics.terms.payload import Payload
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from dynamics.terms.spring import Spring
+from identification.consistency.rigid_body import LinkBody
+from identification.friction.curve import friction_columns
+
+T = TypeVar("T")
+
+SPEEDS = 200
+SLOWEST_SHARE = 0.02
+
+
+@dataclass(frozen=True)
+class StraightFriction:
+    """Friction as other formats know it: friction + damping |speed|, and a constant offset."""
+
+    friction: float
+    damping: float
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
+class ExportModel:
+    """A robot's model with a value for every standard parameter.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot.
+    model : RobotModel
+        Its model; the friction's speeds and the gears' losses are in it.
+    parameters : ndarray, shape (p,)
+        Values of `model.parameter_names`.
+    origin : tuple of str
+        Where they come from, a line each.
+    """
+
+    robot: RobotDescription
+    model: RobotModel
+    parameters: FloatArray
+    origin: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        shape = (len(self.model.parameter_names),)
+        values = read_only("parameters", self.parameters, float, shape, EstimationError)
+        object.__setattr__(self, "parameters", values)
+
+    @cached_property
+    def links(self) -> tuple[LinkBody, ...]:
+        """The links about their centres, base to flange.
+
+        Raises
+        ------
+        EstimationError
+            Where a link has no mass.
+        """
+        bodies = self.parameters[: PARAMETERS_PER_LINK * self.model.chain.n]
+        if np.any(bodies[::PARAMETERS_PER_LINK] == 0.0):
+            raise EstimationError(
+                "the identified parameters alone say no link's mass: export the physically"
+                " consistent ones"
+            )
+        return tuple(LinkBody.of(body) for body in bodies.reshape(-1, PARAMETERS_PER_LINK))
+
+    def require_links_that_exist(self) -> None:
+        """Refuse links that no body can have.
+
+        Raises
+        ------
+        EstimationError
+            Where a mass is not positive, or an inertia not that of any body.
+        """
+        for number, link in enumerate(self.links, start=1):
+            if not link.can_exist:
+                moments = ", ".join(f"{m:.4g}" for m in link.principal_moments_kg_m2)
+                raise EstimationError(
+                    f"link {number} cannot exist: mass {link.mass_kg:.4g} kg, principal moments"
+                    f" {moments} kg m^2. A simulator would diverge with it; export the physically"
+                    " consistent parameters, or measure with a motion that shows this link"
+                )
+
+    def term(self, kind: type[T]) -> tuple[T, FloatArray] | None:
+        """Return a term of the model and its parameters' values, or None."""
+        groups = self.model.parameter_groups.values()
+        for term, columns in zip(self.model.terms, groups, strict=True):
+            if isinstance(term, kind):
+                return term, self.parameters[columns]
+        return None
+
+    def of(self, parameter: str) -> float:
+        """Return one parameter's value, 0 where the model does not have it."""
+        names = self.model.parameter_names
+        return float(self.parameters[names.index(parameter)]) if parameter in names else 0.0
+
+    @cached_property
+    def placements(self) -> FloatArray:
+        """Where every link's frame is in the one before at position zero, (n, 4, 4)."""
+        chain = self.model.chain
+        out = np.zeros((chain.n, 4, 4))
+        for i, (_, _, theta, a, d) in enumerate(chain.rows):
+            fixed, (c, s) = chain.fixed_rotations[i], (np.cos(theta), np.sin(theta))
+            out[i, :3, :3] = fixed @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            out[i, :3, 3] = d * fixed[:, 2] + np.array([a, 0.0, 0.0])
+            out[i, 3, 3] = 1.0
+        out[0, :3, 3] += np.array(self.robot.base_offset_m)
+        return out
+
+    @property
+    def upright(self) -> FloatArray:
+        """Rotation of the robot's base in a frame whose z points up, (3, 3)."""
+        gravity = self.model.chain.gravity_m_s2
+        size = float(np.linalg.norm(gravity))
+        if size == 0.0:
+            return np.eye(3)
+        up = -gravity / size
+        return _turn_onto_z(up)
+
+    def couples(self, joint: int) -> bool:
+        """Whether a joint's actuator moves other joints too, or other actuators this joint."""
+        coupling = self.model.coupling
+        if coupling is None:
+            return False
+        others = np.delete(np.arange(self.model.chain.n), joint)
+        return bool(np.any(coupling[joint, others]) or np.any(coupling[others, joint]))
+
+    def straight_friction(self, joint: int) -> StraightFriction:
+        """Return the straight line closest to a joint's friction, neither part negative.
+
+        With classical friction it is that friction. Temperatures are the reference's.
+        """
+        found = self.term(Friction)
+        if found is None or self.couples(joint):
+            return StraightFriction(0.0, 0.0, 0.0)
+        fastest = self.robot.joints[joint].limits.velocity
+        speed = np.linspace(SLOWEST_SHARE * fastest, fastest, SPEEDS)
+        both = np.concatenate([speed, -speed])
+        torque = friction_columns(self.model, joint, both) @ found[1]
+        forward, backward = np.split(torque, 2)
+        line, _ = nnls(np.column_stack([np.ones(SPEEDS), speed]), 0.5 * (forward - backward))
+        offset = float(np.mean(0.5 * (forward + backward)))
+        return StraightFriction(float(line[0]), float(line[1]), offset)
+
+    def armature(self, joint: int) -> float:
+        """Return what a rotor adds to its own joint's inertia, link side.
+
+        mu^2 I, and 2 mu e.z I more for a motor that rides on the link that it moves: the same as
+        (1 + mu)^2 I where the lumped part is counted in (D.27).
+        """
+        if self.couples(joint):
+            return 0.0
+        description = self.robot.joints[joint]
+        plain = self.of(f"Ia{joint + 1}")
+        inertia, ratio = self.of(f"Im{joint + 1}"), description.gear_ratio
+        along = 0.0
+        rotor = description.rotor
+        if rotor is not None and rotor.link == joint + 1 and description.type == "revolute":
+            along = rotor.axis[2]
+        return plain + inertia * (ratio**2 + 2.0 * ratio * along)
+
+    def left_out(self, *, armatures: bool) -> tuple[str, ...]:
+        """Return, in words, what formats of plain bodies and joints cannot say of this model."""
+        lines: list[str] = []
+        for j, joint in enumerate(self.robot.joints):
+            lines += self._left_out_of(j, joint, armatures=armatures)
+        spring = self.robot.spring
+        if spring is not None and (found := self.term(Spring)) is not None:
+            term, values = found
+            words = ", ".join(
+                f"{name} = {value:.6g} {unit}"
+                for name, value, unit in zip(
+                    term.parameter_names, values, term.parameter_units, strict=True
+                )
+            )
+            lines.append(f"the spring across {spring.joint} ({words})")
+        if self.term(Payload) is not None:
+            lines.append("the payload: the last link is the robot's own")
+        gravity = float(np.linalg.norm(self.model.chain.gravity_m_s2))
+        if abs(gravity - 9.81) > 1e-6:
+            lines.append(f"gravity: identified with {gravity:.6g} m/s^2")
+        return tuple(lines)
+
+    def _left_out_of(self, j: int, joint: Joint, *, armatures: bool) -> list[str]:
+        lines: list[str] = []
+        if self.couples(j):
+            return [f"friction and rotor of {joint.name}: its actuator moves other joints too"]
+        inertia = self.of(f"Im{j + 1}")
+        if self.armature(j) != 0.0 and not armatures:
+            lines.append(
+                f"the rotor of {joint.name}: it adds {self.armature(j):.6g} to the joint's inertia"
+                " (armature)"
+            )
+        if inertia != 0.0:
+            lines.append(
+                f"what the rotor of {joint.name} ({inertia:.6g} kg m^2, ratio"
+                f" {joint.gear_ratio:g}) does to other joints"
+            )
+        straight = self.straight_friction(j)
+        if abs(straight.offset) > 1e-9 * max(straight.friction, 1e-9):
+            lines.append(
+                f"the constant part of the friction of {joint.name}: {straight.offset:.6g}"
+            )
+        names = self.model.parameter_names
+        curved = [word for key, word in _CURVED.items() if f"{key}_{joint.name}" in names]
+        if curved:
+            lines.append(
+                f"the friction of {joint.name} is a line through the model's {', '.join(curved)}"
+            )
+        lines += [
+            f"{loss.parameter.name} = {loss.parameter.value:.6g}: what the gear loses of its load"
+            for loss in self.model.transmission.losses
+            if loss.joint == j
+        ]
+        return lines
+
+
+_CURVED = {"f3": "cubic", "fcr": "cube root", "fs": "Stribeck", "fcT": "temperature"}
+
+
+def _turn_onto_z(up: FloatArray) -> FloatArray:
+    """Return the smallest rotation R with R up = z; half a turn about x where up is -z."""
+    z = np.array([0.0, 0.0, 1.0])
+    cosine = float(up @ z)
+    if cosine > 1.0 - 1e-15:
+        return np.eye(3)
+    axis = np.cross(up, z)
+    size = float(np.linalg.norm(axis))
+    if size < 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    x, y, w = axis / size
+    skew = np.array([[0.0, -w, y], [w, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + size * skew + (1.0 - cosine) * skew @ skew)

@@ -1,0 +1,136 @@
+"""Identified parameters as tables for other programs: CSV with a row a value, JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from typing import Any, Literal
+
+import numpy as np
+
+from config.arrays import FloatArray
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.estimation.estimate import Estimate
+from identification.export.model import ExportModel
+
+Kind = Literal["identified", "shape", "consistent", "link"]
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """One value.
+
+    `kind` is "identified" for a base parameter, "shape" for a nonlinear one (Stribeck speed,
+    efficiency), "consistent" for a standard parameter of the physically consistent estimate, and
+    "link" for what follows from those of a link, about its centre of gravity. `words` says which
+    combination of standard parameters it is; sigmas are standard deviations, None where unknown.
+    """
+
+    kind: Kind
+    name: str
+    words: str
+    value: float
+    unit: str
+    sigma: float | None = None
+    sigma_noise: float | None = None
+    sigma_residual: float | None = None
+
+
+def table(estimate: Estimate, consistent: ExportModel | None = None) -> tuple[TableRow, ...]:
+    """Return every identified value and, where given, the physically consistent ones.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The identified parameters.
+    consistent : ExportModel, optional
+        The physically consistent standard parameters.
+    """
+    base, noise, model = estimate.base, estimate.sigma_noise, estimate.model
+    rows = [
+        TableRow(
+            "identified",
+            base.names[i],
+            base.words[i],
+            float(estimate.values[i]),
+            base.units[i],
+            float(estimate.sigma[i]),
+            None if noise is None else float(noise[i]),
+            float(estimate.sigma_residual[i]),
+        )
+        for i in range(len(base))
+    ]
+    shapes = zip(
+        model.shape_names, model.shape_values, model.shape_units, estimate.shape_sigma, strict=False
+    )
+    rows += [
+        TableRow("shape", name, name, float(value), unit, float(sigma))
+        for name, value, unit, sigma in shapes
+    ]
+    if consistent is not None:
+        own = consistent.model
+        rows += [
+            TableRow("consistent", name, name, float(value), unit)
+            for name, value, unit in zip(
+                own.parameter_names, consistent.parameters, own.parameter_units, strict=True
+            )
+        ]
+        for number in range(1, own.chain.n + 1):
+            rows += _link_rows(consistent, number)
+    return tuple(rows)
+
+
+def csv_table(estimate: Estimate, consistent: ExportModel | None = None) -> str:
+    """Return the table as CSV (RFC 4180), one head row, decimal points, empty where unknown."""
+    text = io.StringIO()
+    names = list(TableRow.__dataclass_fields__)
+    writer = csv.DictWriter(text, names, lineterminator="\r\n")
+    writer.writeheader()
+    for row in table(estimate, consistent):
+        values = asdict(row)
+        writer.writerow(
+            {k: repr(v) if isinstance(v, float) else _text(v) for k, v in values.items()}
+        )
+    return text.getvalue()
+
+
+def _text(value: str | None) -> str | None:
+    """Return a text that no spreadsheet takes for a formula."""
+    return f"'{value}" if value and value[0] in "=+-@\t\r" else value
+
+
+def json_table(estimate: Estimate, consistent: ExportModel | None = None) -> str:
+    """Return the table as JSON, with the robot, where the values come from, and how good they are.
+
+    Not the model file that other commands read: that one is complete, this one is for people and
+    programs that only want the numbers.
+    """
+    document: dict[str, Any] = {
+        "kind": "rid-daq parameters",
+        "software": f"rid-daq {version('rid-daq')}",
+        "robot": estimate.robot.name,
+        "joints": list(estimate.robot.joint_names),
+        "cell": estimate.cell_name,
+        "runs": list(estimate.run_ids),
+        "condition_number": estimate.condition_number,
+        "residual_nm": estimate.residual_nm.tolist(),
+        "unseen": list(estimate.base.unseen),
+        "parameters": [asdict(row) for row in table(estimate, consistent)],
+    }
+    return json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+
+
+def _link_rows(model: ExportModel, number: int) -> list[TableRow]:
+    link = model.links[number - 1]
+    tensor: FloatArray = link.inertia_kg_m2[np.triu_indices(3)]
+    values = [link.mass_kg, *link.centre_m, *tensor]
+    names = ("mass", "centre_x", "centre_y", "centre_z", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+    units = ("kg", *("m",) * 3, *("kg m^2",) * 6)
+    assert len(values) == PARAMETERS_PER_LINK
+    return [
+        TableRow("link", f"link{number}.{name}", f"{name} of link {number}", float(value), unit)
+        for name, value, unit in zip(names, values, units, strict=True)
+    ]

@@ -1,0 +1,142 @@
+"""`FrictionCurve`: friction of one joint over its speed, measured apart from everything else.
+
+What both directions have in common as friction (`odd`) needs no knowledge of gravity; where they
+differ (`even`: more friction one way than the other) gravity must be known or modelled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import FloatArray, read_only
+from config.errors import EstimationError
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.conditions import Conditions
+from dynamics.terms.friction import Friction
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionCurve:
+    """Friction at k speeds, link side.
+
+    Moving forwards at `speed` takes odd + even, moving backwards -odd + even, beside gravity.
+
+    Attributes
+    ----------
+    joint : str
+        The joint.
+    speed : ndarray, shape (k,)
+        Speeds, positive [rad/s or m/s].
+    odd, odd_sigma : ndarray, shape (k,)
+        Half of what turning round changes, and its standard deviation [N m or N].
+    even : ndarray, shape (k,), or None
+        What stays when turning round, gravity taken off; None where it was not measured.
+    even_covariance : ndarray, shape (k, k), or None
+        Its covariance: gravity is common to all speeds.
+    """
+
+    joint: str
+    speed: FloatArray
+    odd: FloatArray
+    odd_sigma: FloatArray
+    even: FloatArray | None = None
+    even_covariance: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        k = len(self.speed)
+        if (self.even is None) != (self.even_covariance is None):
+            raise EstimationError("friction curve: even needs its covariance, and only even")
+        for name, shape in (
+            ("speed", (k,)),
+            ("odd", (k,)),
+            ("odd_sigma", (k,)),
+            ("even", (k,)),
+            ("even_covariance", (k, k)),
+        ):
+            if (values := getattr(self, name)) is not None:
+                array = read_only(f"friction {name}", values, float, shape, EstimationError)
+                object.__setattr__(self, name, array)
+
+    @property
+    def forward(self) -> FloatArray | None:
+        """Torque of friction while moving forwards, shape (k,)."""
+        return None if self.even is None else self.odd + self.even
+
+    @property
+    def backward(self) -> FloatArray | None:
+        """Torque of friction while moving backwards, usually negative, shape (k,)."""
+        return None if self.even is None else self.even - self.odd
+
+    @property
+    def direction_sigma(self) -> FloatArray | None:
+        """Standard deviation of `forward` and of `backward`, shape (k,)."""
+        if self.even_covariance is None:
+            return None
+        return np.asarray(np.sqrt(self.odd_sigma**2 + np.diagonal(self.even_covariance)))
+
+
+def joined(curves: Sequence[FrictionCurve]) -> FrictionCurve:
+    """Return the curves of one joint as one, ordered by speed; `even` where all have it."""
+    speed = np.concatenate([curve.speed for curve in curves])
+    order = np.argsort(speed, kind="stable")
+    evens = [curve.even for curve in curves if curve.even is not None]
+    covariances = [c.even_covariance for c in curves if c.even_covariance is not None]
+    even = covariance = None
+    if len(evens) == len(curves):
+        even = np.concatenate(evens)[order]
+        covariance = np.zeros((len(speed), len(speed)))
+        start = 0
+        for block in covariances:
+            covariance[start : start + len(block), start : start + len(block)] = block
+            start += len(block)
+        covariance = covariance[order[:, np.newaxis], order]
+    return FrictionCurve(
+        joint=curves[0].joint,
+        speed=speed[order],
+        odd=np.concatenate([curve.odd for curve in curves])[order],
+        odd_sigma=np.concatenate([curve.odd_sigma for curve in curves])[order],
+        even=even,
+        even_covariance=covariance,
+    )
+
+
+def friction_columns(model: RobotModel, joint: int, speed: FloatArray) -> FloatArray:
+    """Return what each friction coefficient of a model does to one joint at signed speeds.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot, with friction.
+    joint : int
+        The joint, from 0; the others rest.
+    speed : ndarray, shape (s,)
+        Speeds of its actuator [rad/s or m/s].
+
+    Returns
+    -------
+    ndarray, shape (s, coefficients)
+        N m or N per unit; temperatures are the reference's.
+
+    Raises
+    ------
+    EstimationError
+        The model has no friction.
+    """
+    term = next((term for term in model.terms if isinstance(term, Friction)), None)
+    if term is None:
+        raise EstimationError("the model has no friction")
+    n = model.chain.n
+    velocity = np.zeros((len(speed), n))
+    velocity[:, joint] = speed
+    if model.coupling is not None:
+        velocity = velocity @ model.coupling.T
+    rest, warm = np.zeros_like(velocity), np.full(n, np.nan)
+    for column in term.columns:
+        warm[column.joint] = column.reference_temperature_k
+    motion = model.motion(rest, velocity, rest, Conditions(temperature_k=warm))
+    out = np.zeros((len(speed), n, len(term.columns)))
+    term.fill_torque(motion, out)
+    return out[:, joint]

@@ -1,0 +1,355 @@
+"""Friction apart from everything else: `FrictionCurve`s out of the two motions made for it.
+
+Runs at constant speed, both ways over the same positions, and a path there and back in time: in
+both, what remains of torque when the speed changes its sign is gravity and inertia, and half of
+what changes is friction (physics: section 4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import qr
+
+from acquisition.motion.constant_velocity import ConstantRun, constant_velocity_runs
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import Phase
+from acquisition.processing.periods import PeriodAverage, average_periods
+from acquisition.recording.recording import Recording
+from acquisition.signals.bins import Derivatives, differentiate_on_bins, divide_filter
+from config.arrays import BoolArray, FloatArray
+from config.errors import DataQualityError, EstimationError
+from config.motion.motion import ConstantVelocityMotion, ReversedMotion
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import regressor
+from identification.friction.curve import FrictionCurve
+from identification.model.options import ModelOptions
+
+SETTLING_S = 0.1
+BLOCKS = 8
+SPEED_BINS = 12
+SLOWEST_SHARE = 0.02
+BAND_OF_FILTER = 1.0
+LEAST_TURN = 0.3
+
+
+def constant_velocity_curves(
+    recording: Recording, motion: ConstantVelocityMotion, robot: RobotDescription
+) -> tuple[FrictionCurve, ...]:
+    """Return the friction of every joint's motor that was run at constant speeds.
+
+    Each run's stretch is cut into blocks of position; in a block, half the difference of the two
+    directions is friction, and half their sum gravity and whatever friction differs by direction.
+    Gravity over the joint's position is fitted with the functions that the robot's own model has
+    for it; where they cannot be told from a constant, the standard deviations say so. What scatters
+    between blocks (cogging, load) is taken as uncertainty.
+
+    Parameters
+    ----------
+    recording : Recording
+        The run.
+    motion : ConstantVelocityMotion
+        The motion as it was run.
+    robot : RobotDescription
+        The robot.
+
+    Raises
+    ------
+    DataQualityError
+        A run is missing from the recording.
+    EstimationError
+        A joint's motor hardly turns where the joint moves alone.
+    """
+    _, runs = constant_velocity_runs(motion, robot, _sample_period(recording))
+    curves = []
+    for joint in dict.fromkeys(run.joint for run in runs):
+        of_joint = [run for run in runs if run.joint == joint]
+        speeds = sorted({abs(run.speed) for run in of_joint})
+        blocks = [
+            _blocks(recording, [run for run in of_joint if abs(run.speed) == speed])
+            for speed in speeds
+        ]
+        curves.append(_curve(robot, motion, joint, np.array(speeds), blocks))
+    return tuple(curves)
+
+
+def reversed_curves(
+    recording: Recording, motion: ReversedMotion, robot: RobotDescription
+) -> tuple[FrictionCurve, ...]:
+    """Return the friction of every joint's motor that moves in a path there and back in time.
+
+    tau(q, v, a) - tau(q, -v, a) = 2 tau_f(v): rigid bodies, spring and gravity cancel, and so does
+    all friction that does not change its sign with the speed. The mean periods are taken on their
+    bins, up to the anti-alias filter's cut-off, and the filter is divided out. Where a joint turns
+    round, friction itself makes the two ways differ a little in their accelerations; what inertia
+    makes of that is fitted along with friction, and taken off.
+
+    Parameters
+    ----------
+    recording : Recording
+        The run.
+    motion : ReversedMotion
+        The motion as it was run.
+    robot : RobotDescription
+        The robot.
+
+    Raises
+    ------
+    DataQualityError
+        One of the two parts is incomplete.
+    """
+    there, back = (average_periods(part) for part in _two_parts(recording, motion, robot))
+    forward, torque = _on_the_bins(there)
+    backward, torque_back = _on_the_bins(back)
+    at = -np.arange(there.samples_per_period) % there.samples_per_period
+    difference = 0.5 * (torque - torque_back[at])
+    velocity = 0.5 * (forward.velocity - backward.velocity[at])
+    swing = there.position
+    if robot.coupling is not None:  # friction is the motors', so it goes by their speeds
+        to_motors = np.linalg.inv(np.array(robot.coupling)).T
+        velocity, swing = velocity @ to_motors, swing @ to_motors
+    unequal = 0.5 * (forward.acceleration - backward.acceleration[at])
+    return tuple(
+        _binned(name, velocity[:, j], difference[:, j], unequal)
+        for j, name in enumerate(recording.joint_names)
+        if np.ptp(swing[:, j]) > 1e-3
+    )
+
+
+def _motor_turns(robot: RobotDescription, joint: int) -> float:
+    """Return how far a joint's motor turns, over its gear, where the joint alone turns by one.
+
+    Torque is measured at the motor and friction is the motor's (physics: section 6), so friction
+    is that of the motor's speed. With a coupled wrist other motors turn along, but nothing of
+    their friction is in this one's torque.
+
+    Raises
+    ------
+    EstimationError
+        It hardly turns: moving that joint alone shows nothing of its friction.
+    """
+    if robot.coupling is None:
+        return 1.0
+    turns = float(np.linalg.inv(np.array(robot.coupling))[joint, joint])
+    if abs(turns) < LEAST_TURN:
+        raise EstimationError(
+            f"robot {robot.name!r}: with its coupled wrist the motor of {robot.joint_names[joint]}"
+            f" turns by only {abs(turns):.2g} where that joint alone turns by 1, so runs of one"
+            " joint at a time do not show its friction: use a path there and back (`rid-daq design"
+            " CELL --kind reversed`)"
+        )
+    return turns
+
+
+def _sample_period(recording: Recording) -> float:
+    if recording.sample_period_s is None:
+        raise DataQualityError("the recording's stamps are not uniform: its runs cannot be found")
+    return recording.sample_period_s
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """Torques of one speed in blocks of position: both directions, and where."""
+
+    position: FloatArray
+    odd: FloatArray
+    even: FloatArray
+
+    @property
+    def odd_sigma(self) -> float:
+        return float(np.std(self.odd, ddof=1) / np.sqrt(len(self.odd)))
+
+
+def _blocks(recording: Recording, runs: Sequence[ConstantRun]) -> _Blocks:
+    """Return the blocks of all runs of one speed, both ways."""
+    settling = round(SETTLING_S / _sample_period(recording))
+    joint = runs[0].joint
+    rows = [
+        recording.valid
+        & (recording.sample_index >= run.first + settling)
+        & (recording.sample_index < run.end)
+        for run in runs
+    ]
+    for run, own in zip(runs, rows, strict=True):
+        if np.count_nonzero(own) < 2 * BLOCKS:
+            raise DataQualityError(
+                f"the recording holds {np.count_nonzero(own)} rows of the run of"
+                f" {recording.joint_names[joint]} at {run.speed:g} per second: it ended before, or"
+                " rows were lost; record again"
+            )
+    position, torque = recording.position[:, joint], recording.torque_nm[:, joint]
+    low = max(position[own].min() for own in rows)
+    high = min(position[own].max() for own in rows)
+    width = (high - low) / BLOCKS
+    forwards, backwards = (
+        np.logical_or.reduce(
+            [own for run, own in zip(runs, rows, strict=True) if sign * run.speed > 0]
+        )
+        for sign in (1.0, -1.0)
+    )
+    found = []
+    for middle in low + width * (np.arange(BLOCKS) + 0.5):
+        inside = np.abs(position - middle) <= 0.5 * width
+        there, back = forwards & inside, backwards & inside
+        if min(np.count_nonzero(there), np.count_nonzero(back)) < 1:
+            raise DataQualityError(
+                f"the runs of {recording.joint_names[joint]} at {abs(runs[0].speed):g} per second"
+                " do not cover the same positions: look at the following error"
+            )
+        both = there | back
+        # Gravity as a line within the block: the two ways are sampled at different positions.
+        matrix = np.column_stack(
+            [np.ones(both.sum()), np.where(there[both], 1.0, -1.0), position[both] - middle]
+        )
+        level, half, _ = np.linalg.lstsq(matrix, torque[both], rcond=None)[0]
+        found.append((middle, half, level))
+    return _Blocks(*np.array(found).T)
+
+
+def _curve(
+    robot: RobotDescription,
+    motion: ConstantVelocityMotion,
+    joint: int,
+    speeds: FloatArray,
+    blocks: Sequence[_Blocks],
+) -> FrictionCurve:
+    """Take gravity off the even part, all speeds together."""
+    turns = _motor_turns(robot, joint)
+    gravity = _gravity_functions(robot, motion, joint, [b.position for b in blocks])
+    k, g = len(speeds), gravity[0].shape[1]
+    matrix = np.zeros((k * BLOCKS, k + g))
+    for row, functions in enumerate(gravity):
+        rows = slice(row * BLOCKS, (row + 1) * BLOCKS)
+        matrix[rows, row] = 1.0
+        matrix[rows, k:] = functions
+    even = np.concatenate([b.even for b in blocks])
+    # Gravity is not larger than what the joint can give: an end to what cannot be told apart.
+    largest = robot.joints[joint].limits.torque
+    prior = np.hstack([np.zeros((g, k)), np.eye(g)]) / largest
+    sigma, freedom = 1.0, max(1, k * (BLOCKS - 1) - g)
+    solution = _solve(matrix, even, prior, sigma)
+    for _ in range(2):  # the scatter is known after the first pass
+        residual = even - matrix @ solution
+        sigma = max(float(np.sqrt(residual @ residual / freedom)), 1e-9 * largest)
+        solution = _solve(matrix, even, prior, sigma)
+    inverse = np.linalg.inv(np.linalg.qr(np.vstack([matrix / sigma, prior]), mode="r"))
+    covariance = np.asarray((inverse @ inverse.T)[:k, :k], np.float64)
+    return FrictionCurve(
+        joint=robot.joint_names[joint],
+        speed=abs(turns) * speeds,
+        odd=np.sign(turns) * np.array([b.odd.mean() for b in blocks]),
+        odd_sigma=np.array([b.odd_sigma for b in blocks]),
+        even=solution[:k],
+        even_covariance=0.5 * (covariance + covariance.T),
+    )
+
+
+def _solve(matrix: FloatArray, even: FloatArray, prior: FloatArray, sigma: float) -> FloatArray:
+    rhs = np.concatenate([even / sigma, np.zeros(len(prior))])
+    stacked = np.vstack([matrix / sigma, prior])
+    return np.asarray(np.linalg.lstsq(stacked, rhs, rcond=None)[0], np.float64)
+
+
+def _gravity_functions(
+    robot: RobotDescription,
+    motion: ConstantVelocityMotion,
+    joint: int,
+    positions: Sequence[FloatArray],
+) -> list[FloatArray]:
+    """Return the functions of the joint's position that its torque at rest can consist of."""
+    model = ModelOptions(rotors=False, friction=False).build(robot)
+
+    def at_rest(position: FloatArray) -> FloatArray:
+        pose = np.tile(motion.pose, (len(position), 1))
+        pose[:, joint] = position
+        still = np.zeros_like(pose)
+        return regressor(model, pose, still, still)[:, joint]
+
+    limits = robot.joints[joint].limits
+    whole = at_rest(np.linspace(limits.position_min, limits.position_max, 200))
+    _, triangle, order = qr(whole, mode="economic", pivoting=True)
+    size = np.abs(np.diagonal(triangle))
+    kept = order[: int(np.count_nonzero(size > 1e-9 * max(size[0], 1e-9)))]
+    scale = np.maximum(np.sqrt(np.mean(whole[:, kept] ** 2, axis=0)), 1e-12)
+    return [at_rest(position)[:, kept] / scale for position in positions]
+
+
+def _two_parts(
+    recording: Recording, motion: ReversedMotion, robot: RobotDescription
+) -> tuple[Recording, Recording]:
+    """Cut the recording into two periodic ones."""
+    sample_period_s = _sample_period(recording)
+    samples = plan_motion(motion, robot, sample_period_s)
+    rest = np.flatnonzero(samples.phase == Phase.HOLD)
+    period = round(motion.period_s / sample_period_s)
+    index = recording.sample_index
+    return (
+        _part(recording, (index >= 0) & (index < rest[0]), 0, period),
+        _part(recording, index > rest[-1], int(rest[-1]) + 1, period),
+    )
+
+
+def _part(recording: Recording, rows: BoolArray, first: int, period: int) -> Recording:
+    if not rows.any():
+        raise DataQualityError("the recording ends before the way back began: record again")
+    fields = ("time_s", "position", "torque_nm", "valid", "phase")
+    tables = {name: getattr(recording, name)[rows] for name in fields}
+    for name in ("target_position", "velocity_command", "temperature_k", "answered"):
+        values = getattr(recording, name)
+        tables[name] = None if values is None else values[rows]
+    return replace(
+        recording,
+        **tables,
+        sample_index=recording.sample_index[rows] - first,
+        samples_per_period=period,
+        reaction=None,  # a force plate feels no friction
+    )
+
+
+def _on_the_bins(average: PeriodAverage) -> tuple[Derivatives, FloatArray]:
+    """Return a mean period's motion and torque, without the anti-alias filter."""
+    samples, step_s = average.samples_per_period, average.sample_period_s
+    harmonics = (samples - 1) // 2
+    if average.torque_filter is not None:
+        highest_hz = BAND_OF_FILTER * average.torque_filter.cutoff_hz
+        harmonics = min(harmonics, int(highest_hz * samples * step_s))
+    motion = differentiate_on_bins(average.position, step_s, harmonics)
+    torque = divide_filter(average.torque_nm, step_s, average.torque_filter, harmonics)
+    return motion, torque
+
+
+def _binned(
+    joint: str, velocity: FloatArray, difference: FloatArray, unequal: FloatArray
+) -> FrictionCurve:
+    """Gather a period by speed; every passage through a bin counts as one value."""
+    speed = np.abs(velocity)
+    fast = speed > SLOWEST_SHARE * speed.max()
+    edges = np.quantile(speed[fast], np.linspace(0.0, 1.0, SPEED_BINS + 1))
+    number = np.where(fast, np.digitize(speed, edges[1:-1]), -1)
+    in_bin = (number[:, np.newaxis] == np.arange(SPEED_BINS)).astype(np.float64)
+    # Friction as a line in every bin, and inertia times the accelerations' difference.
+    columns = [in_bin * np.sign(velocity)[:, np.newaxis], in_bin * velocity[:, np.newaxis], unequal]
+    fitted = np.linalg.lstsq(np.hstack(columns)[fast], difference[fast], rcond=None)[0]
+    odd = (difference - unequal @ fitted[2 * SPEED_BINS :]) * np.sign(velocity)
+    changes = np.flatnonzero(np.diff(number)) + 1
+    passages = [rows for rows in np.split(np.arange(len(number)), changes) if number[rows[0]] >= 0]
+    found = []
+    for wanted in range(SPEED_BINS):
+        own = [rows for rows in passages if number[rows[0]] == wanted]
+        if len(own) < 2:
+            continue
+        weight = np.array([len(rows) for rows in own], dtype=float)
+        weight /= weight.sum()
+        values = np.array([odd[rows].mean() for rows in own])
+        mean = float(weight @ values)
+        spread = float(weight @ (values - mean) ** 2) / max(1.0 - float(weight @ weight), 1e-12)
+        middle = float(weight @ np.array([speed[rows].mean() for rows in own]))
+        found.append((middle, mean, np.sqrt(spread * float(weight @ weight))))
+    if not found:
+        raise DataQualityError(
+            f"joint {joint!r} passes no speed twice: use a motion of more harmonics"
+        )
+    table = np.array(found)
+    return FrictionCurve(joint, table[:, 0], table[:, 1], table[:, 2])

@@ -1,0 +1,153 @@
+"""Motions that measure friction alone, made to fit a robot and its surroundings."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from config.arrays import BoolArray, FloatArray
+from config.errors import ConfigError
+from config.motion.motion import ConstantVelocityMotion, FourierMotion, ReversedMotion, SpeedRuns
+from config.robot.bodies import Workspace
+from config.robot.robot import Joint, RobotDescription
+from dynamics.geometry.clearances import Clearances
+
+RANGE_SHARE: Final = 0.8
+WIDEST_RAD: Final = 4.0
+SLOWEST_SHARE: Final = 0.01
+FASTEST_SHARE: Final = 0.8
+ACCELERATION_FRACTION: Final = 0.5
+AT_SPEED_S: Final = 0.5
+PLACES: Final = 400
+POSES: Final = 2000
+
+
+def constant_velocity_motion(
+    robot: RobotDescription,
+    workspace: Workspace | None = None,
+    *,
+    speeds: int = 8,
+    repeats: int = 1,
+    seed: int = 0,
+) -> ConstantVelocityMotion:
+    """Return runs of every joint at speeds from 1 % of its limit to the highest that fits.
+
+    The joints that hold stand at zero, or in the middle of their limits; where the robot would
+    touch something there, in the first random pose in which it does not. A joint runs as far as
+    nothing comes near, within the middle 80 % of its limits.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    workspace : Workspace, optional
+        What surrounds it.
+    speeds : int
+        How many speeds a joint, in even ratios.
+    repeats : int
+        How often each is run.
+    seed : int
+        Of the random poses.
+
+    Raises
+    ------
+    ConfigError
+        No pose keeps clear, or a joint has no room to run.
+    """
+    clearances = Clearances.of(robot, workspace)
+    pose = _clear_pose(robot, clearances, seed)
+    joints = []
+    for j, joint in enumerate(robot.joints):
+        low, high = _free_range(clearances, pose, j, joint)
+        limit = joint.limits.velocity
+        fastest = min(FASTEST_SHARE * limit, _fastest(high - low, joint))
+        if fastest < 2.0 * SLOWEST_SHARE * limit:
+            raise ConfigError(
+                f"joint {joint.name!r} has room from {low:.3g} to {high:.3g} only: too little to"
+                " run at speed; free the workspace, or write the motion file by hand"
+            )
+        even = np.geomspace(SLOWEST_SHARE * limit, fastest, speeds)
+        joints.append(
+            SpeedRuns(
+                joint=joint.name,
+                low=float(low),
+                high=float(high),
+                speeds=tuple(float(f"{speed:.3g}") for speed in even),
+            )
+        )
+    return ConstantVelocityMotion(
+        kind="constant_velocity",
+        robot=robot.name,
+        pose=tuple(float(q) for q in pose),
+        joints=tuple(joints),
+        acceleration_fraction=ACCELERATION_FRACTION,
+        repeats=repeats,
+    )
+
+
+def reversed_motion(there: FourierMotion) -> ReversedMotion:
+    """Return a periodic motion followed by itself backwards in time."""
+    return ReversedMotion(
+        kind="reversed",
+        robot=there.robot,
+        period_s=there.period_s,
+        periods=max(2, there.periods),
+        transient_periods=there.transient_periods,
+        ramp_s=there.ramp_s,
+        joints=there.joints,
+    )
+
+
+def _fastest(stretch: float, joint: Joint) -> float:
+    """Return the speed at which ramps and half a second at speed just fill the stretch."""
+    per_speed = 1.875 / (ACCELERATION_FRACTION * joint.limits.acceleration)
+    return float(
+        (np.sqrt(AT_SPEED_S**2 + 4.0 * per_speed * stretch) - AT_SPEED_S) / (2.0 * per_speed)
+    )
+
+
+def _clear_pose(robot: RobotDescription, clearances: Clearances, seed: int) -> FloatArray:
+    limits = [joint.limits for joint in robot.joints]
+    low = np.array([x.position_min for x in limits])
+    high = np.array([x.position_max for x in limits])
+    middle, half = 0.5 * (low + high), 0.5 * RANGE_SHARE * (high - low)
+    first = np.where(np.abs(middle) < half, 0.0, middle)
+    drawn = np.random.default_rng(seed).uniform(-1.0, 1.0, (POSES, len(low)))
+    for pose in (first, *(middle + half * drawn)):
+        if _clear(clearances, pose[np.newaxis])[0]:
+            return np.asarray(pose)
+    raise ConfigError(
+        f"robot {robot.name!r}: none of {POSES} poses keeps clear of itself and of the workspace:"
+        " check `bodies` in the robot file and `workspace` in the cell file"
+    )
+
+
+def _free_range(
+    clearances: Clearances, pose: FloatArray, j: int, joint: Joint
+) -> tuple[float, float]:
+    """Return how far a joint can go from the pose both ways."""
+    limits = joint.limits
+    middle = 0.5 * (limits.position_min + limits.position_max)
+    half = 0.5 * RANGE_SHARE * (limits.position_max - limits.position_min)
+    low, high = middle - half, middle + half
+    if joint.type == "revolute" and high - low > WIDEST_RAD:
+        low = max(low, pose[j] - 0.5 * WIDEST_RAD)
+        high = low + WIDEST_RAD if low + WIDEST_RAD < high else high
+    places = np.linspace(low, high, PLACES)
+    poses = np.tile(pose, (PLACES, 1))
+    poses[:, j] = places
+    blocked = np.flatnonzero(~_clear(clearances, poses))
+    below, above = blocked[places[blocked] < pose[j]], blocked[places[blocked] > pose[j]]
+    return (
+        float(places[below[-1] + 1]) if len(below) else float(low),
+        float(places[above[0] - 1]) if len(above) else float(high),
+    )
+
+
+def _clear(clearances: Clearances, poses: FloatArray) -> BoolArray:
+    """Return whether nothing comes too near, (poses,)."""
+    if not len(clearances):
+        return np.ones(len(poses), dtype=np.bool_)
+    margin = clearances.margin_m
+    return np.array([(clearances.nearest(pose[np.newaxis]) >= margin).all() for pose in poses])

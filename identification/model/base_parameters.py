@@ -1,0 +1,238 @@
+"""`BaseParameters`: what a motion can tell of a robot's parameters, in words and as a matrix.
+
+Not every standard parameter can be seen in the torques. The base set is found by a rank-revealing
+QR factorisation of the regressor stacked over random samples (physics: section 2): the columns are
+taken in an order that keeps readable parameters, and what depends on columns already taken is
+merged into them.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import qr, solve_triangular
+
+from config.arrays import FloatArray, read_only
+from config.errors import EstimationError
+from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor
+from dynamics.model.transmission import Transmission
+from dynamics.terms.conditions import Conditions
+from identification.regression.least_squares import triangular_factor
+
+ModelKind = Literal["internal", "external", "combined"]
+"""What is measured: joint torques, the reaction on the base, or both (4.1-4.3)."""
+
+_RIGID = re.compile(r"(m|s[xyz]|I[xyz]{2})(\d+|L)")
+# First kept to first merged away: Iyy, sz and m of a link merge into others (Khalil's choice).
+_KEEP_ORDER = ("Izz", "Ixx", "Ixy", "Ixz", "Iyz", "sx", "sy", "Iyy", "sz", "m")
+_ROUNDING = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """The linear combinations of standard parameters that can be identified.
+
+    Attributes
+    ----------
+    names : tuple of str, length b
+        The standard parameter that heads each combination.
+    words : tuple of str, length b
+        Each combination in full, such as "Izz1 + Iyy2 + 0.2304 m3".
+    units : tuple of str, length b
+        Unit of each base parameter (its head's unit).
+    standard_names : tuple of str, length p
+        The model's parameters, in its order.
+    kept : tuple of int, length b
+        Index of each head among the standard parameters.
+    combination : ndarray, shape (b, p)
+        Matrix K of beta = K theta.
+    unseen : tuple of str
+        Standard parameters without any effect.
+    """
+
+    names: tuple[str, ...]
+    words: tuple[str, ...]
+    units: tuple[str, ...]
+    standard_names: tuple[str, ...]
+    kept: tuple[int, ...]
+    combination: FloatArray
+    unseen: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        shape = (len(self.kept), len(self.standard_names))
+        combination = read_only("combination", self.combination, float, shape, EstimationError)
+        object.__setattr__(self, "combination", combination)
+        if not len(self.names) == len(self.words) == len(self.units) == len(self.kept):
+            raise EstimationError(
+                f"base parameters: {len(self.names)} names, {len(self.words)} words and"
+                f" {len(self.units)} units for {len(self.kept)} parameters"
+            )
+
+    def __len__(self) -> int:
+        return len(self.kept)
+
+    @property
+    def rigid_body(self) -> tuple[bool, ...]:
+        """Whether each base parameter is headed by a link's mass, moment or inertia."""
+        return tuple(_RIGID.fullmatch(name) is not None for name in self.names)
+
+    def columns(self, standard_regressor: FloatArray) -> FloatArray:
+        """Return the base regressor (..., b) out of a standard regressor (..., p)."""
+        return standard_regressor[..., list(self.kept)]
+
+    def to_standard(self, values: FloatArray) -> FloatArray:
+        """Return standard parameters (p,) with the same torques: heads only, others zero."""
+        standard = np.zeros(len(self.standard_names))
+        standard[list(self.kept)] = values
+        return standard
+
+    def from_standard(self, parameters: FloatArray) -> FloatArray:
+        """Return beta = K theta, shape (b,), of standard parameters of shape (p,)."""
+        theta = np.asarray(parameters, dtype=float)
+        if theta.shape != (len(self.standard_names),):
+            raise EstimationError(
+                f"{len(self.standard_names)} standard parameters are expected"
+                f" ({', '.join(self.standard_names)}), an array of shape {theta.shape} was given"
+            )
+        return np.asarray(self.combination @ theta)
+
+
+def base_parameters(
+    model: RobotModel,
+    *,
+    kind: ModelKind = "internal",
+    tolerance: float = 1e-8,
+    samples: int = 300,
+    seed: int = 0,
+) -> BaseParameters:
+    """Find the base parameters of a robot model over random, generously exciting samples.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot.
+    kind : "internal", "external" or "combined"
+        What is measured: joint torques (the internal model), the six components of the reaction
+        on the base plate (external), or both. Gears count as lossless; a payload as measured both
+        with and without it.
+    tolerance : float
+        A column whose part independent of the columns kept is smaller than this fraction of it
+        counts as dependent.
+    samples : int
+        Random samples; positions in -pi..pi rad (or -1..1 m), so that the result belongs to the
+        structure and not to one motion.
+    seed : int
+        Seed of the samples.
+
+    Raises
+    ------
+    EstimationError
+        The rank is not clear at this tolerance.
+    """
+    random = np.random.default_rng(seed)
+    shape = (samples, len(model.joint_names))
+    q = random.uniform(-np.pi, np.pi, shape)
+    v, a = random.normal(0.0, 2.0, shape), random.normal(0.0, 5.0, shape)
+    lossless = replace(model, transmission=Transmission())
+    temperature = random.uniform(280.0, 350.0, shape)
+    parts: list[FloatArray] = []
+    for payload in (False, True) if "payload" in model.parameter_groups else (False,):
+        conditions = Conditions(temperature_k=temperature, payload=payload)
+        if kind != "external":
+            parts.append(regressor(lossless, q, v, a, conditions))
+        if kind != "internal":
+            parts.append(base_wrench_regressor(lossless, q, v, a, conditions))
+    columns = len(model.parameter_names)
+    stacked = np.vstack([part.reshape(-1, columns) for part in parts])
+    return independent_columns(stacked, model.parameter_names, model.parameter_units, tolerance)
+
+
+def independent_columns(
+    stacked: FloatArray, names: tuple[str, ...], units: tuple[str, ...], tolerance: float = 1e-8
+) -> BaseParameters:
+    """Find the base parameters of a stacked regressor of shape (rows, p)."""
+    size = np.linalg.norm(stacked, axis=0)
+    seen = size > 1e-12 * size.max(initial=0.0)
+    if not seen.any():
+        raise EstimationError("the regressor is zero: no parameter has any effect")
+    order = [j for j in sorted(range(len(names)), key=lambda j: _priority(names[j])) if seen[j]]
+    triangle = triangular_factor(stacked[:, order] / size[order])
+    kept = _greedy(triangle, tolerance)
+    _check_rank(triangle, len(kept), tolerance)
+
+    # Back to the model's own order: heads ascending, as a person would list them.
+    heads = sorted(order[k] for k in kept)
+    merged = [j for j in order if j not in heads]
+    position = {j: place for place, j in enumerate(order)}
+    basis, upper = np.linalg.qr(triangle[:, [position[j] for j in heads]])
+    scaled = solve_triangular(upper, basis.T @ triangle[:, [position[j] for j in merged]])
+    combination = np.zeros((len(heads), len(names)))
+    combination[range(len(heads)), heads] = 1.0
+    scaled[np.abs(scaled) < _ROUNDING] = 0.0
+    combination[:, merged] = scaled * size[merged] / size[heads][:, np.newaxis]
+    return BaseParameters(
+        names=tuple(names[j] for j in heads),
+        words=tuple(_words(row, names, j) for row, j in zip(combination, heads, strict=True)),
+        units=tuple(units[j] for j in heads),
+        standard_names=names,
+        kept=tuple(heads),
+        combination=combination,
+        unseen=tuple(name for name, known in zip(names, seen, strict=True) if not known),
+    )
+
+
+def _priority(name: str) -> tuple[int, int, int]:
+    """Return a sort key: friction and spring, then rigid bodies by `_KEEP_ORDER`, then rotors."""
+    rigid = _RIGID.fullmatch(name)
+    if rigid is not None:
+        link = 0 if rigid[2] == "L" else int(rigid[2])
+        return (1, _KEEP_ORDER.index(rigid[1]), link)
+    return (2, 0, 0) if name.startswith(("Im", "Ia")) else (0, 0, 0)
+
+
+def _greedy(triangle: FloatArray, tolerance: float) -> list[int]:
+    """Return the columns (of unit norm) independent of all kept before them."""
+    basis = np.zeros((len(triangle), 0))
+    kept: list[int] = []
+    for j in range(triangle.shape[1]):
+        rest = triangle[:, j]
+        for _ in range(2):  # the second pass removes what rounding left of the first
+            rest = rest - basis @ (basis.T @ rest)
+        length = float(np.linalg.norm(rest))
+        if length > tolerance:
+            basis = np.column_stack([basis, rest / length])
+            kept.append(j)
+    return kept
+
+
+def _check_rank(triangle: FloatArray, rank: int, tolerance: float) -> None:
+    """Hold the rank against column-pivoted QR, whose diagonal must show a gap."""
+    diagonal = np.abs(np.diagonal(qr(triangle, mode="r", pivoting=True)[0]))
+    pivoted = int(np.count_nonzero(diagonal > tolerance))
+    if pivoted != rank:
+        raise EstimationError(
+            f"the number of base parameters is not clear at tolerance {tolerance:g}: {rank} columns"
+            f" are independent one by one, {pivoted} by pivoted QR; nearly parallel axes do this:"
+            " choose a tolerance on one side of the small pivots"
+            f" {', '.join(f'{d:.1e}' for d in diagonal[min(rank, pivoted) - 1 :][:4])}"
+        )
+
+
+def _words(row: FloatArray, names: tuple[str, ...], head: int) -> str:
+    """Write one combination: its head first, then the rest in the model's order."""
+    text = names[head]
+    for j in np.flatnonzero(row):
+        if j == head:
+            continue
+        coefficient = float(f"{float(f'{row[j]:.10g}'):.5g}")  # 10 first: no coin-flip at a tie
+        factor = "" if abs(coefficient) == 1.0 else f"{_plain(abs(coefficient))} "
+        text += f" {'-' if coefficient < 0.0 else '+'} {factor}{names[j]}"
+    return text
+
+
+def _plain(value: float) -> str:
+    """Write five significant digits, without an exponent where that stays short."""
+    return f"{value:.0f}" if 1e4 <= value < 1e7 else f"{value:.5g}"

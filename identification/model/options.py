@@ -1,0 +1,63 @@
+"""`ModelOptions`: which terms an estimate's model has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pydantic import ValidationError
+
+from config.errors import EstimationError
+from config.robot.robot import FrictionTerm, Joint, RobotDescription
+from dynamics.model.robot_model import RobotModel
+from identification.model.base_parameters import ModelKind
+
+
+@dataclass(frozen=True)
+class ModelOptions:
+    """Which terms the model has; see `RobotModel.from_description`.
+
+    `kind` says what is measured of it: the external and the combined model need a force plate.
+    `friction_terms` replaces the terms of every joint where it is given, `shape` the values of the
+    model's nonlinear parameters (`RobotModel.shape_names`).
+    """
+
+    kind: ModelKind = "internal"
+    rotors: bool = True
+    friction: bool = True
+    spring: bool = True
+    sign_smoothing_rad_s: float = 0.0
+    friction_terms: tuple[FrictionTerm, ...] | None = None
+    payload: bool = False
+    shape: tuple[float, ...] | None = None
+
+    def build(self, robot: RobotDescription) -> RobotModel:
+        """Build the model of a robot with these terms.
+
+        Raises
+        ------
+        EstimationError
+            Where `shape` has not as many values as the model has nonlinear parameters, or the
+            friction terms contradict each other or a joint.
+        """
+        if self.friction_terms is not None:
+            joints = tuple(_with_friction(joint, self.friction_terms) for joint in robot.joints)
+            robot = robot.model_copy(update={"joints": joints})
+        model = RobotModel.from_description(
+            robot,
+            rotors=self.rotors,
+            friction=self.friction,
+            spring=self.spring,
+            payload=self.payload,
+            sign_smoothing_rad_s=self.sign_smoothing_rad_s,
+        )
+        return model if self.shape is None else model.with_shape(self.shape)
+
+
+def _with_friction(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:
+    try:
+        return Joint.model_validate(joint.model_dump() | {"friction": terms})
+    except ValidationError as error:
+        message = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise EstimationError(
+            f"friction terms {', '.join(terms)} for joint {joint.name}: {message}"
+        ) from None

@@ -1,0 +1,89 @@
+"""Columns of the torque equations: base parameters, and slopes of the nonlinear ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from config.arrays import FloatArray, IntArray
+from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
+from dynamics.model.shape_slopes import shape_slopes
+from dynamics.model.transmission import Transmission
+from dynamics.terms.conditions import Conditions
+from identification.model.base_parameters import BaseParameters
+
+
+def torque_columns(
+    model: RobotModel,
+    base: BaseParameters,
+    motion: tuple[FloatArray, FloatArray, FloatArray],
+    conditions: Conditions | None = None,
+    standard: FloatArray | None = None,
+) -> FloatArray:
+    """Return the base regressor, and behind it how torque changes with the nonlinear parameters.
+
+    Near shape parameters xi0 and standard parameters theta0 the torque is, to first order,
+    Phi(xi0) theta + S (xi - xi0) with S = d(Phi theta0)/d xi: Gauss-Newton's equations.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The model, at xi0.
+    base : BaseParameters
+        What of it can be identified.
+    motion : tuple of (samples, n) arrays
+        q, v, a.
+    conditions : Conditions, optional
+        Temperature and payload.
+    standard : (parameters,) array, optional
+        theta0. Without it there are no slopes, and gears lose nothing yet.
+
+    Returns
+    -------
+    (samples, n, b) array, or (samples, n, b + s) with theta0
+    """
+    if standard is None:
+        lossless = replace(model, transmission=Transmission())
+        return base.columns(regressor(lossless, *motion, conditions))
+    if model.transmission.losses:
+        load = load_torque(model, *motion, standard, conditions)
+        conditions = replace(conditions or Conditions(), load_nm=load)
+    columns = base.columns(regressor(model, *motion, conditions))
+    if not model.shape_names:
+        return columns
+    return np.concatenate([columns, shape_slopes(model, *motion, standard, conditions)], axis=2)
+
+
+def wrench_columns(
+    model: RobotModel,
+    base: BaseParameters,
+    motion: tuple[FloatArray, FloatArray, FloatArray],
+    conditions: Conditions | None = None,
+    standard: FloatArray | None = None,
+) -> FloatArray:
+    """Return the same of the base wrench, (samples, 6, b or b + s).
+
+    Gears are inside the robot: the base feels none of the nonlinear parameters.
+    """
+    columns = base.columns(base_wrench_regressor(model, *motion, conditions))
+    if standard is None or not model.shape_names:
+        return columns
+    return np.concatenate([columns, np.zeros((*columns.shape[:2], len(model.shape_names)))], axis=2)
+
+
+def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> tuple[IntArray, ...]:
+    """Return which columns of `torque_columns` each joint's torque can depend on at all.
+
+    A joint does not feel the links before it; the zeros are found on random motions.
+    """
+    random = np.random.default_rng(0)
+    motion = tuple(random.normal(size=(3, 20, model.chain.n)))
+    standard = random.normal(size=len(model.parameter_names)) if slopes else None
+    warm = np.full(model.chain.n, 310.0)
+    seen = np.zeros((model.chain.n, len(base) + (len(model.shape_names) if slopes else 0)), bool)
+    for payload in (False, True):
+        conditions = Conditions(temperature_k=warm, payload=payload)
+        columns = torque_columns(model, base, motion, conditions, standard)
+        seen |= np.any(columns != 0.0, axis=0)
+    return tuple(np.flatnonzero(row) for row in seen)

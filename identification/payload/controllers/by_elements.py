@@ -1,0 +1,223 @@
+"""Load data that tell inertia by elements of its matrix: FANUC, UR, Franka, Staubli, URDF."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Final
+
+import numpy as np
+
+from config.errors import EstimationError
+from config.formats.urdf import rotation_of_rpy
+from identification.payload.body import PayloadBody
+from identification.payload.controllers.text import NUMBER, comments, digits, found, numbers
+
+KGF_CM_S2: Final = 0.0980665
+"""One kgf cm s^2 in kg m^2: 9.80665 N times 0.01 m times s^2."""
+LARGEST_UR_KG_M2: Final = 133.0
+
+# FANUC: the payload schedule's screen, in cm and kgf cm s^2, without products of inertia.
+
+_FANUC_LINES: Final = (
+    "PAYLOAD [kg]",
+    "PAYLOAD CENTER X [cm]",
+    "PAYLOAD CENTER Y [cm]",
+    "PAYLOAD CENTER Z [cm]",
+    "PAYLOAD INERTIA X [kgfcms^2]",
+    "PAYLOAD INERTIA Y [kgfcms^2]",
+    "PAYLOAD INERTIA Z [kgfcms^2]",
+)
+
+
+def to_fanuc(body: PayloadBody, origin: tuple[str, ...]) -> str:
+    """Write a FANUC payload schedule."""
+    inertia = body.inertia_kg_m2
+    moments = np.diagonal(inertia) / KGF_CM_S2
+    xy, xz, yz = inertia[0, 1], inertia[0, 2], inertia[1, 2]
+    head = (
+        *origin,
+        "Payload schedule, as its screen shows it: kg, cm, kgf cm s^2 (0.0980665 kg m^2).",
+        "Frame: the faceplate with X up, Y right seen from behind, Z out; the robot file's tool",
+        "frame must be that one. Inertia about the centre of gravity. It has no products of",
+        f"inertia: Ixy, Ixz, Iyz = {digits(xy)}, {digits(xz)}, {digits(yz)} kg m^2 are left out.",
+    )
+    values = [body.mass_kg, *(1e2 * body.centre_m), *moments]
+    lines = (f"{name:<28} {digits(v)}\n" for name, v in zip(_FANUC_LINES, values, strict=True))
+    return comments("#", head) + "".join(lines)
+
+
+def from_fanuc(text: str) -> PayloadBody:
+    """Read a FANUC payload schedule; ValueError where the text is none."""
+    values = np.array(
+        [
+            float(found(rf"(?m)^{re.escape(name)}\s+{NUMBER}\s*$", text, name).group(1))
+            for name in _FANUC_LINES
+        ]
+    )
+    return PayloadBody(float(values[0]), values[1:4] / 1e2, np.diag(values[4:] * KGF_CM_S2))
+
+
+# Universal Robots: SI, the whole matrix as Ixx, Iyy, Izz, Ixy, Ixz, Iyz in the flange's axes.
+
+
+def to_ur(body: PayloadBody, origin: tuple[str, ...]) -> str:
+    """Write Universal Robots' set_target_payload."""
+    elements = body.reported[4:]
+    if np.max(np.abs(elements)) > LARGEST_UR_KG_M2:
+        raise EstimationError(
+            f"an inertia of {np.max(np.abs(elements)):.4g} kg m^2 is more than the controller takes"
+            f" ({LARGEST_UR_KG_M2:g})"
+        )
+    head = (
+        *origin,
+        "set_target_payload(m [kg], centre of gravity [m] from the tool flange, inertia [kg m^2]",
+        "Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the centre of gravity in the flange's axes, transition",
+        "time [s]). The call sets the force-torque sensor to zero.",
+    )
+    centre = ", ".join(digits(x) for x in body.centre_m)
+    inertia = ", ".join(digits(x) for x in elements)
+    return (
+        comments("#", head)
+        + f"set_target_payload({digits(body.mass_kg)}, [{centre}], [{inertia}], 0.1)\n"
+    )
+
+
+def from_ur(text: str) -> PayloadBody:
+    """Read Universal Robots' set_target_payload; ValueError where the text is none."""
+    further = rf"\s*,\s*{NUMBER}"
+    pattern = (
+        rf"(?m)^\s*set_target_payload\(\s*{NUMBER}\s*,\s*\[\s*{NUMBER}{2 * further}\s*\]\s*,"
+        rf"\s*\[\s*{NUMBER}{5 * further}\s*\]"
+    )
+    values = numbers(found(pattern, text, "set_target_payload(m, [x, y, z], [six elements])"))
+    return PayloadBody.of_reported(values)
+
+
+# Franka: SI, 3 x 3 column by column.
+
+
+def to_franka(body: PayloadBody, origin: tuple[str, ...]) -> str:
+    """Write Franka's setLoad."""
+    document = {
+        "about": [
+            *origin,
+            "setLoad(load_mass, F_x_Cload, load_inertia): load_mass [kg]; F_x_Cload [m], centre of"
+            " gravity from the flange; load_inertia [kg m^2], 3 x 3 column by column, about the"
+            " centre of gravity in the flange's axes. It comes on top of what Desk holds as the"
+            " end effector.",
+        ],
+        "load_mass": float(digits(body.mass_kg)),
+        "F_x_Cload": [float(digits(x)) for x in body.centre_m],
+        "load_inertia": [float(digits(x)) for x in body.inertia_kg_m2.flatten(order="F")],
+    }
+    return json.dumps(document, ensure_ascii=False, indent=1) + "\n"
+
+
+def from_franka(text: str) -> PayloadBody:
+    """Read Franka's setLoad; ValueError where the text is none."""
+    document = json.loads(text)
+    inertia = np.array(document["load_inertia"], dtype=float)
+    if inertia.shape != (9,):
+        raise ValueError("load_inertia has not nine elements")
+    return PayloadBody(
+        float(document["load_mass"]),
+        np.array(document["F_x_Cload"], dtype=float),
+        inertia.reshape(3, 3, order="F"),
+    )
+
+
+# Staubli: what the tool's load wants, as a table to be entered.
+
+_STAUBLI_LINES: Final = (
+    "mass_kg",
+    "x_mm",
+    "y_mm",
+    "z_mm",
+    "Ixx_kg_m2",
+    "Iyy_kg_m2",
+    "Izz_kg_m2",
+    "Ixy_kg_m2",
+    "Ixz_kg_m2",
+    "Iyz_kg_m2",
+)
+
+
+def to_staubli(body: PayloadBody, origin: tuple[str, ...]) -> str:
+    """Write a Staubli tool's load."""
+    values = np.array(body.reported)
+    values[1:4] *= 1e3
+    head = (
+        *origin,
+        "Load of the tool, to be entered by hand: mass [kg]; centre of gravity [mm] from the",
+        "flange; inertia [kg m^2] about the centre of gravity in the flange's axes, as elements of",
+        "the matrix (Ixy = -integral of x y dm). NOT VERIFIED with a controller: the names are",
+        "ours; what it takes, and the sign of its products of inertia, stand in its manual.",
+    )
+    lines = (f"{name} = {digits(v)}\n" for name, v in zip(_STAUBLI_LINES, values, strict=True))
+    return comments("//", head) + "".join(lines)
+
+
+def from_staubli(text: str) -> PayloadBody:
+    """Read a Staubli tool's load; ValueError where the text is none."""
+    values = np.array(
+        [
+            float(found(rf"(?m)^{name}\s*=\s*{NUMBER}\s*$", text, name).group(1))
+            for name in _STAUBLI_LINES
+        ]
+    )
+    values[1:4] /= 1e3
+    return PayloadBody.of_reported(values)
+
+
+# URDF: a link of its own, its inertia about the centre of gravity in the frame of <inertial>.
+
+
+def to_urdf(body: PayloadBody, origin: tuple[str, ...]) -> str:
+    """Write a URDF link."""
+    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    values = dict(zip(names, body.reported[4:], strict=True))
+    order = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    inertia = " ".join(f'{name}="{digits(values[name])}"' for name in order)
+    centre = " ".join(digits(x) for x in body.centre_m)
+    about = "; ".join(
+        (*origin, "kg, m, kg m^2; inertia about the centre of gravity, axes of the flange")
+    ).replace("--", "- -")
+    return (
+        '<?xml version="1.0"?>\n'
+        f"<!-- {about} -->\n"
+        '<robot name="payload">\n'
+        '  <link name="flange"/>\n'
+        '  <joint name="flange_to_payload" type="fixed">\n'
+        '    <parent link="flange"/>\n'
+        '    <child link="payload"/>\n'
+        '    <origin xyz="0 0 0" rpy="0 0 0"/>\n'
+        "  </joint>\n"
+        '  <link name="payload">\n'
+        "    <inertial>\n"
+        f'      <origin xyz="{centre}" rpy="0 0 0"/>\n'
+        f'      <mass value="{digits(body.mass_kg)}"/>\n'
+        f"      <inertia {inertia}/>\n"
+        "    </inertial>\n"
+        "  </link>\n"
+        "</robot>\n"
+    )
+
+
+def from_urdf(text: str) -> PayloadBody:
+    """Read a URDF link; ValueError where the text is none."""
+    inside = found(
+        r'(?s)<link name="payload">\s*<inertial>(.*?)</inertial>', text, "link payload"
+    ).group(1)
+    xyz = found(r'<origin xyz="([^"]*)" rpy="([^"]*)"', inside, "origin")
+    rpy = [float(angle) for angle in xyz.group(2).split()]
+    axes = rotation_of_rpy(*rpy)
+    mass = float(found(rf'<mass value="{NUMBER}"', inside, "mass").group(1))
+    xx, yy, zz, xy, xz, yz = (
+        float(found(rf'{name}="{NUMBER}"', inside, name).group(1))
+        for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    )
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    turned = axes @ inertia @ axes.T
+    centre = np.array([float(x) for x in xyz.group(1).split()])
+    return PayloadBody(mass, centre, (turned + turned.T) / 2.0)

@@ -1,0 +1,150 @@
+"""A payload as each maker's controller wants it: units, axes and order are where tools go wrong.
+
+Every format is a pair of functions, body to text and text to body, so that what was written can be
+read back and compared. All are about the centre of gravity, from the flange (the robot file's tool
+frame); each text says its units and its frame at its top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from config.errors import ConfigError, EstimationError
+from identification.payload.body import PayloadBody
+from identification.payload.controllers.by_elements import (
+    from_fanuc,
+    from_franka,
+    from_staubli,
+    from_ur,
+    from_urdf,
+    to_fanuc,
+    to_franka,
+    to_staubli,
+    to_ur,
+    to_urdf,
+)
+from identification.payload.controllers.by_principal_axes import (
+    from_abb,
+    from_kuka,
+    to_abb,
+    to_kuka,
+)
+
+PRECISION: Final = 1e-8
+LARGEST_TEXT: Final = 1_000_000
+
+
+class LoadFormat(StrEnum):
+    """Whose controller the payload is for."""
+
+    KUKA = "kuka"
+    ABB = "abb"
+    FANUC = "fanuc"
+    UR = "ur"
+    FRANKA = "franka"
+    STAUBLI = "staubli"
+    URDF = "urdf"
+
+
+@dataclass(frozen=True)
+class _Codec:
+    """How one format is written and read, and whether it holds products of inertia."""
+
+    write: Callable[[PayloadBody, tuple[str, ...]], str]
+    read: Callable[[str], PayloadBody]
+    whole_inertia: bool = True
+
+
+def load_data(body: PayloadBody, to: LoadFormat, origin: tuple[str, ...] = ()) -> str:
+    """Return a payload in a maker's format.
+
+    Parameters
+    ----------
+    body : PayloadBody
+        The payload, from the flange.
+    to : LoadFormat
+        The format.
+    origin : tuple of str
+        Lines about where the numbers come from; control characters are left out.
+
+    Raises
+    ------
+    EstimationError
+        No body can have these values, or the controller would refuse them.
+    """
+    if not body.can_exist:
+        raise EstimationError(
+            "no body can have this mass and inertia (principal moments must be positive, none"
+            " larger than the other two together): no controller gets it"
+        )
+    lines = tuple("".join(c for c in line if c.isprintable()) for line in origin)
+    text = _CODECS[to].write(body, lines)
+    worst = deviation(body, read_load_data(text, to), to)
+    if worst > PRECISION:
+        raise EstimationError(
+            f"what was written for {to.value} reads back different by {worst:.1e}: nothing is kept"
+        )
+    return text
+
+
+_UNREADABLE: Final = (
+    ValueError,
+    KeyError,
+    TypeError,
+    IndexError,
+    OverflowError,
+    RecursionError,
+    EstimationError,
+)
+
+
+def read_load_data(text: str, form: LoadFormat) -> PayloadBody:
+    """Return the payload that stands in a text of a maker's format.
+
+    Raises
+    ------
+    ConfigError
+        The text is not of this format.
+    """
+    if len(text) > LARGEST_TEXT:
+        raise ConfigError("larger than any load data: give the file of payload export")
+    try:
+        return _CODECS[form].read(text)
+    except _UNREADABLE as error:
+        raise ConfigError(f"not load data of the format {form.value}: {error}") from None
+
+
+def deviation(wanted: PayloadBody, found: PayloadBody, form: LoadFormat) -> float:
+    """Return the largest difference of two payloads, as a share of the first one's size.
+
+    Of the mass; of the centre's distance, at least 1 mm; of the largest principal moment. Products
+    of inertia count where the format holds them.
+    """
+    reach = max(float(np.linalg.norm(wanted.centre_m)), 1e-3)
+    moment = float(np.linalg.eigvalsh(wanted.inertia_kg_m2)[-1])
+    inertia = np.abs(found.inertia_kg_m2 - wanted.inertia_kg_m2) / moment
+    if not _CODECS[form].whole_inertia:
+        inertia = np.diagonal(inertia)
+    return float(
+        max(
+            abs(found.mass_kg / wanted.mass_kg - 1.0),
+            np.max(np.abs(found.centre_m - wanted.centre_m)) / reach,
+            np.max(inertia),
+        )
+    )
+
+
+_CODECS: Final[dict[LoadFormat, _Codec]] = {
+    LoadFormat.KUKA: _Codec(to_kuka, from_kuka),
+    LoadFormat.ABB: _Codec(to_abb, from_abb),
+    LoadFormat.FANUC: _Codec(to_fanuc, from_fanuc, whole_inertia=False),
+    LoadFormat.UR: _Codec(to_ur, from_ur),
+    LoadFormat.FRANKA: _Codec(to_franka, from_franka),
+    LoadFormat.STAUBLI: _Codec(to_staubli, from_staubli),
+    LoadFormat.URDF: _Codec(to_urdf, from_urdf),
+}

@@ -1,0 +1,287 @@
+"""`PayloadEquations`: all that recordings say of a payload, condensed cluster by cluster.
+
+The unknowns are the payload's ten parameters in the flange's frame and, behind them, whatever else
+the torques depend on: the robot, and the friction of every run on its own, since friction is never
+carried over from one run to the next (physics: section 11).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final, Literal
+
+import numpy as np
+
+from config.arrays import FloatArray, IntArray
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.consistency.closest_robot import honest_metric
+from identification.estimation.estimate import Estimate
+from identification.model.base_parameters import BaseParameters, base_parameters
+from identification.model.options import ModelOptions
+from identification.payload.body import PARAMETERS, flange_pose, to_link
+from identification.regression.least_squares import triangular_factor
+
+Procedure = Literal["together", "difference", "model", "apart"]
+"""How the robot is told from what it carries (physics: section 11).
+
+`together`: robot and payload from runs with and without it. `difference`: the same motion with and
+without, torques subtracted. `model`: runs with it alone, less a robot identified before. `apart`:
+the robot identified with it as if it were part of the last link, less the robot without.
+"""
+
+DEPENDENT: Final = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadModel:
+    """A robot's model with an unknown body on its flange.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot.
+    options : ModelOptions
+        Its terms.
+    model : RobotModel
+        The model; its last ten standard parameters are the payload's.
+    base : BaseParameters
+        The robot's base parameters, and behind them the payload's ten as they are.
+    """
+
+    robot: RobotDescription
+    options: ModelOptions
+    model: RobotModel
+    base: BaseParameters
+
+    @classmethod
+    def of(cls, robot: RobotDescription, options: ModelOptions | None = None) -> PayloadModel:
+        """Build the model of a robot with the terms that options ask for.
+
+        Raises
+        ------
+        EstimationError
+            The options contradict the robot, or ask for a force plate.
+        """
+        options = replace(options or ModelOptions(), payload=True)
+        if options.kind != "internal":
+            raise EstimationError(
+                f"a payload is identified from the joints' torques: leave the {options.kind} model"
+                " out"
+            )
+        model = options.build(robot)
+        alone = base_parameters(replace(options, payload=False).build(robot))
+        payload = range(len(alone.standard_names), len(model.parameter_names))
+        names = tuple(model.parameter_names[j] for j in payload)
+        combination = np.zeros((len(alone) + len(names), len(model.parameter_names)))
+        combination[: len(alone), : len(alone.standard_names)] = alone.combination
+        combination[range(len(alone), len(combination)), payload] = 1.0
+        base = BaseParameters(
+            names=(*alone.names, *names),
+            words=(*alone.words, *names),
+            units=(*alone.units, *(model.parameter_units[j] for j in payload)),
+            standard_names=model.parameter_names,
+            kept=(*alone.kept, *payload),
+            combination=combination,
+            unseen=alone.unseen,
+        )
+        return cls(robot, options, model, base)
+
+    @cached_property
+    def friction(self) -> IntArray:
+        """Which base parameters are friction."""
+        group = self.model.parameter_groups.get("friction", slice(0, 0))
+        return np.flatnonzero([group.start <= kept < group.stop for kept in self.base.kept])
+
+    @cached_property
+    def links(self) -> IntArray:
+        """Which base parameters are the robot's, friction and payload left out."""
+        robot = np.arange(len(self.base) - PARAMETERS_PER_LINK)
+        return np.asarray(np.setdiff1d(robot, self.friction))
+
+    @cached_property
+    def flange_to_link(self) -> FloatArray:
+        """Turns the payload's parameters from the flange's frame into the last link's, (10, 10)."""
+        return to_link(flange_pose(self.robot))
+
+    def with_shape(self, model: RobotModel) -> PayloadModel:
+        """Return the same with the nonlinear parameters of another model."""
+        shape = tuple(model.shape_values.tolist()) or None
+        return replace(self, options=replace(self.options, shape=shape), model=model)
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where the columns of one run's equations go among all unknowns.
+
+    Columns arrive as those of `PayloadModel.base` and, behind them, slopes of nonlinear parameters.
+    """
+
+    model: PayloadModel
+    runs: int
+    with_robot: bool = True
+    slopes: int = 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All unknowns: the payload's, the robot's, each run's friction, the slopes' steps."""
+        base = self.model.base
+        robot = [base.words[j] for j in self.model.links] if self.with_robot else []
+        friction = [
+            f"{base.names[j]} in run {run + 1}"
+            for run in range(self.runs)
+            for j in self.model.friction
+        ]
+        steps = self.model.model.shape_names[: self.slopes]
+        return (*PARAMETERS, *robot, *friction, *steps)
+
+    def spread(self, run: int, columns: FloatArray) -> FloatArray:
+        """Return columns (..., b or b + s) of a run as columns (..., p) of all unknowns."""
+        model = self.model
+        b, f, n = len(model.base), len(model.friction), PARAMETERS_PER_LINK
+        out = np.zeros((*columns.shape[:-1], len(self.names)))
+        out[..., :n] = columns[..., b - n : b] @ model.flange_to_link
+        start = n
+        if self.with_robot:
+            out[..., start : start + len(model.links)] = columns[..., model.links]
+            start += len(model.links)
+        place = start + run * f
+        out[..., place : place + f] = columns[..., model.friction]
+        if self.slopes:
+            out[..., -self.slopes :] = columns[..., b:]
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadEquations:
+    """Whitened equations A x = y of a payload and all else, cluster by cluster.
+
+    Attributes
+    ----------
+    procedure : Procedure
+        How they were made.
+    joint_names : tuple of str, length n
+        The joints.
+    names : tuple of str, length p
+        The unknowns, the payload's ten `PARAMETERS` first.
+    factors : tuple of ndarray, each (any, p + n)
+        R of the QR factorisation of [A Y] of one cluster, Y the share of y that each joint
+        measured (the shares add up to y).
+    joints : tuple of ndarray, n of shape (any, p + 1)
+        R of [A y] of all of a joint's equations in N m (N), not whitened.
+    rows : tuple of int, length n
+        Equations of each joint.
+    divisors : ndarray, shape (2, n)
+        What sums of squares over `joints` are divided by to be mean squares over time: of all runs,
+        and of those with the payload.
+    known : ndarray, shape (any, p + 1)
+        What is known beforehand, as equations with unit noise, right side last.
+    runs : tuple of int
+        Which run each cluster is of, from 0.
+    """
+
+    procedure: Procedure
+    joint_names: tuple[str, ...]
+    names: tuple[str, ...]
+    factors: tuple[FloatArray, ...]
+    joints: tuple[FloatArray, ...]
+    rows: tuple[int, ...]
+    divisors: FloatArray
+    known: FloatArray
+    runs: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        p, n = len(self.names), len(self.joint_names)
+        if self.names[:PARAMETERS_PER_LINK] != PARAMETERS:
+            raise EstimationError("the first unknowns must be the payload's ten parameters")
+        if len(self.runs) != len(self.factors):
+            raise EstimationError("each cluster needs the number of its run")
+        if any(factor.shape[1] != p + n for factor in self.factors):
+            raise EstimationError(f"each cluster needs {p + n} columns")
+        if self.known.shape[1] != p + 1:
+            raise EstimationError(f"prior knowledge needs {p + 1} columns")
+
+    @cached_property
+    def whole(self) -> FloatArray:
+        """R of [A Y] of all clusters, shape (p + n, p + n)."""
+        width = len(self.names) + len(self.joint_names)
+        stacked = np.vstack([*self.factors, np.zeros((width, width))])
+        return triangular_factor(stacked)
+
+    def weakened(self, factor: float) -> PayloadEquations:
+        """Return the equations with the noise of everything measured a factor larger."""
+        return replace(self, factors=tuple(each / factor for each in self.factors))
+
+
+def condense(matrices: Sequence[FloatArray], sides: Sequence[FloatArray], width: int) -> FloatArray:
+    """Return R of [A Y] of a cluster from each joint's whitened rows (any, p) and sides (any,)."""
+    n = len(matrices)
+    parts = []
+    for j, (matrix, rhs) in enumerate(zip(matrices, sides, strict=True)):
+        part = np.zeros((len(rhs), width + n))
+        part[:, :width] = matrix
+        part[:, width + j] = rhs
+        parts.append(part)
+    return triangular_factor(np.vstack(parts))
+
+
+def robot_prior(layout: Layout, robot: Estimate) -> FloatArray:
+    """Return a robot identified before as equations of the unknowns, shape (any, p + 1).
+
+    Its friction is not taken over. Its links count as known as well as their honest covariance
+    says, so that what the model is worth shows in the payload's intervals.
+
+    Raises
+    ------
+    EstimationError
+        It is another robot, or its model has other terms.
+    """
+    model = layout.model
+    wanted = [model.base.words[j] for j in model.links]
+    strangers = [words for words in wanted if words not in robot.base.words]
+    if strangers:
+        raise EstimationError(
+            f"the model of the unloaded robot does not know {strangers[0]}: it is of another robot,"
+            " or was identified with other terms"
+        )
+    places = [robot.base.words.index(words) for words in wanted]
+    sigma, factor = honest_metric(robot)
+    spread = sigma[:, np.newaxis] * factor
+    covariance = (spread @ spread.T)[np.ix_(places, places)]
+    scale = np.sqrt(np.diagonal(covariance))
+    lower = np.linalg.cholesky(covariance / np.outer(scale, scale))
+    rows = np.zeros((len(places), len(layout.names) + 1))
+    columns = slice(PARAMETERS_PER_LINK, PARAMETERS_PER_LINK + len(places))
+    rows[:, columns] = np.linalg.solve(lower, np.diag(1.0 / scale))
+    rows[:, -1] = rows[:, columns] @ robot.values[places]
+    return rows
+
+
+def independent(whole: FloatArray, unknowns: int, first: int) -> IntArray:
+    """Return which unknowns from `first` on are told apart: a basis of all columns behind it.
+
+    Parameters
+    ----------
+    whole : ndarray, shape (any, unknowns + any)
+        Equations.
+    unknowns, first : int
+        How many columns are unknowns, and where those looked at begin.
+    """
+    basis = np.zeros((len(whole), 0))
+    size = np.linalg.norm(whole[:, :unknowns], axis=0)
+    kept: list[int] = []
+    for j in range(first, unknowns):
+        if size[j] <= 1e-12 * size.max(initial=1e-300):
+            continue
+        rest = whole[:, j] / size[j]
+        for _ in range(2):  # the second pass removes what rounding left of the first
+            rest = rest - basis @ (basis.T @ rest)
+        length = float(np.linalg.norm(rest))
+        if length > DEPENDENT:
+            basis = np.column_stack([basis, rest / length])
+            kept.append(j)
+    return np.array(kept, dtype=np.int64)

@@ -1,0 +1,311 @@
+"""`PayloadEstimate`: mass, centre of gravity, inertia of what a robot carries, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy.special import chdtrc
+
+from config.arrays import FloatArray, read_only
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.consistency.closest_robot import SMALLEST_BODY, SMALLEST_P
+from identification.consistency.programme import ConsistencyProgramme
+from identification.consistency.pseudo_inertia import pseudo_inertia
+from identification.payload.body import (
+    PARAMETERS,
+    PayloadBody,
+    reported,
+    reported_slopes,
+)
+from identification.payload.equations import PayloadEquations, Procedure
+from identification.payload.solution import Known, PayloadSolution, solve_payload
+
+PULL: Final = 1e-9
+FLOOR_SHARE: Final = 0.02
+SEEN: Final = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadEstimate:
+    """Ten inertial parameters of a payload, in the frame of the flange (5.6).
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot that carried it.
+    procedure : Procedure
+        How it was told from the robot.
+    values : ndarray, shape (10,)
+        `PARAMETERS` about the flange's origin. Those that were not seen hold no meaning.
+    covariance : ndarray, shape (10, 10)
+        Honest: what coloured residuals, noise, known quantities and torque constants leave open.
+    covariance_noise : ndarray, shape (10, 10)
+        By the noise that rows were divided by alone.
+    gain_slopes : ndarray, shape (10, n)
+        How `values` change with a relative error of each joint's torque (its torque constant).
+    unseen : ndarray, shape (10, any)
+        Orthonormal directions of the parameters that the motion does not show.
+    condition_number : float
+        Of the payload's columns with all else projected out.
+    known : tuple of Known
+        What was known otherwise and held.
+    residual_nm, payload_nm : ndarray, shape (n,)
+        RMS of each joint's torque that is left over, and of that which the payload makes [N m, N].
+    equations : int
+        How many there were.
+    cell_name, run_ids : str, tuple of str
+        Where it was measured.
+    """
+
+    robot: RobotDescription
+    procedure: Procedure
+    values: FloatArray
+    covariance: FloatArray
+    covariance_noise: FloatArray
+    gain_slopes: FloatArray
+    unseen: FloatArray
+    condition_number: float
+    known: tuple[Known, ...]
+    residual_nm: FloatArray
+    payload_nm: FloatArray
+    equations: int
+    cell_name: str = ""
+    run_ids: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        ten, n = PARAMETERS_PER_LINK, len(self.robot.joints)
+        for name, shape in (
+            ("values", (ten,)),
+            ("covariance", (ten, ten)),
+            ("covariance_noise", (ten, ten)),
+            ("gain_slopes", (ten, n)),
+            ("unseen", (ten, None)),
+            ("residual_nm", (n,)),
+            ("payload_nm", (n,)),
+        ):
+            array = read_only(f"payload {name}", getattr(self, name), float, shape, EstimationError)
+            object.__setattr__(self, name, array)
+
+    @property
+    def seen_parameters(self) -> tuple[bool, ...]:
+        """Which of `PARAMETERS` the motion shows."""
+        return self._shown(np.eye(PARAMETERS_PER_LINK))
+
+    @property
+    def seen(self) -> tuple[bool, ...]:
+        """Which of `REPORTED` the motion shows."""
+        return self._shown(self._slopes)
+
+    def _shown(self, slopes: FloatArray) -> tuple[bool, ...]:
+        if not self.unseen.shape[1]:
+            return (True,) * len(slopes)
+        size = np.linalg.norm(slopes, axis=1)
+        return tuple((np.linalg.norm(slopes @ self.unseen, axis=1) <= SEEN * size).tolist())
+
+    @property
+    def rank(self) -> int:
+        """How many independent combinations of the ten parameters the motion shows."""
+        return PARAMETERS_PER_LINK - int(self.unseen.shape[1])
+
+    @cached_property
+    def _slopes(self) -> FloatArray:
+        return reported_slopes(self.values)
+
+    @property
+    def reported(self) -> FloatArray:
+        """Estimates of `REPORTED`, shape (10,); not a number where not `seen`."""
+        return np.where(self.seen, reported(self.values), np.nan)
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Standard deviations of `reported`, shape (10,), propagated from `covariance`."""
+        return np.where(self.seen, _sigma(self._slopes, self.covariance), np.inf)
+
+    @property
+    def sigma_noise(self) -> FloatArray:
+        """The same by the noise alone."""
+        return np.where(self.seen, _sigma(self._slopes, self.covariance_noise), np.inf)
+
+    @property
+    def sigma_parameters(self) -> FloatArray:
+        """Standard deviations of `values`, shape (10,)."""
+        sigma = np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0))
+        return np.where(self.seen_parameters, sigma, np.inf)
+
+    @property
+    def reported_covariance(self) -> FloatArray:
+        """Covariance of `reported`, shape (10, 10), of what is seen."""
+        return np.asarray(self._slopes @ self.covariance @ self._slopes.T)
+
+    @property
+    def gain_effects(self) -> FloatArray:
+        """How `reported` changes with a relative error of each joint's torque, shape (10, n)."""
+        return np.asarray(self._slopes @ self.gain_slopes)
+
+    @cached_property
+    def consistent(self) -> tuple[FloatArray, float]:
+        """The parameters of the closest body that can exist, and how likely the data find it.
+
+        Closest in the honest covariance; the probability is that of a chi-square as large as its
+        distance, 1 where the estimate itself can exist.
+
+        Raises
+        ------
+        EstimationError
+            Not all parameters are seen, or there is no such body.
+        """
+        return closest_body(self)
+
+    @property
+    def body(self) -> PayloadBody:
+        """The payload as the closest body that can exist: what exports write."""
+        return PayloadBody.of_parameters(self.consistent[0])
+
+    @property
+    def can_exist(self) -> bool:
+        """Whether a body with the estimate's parameters can exist, as far as the data say."""
+        return self.consistent[1] >= SMALLEST_P
+
+
+def estimate_payload(
+    robot: RobotDescription,
+    equations: PayloadEquations,
+    known: Sequence[Known] = (),
+    *,
+    torque_constant_sigma: float = 0.0,
+    cell_name: str = "",
+    run_ids: tuple[str, ...] = (),
+) -> PayloadEstimate:
+    """Estimate a payload from its equations.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    equations : PayloadEquations
+        What was measured.
+    known : sequence of Known
+        What is known otherwise.
+    torque_constant_sigma : float
+        Relative standard deviation of every joint's torque constant, independent of the others.
+    cell_name, run_ids : str, tuple of str
+        Provenance.
+
+    Raises
+    ------
+    EstimationError
+        The equations say nothing of a payload, or the mass comes out as zero or negative.
+    """
+    if not 0.0 <= torque_constant_sigma < 1.0:
+        raise EstimationError("the torque constants' standard deviation is a share, such as 0.01")
+    solution = solve_payload(equations, known)
+    estimate = of_solution(
+        robot, equations, solution, known, torque_constant_sigma, cell_name, run_ids
+    )
+    mass = estimate.values[0]
+    if estimate.seen_parameters[0] and mass <= 0.0:
+        raise EstimationError(
+            f"the payload's mass comes out as {mass:.3g} ±"
+            f" {2 * estimate.sigma_parameters[0]:.2g} kg: did the runs that are named as loaded"
+            " carry it, and the others not?"
+        )
+    return estimate
+
+
+def of_solution(
+    robot: RobotDescription,
+    equations: PayloadEquations,
+    solution: PayloadSolution,
+    known: Sequence[Known],
+    torque_constant_sigma: float,
+    cell_name: str,
+    run_ids: tuple[str, ...],
+) -> PayloadEstimate:
+    """Return a solution as an estimate; arguments as in `estimate_payload`."""
+    ten = PARAMETERS_PER_LINK
+    honest = _at_least(solution.covariance_honest, solution.covariance_noise)
+    slopes = solution.gain_slopes
+    if equations.procedure == "apart":  # which joint measured what is forgotten there
+        if torque_constant_sigma > 0.0:
+            raise EstimationError(
+                "what torque constants leave open is not told by the procedure `apart`: use another"
+            )
+        slopes = np.zeros_like(slopes)
+    spread = torque_constant_sigma * slopes
+    power = np.array(
+        [
+            [
+                np.sum((factor[:, -1] - factor[:, :-1] @ solution.unknowns) ** 2),
+                np.sum((factor[:, :ten] @ solution.values) ** 2),
+            ]
+            for factor in equations.joints
+        ]
+    ).T
+    residual, caused = np.sqrt(power / np.maximum(equations.divisors, 1.0))
+    return PayloadEstimate(
+        robot=robot,
+        procedure=equations.procedure,
+        values=solution.values,
+        covariance=honest + spread @ spread.T,
+        covariance_noise=solution.covariance_noise,
+        gain_slopes=slopes,
+        unseen=solution.unseen,
+        condition_number=solution.condition_number,
+        known=tuple(known),
+        residual_nm=residual,
+        payload_nm=caused,
+        equations=sum(equations.rows),
+        cell_name=cell_name,
+        run_ids=run_ids,
+    )
+
+
+def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
+    """Return the closest body that can exist and its probability; see `PayloadEstimate`."""
+    if estimate.rank < PARAMETERS_PER_LINK:
+        names = [
+            n for n, seen in zip(PARAMETERS, estimate.seen_parameters, strict=True) if not seen
+        ]
+        raise EstimationError(
+            f"the motion does not show {', '.join(names)}: whether such a body can exist is not"
+            " known; move more axes"
+        )
+    values = np.array(estimate.values)
+    mass = float(values[0])
+    floor = FLOOR_SHARE * pseudo_inertia(np.array(SMALLEST_BODY))
+    if mass > 0.0 and np.linalg.eigvalsh(pseudo_inertia(values) - floor)[0] >= 0.0:
+        return values, 1.0
+    sigma = np.sqrt(np.diagonal(estimate.covariance))
+    correlation = estimate.covariance / np.outer(sigma, sigma)
+    lower = np.linalg.cholesky(correlation + 1e-9 * np.eye(PARAMETERS_PER_LINK))
+    standard = ConsistencyProgramme(
+        matrix=np.asarray(np.linalg.inv(lower), dtype=np.float64),
+        rhs=np.zeros(PARAMETERS_PER_LINK),
+        weight=PULL,
+        centre=values,
+        scale=sigma,
+        bodies=(slice(0, PARAMETERS_PER_LINK),),
+        floors=floor[np.newaxis],
+        not_negative=np.zeros((0, PARAMETERS_PER_LINK)),
+    ).solve()
+    distance = float(np.sum(np.linalg.solve(lower, (standard - values) / sigma) ** 2))
+    return standard, float(chdtrc(PARAMETERS_PER_LINK, distance))
+
+
+def _at_least(honest: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return an honest covariance whose standard deviations are at least those of the noise."""
+    size = np.sqrt(np.maximum(np.diagonal(honest), 0.0))
+    least = np.sqrt(np.maximum(np.diagonal(noise), 0.0))
+    grown = np.divide(least, size, out=np.ones_like(size), where=size > 0.0)
+    grown = np.maximum(grown, 1.0)
+    return np.asarray(honest * np.outer(grown, grown))
+
+
+def _sigma(slopes: FloatArray, covariance: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0)))

@@ -1,0 +1,217 @@
+"""A payload as a JSON file that is complete in itself: `write_payload`, `read_payload`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from config.errors import ConfigError, EstimationError
+from config.formats.json_file import read_json_file
+from config.formats.whole_file import write_whole
+from config.model import ConfigModel
+from config.robot.robot import RobotDescription
+from identification.payload.body import PARAMETERS, REPORTED, REPORTED_UNITS
+from identification.payload.equations import Procedure
+from identification.payload.estimate import PayloadEstimate
+from identification.payload.solution import Known
+from identification.payload.verdict import Check
+
+LARGEST_FILE_BYTES = 5_000_000
+
+Row = tuple[float, ...]
+Matrix = tuple[Row, ...]
+
+
+class _Quantity(ConfigModel):
+    name: str
+    unit: str
+    value: float | None
+    sigma: float | None
+
+
+class _Known(ConfigModel):
+    name: str
+    value: float
+    sigma: float
+
+
+class _Check(ConfigModel):
+    text: str
+    value: float
+    relation: Literal["≤", "≥"]
+    limit: float
+    unit: str
+    passed: bool
+
+
+class PayloadDocument(ConfigModel):
+    """What stands in the file; see `PayloadEstimate` for the meaning."""
+
+    kind: Literal["rid-daq payload"]
+    format: Literal[1]
+    software: str
+    cell: str
+    runs: tuple[str, ...]
+    procedure: Procedure
+    frame: Literal["flange: the tool frame of the robot below"]
+    about_centre_of_gravity: tuple[_Quantity, ...]
+    principal_moments_kg_m2: Row | None
+    principal_axes: Matrix | None
+    known: tuple[_Known, ...]
+    parameters: tuple[str, ...]
+    values: Row
+    covariance: Matrix
+    covariance_noise: Matrix
+    gain_slopes: Matrix
+    unseen: Matrix
+    condition_number: float
+    residual_nm: Row
+    payload_nm: Row
+    equations: int
+    passed: bool
+    checks: tuple[_Check, ...]
+    robot: RobotDescription
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedPayload:
+    """A payload, and the verdict on it."""
+
+    estimate: PayloadEstimate
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every limit was kept, and there was one."""
+        return bool(self.checks) and all(line.passed for line in self.checks)
+
+
+def write_payload(path: Path, payload: JudgedPayload) -> None:
+    """Write a payload as JSON; the same payload gives the same bytes.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be written.
+    """
+    write_whole(path, (payload_document(payload).model_dump_json(indent=1) + "\n").encode())
+
+
+def read_payload(path: Path) -> JudgedPayload:
+    """Read what `write_payload` wrote.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read or is not a payload.
+    """
+    what = "a payload as `rid-daq payload identify` writes it"
+    document = read_json_file(path, PayloadDocument, LARGEST_FILE_BYTES, what)
+    try:
+        return _to_payload(document)
+    except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix
+        raise ConfigError(f"{path}: not a payload that fits itself: {error}") from error
+
+
+def payload_document(payload: JudgedPayload) -> PayloadDocument:
+    """Return a payload as what stands in its file."""
+    estimate = payload.estimate
+    whole = estimate.rank == len(PARAMETERS)
+    moments, axes = estimate.body.principal if whole else (None, None)
+    return PayloadDocument(
+        kind="rid-daq payload",
+        format=1,
+        software=f"rid-daq {version('rid-daq')}",
+        cell=estimate.cell_name,
+        runs=estimate.run_ids,
+        procedure=estimate.procedure,
+        frame="flange: the tool frame of the robot below",
+        about_centre_of_gravity=tuple(
+            _Quantity(
+                name=name,
+                unit=unit,
+                value=float(value) if seen else None,
+                sigma=float(sigma) if seen else None,
+            )
+            for name, unit, value, sigma, seen in zip(
+                REPORTED,
+                REPORTED_UNITS,
+                estimate.reported,
+                estimate.sigma,
+                estimate.seen,
+                strict=True,
+            )
+        ),
+        principal_moments_kg_m2=None if moments is None else _row(moments),
+        principal_axes=None if axes is None else _matrix(axes),
+        known=tuple(_Known(name=k.name, value=k.value, sigma=k.sigma) for k in estimate.known),
+        parameters=PARAMETERS,
+        values=_row(estimate.values),
+        covariance=_matrix(estimate.covariance),
+        covariance_noise=_matrix(estimate.covariance_noise),
+        gain_slopes=_matrix(estimate.gain_slopes),
+        unseen=_matrix(estimate.unseen),
+        condition_number=estimate.condition_number,
+        residual_nm=_row(estimate.residual_nm),
+        payload_nm=_row(estimate.payload_nm),
+        equations=estimate.equations,
+        passed=payload.passed,
+        checks=tuple(
+            _Check(
+                text=line.text,
+                value=line.value,
+                relation="≤" if line.relation == "≤" else "≥",
+                limit=line.limit,
+                unit=line.unit,
+                passed=line.passed,
+            )
+            for line in payload.checks
+        ),
+        robot=estimate.robot,
+    )
+
+
+def _to_payload(document: PayloadDocument) -> JudgedPayload:
+    """Return the payload that stands in a file."""
+    if document.parameters != PARAMETERS:
+        raise EstimationError(f"the parameters must be {', '.join(PARAMETERS)}")
+    estimate = PayloadEstimate(
+        robot=document.robot,
+        procedure=document.procedure,
+        values=np.array(document.values),
+        covariance=np.array(document.covariance),
+        covariance_noise=np.array(document.covariance_noise),
+        gain_slopes=np.array(document.gain_slopes),
+        unseen=np.array(document.unseen).reshape(
+            len(PARAMETERS), len(document.unseen[0]) if document.unseen else 0
+        ),
+        condition_number=document.condition_number,
+        known=tuple(Known(k.name, k.value, k.sigma) for k in document.known),
+        residual_nm=np.array(document.residual_nm),
+        payload_nm=np.array(document.payload_nm),
+        equations=document.equations,
+        cell_name=document.cell,
+        run_ids=document.runs,
+    )
+    lines = tuple(Check(c.text, c.value, c.relation, c.limit, c.unit) for c in document.checks)
+    payload = JudgedPayload(estimate, lines)
+    if payload.passed is not document.passed:
+        raise EstimationError("the verdict does not follow from its checks: was the file edited?")
+    for quantity, value in zip(document.about_centre_of_gravity, estimate.reported, strict=True):
+        if quantity.value is not None and abs(quantity.value - value) > 1e-9 * (1.0 + abs(value)):
+            raise EstimationError(
+                f"{quantity.name} does not follow from the parameters: was the file edited?"
+            )
+    return payload
+
+
+def _row(values: np.ndarray) -> Row:
+    return tuple(float(value) for value in values)
+
+
+def _matrix(values: np.ndarray) -> Matrix:
+    return tuple(_row(row) for row in values)

@@ -1,0 +1,202 @@
+"""What a payload's motion shows badly or not at all, and the motion that would show it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from dynamics.terms.conditions import Conditions
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.accuracy.identifiability import joint_motions
+from identification.model.options import ModelOptions
+from identification.model.torque_columns import torque_columns
+from identification.payload.body import PARAMETERS, REPORTED, REPORTED_UNITS, reported_slopes
+from identification.payload.equations import PayloadModel
+from identification.payload.estimate import PayloadEstimate
+
+WEAK_MASS_SHARE: Final = 0.05
+WEAK_CENTRE_M: Final = 0.01
+WEAK_INERTIA_SHARE: Final = 0.2
+SIMPLER: Final = 1.2
+SMALLEST_GAIN: Final = 1.5
+SHOWN: Final = 1e-6
+
+
+@dataclass(frozen=True)
+class PayloadFinding:
+    """A quantity of the payload that the motion shows badly, or not at all.
+
+    Attributes
+    ----------
+    name, unit : str
+        Of the quantity.
+    value, sigma : float or None
+        Its estimate and honest standard deviation; None where the motion does not show it.
+    motion : str
+        The motion that would show it best, in words; empty where none of those tried does.
+    gain : float or None
+        How many times smaller its standard deviation would be; None where it is not seen yet.
+    """
+
+    name: str
+    unit: str
+    value: float | None
+    sigma: float | None
+    motion: str
+    gain: float | None
+
+    @property
+    def sentence(self) -> str:
+        """The finding in words."""
+        if self.value is None or self.sigma is None:
+            said = f"{self.name} is not seen by this motion"
+            if not self.motion:
+                return f"{said}, nor by any other of one or two joints; hold it as known"
+            return f"{said}; {self.motion} would show it"
+        said = f"{self.name} = {self.value:.3g} ± {2 * self.sigma:.2g} {self.unit} is hardly seen"
+        if not self.motion or self.gain is None:
+            return f"{said}; no motion of one or two joints would show it much better"
+        return (
+            f"{said}; {self.motion} for as long again would make its interval {self.gain:.1f} times"
+            " smaller"
+        )
+
+
+def inertia_size(estimate: PayloadEstimate) -> float:
+    """Return what a share of inertia is taken of: the largest moment about the flange [kg m^2].
+
+    A controller needs the inertia about the wrist's axes, so an interval counts against all of it.
+    """
+    xx, xy, xz, yy, yz, zz = estimate.values[4:]
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return float(max(moments[-1], 1e-6))
+
+
+def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
+    """Return what is not seen, then what is hardly seen, each with the motion that would show it.
+
+    Hardly seen means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of gravity, or
+    20 % of the inertia about the flange. Motions of one joint or two at their limits are tried, as
+    one more pair of runs of the same length and colour of residuals.
+
+    Parameters
+    ----------
+    estimate : PayloadEstimate
+        The estimate.
+    """
+    limits = np.concatenate(
+        [
+            [WEAK_MASS_SHARE * max(abs(float(estimate.values[0])), 1e-3)],
+            np.full(3, WEAK_CENTRE_M),
+            np.full(6, WEAK_INERTIA_SHARE * inertia_size(estimate)),
+        ]
+    )
+    seen = np.array(estimate.seen)
+    unseen_ones = [i for i in range(PARAMETERS_PER_LINK) if not estimate.seen_parameters[i]]
+    weak = [i for i in np.flatnonzero(seen) if 2.0 * estimate.sigma[i] > limits[i]]
+    if not unseen_ones and not weak:
+        return ()
+    tried = _tried(estimate)
+    found = [_unseen(estimate, i, tried) for i in unseen_ones]
+    found += [_weak(estimate, int(i), tried) for i in weak]
+    return tuple(found)
+
+
+Tried = list[tuple[str, FloatArray]]
+
+
+def _tried(estimate: PayloadEstimate) -> Tried:
+    """Return motions in words, and what each would add to the information, (10, 10)."""
+    model = PayloadModel.of(estimate.robot, ModelOptions(rotors=False, spring=False))
+    noise = np.maximum(estimate.residual_nm, 1e-6 * max(float(estimate.residual_nm.max()), 1e-9))
+    b, ten = len(model.base), PARAMETERS_PER_LINK
+    warm = Conditions(temperature_k=np.full(model.model.chain.n, 300.0), payload=True)
+    lossless = model.model
+    white = np.diagonal(estimate.covariance_noise)
+    honest = np.diagonal(estimate.covariance)
+    told = honest > 0.0
+    colour = min(1.0, float(np.median(white[told] / honest[told]))) if told.any() else 1.0
+    tried: Tried = []
+    for words, motion in joint_motions(estimate.robot):
+        columns = torque_columns(lossless, model.base, motion, warm)
+        columns = (columns / noise[:, np.newaxis]).reshape(-1, b)
+        friction = columns[:, model.friction]
+        payload = columns[:, b - ten :] @ model.flange_to_link
+        moving = friction[:, np.linalg.norm(friction, axis=0) > 0.0]
+        basis = _range(moving)
+        rest = payload - basis @ (basis.T @ payload)
+        weight = colour * estimate.equations / len(rest)
+        tried.append((words, weight * rest.T @ rest))
+    return tried
+
+
+def _range(matrix: FloatArray) -> FloatArray:
+    if not matrix.shape[1]:
+        return np.zeros((len(matrix), 0))
+    left, size, _ = np.linalg.svd(matrix, full_matrices=False)
+    return np.asarray(left[:, size > 1e-9 * size[0]])
+
+
+def _unseen(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFinding:
+    """Find the motion that shows one of `PARAMETERS` that is not seen."""
+    target = np.eye(PARAMETERS_PER_LINK)[index]
+    best, smallest = "", np.inf
+    for words, more in tried:
+        sigma = _sigma_with(estimate, more, target)
+        if sigma * SIMPLER < smallest:  # the simpler motion comes first, and stays unless beaten
+            best, smallest = words, sigma
+    name = f"{PARAMETERS[index]} (about the flange)" if index > 3 else PARAMETERS[index]
+    unit = "kg" if index == 0 else "kg m" if index < 4 else "kg m^2"
+    return PayloadFinding(name, unit, None, None, best, None)
+
+
+def _weak(estimate: PayloadEstimate, index: int, tried: Tried) -> PayloadFinding:
+    """Find the motion that shows one of `REPORTED` better."""
+    target = reported_slopes(estimate.values)[index]
+    now = float(estimate.sigma[index])
+    best, smallest = "", now
+    for words, more in tried:
+        sigma = _sigma_with(estimate, more, target)
+        if sigma * SIMPLER < smallest:
+            best, smallest = words, sigma
+    gain = now / smallest
+    return PayloadFinding(
+        name=REPORTED[index],
+        unit=REPORTED_UNITS[index],
+        value=float(estimate.reported[index]),
+        sigma=now,
+        motion=best if gain >= SMALLEST_GAIN else "",
+        gain=gain if gain >= SMALLEST_GAIN else None,
+    )
+
+
+def _sigma_with(estimate: PayloadEstimate, more: FloatArray, target: FloatArray) -> float:
+    """Return the standard deviation of target . theta with more information; inf if not seen."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(more), 0.0) + _size_of(estimate))
+    known = _information(estimate)
+    total = (known + more) * np.outer(scale, scale)
+    values, axes = np.linalg.eigh(total)
+    told = values > SHOWN * values[-1]
+    aim = scale * target
+    hidden = axes[:, ~told].T @ aim
+    if np.linalg.norm(hidden) > 1e-3 * np.linalg.norm(aim):
+        return float(np.inf)
+    return float(np.sqrt(np.sum((axes[:, told].T @ aim) ** 2 / values[told])))
+
+
+def _size_of(estimate: PayloadEstimate) -> FloatArray:
+    diagonal = np.diagonal(_information(estimate))
+    return np.asarray(np.maximum(diagonal, 1e-12))
+
+
+def _information(estimate: PayloadEstimate) -> FloatArray:
+    """Return the inverse of the honest covariance on what is seen, zero on what is not."""
+    hidden = estimate.unseen
+    project = np.eye(PARAMETERS_PER_LINK) - hidden @ hidden.T
+    sigma = np.sqrt(np.maximum(np.diagonal(estimate.covariance), 1e-30))
+    scaled = estimate.covariance / np.outer(sigma, sigma)
+    inverse = np.linalg.pinv(scaled + 1e-9 * np.eye(PARAMETERS_PER_LINK), hermitian=True)
+    return np.asarray(project @ (inverse / np.outer(sigma, sigma)) @ project)

@@ -1,0 +1,332 @@
+"""The motion of a payload session: a small search for what shows a payload best.
+
+What counts is how far mass and centre of gravity will be off, not how well the robot itself is
+seen: the robot cancels between a run with the payload and one without. Speeds stay moderate,
+because fast joints heat the motors, and so does an arm held out against gravity; what tells a
+payload at moderate speed is gravity in many poses of the wrist.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from acquisition.motion.plan import plan_motion
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.motion.motion import FourierJoint, FourierMotion
+from config.robot.bodies import Workspace
+from config.robot.robot import RobotDescription
+from dynamics.geometry.clearances import Clearances
+from dynamics.model.cad import cad_parameters
+from dynamics.terms.conditions import Conditions
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.design.two_harmonic import two_harmonic_draws
+from identification.model.options import ModelOptions
+from identification.model.torque_columns import torque_columns
+from identification.payload.equations import PayloadModel
+
+POSITION_SHARE: Final = 0.8
+SPEED_SHARE: Final = 0.2
+HARMONICS: Final = 6
+DRAWS: Final = 200
+STEPS: Final = 3000
+
+SLOW_RAD_S: Final = 0.05
+POINTS_PER_HARMONIC: Final = 16
+ARM_M: Final = 0.3
+MASS_KG: Final = 5.0
+MASS_GOAL_KG: Final = 0.04
+CENTRE_GOAL_M: Final = 0.002
+NOISE_SHARE: Final = 0.0035
+ROWS: Final = 8000
+GAIN_SHARE: Final = 0.003
+LASTING_SHARE: Final = 0.1
+HEAT_WEIGHT: Final = 10.0
+FIRST_STEP: Final = 0.3
+LAST_STEP: Final = 0.03
+CHANGED_SHARE: Final = 0.3
+DECIMALS: Final = 6
+
+
+@dataclass(frozen=True)
+class PayloadSearch:
+    """What is searched for.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot with its limits and bodies.
+    period_s, sample_period_s : float
+        The period and the cell's cycle time [s].
+    harmonics : int
+        The highest harmonic of every joint, at least 2.
+    position_share, speed_share : float
+        Shares of the ranges, and of the speed and acceleration limits, that may be used.
+    workspace : Workspace
+        What is around the robot. The payload itself is not known to it.
+    """
+
+    robot: RobotDescription
+    period_s: float
+    sample_period_s: float
+    harmonics: int = HARMONICS
+    position_share: float = POSITION_SHARE
+    speed_share: float = SPEED_SHARE
+    workspace: Workspace = field(default_factory=Workspace)
+
+    def __post_init__(self) -> None:
+        shares = (self.position_share, self.speed_share)
+        if self.harmonics < 2 or not all(0.0 < share <= 1.0 for share in shares):
+            raise ConfigError(
+                f"payload motion: harmonics {self.harmonics} must be at least 2, shares of the"
+                f" limits {shares[0]:g} and {shares[1]:g} above 0 and at most 1"
+            )
+
+    @cached_property
+    def model(self) -> PayloadModel:
+        """The payload, and friction that is free in every run."""
+        plain = ModelOptions(rotors=False, spring=False, friction_terms=("coulomb", "viscous"))
+        return PayloadModel.of(self.robot, plain)
+
+    @property
+    def conditions(self) -> Conditions:
+        """With a payload; temperatures do not matter here."""
+        return Conditions(temperature_k=np.full(len(self.robot.joints), 300.0), payload=True)
+
+    @cached_property
+    def clearances(self) -> Clearances:
+        """What must stay apart."""
+        return Clearances.of(self.robot, self.workspace)
+
+    @cached_property
+    def _links(self) -> FloatArray | None:
+        """Base parameters of the links as drawn, (b,), where the robot file has drawings."""
+        if self.robot.cad is None:
+            return None
+        drawn = cad_parameters(self.model.model, self.robot)[0]
+        return np.asarray(self.model.base.from_standard(drawn), dtype=np.float64)
+
+    @cached_property
+    def _omega(self) -> FloatArray:
+        return np.asarray(2.0 * math.pi / self.period_s * np.arange(1.0, self.harmonics + 1.0))
+
+    @cached_property
+    def _ranges(self) -> FloatArray:
+        """Middle, half range, speed and acceleration limit of each joint, (4, n)."""
+        limits = [joint.limits for joint in self.robot.joints]
+        return np.array(
+            [
+                ((x.position_max + x.position_min) / 2.0, (x.position_max - x.position_min) / 2.0,
+                 x.velocity, x.acceleration)
+                for x in limits
+            ]
+        ).T  # fmt: skip
+
+    def within(self, coefficients: FloatArray) -> FloatArray:
+        """Return offset, sines and cosines, (n, 1 + 2 N), made small enough for the limits.
+
+        The sum of a joint's amplitudes is held below each limit, so no phase can break one.
+        """
+        n = self.harmonics
+        middle, half, fastest, hardest = self._ranges
+        amplitude = np.hypot(coefficients[:, 1 : 1 + n], coefficients[:, 1 + n :])
+        used = np.max(
+            [
+                amplitude.sum(axis=1) / (self.position_share * half),
+                amplitude @ self._omega / (self.speed_share * fastest),
+                amplitude @ self._omega**2 / (self.speed_share * hardest),
+            ],
+            axis=0,
+        )
+        shrink = 1.0 / np.maximum(used, 1.0)
+        kept = coefficients * shrink[:, np.newaxis]
+        room = np.maximum(self.position_share * half - amplitude.sum(axis=1) * shrink, 0.0)
+        kept[:, 0] = middle + np.clip(coefficients[:, 0] - middle, -room, room)
+        return np.asarray(kept)
+
+    def motion_of(self, coefficients: FloatArray, like: FourierMotion) -> FourierMotion:
+        """Return coefficients (n, 1 + 2 N) as a motion with another's periods."""
+        n, rounded = self.harmonics, np.round(coefficients, DECIMALS)
+        joints = tuple(
+            FourierJoint(
+                joint=joint.name,
+                offset=float(row[0]),
+                sine=tuple(row[1 : 1 + n].tolist()),
+                cosine=tuple(row[1 + n :].tolist()),
+            )
+            for joint, row in zip(self.robot.joints, rounded, strict=True)
+        )
+        return like.model_copy(update={"joints": joints})
+
+    def coefficients_of(self, motion: FourierMotion) -> FloatArray:
+        """Return offset, sines and cosines of a motion, (n, 1 + 2 N)."""
+        n = self.harmonics
+        rows = np.zeros((len(motion.joints), 1 + 2 * n))
+        for row, joint in zip(rows, motion.joints, strict=True):
+            row[0] = joint.offset
+            row[1 : 1 + len(joint.sine)] = joint.sine
+            row[1 + n : 1 + n + len(joint.cosine)] = joint.cosine
+        return rows
+
+    def path(self, coefficients: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return position, velocity and acceleration at a handful of points, (points, n) each."""
+        points = POINTS_PER_HARMONIC * self.harmonics
+        angle = np.outer(np.arange(points) * (self.period_s / points), self._omega)
+        sine, cosine = (
+            coefficients[:, 1 : 1 + self.harmonics],
+            coefficients[:, 1 + self.harmonics :],
+        )
+        s, c, w = np.sin(angle), np.cos(angle), self._omega
+        return (
+            coefficients[:, 0] + s @ sine.T + c @ cosine.T,
+            (c * w) @ sine.T - (s * w) @ cosine.T,
+            -(s * w**2) @ sine.T - (c * w**2) @ cosine.T,
+        )
+
+    def worth(self, coefficients: FloatArray) -> float:
+        """Return how uncertain payloads will be; smaller is better, infinite where one is not seen.
+
+        Six payloads stand for all, each 0.3 m away along one of the flange's axes. Of each, the
+        variances of mass and centre of gravity count, a standard deviation of 2 mm as much as one
+        of 40 g: what noise leaves open, a share of each joint's torque limit, and what torque
+        constants leave open, 0.3 % of each for itself. Motions whose lasting
+        torque (RMS, by the links as drawn) is more than a tenth of a limit count as worse: motors
+        bear about a third of it for long, and warm ones drift.
+        """
+        model, motion = self.model, self.path(coefficients)
+        limits = np.array([joint.limits.torque for joint in self.robot.joints])
+        columns = torque_columns(model.model, model.base, motion, self.conditions)
+        heat = self._heat(columns / limits[:, np.newaxis])
+        moving = np.abs(model.model.actuator_speed(motion[1])) > SLOW_RAD_S
+        columns = columns * (moving / limits)[:, :, np.newaxis]
+        rows = columns.reshape(-1, columns.shape[2])
+        friction = rows[:, model.friction]
+        basis = np.linalg.qr(friction[:, np.linalg.norm(friction, axis=0) > 0.0])[0]
+        payload = rows[:, -PARAMETERS_PER_LINK:] @ model.flange_to_link
+        rest = payload - basis @ (basis.T @ payload)
+        size = np.linalg.norm(rest, axis=0)
+        if not size.all():
+            return math.inf
+        left, singular, right = np.linalg.svd(rest / size, full_matrices=False)
+        if singular[-1] <= 1e-5 * singular[0]:
+            return math.inf
+        inverse = (right.T / singular) @ left.T / size[:, np.newaxis]
+        noise = NOISE_SHARE * math.sqrt(len(columns) / ROWS)
+        spread = float(np.sum((noise * (_WANTED.reshape(-1, PARAMETERS_PER_LINK) @ inverse)) ** 2))
+        # What a wrong torque constant of each joint alone does: that joint's own part of the fit.
+        joints = (
+            inverse.reshape(PARAMETERS_PER_LINK, -1, len(limits)),
+            rest.reshape(*columns.shape[:2], -1),
+        )
+        slopes = np.einsum("akj,kjb->jab", *joints, optimize=True)
+        gains = GAIN_SHARE * np.einsum("pga,jab,pb->pgj", _WANTED, slopes, _BODIES, optimize=True)
+        return math.log(spread + float(np.sum(gains**2))) + HEAT_WEIGHT * heat
+
+    def _heat(self, shares: FloatArray) -> float:
+        """Return by how much the lasting torque is too large, from columns over torque limits."""
+        if self._links is None:
+            return 0.0
+        lasting = np.sqrt(np.mean((shares @ self._links) ** 2, axis=0))
+        return float(np.sum(np.maximum(lasting / LASTING_SHARE - 1.0, 0.0) ** 2))
+
+    def improved(self, coefficients: FloatArray, seed: int, steps: int) -> FloatArray:
+        """Return coefficients changed at random as long as that helps and all keeps clear."""
+        random = np.random.default_rng(seed)
+        falling = np.arange(1, self.harmonics + 1) ** -1.5
+        decay = np.concatenate([[1.0], falling, falling])
+        best, size = self.worth(coefficients), FIRST_STEP
+        for _ in range(steps):
+            j = int(random.integers(len(coefficients)))
+            step = size * self._ranges[1, j] * decay * random.standard_normal(len(decay))
+            tried = coefficients.copy()
+            tried[j] += np.where(random.random(len(decay)) < CHANGED_SHARE, step, 0.0)
+            tried = self.within(tried)
+            worth = self.worth(tried)
+            if worth < best and self.is_clear(self.path(tried)[0]):
+                coefficients, best = tried, worth
+                size = min(1.0, 1.3 * size)
+            else:
+                size = max(LAST_STEP, 0.99 * size)
+        return coefficients
+
+    def is_clear(self, position: FloatArray) -> bool:
+        """Return whether everything stays apart at some positions (samples, n)."""
+        return bool((self.clearances.nearest(position) >= self.clearances.margin_m).all())
+
+
+def design_payload_motion(
+    search: PayloadSearch,
+    *,
+    seed: int = 0,
+    periods: int = 18,
+    draws: int = DRAWS,
+    steps: int = STEPS,
+) -> FourierMotion:
+    """Search a motion that shows payloads well, and verify it, ramps included.
+
+    The best of some two-harmonic draws (3.22) is changed at random as long as that helps. The same
+    seed gives the same motion.
+
+    Parameters
+    ----------
+    search : PayloadSearch
+        What is searched for.
+    seed : int
+        Of draws and changes.
+    periods : int
+        Periods that count, after one that settles.
+    draws, steps : int
+        How many draws there are to begin with, and how many changes are tried.
+
+    Raises
+    ------
+    ConfigError
+        No draw shows all of a payload and keeps clear of everything.
+    """
+    drawn = two_harmonic_draws(
+        search.robot,
+        search.period_s,
+        highest_harmonic=search.harmonics,
+        limit_fraction=min(search.position_share, search.speed_share),
+        seed=seed,
+        periods=periods,
+    )
+    starts = [(motion, search.coefficients_of(motion)) for motion in itertools.islice(drawn, draws)]
+    for motion, coefficients in sorted(starts, key=lambda start: search.worth(start[1])):
+        if not math.isfinite(search.worth(coefficients)):
+            break
+        if not search.is_clear(search.path(coefficients)[0]):
+            continue
+        found = search.motion_of(search.improved(coefficients, seed, steps), motion)
+        if search.is_clear(plan_motion(found, search.robot, search.sample_period_s).position):
+            return found
+    raise ConfigError(
+        f"none of {draws} motions shows a payload and keeps clear of the robot's own bodies and of"
+        " the workspace: give one by --motion (`rid-daq design` goes around obstacles)"
+    )
+
+
+def _nominal() -> tuple[FloatArray, FloatArray]:
+    """Return what is wanted of six payloads over its goal, (6, 4, 10), and the payloads, (6, 10).
+
+    c = s / m, so that a centre's error is that of s less c times the mass's, over the mass.
+    """
+    wanted = np.zeros((6, 4, PARAMETERS_PER_LINK))
+    bodies = np.zeros((6, PARAMETERS_PER_LINK))
+    for rows, body, direction in zip(
+        wanted, bodies, np.vstack([np.eye(3), -np.eye(3)]), strict=True
+    ):
+        body[:4] = MASS_KG, *(MASS_KG * ARM_M * direction)
+        rows[0, 0] = 1.0 / MASS_GOAL_KG
+        rows[1:, 0] = -ARM_M * direction / (MASS_KG * CENTRE_GOAL_M)
+        rows[1:, 1:4] = np.eye(3) / (MASS_KG * CENTRE_GOAL_M)
+    return wanted, bodies
+
+
+_WANTED, _BODIES = _nominal()

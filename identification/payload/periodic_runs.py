@@ -1,0 +1,221 @@
+"""Equations of a payload out of averaged periods, on their DFT bins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.periods import PeriodAverage
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from identification.equations.bins import BinEquations, bin_equations
+from identification.equations.reaction import both_parts
+from identification.equations.whitened import WhiteEquations, whiten
+from identification.estimation.estimate import Estimate
+from identification.model.inertia import inertia_size
+from identification.payload.equations import (
+    Layout,
+    PayloadEquations,
+    PayloadModel,
+    Procedure,
+    condense,
+    robot_prior,
+)
+from identification.payload.solution import base_values, minimum_norm
+from identification.regression.least_squares import Triangle
+
+SAME_MOTION_SHARE: Final = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicRuns:
+    """Averaged periods, with and without the payload.
+
+    Attributes
+    ----------
+    averages : tuple of PeriodAverage
+        One a run.
+    loaded : tuple of bool
+        Which runs carried the payload.
+    band_hz, standstill_rad_s : float
+        As for `estimate_periodic`.
+    """
+
+    averages: tuple[PeriodAverage, ...]
+    loaded: tuple[bool, ...]
+    band_hz: float
+    standstill_rad_s: float
+
+    def __post_init__(self) -> None:
+        if len(self.loaded) != len(self.averages):
+            raise EstimationError(
+                f"loaded says of {len(self.loaded)} runs whether they carry the payload, there are"
+                f" {len(self.averages)}"
+            )
+
+    def equations(self, model: PayloadModel, standard: FloatArray | None) -> list[BinEquations]:
+        """Return the equations of every run; `standard` as in `torque_columns`."""
+        return [
+            bin_equations(
+                model.model,
+                model.base,
+                average,
+                band_hz=self.band_hz,
+                standstill_rad_s=self.standstill_rad_s,
+                payload=loaded,
+                standard=standard,
+            )
+            for average, loaded in zip(self.averages, self.loaded, strict=True)
+        ]
+
+
+def periodic_equations(
+    model: PayloadModel,
+    runs: PeriodicRuns,
+    procedure: Procedure,
+    *,
+    robot: Estimate | None = None,
+    standard: FloatArray | None = None,
+) -> PayloadEquations:
+    """Set up the equations of averaged periods.
+
+    Each row is divided by its noise, that of the torque between periods and that of the position
+    through the inertia. A cluster is one bin of one run.
+
+    Parameters
+    ----------
+    model : PayloadModel
+        The robot with the unknown body.
+    runs : PeriodicRuns
+        What was measured.
+    procedure : "together", "difference" or "model"
+        How the robot is told from the payload.
+    robot : Estimate, optional
+        The robot without payload, for `model`.
+    standard : ndarray, optional
+        Where nonlinear parameters are linearised.
+
+    Raises
+    ------
+    EstimationError
+        The runs do not fit the procedure.
+    """
+    binned = runs.equations(model, standard)
+    slopes = 0 if standard is None else len(model.model.shape_names)
+    if procedure == "difference":
+        binned = [_difference(runs, binned)]
+        layout = Layout(model, 1, with_robot=False, slopes=0)
+        if slopes:
+            raise EstimationError(
+                "torques are subtracted only where the model is linear: use `together` with"
+                " friction terms stribeck or load, or with efficiencies"
+            )
+        averages = [runs.averages[runs.loaded.index(True)]]
+    else:
+        layout = Layout(model, len(binned), slopes=slopes)
+        averages = list(runs.averages)
+    known = (
+        robot_prior(layout, robot)
+        if procedure == "model" and robot is not None
+        else np.zeros((0, len(layout.names) + 1))
+    )
+    n = model.model.chain.n
+    loaded = 1 if procedure == "difference" else sum(runs.loaded)
+    divisors = np.outer((len(binned), loaded), np.ones(n))
+    none = [np.zeros((n, n))] * len(binned)
+    first = _condensed(model, layout, procedure, binned, none, divisors, known)
+    values = minimum_norm(first)
+    sizes = []
+    for run, average in enumerate(averages):
+        own = base_values(layout, values, run)
+        if robot is not None and not layout.with_robot:
+            own[model.links] = robot_values(model, robot)
+        sizes.append(inertia_size(model.model, model.base, average.position, own))
+    return _condensed(model, layout, procedure, binned, sizes, divisors, known)
+
+
+def robot_values(model: PayloadModel, robot: Estimate) -> FloatArray:
+    """Return the values of the robot's base parameters, friction left out, from an estimate."""
+    places = [robot.base.words.index(model.base.words[j]) for j in model.links]
+    return np.asarray(robot.values[places])
+
+
+def _condensed(
+    model: PayloadModel,
+    layout: Layout,
+    procedure: Procedure,
+    binned: Sequence[BinEquations],
+    inertia: Sequence[FloatArray],
+    divisors: FloatArray,
+    known: FloatArray,
+) -> PayloadEquations:
+    names = layout.names
+    n, width = model.model.chain.n, len(names)
+    factors: list[FloatArray] = []
+    owners: list[int] = []
+    triangles = [Triangle.empty(width) for _ in range(n)]
+    for run, (each, size) in enumerate(zip(binned, inertia, strict=True)):
+        white = [_spread(layout, run, part) for part in whiten(each, size)]
+        for j, part in enumerate(white):
+            sigma = part.sigma
+            triangles[j] = triangles[j].add(
+                part.matrix * sigma[:, np.newaxis], part.rhs * sigma, part.rows
+            )
+        bins = both_parts(np.arange(each.harmonics + 1, dtype=np.float64))
+        for number in range(each.harmonics + 1):
+            rows = bins == number
+            factors.append(
+                condense([p.matrix[rows] for p in white], [p.rhs[rows] for p in white], width)
+            )
+            owners.append(run)
+    return PayloadEquations(
+        procedure=procedure,
+        joint_names=model.model.joint_names,
+        names=names,
+        factors=tuple(factors),
+        joints=tuple(triangle.factor for triangle in triangles),
+        rows=tuple(triangle.rows for triangle in triangles),
+        divisors=divisors,
+        known=known,
+        runs=tuple(owners),
+    )
+
+
+def _spread(layout: Layout, run: int, part: WhiteEquations) -> WhiteEquations:
+    return replace(part, matrix=layout.spread(run, part.matrix))
+
+
+def _difference(runs: PeriodicRuns, binned: Sequence[BinEquations]) -> BinEquations:
+    """Return the loaded run's equations less the unloaded run's torques."""
+    if sorted(runs.loaded) != [False, True]:
+        raise EstimationError(
+            "torques are subtracted between one run with the payload and one without: give two"
+            " runs, or use the procedure `together`"
+        )
+    loaded, unloaded = runs.loaded.index(True), runs.loaded.index(False)
+    a, b = runs.averages[loaded], runs.averages[unloaded]
+    if a.position.shape != b.position.shape or abs(a.period_s - b.period_s) > 1e-9 * a.period_s:
+        raise EstimationError(
+            f"the runs have periods of {a.period_s:g} s and {b.period_s:g} s: torques are"
+            " subtracted between runs of one motion; use the procedure `together`"
+        )
+    apart = np.sqrt(np.mean((a.position - b.position) ** 2, axis=0))
+    moved = np.maximum(a.position.std(axis=0), 1e-12)
+    worst = int(np.argmax(apart / np.maximum(moved, apart.max() + 1e-12)))
+    if apart[worst] > SAME_MOTION_SHARE * a.position.std(axis=0).max():
+        raise EstimationError(
+            f"{a.joint_names[worst]} moved {apart[worst]:.3g} rad (RMS) differently with the"
+            " payload than without it: their torques cannot be subtracted; use the procedure"
+            " `together`"
+        )
+    with_load, without = binned[loaded], binned[unloaded]
+    return replace(
+        with_load,
+        rhs=with_load.rhs - without.rhs,
+        free=tuple(np.hstack([x, y]) for x, y in zip(with_load.free, without.free, strict=True)),
+        torque_sigma=np.hypot(with_load.torque_sigma, without.torque_sigma),
+        position_sigma=np.hypot(with_load.position_sigma, without.position_sigma),
+    )

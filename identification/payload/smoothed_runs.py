@@ -1,0 +1,146 @@
+"""Equations of a payload out of recordings that are not periodic, in the time domain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from identification.equations.time_domain import joint_equations, time_runs
+from identification.estimation.estimate import Estimate
+from identification.payload.equations import (
+    Layout,
+    PayloadEquations,
+    PayloadModel,
+    Procedure,
+    condense,
+    robot_prior,
+)
+from identification.payload.solution import minimum_norm_of
+from identification.regression.least_squares import Triangle
+
+REWEIGHTINGS: Final = 20
+SETTLED: Final = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedRuns:
+    """Smoothed recordings, with and without the payload.
+
+    Attributes
+    ----------
+    signals : tuple of SmoothedSignals
+        One a run.
+    loaded : tuple of bool
+        Which runs carried the payload.
+    standstill_rad_s : float
+        A joint's equation is left out while the joint is slower.
+    """
+
+    signals: tuple[SmoothedSignals, ...]
+    loaded: tuple[bool, ...]
+    standstill_rad_s: float
+
+    def __post_init__(self) -> None:
+        if len(self.loaded) != len(self.signals):
+            raise EstimationError(
+                f"loaded says of {len(self.loaded)} runs whether they carry the payload, there are"
+                f" {len(self.signals)}"
+            )
+
+
+def smoothed_equations(
+    model: PayloadModel,
+    runs: SmoothedRuns,
+    procedure: Procedure,
+    *,
+    robot: Estimate | None = None,
+    standard: FloatArray | None = None,
+) -> PayloadEquations:
+    """Set up the equations of smoothed recordings.
+
+    Each joint's rows are divided by its RMS residual, found by iteration. A cluster is a second of
+    one run.
+
+    Parameters
+    ----------
+    model, procedure, robot, standard
+        As for `periodic_equations`; `difference` needs periodic runs.
+    runs : SmoothedRuns
+        What was measured.
+
+    Raises
+    ------
+    EstimationError
+        The runs do not fit the procedure.
+    """
+    if procedure == "difference":
+        raise EstimationError(
+            "torques are subtracted period by period: these runs are not periodic; use the"
+            " procedure `together`, which needs no common time"
+        )
+    slopes = 0 if standard is None else len(model.model.shape_names)
+    layout = Layout(model, len(runs.signals), slopes=slopes)
+    width, n = len(layout.names), model.model.chain.n
+    known = (
+        robot_prior(layout, robot)
+        if procedure == "model" and robot is not None
+        else np.zeros((0, width + 1))
+    )
+    triangles = [Triangle.empty(width) for _ in range(n)]
+    divisors = np.zeros((2, n))
+    for run, rows in _clusters(model, runs, standard):
+        for j, (matrix, rhs) in enumerate(rows):
+            divisors[:, j] += len(rhs) * np.array([1.0, float(runs.loaded[run])])
+            triangles[j] = triangles[j].add(layout.spread(run, matrix), rhs)
+    scale = _scales(triangles, known)
+    factors: list[FloatArray] = []
+    owners: list[int] = []
+    for run, rows in _clusters(model, runs, standard):
+        white = [layout.spread(run, matrix) / s for (matrix, _), s in zip(rows, scale, strict=True)]
+        sides = [rhs / s for (_, rhs), s in zip(rows, scale, strict=True)]
+        if any(len(side) for side in sides):
+            factors.append(condense(white, sides, width))
+            owners.append(run)
+    return PayloadEquations(
+        procedure=procedure,
+        joint_names=model.model.joint_names,
+        names=layout.names,
+        factors=tuple(factors),
+        joints=tuple(triangle.factor for triangle in triangles),
+        rows=tuple(triangle.rows for triangle in triangles),
+        divisors=divisors,
+        known=known,
+        runs=tuple(owners),
+    )
+
+
+def _clusters(
+    model: PayloadModel, runs: SmoothedRuns, standard: FloatArray | None
+) -> Iterator[tuple[int, list[tuple[FloatArray, FloatArray]]]]:
+    """Yield the number of a run and each joint's equations, second by second."""
+    for run, timed in enumerate(time_runs(model.model, runs.signals, runs.loaded)):
+        seconds = joint_equations(model.model, model.base, [timed], runs.standstill_rad_s, standard)
+        for rows in seconds:
+            yield run, rows
+
+
+def _scales(triangles: list[Triangle], known: FloatArray) -> FloatArray:
+    """Return the RMS residual of each joint's rows, shape (n,), at the solution it weights."""
+    scale = np.ones(len(triangles))
+    rows = np.array([max(triangle.rows, 1) for triangle in triangles], dtype=np.float64)
+    for _ in range(REWEIGHTINGS):
+        stacked = np.vstack([*(t.factor / s for t, s in zip(triangles, scale, strict=True)), known])
+        values = minimum_norm_of(stacked[:, :-1], stacked[:, -1])
+        residual = np.sqrt([t.residual_sum(values) for t in triangles] / rows)
+        better = np.maximum(residual, 1e-9 * residual.max() + 1e-300)
+        settled = bool(np.all(np.abs(scale / better - 1.0) < SETTLED))
+        scale = better
+        if settled:
+            break
+    return scale

@@ -1,0 +1,396 @@
+"""Least squares of `PayloadEquations`: what is seen of a payload, its values and their scatter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray, IntArray
+from config.errors import EstimationError
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.payload.body import REPORTED, reported, reported_slopes
+from identification.payload.equations import (
+    Layout,
+    PayloadEquations,
+    independent,
+)
+from identification.regression.intervals import Cluster, jackknife
+from identification.regression.least_squares import triangular_factor
+
+MOST_STEPS: Final = 30
+SETTLED: Final = 1e-9
+UNSEEN: Final = 1e-7
+EXACT_SHARE: Final = 1e-6
+
+
+@dataclass(frozen=True)
+class Known:
+    """A quantity of the payload that was measured otherwise, such as on scales.
+
+    Attributes
+    ----------
+    name : str
+        One of `REPORTED`: m, cx, cy, cz, or an inertia about the centre of gravity.
+    value, sigma : float
+        Its value and standard deviation; 0 holds it.
+    """
+
+    name: str
+    value: float
+    sigma: float
+
+    def __post_init__(self) -> None:
+        if self.name not in REPORTED:
+            raise EstimationError(
+                f"{self.name!r} is no quantity of a payload: they are {', '.join(REPORTED)}"
+            )
+        if not np.isfinite(self.value) or not 0.0 <= self.sigma < np.inf:
+            raise EstimationError(
+                f"what is known of {self.name} must be a number with a standard deviation that is"
+                " not negative"
+            )
+        if self.name == "m" and self.value <= 0.0:
+            raise EstimationError("a known mass must be positive")
+
+    @property
+    def weight(self) -> float:
+        """One over the standard deviation; a held value is held to a millionth."""
+        return 1.0 / max(self.sigma, EXACT_SHARE * max(abs(self.value), 1e-3))
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadSolution:
+    """What some equations say of the ten parameters.
+
+    Attributes
+    ----------
+    unknowns : ndarray, shape (p,)
+        All unknowns; the payload's come first. Those that depend on others are zero.
+    covariance_honest : ndarray, shape (10, 10)
+        What leaving out clusters shows, and what is known beforehand brings with it.
+    covariance_noise : ndarray, shape (10, 10)
+        By the noise that the rows were divided by.
+    gain_slopes : ndarray, shape (10, n)
+        How the parameters change with a relative error of each joint's torque.
+    unseen : ndarray, shape (10, 10 - rank)
+        Directions of the ten parameters that no equation sees, of length one.
+    condition_number : float
+        Of the payload's columns, each of length one, all else projected out.
+    """
+
+    unknowns: FloatArray
+    covariance_honest: FloatArray
+    covariance_noise: FloatArray
+    gain_slopes: FloatArray
+    unseen: FloatArray
+    condition_number: float
+
+    @property
+    def values(self) -> FloatArray:
+        """The payload's parameters, shape (10,)."""
+        return self.unknowns[:PARAMETERS_PER_LINK]
+
+
+def solve_payload(
+    equations: PayloadEquations, known: Sequence[Known] = (), *, intervals: bool = True
+) -> PayloadSolution:
+    """Solve the equations by weighted least squares.
+
+    Rows are weighted by their noise, which is less than what they are off by: model error is
+    larger. So what is known otherwise is weighed against the honest scatter of what the rows say,
+    not against their noise.
+
+    Parameters
+    ----------
+    equations : PayloadEquations
+        What was measured.
+    known : sequence of Known
+        What is known otherwise. Quantities about the centre of gravity are not linear in the
+        parameters: Gauss-Newton.
+    intervals : bool
+        Whether `covariance_honest` is wanted, which costs more than the rest; else it is that of
+        the noise.
+
+    Raises
+    ------
+    EstimationError
+        The equations say nothing of a payload, or what is known contradicts itself.
+    """
+    system = _System.of(equations)
+    if len(equations.known) and intervals:
+        first = _measured(equations, system, True)
+        white = np.sqrt(np.diagonal(first.noise))
+        colour = float(np.median(np.sqrt(np.diagonal(first.honest)) / white))
+        equations = equations.weakened(max(colour, 1.0))
+        system = _System.of(equations)
+    found = _measured(equations, system, intervals)
+    sight = found.sight
+    if not known:
+        return PayloadSolution(
+            unknowns=system.all_unknowns(found.values),
+            covariance_honest=sight.seen @ found.honest @ sight.seen.T,
+            covariance_noise=sight.seen @ found.noise @ sight.seen.T,
+            gain_slopes=sight.seen @ found.slopes,
+            unseen=sight.hidden,
+            condition_number=sight.condition,
+        )
+    return _with_known(system, found, known)
+
+
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """What the equations alone say: values, and in coordinates of what is seen the rest."""
+
+    sight: _Sight
+    values: FloatArray
+    coordinates: FloatArray
+    honest: FloatArray
+    noise: FloatArray
+    slopes: FloatArray
+
+    @property
+    def metric(self) -> FloatArray:
+        """Rows that whiten the coordinates: honest sizes, correlations half those of the noise.
+
+        The honest covariance is of few clusters, and need not have full rank (Ledoit and Wolf
+        2004: shrinkage towards a target).
+        """
+        parts = []
+        for covariance in (self.honest, self.noise):
+            size = np.sqrt(np.diagonal(covariance))
+            parts.append(covariance / np.outer(size, size))
+        sigma = np.sqrt(np.maximum(np.diagonal(self.honest), np.diagonal(self.noise)))
+        lower = sigma[:, np.newaxis] * np.linalg.cholesky(0.5 * parts[0] + 0.5 * parts[1])
+        return np.asarray(np.linalg.inv(lower))
+
+
+def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> _Measured:
+    """Solve the equations alone."""
+    sight = system.sight()
+    r = sight.seen.shape[1]
+    matrix = system.columns(sight)
+    solved = system.solve(sight)
+    values = np.concatenate([sight.seen @ solved[:r], solved[r:]])
+    inverse = np.linalg.inv(triangular_factor(matrix))
+    covariance = inverse @ inverse.T
+    honest = covariance
+    if intervals and equations.procedure != "apart":
+        clusters = (
+            _cluster(system, sight, factor, values, len(equations.joint_names))
+            for factor in equations.factors
+        )
+        honest = jackknife(matrix.T @ matrix, clusters)
+        # What is known of the robot is no cluster: its error comes beside what they show.
+        brought = covariance @ matrix[system.measured :].T
+        honest = honest + brought @ brought.T
+    return _Measured(
+        sight=sight,
+        values=values,
+        coordinates=solved[:r],
+        honest=honest[:r, :r],
+        noise=covariance[:r, :r],
+        slopes=(covariance @ (matrix.T @ system.shares))[:r],
+    )
+
+
+def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> PayloadSolution:
+    """Weigh what was measured against what is known otherwise."""
+    ten = PARAMETERS_PER_LINK
+    # theta = seen z + hidden h: the ten parameters, some of which only knowledge can tell.
+    sight, r = found.sight, found.sight.seen.shape[1]
+    axes = np.hstack([sight.seen, sight.hidden])
+    measured = np.zeros((r, ten))
+    measured[:, :r] = found.metric
+    target = measured[:, :r] @ found.coordinates
+    values = _started(found.values[:ten], known)
+    for _ in range(MOST_STEPS):
+        rows = _rows_of(known, values)
+        matrix = np.vstack([measured, rows[:, :ten] @ axes])
+        rhs = np.concatenate([target, rows[:, ten]])
+        size = np.linalg.norm(matrix, axis=0)
+        size = np.where(size > 0.0, size, 1.0)
+        left, singular, right = np.linalg.svd(matrix / size, full_matrices=False)
+        rank = int(np.count_nonzero(singular > UNSEEN * singular[0]))
+        inverse = (right[:rank].T / singular[:rank]) @ left[:, :rank].T / size[:, np.newaxis]
+        better = axes @ (inverse @ rhs)
+        change = np.abs(better - values)
+        values = better
+        if np.all(change <= SETTLED * (1.0 + np.abs(values))):
+            break
+    else:
+        raise EstimationError(
+            "what is known of the payload contradicts the recordings, or itself: no payload fits"
+            " both"
+        )
+    covariance = axes @ inverse @ inverse.T @ axes.T
+    noise = (
+        axes
+        @ inverse[:, :r]
+        @ found.metric
+        @ found.noise
+        @ found.metric.T
+        @ (axes @ inverse[:, :r]).T
+    )
+    hidden = axes @ (right[rank:] / size).T
+    return PayloadSolution(
+        unknowns=system.given(values),
+        covariance_honest=covariance,
+        covariance_noise=noise,
+        gain_slopes=axes @ inverse[:, :r] @ found.metric @ found.slopes,
+        unseen=np.linalg.qr(hidden)[0] if rank < ten else np.zeros((ten, 0)),
+        condition_number=sight.condition,
+    )
+
+
+def minimum_norm_of(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
+    """Return least squares where not all unknowns are seen: the smallest in scaled columns."""
+    size = np.linalg.norm(matrix, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    return np.asarray(np.linalg.lstsq(matrix / size, rhs, rcond=1e-10)[0] / size)
+
+
+def minimum_norm(equations: PayloadEquations) -> FloatArray:
+    """Return the smallest solution of all unknowns, shape (p,)."""
+    p = len(equations.names)
+    whole = equations.whole
+    rhs = np.concatenate([whole[:, p:].sum(axis=1), equations.known[:, -1]])
+    return minimum_norm_of(np.vstack([whole[:, :p], equations.known[:, :-1]]), rhs)
+
+
+def base_values(layout: Layout, unknowns: FloatArray, run: int) -> FloatArray:
+    """Return the values of `PayloadModel.base` in one run, shape (b,)."""
+    model, ten = layout.model, PARAMETERS_PER_LINK
+    values = np.zeros(len(model.base))
+    values[-ten:] = model.flange_to_link @ unknowns[:ten]
+    start = ten
+    if layout.with_robot:
+        values[model.links] = unknowns[start : start + len(model.links)]
+        start += len(model.links)
+    f = len(model.friction)
+    values[model.friction] = unknowns[start + run * f : start + (run + 1) * f]
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """What is seen of the ten parameters.
+
+    `seen` (10, rank): coordinates of what is seen, scaled so that their columns are of one length;
+    `hidden` (10, 10 - rank): orthonormal directions of what is not; `condition`: the largest over
+    the smallest singular value of what is seen.
+    """
+
+    seen: FloatArray
+    hidden: FloatArray
+    condition: float
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """All equations A x = y: what was measured, then what is known of the robot.
+
+    `shares` (rows, n) are each joint's shares of y, zero for what is known; `measured` counts the
+    rows that were measured, `kept` are the unknowns behind the payload's that are told apart.
+    """
+
+    matrix: FloatArray
+    side: FloatArray
+    shares: FloatArray
+    measured: int
+    kept: IntArray
+
+    @classmethod
+    def of(cls, equations: PayloadEquations) -> _System:
+        p, n = len(equations.names), len(equations.joint_names)
+        whole, known = equations.whole, equations.known
+        matrix = np.vstack([whole[:, :p], known[:, :p]])
+        return cls(
+            matrix=matrix,
+            side=np.concatenate([whole[:, p:].sum(axis=1), known[:, p]]),
+            shares=np.vstack([whole[:, p:], np.zeros((len(known), n))]),
+            measured=len(whole),
+            kept=independent(matrix, p, PARAMETERS_PER_LINK),
+        )
+
+    def sight(self) -> _Sight:
+        """Say what is seen of the payload."""
+        ten = PARAMETERS_PER_LINK
+        payload = self.matrix[:, :ten]
+        size = np.linalg.norm(payload, axis=0)
+        if not size.any():
+            raise EstimationError("no run carried the payload: nothing tells of it")
+        size = np.where(size > 0.0, size, size.max())
+        basis = np.linalg.qr(self.matrix[:, self.kept])[0]
+        rest = payload - basis @ (basis.T @ payload)
+        rest = (rest - basis @ (basis.T @ rest)) / size
+        _, singular, right = np.linalg.svd(rest)
+        singular = np.concatenate([singular, np.zeros(max(ten - len(singular), 0))])
+        rank = int(np.count_nonzero(singular > UNSEEN * singular[0]))
+        hidden = (right[rank:] / size).T
+        return _Sight(
+            seen=(right[:rank] / size).T,
+            hidden=np.linalg.qr(hidden)[0] if rank < ten else np.zeros((ten, 0)),
+            condition=float(singular[0] / singular[rank - 1]),
+        )
+
+    def columns(self, sight: _Sight) -> FloatArray:
+        """Return A in coordinates of what is seen, and of the other unknowns told apart."""
+        payload = self.matrix[:, :PARAMETERS_PER_LINK] @ sight.seen
+        return np.hstack([payload, self.matrix[:, self.kept]])
+
+    def solve(self, sight: _Sight) -> FloatArray:
+        """Return the solution in the coordinates of `columns`."""
+        matrix = self.columns(sight)
+        width = matrix.shape[1]
+        upper = triangular_factor(np.hstack([matrix, self.side[:, np.newaxis]]))
+        if len(upper) < width:
+            raise EstimationError("there are fewer equations than unknowns: record longer")
+        return np.asarray(
+            np.linalg.solve(upper[:width, :width], upper[:width, width]), dtype=np.float64
+        )
+
+    def given(self, payload: FloatArray) -> FloatArray:
+        """Return all unknowns, shape (p,), that fit best with the payload's ten as they are."""
+        rest = self.side - self.matrix[:, :PARAMETERS_PER_LINK] @ payload
+        others: FloatArray = np.asarray(
+            np.linalg.lstsq(self.matrix[:, self.kept], rest, rcond=None)[0], dtype=np.float64
+        )
+        return self.all_unknowns(np.concatenate([payload, others]))
+
+    def all_unknowns(self, values: FloatArray) -> FloatArray:
+        """Return all unknowns, shape (p,), those that depend on others zero."""
+        unknowns = np.zeros(self.matrix.shape[1])
+        unknowns[:PARAMETERS_PER_LINK] = values[:PARAMETERS_PER_LINK]
+        unknowns[self.kept] = values[PARAMETERS_PER_LINK:]
+        return unknowns
+
+
+def _cluster(
+    system: _System, sight: _Sight, factor: FloatArray, values: FloatArray, joints: int
+) -> Cluster:
+    """Return one cluster's equations in the coordinates of `_System.columns`."""
+    p = factor.shape[1] - joints
+    residual = factor[:, p:].sum(axis=1) - factor[:, :p] @ system.all_unknowns(values)
+    matrix = np.hstack([factor[:, :PARAMETERS_PER_LINK] @ sight.seen, factor[:, system.kept]])
+    return Cluster.of(matrix, residual)
+
+
+def _rows_of(known: Sequence[Known], values: FloatArray) -> FloatArray:
+    """Return what is known as equations of the ten parameters near some values, (any, 11)."""
+    slopes, at = reported_slopes(values), reported(values)
+    rows = np.zeros((len(known), PARAMETERS_PER_LINK + 1))
+    for row, quantity in zip(rows, known, strict=True):
+        index = REPORTED.index(quantity.name)
+        row[:-1] = slopes[index]
+        row[-1] = quantity.value - at[index] + slopes[index] @ values
+        row *= quantity.weight
+    return rows
+
+
+def _started(values: FloatArray, known: Sequence[Known]) -> FloatArray:
+    """Return values that Gauss-Newton can begin at: with the known mass, or a positive one."""
+    mass = next((q.value for q in known if q.name == "m"), max(float(values[0]), 0.1))
+    return np.array([mass, *values[1:]])

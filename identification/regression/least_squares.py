@@ -1,0 +1,176 @@
+"""Weighted least squares by QR, fed block by block, with both covariances (physics: section 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork
+
+from config.arrays import FloatArray, IntArray
+from config.errors import EstimationError
+
+
+def triangular_factor(matrix: FloatArray) -> FloatArray:
+    """Return R of the QR factorisation of a matrix, shape (min(rows, columns), columns)."""
+    return _factor_in_place(np.array(matrix, order="F"))
+
+
+def _factor_in_place(work: FloatArray) -> FloatArray:
+    """Return R of a Fortran-ordered matrix that may be overwritten."""
+    rows, columns = work.shape
+    if rows == 0:
+        return work
+    size = int(dgeqrf_lwork(rows, columns)[0])
+    factor, _, _, info = dgeqrf(work, lwork=size, overwrite_a=1)
+    if info != 0 or not np.isfinite(factor[: min(rows, columns)]).all():
+        raise EstimationError("the equations hold a value that is not finite: check the recording")
+    return np.triu(factor[: min(rows, columns)])
+
+
+@dataclass(frozen=True, eq=False)
+class Triangle:
+    """The R factor of [A y] for all rows seen so far: all that least squares needs of them.
+
+    Attributes
+    ----------
+    factor : ndarray, shape (at most c + 1, c + 1)
+        R of the QR factorisation of [A y]; the last column belongs to y.
+    columns : ndarray of int, shape (c,)
+        The parameters that these rows depend on; their other columns are zero and left out.
+    parameters : int
+        The number of all parameters, p.
+    rows : int
+        Rows behind it.
+    """
+
+    factor: FloatArray
+    columns: IntArray
+    parameters: int
+    rows: int = 0
+
+    @classmethod
+    def empty(cls, parameters: int, columns: IntArray | None = None) -> Triangle:
+        """Return the triangle of no rows at all."""
+        columns = np.arange(parameters) if columns is None else columns
+        return cls(np.zeros((0, len(columns) + 1)), columns, parameters)
+
+    def add(self, matrix: FloatArray, rhs: FloatArray, rows: int | None = None) -> Triangle:
+        """Return the triangle with a block added: `matrix` (rows, c), `rhs` (rows,).
+
+        `rows` says how many equations the block is worth, where some of it is projected out.
+        """
+        if len(rhs) == 0:
+            return self
+        known, width = len(self.factor), len(self.columns)
+        stacked = np.empty((known + len(rhs), width + 1), order="F")
+        stacked[:known] = self.factor
+        stacked[known:, :width] = matrix
+        stacked[known:, width] = rhs
+        rows = len(rhs) if rows is None else rows
+        factor = _factor_in_place(stacked)
+        return Triangle(factor, self.columns, self.parameters, self.rows + rows)
+
+    def full(self) -> FloatArray:
+        """Return the factor with a column for every parameter, shape (any, p + 1)."""
+        wide = np.zeros((len(self.factor), self.parameters + 1))
+        wide[:, self.columns] = self.factor[:, :-1]
+        wide[:, -1] = self.factor[:, -1]
+        return wide
+
+    def residual_sum(self, values: FloatArray) -> float:
+        """Return the sum of squares of y - A x over all rows, for any x of shape (p,)."""
+        rest = self.factor[:, -1] - self.factor[:, :-1] @ values[self.columns]
+        return float(np.sum(rest**2))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A weighted least-squares solution.
+
+    Attributes
+    ----------
+    values : ndarray, shape (p,)
+        The minimiser.
+    covariance : ndarray, shape (p, p)
+        (A^T W A)^-1: the covariance where the weights are one over the noise's variance.
+    condition_number : float
+        Of the weighted matrix with its columns scaled to length one (2.25, 2.26).
+    rows : int
+        Equations used.
+    factor : ndarray, shape (p + 1, p + 1)
+        R of the QR factorisation of the weighted [A y].
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    condition_number: float
+    rows: int
+    factor: FloatArray
+
+    @property
+    def information(self) -> FloatArray:
+        """A^T W A, shape (p, p)."""
+        upper = self.factor[:-1, :-1]
+        return np.asarray(upper.T @ upper)
+
+    def leading(self, count: int) -> tuple[FloatArray, float]:
+        """Return the minimiser with the first `count` parameters alone, and its cost.
+
+        The others are zero; the cost is the weighted sum of squares that is left.
+        """
+        values = solve_triangular(self.factor[:count, :count], self.factor[:count, -1])
+        return values, float(np.sum(self.factor[count:, -1] ** 2))
+
+
+def solve(
+    triangles: Iterable[Triangle], weights: Iterable[float], names: tuple[str, ...]
+) -> Solution:
+    """Solve the equations of several channels together, each weighted by 1 / sigma.
+
+    Parameters
+    ----------
+    triangles : iterable of Triangle
+        One a channel.
+    weights : iterable of float
+        One over the standard deviation of each channel's rows.
+    names : tuple of str
+        The parameters, for the message where one is not seen.
+
+    Raises
+    ------
+    EstimationError
+        Fewer equations than parameters, or a parameter that this motion does not show.
+    """
+    parts = list(triangles)
+    rows = sum(part.rows for part in parts)
+    p = len(names)
+    if rows <= p:
+        raise EstimationError(
+            f"{rows} equations are left for {p} parameters: record longer, or leave out fewer"
+            " samples"
+        )
+    stacked = np.vstack([w * part.full() for w, part in zip(weights, parts, strict=True)])
+    factor = triangular_factor(stacked)
+    upper, rhs = factor[:p, :p], factor[:p, p]
+    size = np.linalg.norm(upper, axis=0)
+    if upper.shape != (p, p) or (size == 0.0).any():
+        hidden = [name for name, s in zip(names, size, strict=True) if s == 0.0]
+        raise EstimationError(f"the motion does not show {', '.join(hidden) or 'all parameters'}")
+    _, singular, right = np.linalg.svd(upper / size)
+    if singular[-1] < 1e-10 * singular[0]:
+        culprits = [names[j] for j in np.argsort(-np.abs(right[-1]))[:3]]
+        raise EstimationError(
+            f"the motion does not tell {', '.join(culprits)} from one another (condition number"
+            f" {singular[0] / max(singular[-1], 1e-300):.1e}): move more axes, or further"
+        )
+    inverse = solve_triangular(upper, np.eye(p))
+    return Solution(
+        values=solve_triangular(upper, rhs),
+        covariance=inverse @ inverse.T,
+        condition_number=float(singular[0] / singular[-1]),
+        rows=rows,
+        factor=factor,
+    )

@@ -1,0 +1,184 @@
+"""The rows of the thesis's table 5.3: which belief is wrong, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from config.robot.robot import RobotDescription
+from identification.sensitivity.problem import (
+    Belief,
+    Comparison,
+    Excitation,
+    SensitivityProblem,
+    deviation_percent,
+    estimated,
+)
+
+SHARE: Final = 0.1
+PERIOD_S: Final = 30.0
+HIGH: Final = 20
+SAMPLES: Final = 834
+PHASES: Final = 21
+DIFFERENCE: Final = "difference"
+Motion = Literal["wrist", "all"]
+
+
+@dataclass(frozen=True)
+class SensitivityCase:
+    """One row of the table.
+
+    Attributes
+    ----------
+    number, words : int, str
+        What stands in front of it.
+    belief : Belief
+        What is believed wrongly.
+    motion : "wrist" or "all"
+        Which axes move: 3 to the last, or all.
+    against : "model" or "difference"
+        Where the row means something: a wrong torque constant scales the unloaded robot's torques
+        too, so that a model of it that was identified with the same constant is no better than a
+        second run; wrong links and rotors cancel between two runs.
+    """
+
+    number: int
+    words: str
+    belief: Belief
+    motion: Motion = "wrist"
+    against: Comparison = "model"
+
+
+@dataclass(frozen=True)
+class SensitivityRow:
+    """A case with its deviations in percent of the true values, in the order of `REPORTED`."""
+
+    case: SensitivityCase
+    against: Comparison
+    percent: tuple[float | None, ...]
+
+
+def thesis_motion(
+    robot: RobotDescription, axes: Sequence[int], seed: int = PHASES, samples: int = SAMPLES
+) -> Excitation:
+    """Return a motion like those of chapter 5: harmonics 1 and 20 of 30 s, around mid-range.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot, for its limits.
+    axes : sequence of int
+        The axes that move, from 0.
+    seed : int
+        Of the phases.
+    samples : int
+        Samples of the period.
+    """
+    random = np.random.default_rng(seed)
+    time_s = np.arange(samples) * (PERIOD_S / samples)
+    q, v, a = np.zeros((3, samples, len(robot.joints)))
+    phases = random.uniform(0.0, 2.0 * np.pi, (len(robot.joints), 2))
+    for j, joint in enumerate(robot.joints):
+        limits = joint.limits
+        q[:, j] = (limits.position_max + limits.position_min) / 2.0
+        if j not in axes:
+            continue
+        reach = min((limits.position_max - limits.position_min) / 2.0, np.pi)
+        low, high = 2.0 * np.pi / PERIOD_S, 2.0 * np.pi * HIGH / PERIOD_S
+        for omega, amplitude, phase in (
+            (low, 0.4 * min(reach, limits.velocity / low), phases[j, 0]),
+            (high, 0.15 * min(reach, limits.acceleration / high**2), phases[j, 1]),
+        ):
+            angle = omega * time_s + phase
+            q[:, j] += amplitude * np.sin(angle)
+            v[:, j] += amplitude * omega * np.cos(angle)
+            a[:, j] -= amplitude * omega**2 * np.sin(angle)
+    return Excitation(q, v, a)
+
+
+def thesis_cases(axes: int, share: float = SHARE, bias_nm: float = -12.0) -> list[SensitivityCase]:
+    """Return the rows of table 5.3 for an arm of `axes` axes.
+
+    Torque constants, links and coupling count as `share` too large; on arms that have not six axes,
+    axis 3 stands for the first that lifts, and groups end with the last axis.
+
+    Parameters
+    ----------
+    axes : int
+        Number of axes, at least 3.
+    share : float
+        How wrong what is known is.
+    bias_nm : float
+        Bias of the torque of axis 3.
+    """
+
+    def gains(*numbers: int) -> tuple[float, ...]:
+        return tuple(1.0 + share if j + 1 in numbers else 1.0 for j in range(axes))
+
+    wrist = list(range(3, axes + 1))
+    cases = [SensitivityCase(1, "torque constant 3", Belief(gains=gains(3)), against=DIFFERENCE)]
+    if axes >= 6:
+        cases += [
+            SensitivityCase(1, "torque constant 4", Belief(gains=gains(4)), against=DIFFERENCE),
+            SensitivityCase(
+                1, "torque constants 5+6", Belief(gains=gains(5, 6)), against=DIFFERENCE
+            ),
+            SensitivityCase(
+                1, "torque constants 4-6", Belief(gains=gains(4, 5, 6)), against=DIFFERENCE
+            ),
+        ]
+    all_wrong = Belief(gains=gains(*wrist))
+    links = Belief(links=1.0 + share)
+    bias = tuple(bias_nm if j == 2 else 0.0 for j in range(axes))
+    return [
+        *cases,
+        SensitivityCase(1, f"torque constants 3-{axes}", all_wrong, against=DIFFERENCE),
+        SensitivityCase(2, "robot links", links),
+        SensitivityCase(3, "rotor inertia neglected", Belief(rotors=0.0)),
+        SensitivityCase(3, "rotor inertia 25 % too small", Belief(rotors=0.75)),
+        SensitivityCase(4, "wrist coupling neglected", Belief(coupling=0.0)),
+        SensitivityCase(5, "efficiency 90 %", Belief(efficiency=0.9)),
+        SensitivityCase(5, "efficiency 95 %", Belief(efficiency=0.95)),
+        SensitivityCase(6, "25 % of friction in the joints", Belief(joint_friction=0.25)),
+        SensitivityCase(7, "known mass, robot links", replace(links, known_mass=1.0)),
+        SensitivityCase(
+            7, f"known mass, torque constants 3-{axes}", replace(all_wrong, known_mass=1.0)
+        ),
+        SensitivityCase(7, "known mass 5 % too large", Belief(known_mass=1.05)),
+        SensitivityCase(8, f"torque bias {bias_nm:g} Nm, axis 3", Belief(bias=bias)),
+        SensitivityCase(
+            9, "all axes, torque constant 3", Belief(gains=gains(3)), "all", DIFFERENCE
+        ),
+        SensitivityCase(9, f"all axes, torque constants 3-{axes}", all_wrong, "all", DIFFERENCE),
+    ]
+
+
+def sensitivity_row(
+    case: SensitivityCase,
+    problems: dict[Motion, SensitivityProblem],
+    against: Comparison | None = None,
+) -> SensitivityRow:
+    """Return a row of the table.
+
+    Parameters
+    ----------
+    case : SensitivityCase
+        The case.
+    problems : dict
+        The robot with its payload, on the motion of the wrist's side and on that of all axes.
+    against : "model" or "difference", optional
+        How the robot is told from the payload; as the case says if not given.
+
+    Raises
+    ------
+    EstimationError
+        The motion does not show all ten parameters.
+    """
+    problem, against = problems[case.motion], against or case.against
+    percent = deviation_percent(problem, estimated(problem, case.belief, against))
+    return SensitivityRow(
+        case, against, tuple(float(p) if np.isfinite(p) else None for p in percent)
+    )

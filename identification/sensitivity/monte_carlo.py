@@ -1,0 +1,150 @@
+"""Monte Carlo: how a payload's estimate scatters with noise, and with beliefs wrong by chance."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Final, cast
+
+import joblib
+import numpy as np
+
+from config.arrays import FloatArray
+from dynamics.model.robot_model import regressor
+from identification.design.search import backend
+from identification.payload.body import reported
+from identification.sensitivity.problem import Belief, Comparison, Estimator, SensitivityProblem
+
+BATCH: Final = 250
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Standard deviations of what is believed, each independent of all others.
+
+    Attributes
+    ----------
+    torque_constants : float
+        Share of each axis's torque constant.
+    links : float
+        Share of each link's mass, first moment and inertia.
+    rotors : float
+        Share of each rotor's inertia.
+    bias : float
+        Share of each axis's noise that its torque is off by as a constant, times 100.
+    """
+
+    torque_constants: float = 0.0
+    links: float = 0.0
+    rotors: float = 0.0
+    bias: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Some estimates: values (draws, 10) of `REPORTED`, and which batch they are."""
+
+    batch: int
+    values: FloatArray
+
+
+def draw_batch(
+    problem: SensitivityProblem,
+    doubt: Doubt,
+    against: Comparison,
+    batch: int,
+    count: int,
+    seed: int,
+) -> Draws:
+    """Estimate a payload `count` times, each time with other noise and other wrong beliefs.
+
+    A batch costs one set-up of the equations and `count` products with it: batches are large enough
+    that sending one to another machine pays.
+
+    Parameters
+    ----------
+    problem : SensitivityProblem
+        The robot, its payload, its motion, the noise of every sample.
+    doubt : Doubt
+        How sure what is believed is.
+    against : "model" or "difference"
+        How the robot is told from the payload.
+    batch, count, seed : int
+        Number of the batch, its draws, and the seed of all batches.
+    """
+    random = np.random.default_rng([seed, batch])
+    right = Belief()
+    estimator = Estimator.of(problem, right, against)
+    tau = problem.torque(right, True)
+    alone = problem.torque(right, False)
+    motion, model = problem.motion, problem.model
+    groups = model.parameter_groups
+    links = np.zeros((*motion.q.shape, 0))
+    values = np.zeros(0)
+    if against == "model" and (doubt.links or doubt.rotors):
+        phi = regressor(model, motion.q, motion.v, motion.a, problem.conditions(False))
+        parts = [("rigid_body", doubt.links), ("rotors", doubt.rotors), ("armature", doubt.rotors)]
+        chosen = [(phi[:, :, groups[g]], share, groups[g]) for g, share in parts if g in groups]
+        links = np.concatenate([columns for columns, _, _ in chosen], axis=2)
+        values = np.concatenate([share * problem.parameters[s] for _, share, s in chosen])
+    found = np.empty((count, 10))
+    for row in found:
+        gains = 1.0 + doubt.torque_constants * random.standard_normal(len(problem.noise_nm))
+        bias = 100.0 * doubt.bias * problem.noise_nm * random.standard_normal(len(problem.noise_nm))
+        measured = tau + problem.noise_nm * random.standard_normal(tau.shape)
+        measured = gains * measured + bias
+        if against == "difference":
+            without = alone + problem.noise_nm * random.standard_normal(tau.shape)
+            measured = measured - gains * without - bias
+        elif len(values):
+            measured = measured - links @ (values * random.standard_normal(len(values)))
+        row[:] = reported(estimator.parameters(measured))
+    return Draws(batch, found)
+
+
+def monte_carlo(
+    problem: SensitivityProblem,
+    doubt: Doubt,
+    against: Comparison,
+    draws: int,
+    *,
+    seed: int = 0,
+    jobs: int = -1,
+    scheduler: str | None = None,
+) -> Generator[Draws]:
+    """Draw in batches side by side, and yield each batch as it is ready.
+
+    The same seed gives the same draws, wherever they are computed.
+
+    Parameters
+    ----------
+    problem, doubt, against, seed
+        As for `draw_batch`.
+    draws : int
+        How many in all.
+    jobs : int
+        Processes; -1 for one a core.
+    scheduler : str, optional
+        Address of a Dask scheduler; its workers need this program installed.
+
+    Raises
+    ------
+    ConfigError
+        The scheduler cannot be reached, or Dask is not installed.
+    EstimationError
+        The motion does not show all ten parameters.
+    """
+    work = joblib.delayed(draw_batch)
+    tasks = [
+        work(problem, doubt, against, batch, min(BATCH, draws - start), seed)
+        for batch, start in enumerate(range(0, draws, BATCH))
+    ]
+    with backend(scheduler, jobs):
+        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
+        yield from cast(Generator[Draws], parallel(tasks))
+
+
+def collected(batches: list[Draws]) -> FloatArray:
+    """Return the values of all batches in the order of their numbers, (draws, 10)."""
+    ordered = sorted(batches, key=lambda draws: draws.batch)
+    return np.concatenate([draws.values for draws in ordered])

@@ -1,0 +1,247 @@
+"""Which friction a robot's joints have, chosen by the data alone: cross-validation.
+
+Recordings are cut into contiguous parts, since neighbouring rows are not independent. Each part is
+predicted by an estimate from all others. A joint gets the simplest terms whose squared error is
+within one standard error of the best terms' (the one-standard-error rule: Breiman and others 1984),
+the standard error being that of the difference, second by second. Friction acts on its own joint,
+so joints choose one by one: first all with the same terms, then each with fewer beside the others.
+Information criteria stand beside it: AIC (Akaike 1974) and BIC (Schwarz 1978), with as many
+independent values as the band holds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from config.robot.robot import FrictionTerm, RobotDescription
+from dynamics.terms.conditions import Conditions
+from identification.equations.segments import cut
+from identification.estimation.estimate import Estimate, predict
+from identification.estimation.estimators import STANDSTILL_RAD_S, estimate_smoothed
+from identification.model.options import ModelOptions
+
+FOLDS: Final = 6
+EVENT_S: Final = 1.0
+
+CLASSICAL: Final[tuple[FrictionTerm, ...]] = ("coulomb", "viscous")
+FRICTION_CANDIDATES: Final[tuple[tuple[FrictionTerm, ...], ...]] = (
+    CLASSICAL,
+    (*CLASSICAL, "offset"),
+    (*CLASSICAL, "offset", "cubic"),
+    (*CLASSICAL, "offset", "cube_root"),
+    (*CLASSICAL, "offset", "load"),
+    (*CLASSICAL, "offset", "stribeck"),
+    (*CLASSICAL, "offset", "cube_root", "cubic"),
+    (*CLASSICAL, "offset", "cubic", "load"),
+    (*CLASSICAL, "offset", "cube_root", "load"),
+    (*CLASSICAL, "offset", "cube_root", "cubic", "load"),
+)
+"""From the simplest to the richest."""
+
+Watch = Callable[[int, int, str], None]
+"""Told how many of how many candidates are done, and which is next."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One candidate, judged on data that it has not seen.
+
+    Attributes
+    ----------
+    terms : tuple of str
+        The friction terms of every joint; empty for the model put together joint by joint.
+    error_nm : ndarray, shape (n,)
+        RMS error of each joint on moving samples of the parts left out [N m or N].
+    event_errors : ndarray, shape (events, n)
+        Mean squared error of each second; NaN where the joint did not move.
+    parameters : int
+        Linear and nonlinear parameters.
+    aic, bic : float
+        Information criteria of the fit to all data; the smaller the better.
+    """
+
+    terms: tuple[FrictionTerm, ...]
+    error_nm: FloatArray
+    event_errors: FloatArray
+    parameters: int
+    aic: float
+    bic: float
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The trials, and what was chosen.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    trials : tuple of Trial
+        One a candidate, in the order of complexity.
+    chosen : tuple of tuple of str
+        Each joint's friction terms.
+    together : Trial
+        The model with each joint's own terms.
+    """
+
+    joint_names: tuple[str, ...]
+    trials: tuple[Trial, ...]
+    chosen: tuple[tuple[FrictionTerm, ...], ...]
+    together: Trial
+
+    def robot(self, robot: RobotDescription) -> RobotDescription:
+        """Return a robot with the chosen friction terms."""
+        return with_friction(robot, self.chosen)
+
+
+def choose_friction(
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    *,
+    options: ModelOptions | None = None,
+    candidates: Sequence[tuple[FrictionTerm, ...]] = FRICTION_CANDIDATES,
+    standstill_rad_s: float = STANDSTILL_RAD_S,
+    folds: int = FOLDS,
+    watch: Watch | None = None,
+) -> Comparison:
+    """Choose each joint's friction terms.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot; its own friction terms do not count.
+    signals : sequence of SmoothedSignals
+        The recordings of the training runs; never those of the validation.
+    options : ModelOptions, optional
+        The other terms of the model.
+    candidates : sequence of tuple of str
+        Terms to compare, from the simplest to the richest.
+    standstill_rad_s : float
+        Slower samples do not count.
+    folds : int
+        Parts that the recordings are cut into.
+    watch : callable, optional
+        Told of the progress.
+
+    Raises
+    ------
+    EstimationError
+        The recordings are too short, or do not show the simplest model.
+    """
+    options = replace(options or ModelOptions(), friction_terms=None, shape=None)
+    parts = [part for run in signals for part in cut(run, max(1, folds // len(signals)))]
+    if len(parts) < 2 or not candidates:
+        raise EstimationError("a comparison needs two parts of recordings, and candidates")
+    trials: list[Trial] = []
+    for number, terms in enumerate(candidates):
+        if watch is not None:
+            watch(number, len(candidates) + 1, ", ".join(terms))
+        alike = with_friction(robot, [terms] * len(robot.joints))
+        trials.append(_trial(alike, parts, options, standstill_rad_s, terms))
+    best = [_simplest(trials, j) for j in range(len(robot.joints))]
+    chosen = [candidates[number] for number in best]
+    # What one joint lacks bends the others' errors while all have the same terms. With each at its
+    # own, a joint may turn out to need less.
+    together = _trial(with_friction(robot, chosen), parts, options, standstill_rad_s, ())
+    for j, terms in enumerate(chosen):
+        for fewer in (c for c in candidates if set(c) < set(terms)):
+            if watch is not None:
+                name = robot.joint_names[j]
+                watch(len(candidates), len(candidates) + 1, f"{name} with {', '.join(fewer)}")
+            tried = [*chosen[:j], fewer, *chosen[j + 1 :]]
+            trial = _trial(with_friction(robot, tried), parts, options, standstill_rad_s, ())
+            if _simplest((trial, together), j) == 0:
+                chosen, together = tried, trial
+                break
+    return Comparison(
+        joint_names=robot.joint_names,
+        trials=tuple(trials),
+        chosen=tuple(chosen),
+        together=together,
+    )
+
+
+def with_friction(
+    robot: RobotDescription, terms: Sequence[tuple[FrictionTerm, ...]]
+) -> RobotDescription:
+    """Return a robot whose joints have these friction terms, one tuple a joint."""
+    joints = (
+        joint.model_copy(
+            update={"friction": own, "efficiency": None if "load" in own else joint.efficiency}
+        )
+        for joint, own in zip(robot.joints, terms, strict=True)
+    )
+    return robot.model_copy(update={"joints": tuple(joints)})
+
+
+def _trial(
+    robot: RobotDescription,
+    parts: Sequence[SmoothedSignals],
+    options: ModelOptions,
+    standstill_rad_s: float,
+    terms: tuple[FrictionTerm, ...],
+) -> Trial:
+    whole = estimate_smoothed(robot, parts, options=options, standstill_rad_s=standstill_rad_s)
+    # Each fold starts from the nonlinear parameters of all data, and finds its own.
+    started = whole.options
+    events: list[FloatArray] = []
+    for left_out in range(len(parts)):
+        others = [part for k, part in enumerate(parts) if k != left_out]
+        estimate = estimate_smoothed(
+            robot, others, options=started, standstill_rad_s=standstill_rad_s
+        )
+        events.extend(_event_errors(estimate, parts[left_out], standstill_rad_s))
+    errors = np.array(events)
+    values = (
+        2.0
+        * parts[0].cutoff_hz
+        * sum(len(part) * part.sample_period_s for part in parts)
+        * (1.0 - whole.left_out_fraction)
+    )
+    count = len(whole.base) + len(whole.options.shape or ())
+    fit = float(np.sum(values * np.log(whole.residual_nm**2)))
+    return Trial(
+        terms=terms,
+        error_nm=np.sqrt(np.nanmean(errors, axis=0)),
+        event_errors=errors,
+        parameters=count,
+        aic=fit + 2.0 * count,
+        bic=fit + math.log(float(values.sum())) * count,
+    )
+
+
+def _event_errors(
+    estimate: Estimate, part: SmoothedSignals, standstill_rad_s: float
+) -> Iterator[FloatArray]:
+    """Yield the mean squared error of each second, shape (n,); NaN where a joint stands still."""
+    conditions = Conditions(temperature_k=part.temperature_k)
+    predicted = predict(estimate, part.position, part.velocity, part.acceleration, conditions)
+    moving = np.abs(estimate.model.actuator_speed(part.velocity)) >= standstill_rad_s
+    error = np.where(moving, (part.torque_nm - predicted) ** 2, 0.0)
+    second = np.floor((part.time_s - part.time_s[0]) / EVENT_S)
+    edges = np.flatnonzero(np.diff(second) != 0.0) + 1
+    for rows in np.split(np.arange(len(part)), edges):
+        counted = moving[rows].sum(axis=0)
+        total = error[rows].sum(axis=0)
+        yield np.where(counted > 0, total / np.maximum(counted, 1), np.nan)
+
+
+def _simplest(trials: Sequence[Trial], joint: int) -> int:
+    """Return the first trial whose error on a joint is within one standard error of the best."""
+    errors = np.array([trial.event_errors[:, joint] for trial in trials])
+    errors = errors[:, ~np.isnan(errors).any(axis=0)]
+    if errors.shape[1] < 2:
+        return 0
+    means = errors.mean(axis=1)
+    best = int(np.argmin(means))
+    difference = errors - errors[best]
+    standard_error = np.std(difference, axis=1, ddof=1) / math.sqrt(errors.shape[1])
+    return int(np.argmax(means <= means[best] + standard_error))

@@ -1,0 +1,71 @@
+"""`PeriodComparison`: measured and predicted torque of a mean period, in time and by frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.processing.periods import PeriodAverage
+from config.arrays import FloatArray
+from identification.equations.bins import bin_equations
+from identification.estimation.estimate import Estimate
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodComparison:
+    """A mean period inside the estimate's band, the anti-alias filter divided out.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (K,)
+        Time within the period [s].
+    measured_nm, predicted_nm : ndarray, shape (K, n)
+        Torques [N m or N].
+    frequency_hz : ndarray, shape (H + 1,)
+        The bins [Hz].
+    measured_spectrum_nm, residual_spectrum_nm : ndarray, shape (H + 1, n)
+        RMS of each bin of the measured torque, and of measured minus predicted; over all samples,
+        passages of standstill included [N m or N].
+    noise_spectrum_nm : ndarray, shape (H + 1, n)
+        RMS that the noise between periods leaves in each bin of the mean [N m or N].
+    """
+
+    time_s: FloatArray
+    measured_nm: FloatArray
+    predicted_nm: FloatArray
+    frequency_hz: FloatArray
+    measured_spectrum_nm: FloatArray
+    residual_spectrum_nm: FloatArray
+    noise_spectrum_nm: FloatArray
+
+
+def compare_period(estimate: Estimate, average: PeriodAverage) -> PeriodComparison:
+    """Predict the torques of a mean period.
+
+    Raises
+    ------
+    EstimationError
+        The joints are not the estimate's.
+    """
+    equations = bin_equations(
+        estimate.model, estimate.base, average, band_hz=estimate.band_hz, standstill_rad_s=0.0
+    )
+    predicted = equations.matrix @ estimate.values
+    samples = average.samples_per_period
+    return PeriodComparison(
+        time_s=np.arange(samples, dtype=np.float64) * average.sample_period_s,
+        measured_nm=equations.to_time(equations.rhs, samples),
+        predicted_nm=equations.to_time(predicted, samples),
+        frequency_hz=np.arange(equations.harmonics + 1) / equations.period_s,
+        measured_spectrum_nm=_per_bin(equations.rhs, equations.harmonics),
+        residual_spectrum_nm=_per_bin(equations.rhs - predicted, equations.harmonics),
+        noise_spectrum_nm=_per_bin(equations.torque_sigma, equations.harmonics),
+    )
+
+
+def _per_bin(rows: FloatArray, harmonics: int) -> FloatArray:
+    """Return the RMS of each bin (H + 1, n) from rows (n, 2 H + 1)."""
+    power = np.square(rows[:, : harmonics + 1])
+    power[:, 1:] += np.square(rows[:, harmonics + 1 :])
+    return np.asarray(np.sqrt(power).T)

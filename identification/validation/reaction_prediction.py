@@ -1,0 +1,201 @@
+"""`ReactionValidation`: measured against predicted base wrench on a run not seen before.
+
+A plate's offset and slow drift say nothing about the robot, and the delay of its signals belongs
+to the line; all three are found on the run itself and taken out, as they are when a model is
+estimated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from acquisition.processing.smoothing import SmoothedSignals, low_pass, smooth_nonperiodic
+from acquisition.recording.plate_geometry import WRENCH_NAMES
+from acquisition.recording.recording import Recording
+from config.arrays import BoolArray, FloatArray, read_only
+from config.errors import DataQualityError, EstimationError
+from dynamics.terms.conditions import Conditions
+from identification.equations.deconvolution import without_filter
+from identification.estimation.estimate import Estimate, predict_reaction
+from identification.estimation.estimators import BAND_HZ
+
+STEPS = 4
+MOTION_CUTOFFS = 1.5
+HIGHEST_SHARE = 0.3
+EDGE_CUTOFFS = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class ReactionValidation:
+    """Errors of the predicted base wrench, component by component.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (samples,)
+        Times of the rows [s].
+    measured, predicted : ndarray, shape (samples, 6)
+        Base wrench below `cutoff_hz`, without constant part and drift of the measured one [N, N m].
+    counted : ndarray of bool, shape (samples,)
+        Rows at which every channel of the plate was valid.
+    rms : ndarray, shape (6,)
+        RMS of measured minus predicted [N, N m].
+    relative_percent : ndarray, shape (6,)
+        The same over the RMS of the measured wrench around its mean [%].
+    noise : ndarray, shape (6,), or None
+        RMS that noise alone leaves below `cutoff_hz`, by the periods that the model comes from.
+    delay_s : float
+        By how much the plate's signals were late.
+    cutoff_hz : float
+        Where all signals were low-passed.
+    """
+
+    time_s: FloatArray
+    measured: FloatArray
+    predicted: FloatArray
+    counted: BoolArray
+    rms: FloatArray
+    relative_percent: FloatArray
+    noise: FloatArray | None
+    delay_s: float
+    cutoff_hz: float
+
+    def __post_init__(self) -> None:
+        for name in ("measured", "predicted"):
+            values = read_only(name, getattr(self, name), float, (None, 6), EstimationError)
+            object.__setattr__(self, name, values)
+
+    @property
+    def sentence(self) -> str:
+        """The result in words."""
+        errors = ", ".join(
+            f"{name} {rms:.3g} ({share:.2g} %)"
+            for name, rms, share in zip(WRENCH_NAMES, self.rms, self.relative_percent, strict=True)
+        )
+        return (
+            f"Reaction on the base below {self.cutoff_hz:g} Hz, rms error [N, N m]: {errors}; the"
+            f" plate's signals were {1e3 * self.delay_s:.2f} ms late."
+        )
+
+
+def validate_reaction(
+    estimate: Estimate, recording: Recording, *, cutoff_hz: float = BAND_HZ
+) -> ReactionValidation:
+    """Predict the base wrench of a recording and compare.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of the external or the combined model.
+    recording : Recording
+        Any motion, with a force plate; it is low-passed without phase shift.
+    cutoff_hz : float
+        Cut-off of the low-pass [Hz].
+
+    Raises
+    ------
+    EstimationError
+        The joints are not the estimate's, or it is of the internal model.
+    DataQualityError
+        The recording has no force plate, or one that was not valid long enough.
+    """
+    if recording.joint_names != estimate.robot.joint_names:
+        raise EstimationError(
+            f"the recording has joints {', '.join(recording.joint_names)}, the estimate"
+            f" {', '.join(estimate.robot.joint_names)}: use a model of this robot"
+        )
+    step_s = float(np.median(np.diff(recording.time_s)))
+    # Products of angles and accelerations from above the cut-off reach down below it.
+    motion_hz = max(cutoff_hz, min(MOTION_CUTOFFS * cutoff_hz, HIGHEST_SHARE / step_s))
+    signals = smooth_nonperiodic(recording, motion_hz)
+    curve, counted = _measured(recording, signals, cutoff_hz)
+    conditions = Conditions(temperature_k=signals.temperature_k)
+    predicted = predict_reaction(
+        estimate, signals.position, signals.velocity, signals.acceleration, conditions
+    )
+    slope = np.zeros_like(predicted)
+    for number in np.unique(signals.segment):
+        rows = signals.segment == number
+        predicted[rows] = low_pass(predicted[rows], signals.sample_period_s, cutoff_hz)
+        slope[rows] = np.gradient(predicted[rows], signals.sample_period_s, axis=0)
+    predicted = predicted - predicted[counted].mean(axis=0)
+    measured, delay_s = _aligned(curve, signals.time_s, predicted, slope, counted)
+    error = (measured - predicted)[counted]
+    rms = np.sqrt(np.mean(error**2, axis=0))
+    size = np.std(measured[counted], axis=0)
+    noise = None
+    if estimate.plate is not None:
+        periods = estimate.periods / max(len(estimate.plate.left_out), 1)
+        noise = estimate.plate.noise * np.sqrt(periods * cutoff_hz / estimate.band_hz)
+    return ReactionValidation(
+        time_s=signals.time_s,
+        measured=measured,
+        predicted=predicted,
+        counted=counted,
+        rms=rms,
+        relative_percent=100.0 * rms / size,
+        noise=noise,
+        delay_s=delay_s,
+        cutoff_hz=cutoff_hz,
+    )
+
+
+def _measured(
+    recording: Recording, signals: SmoothedSignals, cutoff_hz: float
+) -> tuple[CubicSpline, BoolArray]:
+    """Return the low-passed wrench as a function of time, and which smoothed rows count."""
+    reaction, step_s = recording.reaction, recording.sample_period_s
+    if reaction is None:
+        raise DataQualityError(
+            "the recording holds nothing of a force plate: no reaction can be compared"
+        )
+    if step_s is None:
+        raise DataQualityError("the recording's stamps are not uniform: the plate cannot be used")
+    valid: BoolArray = np.asarray(reaction.valid.all(axis=1))
+    if valid.mean() < 0.5:
+        worst = reaction.channel_names[int(np.argmin(reaction.valid.mean(axis=0)))]
+        raise DataQualityError(
+            f"the force plate is valid on {valid.mean():.0%} of the rows only (channel {worst}):"
+            " choose a larger range, or look at its line"
+        )
+    good = np.flatnonzero(valid)
+    nearest = good[np.clip(np.searchsorted(good, np.arange(len(valid))), 0, len(good) - 1)]
+    wrench = without_filter(reaction.base_wrench[nearest], step_s, reaction.low_pass)
+    curve = CubicSpline(recording.time_s, low_pass(wrench, step_s, cutoff_hz))
+    row = np.searchsorted(recording.time_s, signals.time_s)
+    bad = np.concatenate([[0], np.cumsum(~valid)])
+    edge = round(EDGE_CUTOFFS / cutoff_hz / step_s)
+    first, last = np.maximum(row - edge, 0), np.minimum(row + edge + 1, len(valid))
+    counted = bad[last] == bad[first]
+    if counted.sum() < 2 * edge:
+        raise DataQualityError("no stretch of the force plate's rows is valid for long enough")
+    return curve, counted
+
+
+def _aligned(
+    curve: CubicSpline,
+    time_s: FloatArray,
+    predicted: FloatArray,
+    slope: FloatArray,
+    counted: BoolArray,
+) -> tuple[FloatArray, float]:
+    """Return the measured wrench without delay, offset and drift, and the delay [s]."""
+    x = np.column_stack([np.ones(len(time_s)), time_s - time_s.mean()])
+    delay_s, weights = 0.0, np.ones(6)
+    measured = np.asarray(curve(time_s))
+    weights = 1.0 / np.maximum(np.std(predicted[counted], axis=0), 1e-12)
+    for _ in range(STEPS):
+        measured = np.asarray(curve(time_s + delay_s))
+        error = measured - predicted
+        trend = np.linalg.lstsq(x[counted], error[counted], rcond=None)[0]
+        error = error - x @ trend
+        late = slope - x @ np.linalg.lstsq(x[counted], slope[counted], rcond=None)[0]
+        # A signal that is late by d shows as error -d times its slope.
+        top = np.sum(weights**2 * (error * late)[counted])
+        delay_s -= float(top / np.sum(weights**2 * (late * late)[counted]))
+        weights = 1.0 / np.maximum(np.std(error[counted], axis=0), 1e-12)
+    measured = np.asarray(curve(time_s + delay_s))
+    trend = np.linalg.lstsq(x[counted], (measured - predicted)[counted], rcond=None)[0]
+    return measured - x @ trend, delay_s

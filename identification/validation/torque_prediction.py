@@ -1,0 +1,179 @@
+"""`Validation`: measured against predicted torque on a run that the estimate has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.processing.smoothing import low_pass, smooth_nonperiodic
+from acquisition.recording.recording import Recording
+from config.arrays import BoolArray, FloatArray, read_only
+from config.errors import DataQualityError, EstimationError
+from dynamics.terms.conditions import Conditions
+from identification.equations.deconvolution import without_torque_filter
+from identification.estimation.estimate import Estimate, predict
+from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Torque errors per joint, and the samples that they were computed on.
+
+    Errors count moving samples only, those at or above `standstill_rad_s`: below, friction is
+    stiction, of which sign(v) says nothing. `all_samples_percent` counts every sample.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    time_s : ndarray, shape (samples,)
+        Times of the rows [s].
+    measured_nm, predicted_nm : ndarray, shape (samples, n)
+        Torques, both below `cutoff_hz` [N m or N].
+    position, velocity, acceleration : ndarray, shape (samples, n)
+        The motion that the prediction was made for [rad or m, per s, per s^2].
+    moving : ndarray of bool, shape (samples, n)
+        Which samples count.
+    rms_nm : ndarray, shape (n,)
+        RMS of measured minus predicted [N m or N]; NaN for a joint that never moves.
+    relative_percent : ndarray, shape (n,)
+        The same over the RMS of the measured torque [%].
+    all_samples_percent : ndarray, shape (n,)
+        The relative error on every sample, standstill included [%].
+    noise_nm : ndarray, shape (n,), or None
+        RMS that the measurement noise alone leaves below `cutoff_hz`, where it is known.
+    cutoff_hz, standstill_rad_s : float
+        Where the signals were low-passed, and the speed from which samples count.
+    limits_percent : tuple of float, or None
+        The largest relative errors allowed.
+    """
+
+    joint_names: tuple[str, ...]
+    time_s: FloatArray
+    measured_nm: FloatArray
+    predicted_nm: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    moving: BoolArray
+    rms_nm: FloatArray
+    relative_percent: FloatArray
+    all_samples_percent: FloatArray
+    noise_nm: FloatArray | None
+    cutoff_hz: float
+    standstill_rad_s: float
+    limits_percent: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.joint_names)
+        for name in ("measured_nm", "predicted_nm"):
+            values = read_only(name, getattr(self, name), float, (None, n), EstimationError)
+            object.__setattr__(self, name, values)
+        if self.limits_percent is not None and len(self.limits_percent) != n:
+            raise EstimationError(
+                f"validation: {len(self.limits_percent)} limits are given for {n} joints"
+            )
+
+    @property
+    def moving_fraction(self) -> FloatArray:
+        """Share of the samples that count, shape (n,)."""
+        return np.asarray(self.moving.mean(axis=0))
+
+    @property
+    def verdicts(self) -> tuple[bool | None, ...]:
+        """Whether each joint holds its limit; None without a limit or without a moving sample."""
+        if self.limits_percent is None:
+            return (None,) * len(self.joint_names)
+        return tuple(
+            None if np.isnan(error) else bool(error <= limit)
+            for error, limit in zip(self.relative_percent, self.limits_percent, strict=True)
+        )
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether every joint that moves holds its limit; None without limits."""
+        known = [verdict for verdict in self.verdicts if verdict is not None]
+        return all(known) if known else None
+
+
+def validate(
+    estimate: Estimate,
+    recording: Recording,
+    *,
+    cutoff_hz: float = BAND_HZ,
+    standstill_rad_s: float = STANDSTILL_RAD_S,
+    limits_percent: tuple[float, ...] | None = None,
+    noise_nm: FloatArray | None = None,
+) -> Validation:
+    """Predict the torques of a recording and compare.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The identified robot. To judge other parameters, `dataclasses.replace` its `values`.
+    recording : Recording
+        Any motion; it is low-passed without phase shift, periodic or not.
+    cutoff_hz : float
+        Cut-off of the low-pass, for measured and predicted torque alike [Hz].
+    standstill_rad_s : float
+        Samples of a joint slower than this do not count for it.
+    limits_percent : tuple of float, optional
+        Largest relative error of each joint for the verdict.
+    noise_nm : ndarray, shape (n,), optional
+        Standard deviation of one torque sample by noise, as `PeriodAverage.torque_variance` has it.
+
+    Raises
+    ------
+    EstimationError
+        The recording's joints are not the estimate's.
+    DataQualityError
+        Nothing moves in the recording.
+    """
+    names = estimate.robot.joint_names
+    if recording.joint_names != names:
+        raise EstimationError(
+            f"the recording has joints {', '.join(recording.joint_names)}, the estimate"
+            f" {', '.join(names)}: use a model of this robot"
+        )
+    signals = smooth_nonperiodic(without_torque_filter(recording), cutoff_hz)
+    conditions = Conditions(temperature_k=signals.temperature_k)
+    predicted = predict(
+        estimate, signals.position, signals.velocity, signals.acceleration, conditions
+    )
+    for number in np.unique(signals.segment):
+        rows = signals.segment == number
+        predicted[rows] = low_pass(predicted[rows], signals.sample_period_s, cutoff_hz)
+    moving = np.abs(estimate.model.actuator_speed(signals.velocity)) >= standstill_rad_s
+    if not moving.any():
+        raise DataQualityError(
+            f"no joint of the recording moves at {standstill_rad_s:g} rad/s or more: nothing to"
+            " validate on"
+        )
+    error = signals.torque_nm - predicted
+    every = np.ones_like(moving)
+    passband = min(1.0, 2.0 * cutoff_hz * signals.sample_period_s)
+    return Validation(
+        joint_names=names,
+        time_s=signals.time_s,
+        measured_nm=signals.torque_nm,
+        predicted_nm=predicted,
+        position=signals.position,
+        velocity=signals.velocity,
+        acceleration=signals.acceleration,
+        moving=moving,
+        rms_nm=_rms(error, moving),
+        relative_percent=100.0 * _rms(error, moving) / _rms(signals.torque_nm, moving),
+        all_samples_percent=100.0 * _rms(error, every) / _rms(signals.torque_nm, every),
+        noise_nm=None if noise_nm is None else np.asarray(noise_nm) * np.sqrt(passband),
+        cutoff_hz=cutoff_hz,
+        standstill_rad_s=standstill_rad_s,
+        limits_percent=limits_percent,
+    )
+
+
+def _rms(values: FloatArray, use: BoolArray) -> FloatArray:
+    """Return the RMS of each column over the rows in use; NaN where there is none."""
+    rows = use.sum(axis=0)
+    total = np.sum(np.square(values) * use, axis=0)
+    return np.asarray(np.sqrt(np.where(rows > 0, total / np.maximum(rows, 1), np.nan)))

@@ -1,0 +1,340 @@
+"""`SimulatedAmplifier`: what a charge amplifier answers and streams, bytes in and bytes out.
+
+It knows its profile, its physics and the times that it is given; ports, lines and clocks are
+others' business.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from config.cell.amplifier_profile import AmplifierProfile
+from config.cell.plate import CHANNELS
+from config.simulation.plant import SimulatedPlate
+from drivers.amplifier.codec import (
+    NO_SUCH_CHANNEL,
+    AmplifierCodec,
+    Answer,
+    LineSplitter,
+    Request,
+    RequestError,
+)
+from drivers.amplifier.frames import encode_event, event_layout
+from mock_hw.amplifier.analog import AmplifierRows, ChargeAmplifier
+from mock_hw.amplifier.line_faults import Unit
+from mock_hw.amplifier.rows import RowBlock, row_encoder
+
+IDENTITY = "rid-daq,simulated 8-channel charge amplifier,0001,1.0"
+
+NOT_UNDERSTOOD = "02"
+OUT_OF_RANGE = "03"
+NOT_WHILE_STREAMING = "05"
+ONLY_ASKED = "06"
+
+_LIMITS = {
+    "range": (1.0, 100_000.0),
+    "sensitivity": (-1000.0, 1000.0),
+    "low_pass": (1.0, 30_000.0),
+    "rate": (1.0, 10_000.0),
+}
+_PER_CHANNEL = ("range", "sensitivity")
+_FORMS = ("ascii", "binary")
+
+Outgoing = Unit | RowBlock
+Charges = Callable[[], NDArray[np.float64]]
+
+
+class SimulatedAmplifier:
+    """A charge amplifier at the end of a serial line.
+
+    Settings are taken at any time but while rows are streamed: then only the stream's end, the time
+    (answered by an event) and the overload word (likewise) are.
+
+    Parameters
+    ----------
+    profile
+        Its strings and rows.
+    truth
+        Its physics.
+    seed
+        Of its noise.
+    now_s
+        When it is switched on [s].
+    bits, low_pass_order
+        How it is built.
+
+    Attributes
+    ----------
+    physics
+        The amplifier behind the words.
+    """
+
+    def __init__(
+        self,
+        profile: AmplifierProfile,
+        truth: SimulatedPlate,
+        seed: int,
+        now_s: float = 0.0,
+        *,
+        bits: int = 16,
+        low_pass_order: int = 2,
+    ) -> None:
+        self._profile = profile
+        self._codec = AmplifierCodec(profile)
+        self._lines = LineSplitter()
+        self.physics = ChargeAmplifier(truth, seed, now_s)
+        built = replace(self.physics.settings, bits=bits, low_pass_order=low_pass_order)
+        self.physics.apply(built)
+        self._form = "ascii"
+        self._encode_rows = row_encoder(profile, "ascii")
+        self._event = event_layout(profile, "ascii")
+        self._trigger = False
+        self._edges = 0
+        self._marks = 0
+        self._sequence = 0
+        self._reported = 0
+        self._overrun = False
+        self._out: list[Outgoing] = []
+        self._do: dict[str, Callable[[Request, Charges], Answer]] = {
+            "operate": self._operate,
+            "range": self._set,
+            "sensitivity": self._set,
+            "low_pass": self._set,
+            "rate": self._set,
+            "format": self._set_format,
+            "trigger": self._set_trigger,
+            "stream": self._stream,
+        }
+        self._tell: dict[str, Callable[[], str]] = {
+            "operate": lambda: str(int(self.physics.operating)),
+            "identify": lambda: IDENTITY,
+            "overload": lambda: f"{self.physics.take_overload():02X}",
+            "values": self._values,
+            "bits": lambda: str(self.physics.settings.bits),
+            "low_pass": lambda: f"{self.physics.settings.low_pass_hz:g}",
+            "rate": lambda: f"{self.physics.settings.rate_hz:g}",
+            "format": lambda: str(_FORMS.index(self._form)),
+            "trigger": lambda: str(int(self._trigger)),
+            "stream": lambda: str(int(self.physics.converting)),
+            "time": lambda: f"{self._ticks(self.physics.time_s) & 0xFFFF_FFFF:08X}",
+        }
+
+    def receive(self, data: bytes, charges: Charges, now_s: float | None = None) -> None:
+        """Take bytes from the line and do what they say.
+
+        Parameters
+        ----------
+        data
+            The bytes.
+        charges
+            Tells what the sensors feel now, (8,) [pC]; asked at operate.
+        now_s
+            What time it is, where that is later than the physics has been brought [s]: answers
+            leave then, and the clock is read then.
+        """
+        now_s = self.physics.time_s if now_s is None else max(now_s, self.physics.time_s)
+        self._lines.feed(data.replace(b"\0", b""))
+        while (line := self._lines.next_line()) is not None:
+            answer = self._answer(line, charges, now_s)
+            if answer is not None:
+                self._out.append(Unit(self._codec.answer(answer), now_s))
+
+    def advance(
+        self,
+        end_s: float,
+        ends_s: ArrayLike = (),
+        charges_pc: ArrayLike = (),
+        edges_s: ArrayLike = (),
+    ) -> None:
+        """Let time pass, as `ChargeAmplifier.advance`; the trigger input had edges at `edges_s`."""
+        rows = self.physics.advance(end_s, ends_s, charges_pc)
+        if not self.physics.converting:
+            return
+        first = 0
+        for time_s, event, detail in self._happened(rows, np.asarray(edges_s, dtype=np.float64)):
+            last = int(np.searchsorted(rows.time_s, time_s))
+            self._put_rows(rows, first, last)
+            first = max(first, last)
+            self._put_event(event, detail, time_s, time_s)
+        self._put_rows(rows, first, len(rows.time_s))
+
+    def take(self) -> list[Outgoing]:
+        """Return what is to be sent, in order."""
+        out, self._out = self._out, []
+        return out
+
+    def overrun(self, rows: int) -> None:
+        """Be told that so many rows found no room on the line; all later rows say so."""
+        self._overrun = True
+        self._put_event("overrun", rows, self.physics.time_s, self.physics.time_s)
+
+    # Answers
+
+    def _answer(self, line: bytes, charges: Charges, now_s: float) -> Answer | None:
+        try:
+            request = self._codec.read_request(line)
+        except RequestError as error:
+            return Answer(error=error.number)
+        if self.physics.converting:
+            return self._while_streaming(request, now_s)
+        if request.channel and request.name not in _PER_CHANNEL:
+            return Answer(error=NO_SUCH_CHANNEL)
+        if request.value is None:
+            if request.name in _PER_CHANNEL:
+                return Answer(self._per_channel(request))
+            if request.name == "time":
+                return Answer(f"{self._ticks(now_s) & 0xFFFF_FFFF:08X}")
+            return Answer(self._tell[request.name]())
+        if request.name not in self._do:
+            return Answer(error=ONLY_ASKED)
+        return self._do[request.name](request, charges)
+
+    def _while_streaming(self, request: Request, now_s: float) -> Answer | None:
+        """Answer by an event what is answered so; only the stream's end is taken otherwise."""
+        asked = request.value is None
+        if asked and request.name == "time":
+            self._put_event("mark", self._marks, now_s, now_s)
+            self._marks += 1
+            return None
+        if asked and request.name == "overload":
+            self._put_event("overload", self.physics.take_overload(), now_s, now_s)
+            self._reported = 0
+            return None
+        if request.name == "stream" and request.value in ("0", "1"):
+            return self._stream(request, _no_charges)
+        return Answer(error=NOT_WHILE_STREAMING)
+
+    def _operate(self, request: Request, charges: Charges) -> Answer:
+        if request.value not in ("0", "1"):
+            return Answer(error=NOT_UNDERSTOOD)
+        if request.value == "1":
+            self.physics.operate(charges())
+        else:
+            self.physics.reset()
+        return Answer()
+
+    def _per_channel(self, request: Request) -> str:
+        settings = self.physics.settings
+        values = settings.range_n if request.name == "range" else settings.sensitivity_pc_n
+        asked = values if not request.channel else values[request.channel - 1 : request.channel]
+        return ",".join(f"{value:g}" for value in asked)
+
+    def _set(self, request: Request, charges: Charges) -> Answer:
+        value = _number(request.value)
+        if value is None:
+            return Answer(error=NOT_UNDERSTOOD)
+        lowest, highest = _LIMITS[request.name]
+        if not lowest <= value <= highest or value == 0.0:
+            return Answer(error=OUT_OF_RANGE)
+        physics, settings = self.physics, self.physics.settings
+        if request.name == "low_pass":
+            physics.apply(replace(settings, low_pass_hz=value))
+            return Answer()
+        if request.name == "rate":
+            physics.apply(replace(settings, rate_hz=value))
+            return Answer()
+        which = range(CHANNELS) if not request.channel else (request.channel - 1,)
+        ranges, sensitivities = list(settings.range_n), list(settings.sensitivity_pc_n)
+        for channel in which:
+            (ranges if request.name == "range" else sensitivities)[channel] = value
+        changed = replace(settings, range_n=tuple(ranges), sensitivity_pc_n=tuple(sensitivities))
+        physics.apply(changed)
+        if changed == settings or not physics.operating:
+            return Answer()
+        physics.reset()
+        physics.operate(charges())
+        return Answer(charge_lost=True)
+
+    def _set_format(self, request: Request, charges: Charges) -> Answer:
+        del charges
+        if request.value not in ("0", "1"):
+            return Answer(error=NOT_UNDERSTOOD)
+        self._form = _FORMS[int(request.value)]
+        self._encode_rows = row_encoder(self._profile, self._form)
+        self._event = event_layout(self._profile, self._form)
+        return Answer()
+
+    def _set_trigger(self, request: Request, charges: Charges) -> Answer:
+        del charges
+        if request.value not in ("0", "1"):
+            return Answer(error=NOT_UNDERSTOOD)
+        self._trigger = request.value == "1"
+        return Answer()
+
+    def _stream(self, request: Request, charges: Charges) -> Answer:
+        del charges
+        if request.value not in ("0", "1"):
+            return Answer(error=NOT_UNDERSTOOD)
+        if request.value == "1" and not self.physics.converting:
+            self._sequence = self._edges = self._marks = 0
+            self._reported = self.physics.overload
+            self._overrun = False
+            self.physics.start()
+        elif request.value == "0" and self.physics.converting:
+            now_s = self.physics.time_s
+            self._put_event("stopped", 0, now_s, now_s)
+            self.physics.stop()
+        return Answer()
+
+    def _values(self) -> str:
+        settings = self.physics.settings
+        newtons = self.physics.present_counts() * np.array(settings.range_n)
+        return ",".join(f"{value:.3f}" for value in newtons / 2 ** (settings.bits - 1))
+
+    # The stream
+
+    def _happened(
+        self, rows: AmplifierRows, edges_s: NDArray[np.float64]
+    ) -> list[tuple[float, str, int]]:
+        """Return time, event and detail of what came between rows, in order."""
+        events: list[tuple[float, str, int]] = []
+        if self._trigger:
+            for time_s in edges_s.tolist():
+                events.append((time_s, "trigger", self._edges))
+                self._edges += 1
+        if len(rows.overload) and (self.physics.overload & ~self._reported):
+            known = self._reported
+            for place, word in enumerate(rows.overload.tolist()):
+                if word & ~known:
+                    events.append((float(rows.time_s[place]), "overload", word))
+                    known = word
+            self._reported = known
+        return sorted(events)
+
+    def _put_rows(self, rows: AmplifierRows, first: int, last: int) -> None:
+        if last <= first:
+            return
+        sequence = self._sequence + np.arange(last - first)
+        bits = self._profile.status_bits
+        status = rows.overload[first:last].astype(np.int64)
+        status |= int(self.physics.operating) << bits.operate | int(self._overrun) << bits.overrun
+        ticks = np.rint(rows.device_s[first:last] * self._profile.ticks_per_s).astype(np.int64)
+        data = self._encode_rows(sequence, ticks, status, rows.counts[first:last])
+        size = len(data) // (last - first)
+        self._out.append(RowBlock(data, size, rows.time_s[first:last], sequence))
+        self._sequence += last - first
+
+    def _put_event(self, event: str, detail: int, time_s: float, ready_s: float) -> None:
+        kind = getattr(self._profile.events, event)
+        data = encode_event(self._event, kind, self._sequence, self._ticks(time_s), detail)
+        self._out.append(Unit(data, ready_s))
+
+    def _ticks(self, time_s: float) -> int:
+        return round(self.physics.device_s(time_s) * self._profile.ticks_per_s)
+
+
+def _no_charges() -> NDArray[np.float64]:
+    return np.zeros(CHANNELS)
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        value = float(text or "")
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None

@@ -1,0 +1,95 @@
+"""A simulated force plate: from the wrench at the robot's base to the charges of eight channels.
+
+The plate is rigid and stands on four equal three-component sensors at (±a, ±b): a force is shared
+as four equal springs share it, of all ways that Kistler's formulas allow the one of least energy.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from config.cell.plate import PlateConfig
+from config.simulation.plant import SimulatedPlate
+
+Matrix = NDArray[np.float64]
+
+
+class PlateSensors:
+    """A plate with its sensors; every mapping is linear.
+
+    Parameters
+    ----------
+    plate
+        Geometry, and where the plate stands in the robot's base frame.
+    truth
+        What the sensors do: pC/N and crosstalk. The cell file's `sensitivity` is what a calibration
+        found, and takes no part.
+    """
+
+    def __init__(self, plate: PlateConfig, truth: SimulatedPlate) -> None:
+        crosstalk = np.eye(8) if truth.crosstalk is None else np.array(truth.crosstalk)
+        on_plate = -_to_plate_frame(plate)  # the plate feels the opposite of what it gives
+        self._forces = _shares(plate.a_m, plate.b_m, plate.az0_m) @ on_plate
+        self._charges = np.diag(truth.sensitivity_pc_n) @ crosstalk @ self._forces
+
+    def forces_n(self, base_wrench: ArrayLike) -> Matrix:
+        """Return the sensors' forces, (m, 8) [N], in the channels' order.
+
+        Parameters
+        ----------
+        base_wrench : (m, 6)
+            What the base exerts on the robot, about the base frame's origin, in its axes [N, N m].
+        """
+        return np.asarray(base_wrench) @ self._forces.T
+
+    def charges_pc(self, base_wrench: ArrayLike) -> Matrix:
+        """Return the channels' charges, (m, 8) [pC]; a positive force gives a negative charge."""
+        return np.asarray(base_wrench) @ self._charges.T
+
+
+def _to_plate_frame(plate: PlateConfig) -> Matrix:
+    """Return (6, 6): a wrench about the base frame's origin to one about the plate's, turned."""
+    roll, pitch, yaw = plate.rotation_rad
+    turned = _turn(2, yaw) @ _turn(1, pitch) @ _turn(0, roll)
+    x, y, z = plate.position_m
+    lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3] = matrix[3:, 3:] = turned.T
+    matrix[3:, :3] = -turned.T @ lever
+    return matrix
+
+
+def _turn(axis: int, angle: float) -> Matrix:
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[one, one] = matrix[two, two] = math.cos(angle)
+    matrix[two, one], matrix[one, two] = math.sin(angle), -math.sin(angle)
+    return matrix
+
+
+def _shares(a_m: float, b_m: float, az0_m: float) -> Matrix:
+    """Return (8, 6): a wrench on the plate, about its surface's middle, to the sensors' forces."""
+    turning = 0.5 / (a_m * a_m + b_m * b_m)
+    about_x, about_y = 0.25 / b_m, 0.25 / a_m
+    # In the sensors' plane, which lies at z = -az0: Mx = Mx' - Fy az0, My = My' + Fx az0.
+    to_sensor_plane = np.eye(6)
+    to_sensor_plane[3, 1] = -az0_m
+    to_sensor_plane[4, 0] = az0_m
+    return (
+        np.array(
+            [
+                [0.5, 0.0, 0.0, 0.0, 0.0, -b_m * turning],
+                [0.5, 0.0, 0.0, 0.0, 0.0, b_m * turning],
+                [0.0, 0.5, 0.0, 0.0, 0.0, a_m * turning],
+                [0.0, 0.5, 0.0, 0.0, 0.0, -a_m * turning],
+                [0.0, 0.0, 0.25, about_x, -about_y, 0.0],
+                [0.0, 0.0, 0.25, about_x, about_y, 0.0],
+                [0.0, 0.0, 0.25, -about_x, about_y, 0.0],
+                [0.0, 0.0, 0.25, -about_x, -about_y, 0.0],
+            ]
+        )
+        @ to_sensor_plane
+    )

@@ -1,0 +1,111 @@
+"""`CanWire`: one CAN segment as a pure function of time - queues, arbitration, time on the wire."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from mock_hw.bus.wire_time import INTERMISSION_BITS, REMOTE_FLAG, arbitration_key, frame_bits
+
+FOREVER_NS = 2**62
+"""A time that never comes."""
+
+Source = tuple[int, int]
+"""Who transmits: a client of the hub, and the controller (port) of that client."""
+
+
+class WireFrame(NamedTuple):
+    """A frame with its time: when it may be sent, or when receivers have it [ns].
+
+    `can_id` carries SocketCAN's flags; `port` tells a sender's controllers apart.
+    """
+
+    time_ns: int
+    can_id: int
+    length: int
+    port: int
+    data: bytes
+
+
+class Delivery(NamedTuple):
+    """A frame that has just ended on the wire; its `time_ns` is that end."""
+
+    source: Source
+    frame: WireFrame
+
+
+class CanWire:
+    """A bus on which one frame at a time is sent, the lowest identifier first.
+
+    Every source has one queue and offers its oldest frame (as a controller behind a driver's
+    first-in first-out queue does); of the frames that are ready when the bus falls free, the one
+    that wins arbitration is sent. Equal identifiers go in the order of their sources.
+
+    Parameters
+    ----------
+    bitrate
+        Nominal bit rate [bit/s].
+    """
+
+    def __init__(self, bitrate: int) -> None:
+        self._bit_ns = 1e9 / bitrate
+        self._queues: dict[Source, deque[WireFrame]] = {}
+        self._free_ns = 0
+        self._sending: Delivery | None = None
+        self.next_ns = FOREVER_NS
+        """When `step` is due next: the end of the present frame, or the start of the next [ns]."""
+
+    @property
+    def sending(self) -> bool:
+        """Whether a frame is on the wire, so that `next_ns` is its end."""
+        return self._sending is not None
+
+    def queue(self, source: Source, frame: WireFrame, now_ns: int) -> None:
+        """Take a frame to be sent at `frame.time_ns` or `now_ns`, whichever is later."""
+        queue = self._queues.get(source)
+        ready_ns = max(frame.time_ns, now_ns)
+        if queue is None:
+            queue = self._queues[source] = deque()
+        elif queue:
+            ready_ns = max(ready_ns, queue[-1].time_ns)
+        queue.append(frame if ready_ns == frame.time_ns else WireFrame(ready_ns, *frame[1:]))
+        if self._sending is None:
+            self._look_ahead()
+
+    def backlog(self, now_ns: int) -> bool:
+        """Return whether another frame follows at once: the present burst is not over."""
+        return self._sending is not None or self.next_ns <= max(now_ns, self._free_ns)
+
+    def step(self) -> Delivery | None:
+        """Do what is due at `next_ns`: end the present frame and return it, or start the next."""
+        delivery = self._sending
+        if delivery is not None:
+            self._sending = None
+            self._look_ahead()
+            return delivery
+        self._start(self.next_ns)
+        return None
+
+    def _look_ahead(self) -> None:
+        earliest_ns = FOREVER_NS
+        for queue in self._queues.values():
+            if queue[0].time_ns < earliest_ns:
+                earliest_ns = queue[0].time_ns
+        self.next_ns = max(earliest_ns, self._free_ns)
+
+    def _start(self, start_ns: int) -> None:
+        ready = [
+            (arbitration_key(queue[0].can_id), source)
+            for source, queue in self._queues.items()
+            if queue[0].time_ns <= start_ns
+        ]
+        _, winner = min(ready)
+        queue = self._queues[winner]
+        frame = queue.popleft()
+        if not queue:
+            del self._queues[winner]
+        data = b"" if frame.can_id & REMOTE_FLAG else frame.data[: frame.length]
+        bits = frame_bits(frame.can_id, data, frame.length)
+        self._free_ns = start_ns + round(bits * self._bit_ns)
+        self.next_ns = start_ns + round((bits - INTERMISSION_BITS) * self._bit_ns)
+        self._sending = Delivery(winner, WireFrame(self.next_ns, *frame[1:]))

@@ -1,0 +1,95 @@
+"""`BusClient`: devices on any CAN bus in real time, with the waits that a hub's client has."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable
+
+from config.errors import TransportError
+from drivers.ports.transport import CanLink
+from mock_hw.bus.arbitration import FOREVER_NS, WireFrame
+
+DEAD_BUS_S = 0.005
+"""How long to leave a bus alone that cannot be read."""
+
+
+class BusClient:
+    """A connection to a bus that is not ours: its frames take the time that they take.
+
+    Frames are posted without regard to when a device may send them at the earliest: those delays
+    (some tenths of a millisecond) are below what such a bus takes by itself.
+
+    Parameters
+    ----------
+    link
+        The open bus.
+    ended
+        Whether to end: asked at every wait.
+
+    Attributes
+    ----------
+    lockstep, simulated_time
+        False: there is real time only.
+    now_ns
+        CLOCK_MONOTONIC at the last `wait` [ns].
+    """
+
+    lockstep = False
+    simulated_time = False
+
+    def __init__(self, link: CanLink, ended: Callable[[], bool]) -> None:
+        self._link = link
+        self._ended = ended
+        self._outbox: list[tuple[int, bytes]] = []
+        self.now_ns = time.monotonic_ns()
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait at."""
+        return self._link.fileno()
+
+    def post(self, can_id: int, data: bytes, length: int, port: int = 0, time_ns: int = 0) -> None:
+        """Put a frame into the outbox, to be sent with the next `wait`."""
+        del port, time_ns
+        self._outbox.append((can_id, data[:length]))
+
+    def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
+        """Send the outbox, and wait until `until_ns` or until there are frames; return them.
+
+        Raises
+        ------
+        TransportError
+            It is time to end.
+        """
+        del on_frames  # in real time frames always end the wait
+        if self._ended():
+            raise TransportError("the simulated devices have ended")
+        if self._outbox:
+            with contextlib.suppress(TransportError):  # a device's frames are lost on a dead bus
+                self._link.send_frames(self._outbox)
+            self._outbox.clear()
+        frames: list[WireFrame] = []
+        until_s = until_ns * 1e-9
+        try:
+            while (frame := self._link.receive(until_s)) is not None:
+                time_ns = round(self._link.last_time_s * 1e9)
+                frames.append(WireFrame(time_ns, frame.cob_id, len(frame.data), 0, frame.data))
+                until_s = -math.inf
+        except TransportError:  # a drive outlives its bus: an interface may come up again
+            time.sleep(DEAD_BUS_S)
+        self.now_ns = time.monotonic_ns()
+        return frames
+
+    def begin_wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> None:
+        """Refuse: half a wait belongs to lock-step time."""
+        raise TransportError("this bus has real time only")
+
+    def end_wait(self) -> list[WireFrame]:
+        """Refuse: half a wait belongs to lock-step time."""
+        raise TransportError("this bus has real time only")
+
+    def close(self) -> None:
+        """Leave the bus."""
+        with contextlib.suppress(TransportError):
+            self._link.close()

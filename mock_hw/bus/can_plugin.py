@@ -1,0 +1,268 @@
+"""`RidSimBus`: the simulated CAN bus as an interface of python-can, ``rid_sim``."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+from config.errors import DriverError
+from drivers.ports.can_ports import Arrival
+from drivers.ports.python_can import can
+from mock_hw.bus.arbitration import FOREVER_NS, WireFrame
+from mock_hw.bus.hub_client import HubClient
+from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.wire_time import (
+    ERROR_FLAG,
+    EXTENDED_FLAG,
+    EXTENDED_MASK,
+    REMOTE_FLAG,
+    STANDARD_MASK,
+)
+from mock_hw.host.runtime_directory import socket_path
+
+_POLLS_WITHOUT_TIME = 100
+_POLL_NS = 1000
+_LONGEST_WAIT_S = 1e9
+
+
+class SimulatedClock:
+    """The clock of a lock-step bus: it runs only while its owner waits."""
+
+    def __init__(self, bus: RidSimBus) -> None:
+        self._bus = bus
+
+    def now_s(self) -> float:
+        """Return the simulated time [s]."""
+        return self._bus.now_ns * 1e-9
+
+    def sleep_until(self, time_s: float) -> None:
+        """Let simulated time run until `time_s` [s]; frames wait meanwhile."""
+        if time_s > self.now_s():
+            self._bus.sleep_until_ns(_nanoseconds(time_s))
+
+
+class RidSimBus(can.BusABC):
+    """A connection to a simulated bus: ``can.Bus(interface="rid_sim", channel="ir361")``.
+
+    Parameters
+    ----------
+    channel
+        The name of a served cell's bus, or the path of its socket.
+    can_filters
+        As python-can has them.
+    participant
+        Take part in lock-step time, as the cell's master does: receive timeouts and message time
+        stamps are simulated then, and time stands still while the owner works. Otherwise this
+        is an observer, which never holds time; its waits are the wall clock's.
+
+    Attributes
+    ----------
+    simulated_clock
+        The clock that goes with the bus in lock-step, None otherwise.
+
+    Raises
+    ------
+    can.CanInitializationError
+        Nobody serves the channel.
+    """
+
+    time_stamped = True
+
+    def __init__(
+        self,
+        channel: can.typechecking.Channel,
+        can_filters: can.typechecking.CanFilters | None = None,
+        *,
+        participant: bool = False,
+        **kwargs: Any,
+    ) -> None:
+        del kwargs  # bitrate and the like: the hub's to decide
+        try:
+            path = socket_path(str(channel))
+            self._client = HubClient(path, Role.MASTER if participant else Role.OBSERVER)
+        except DriverError as error:
+            raise can.CanInitializationError(str(error)) from error
+        self.channel_info = f"rid_sim {path}"
+        self._inbox: deque[WireFrame] = deque()
+        self._empty_polls = 0
+        self.simulated_clock = SimulatedClock(self) if self._client.lockstep else None
+        simulated = self._client.simulated_time
+        self._epoch_s = 0.0 if simulated else time.time() - time.monotonic()
+        super().__init__(channel, can_filters)
+
+    @property
+    def now_ns(self) -> int:
+        """The time of the last wait [ns]: simulated in lock-step."""
+        return self._client.now_ns
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame; in lock-step it is on its way once the caller waits.
+
+        Raises
+        ------
+        can.CanOperationError
+            The frame is not classic CAN, or the hub is gone.
+        """
+        if msg.is_fd or msg.is_error_frame:
+            raise can.CanOperationError("rid_sim: carries classic data and remote frames only")
+        can_id = msg.arbitration_id
+        if msg.is_extended_id:
+            can_id |= EXTENDED_FLAG
+        if msg.is_remote_frame:
+            can_id |= REMOTE_FLAG
+        try:
+            if self._client.lockstep:
+                self._client.post(can_id, bytes(msg.data), msg.dlc)
+            else:
+                self._client.send(can_id, bytes(msg.data), msg.dlc)
+        except DriverError as error:
+            raise can.CanOperationError(str(error)) from error
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Return the next frame that passes the filters, or None after `timeout` [s].
+
+        Raises
+        ------
+        can.CanOperationError
+            The hub is gone.
+        """
+        if timeout is None:
+            until_ns = FOREVER_NS
+        else:
+            now_ns = self.now_ns if self._client.lockstep else time.monotonic_ns()
+            until_ns = now_ns + _nanoseconds(max(timeout, 0.0))
+        while True:
+            while self._inbox:
+                message = self._message(self._inbox.popleft())
+                if self._filters is None or self._matches_filters(message):
+                    self._empty_polls = 0
+                    return message
+            if self._expired(until_ns):
+                return None
+            try:
+                self._inbox.extend(self._client.wait(until_ns))
+                self._empty_polls = 0
+            except DriverError as error:
+                raise can.CanOperationError(str(error)) from error
+            if not self._inbox and not self._client.lockstep and self.now_ns >= until_ns:
+                return None
+
+    def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
+        """Send classic data frames, in real time as one packet: the drivers' own path.
+
+        Raises
+        ------
+        can.CanOperationError
+            The hub is gone.
+        """
+        client = self._client
+        try:
+            if client.lockstep:
+                for cob_id, data in frames:
+                    client.post(cob_id, bytes(data), len(data))
+            else:
+                client.send_all(frames)
+        except DriverError as error:
+            raise can.CanOperationError(str(error)) from error
+
+    def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
+        """Return all classic data frames that have come; None when `timeout_s` [s] passes first.
+
+        Raises
+        ------
+        can.CanOperationError
+            The hub is gone.
+        """
+        if not self._client.lockstep:
+            return self._receive_realtime(timeout_s)
+        until_ns = self.now_ns + _nanoseconds(timeout_s)
+        while not self._inbox:
+            if self._expired(until_ns):
+                return None
+            try:
+                self._inbox.extend(self._client.wait(until_ns))
+            except DriverError as error:
+                raise can.CanOperationError(str(error)) from error
+        self._empty_polls = 0
+        arrivals = [
+            Arrival(frame.can_id, frame.data[: frame.length], frame.time_ns * 1e-9)
+            for frame in self._inbox
+            if frame.can_id <= STANDARD_MASK
+        ]
+        errors = [frame for frame in self._inbox if frame.can_id & ERROR_FLAG]
+        self._inbox.clear()
+        if errors:
+            raise can.CanOperationError("the adapter is bus-off")
+        return arrivals
+
+    def _receive_realtime(self, timeout_s: float) -> Sequence[Arrival] | None:
+        try:
+            frames = self._client.take_all(timeout_s)
+        except DriverError as error:
+            raise can.CanOperationError(str(error)) from error
+        if not frames:
+            return None
+        return [
+            Arrival(can_id, data[:length], time_ns * 1e-9)
+            for time_ns, can_id, length, _, data in frames
+            if can_id <= STANDARD_MASK
+        ]
+
+    def sleep_until_ns(self, until_ns: int) -> None:
+        """Let simulated time run until `until_ns`.
+
+        Raises
+        ------
+        can.CanOperationError
+            The hub is gone.
+        """
+        if until_ns <= self.now_ns:
+            return
+        try:
+            self._inbox.extend(self._client.wait(until_ns, on_frames=False))
+        except DriverError as error:
+            raise can.CanOperationError(str(error)) from error
+
+    def shutdown(self) -> None:
+        """Disconnect; what was sent is still put on the bus."""
+        if not self._is_shutdown:
+            super().shutdown()
+            self._client.close()
+
+    def fileno(self) -> int:
+        """Return the socket's descriptor for python-can's notifier; -1 in lock-step."""
+        return -1 if self._client.lockstep else self._client.fileno()
+
+    def _expired(self, until_ns: int) -> bool:
+        """Return whether a lock-step deadline has passed, with nothing to be gained by a wait.
+
+        Time stands still while its owner works, so nothing can have arrived. A program that polls
+        on and on would stop it for ever: now and then a poll takes a microsecond.
+        """
+        if not self._client.lockstep or until_ns > self.now_ns:
+            return False
+        self._empty_polls += 1
+        if self._empty_polls % _POLLS_WITHOUT_TIME == 0:
+            self.sleep_until_ns(self.now_ns + _POLL_NS)
+            return not self._inbox
+        return True
+
+    def _message(self, frame: WireFrame) -> can.Message:
+        remote = bool(frame.can_id & REMOTE_FLAG)
+        error = bool(frame.can_id & ERROR_FLAG)
+        return can.Message(
+            timestamp=frame.time_ns * 1e-9 + self._epoch_s,
+            arbitration_id=frame.can_id & EXTENDED_MASK,
+            is_extended_id=bool(frame.can_id & EXTENDED_FLAG),
+            is_remote_frame=remote,
+            is_error_frame=error,
+            dlc=frame.length,
+            data=None if remote else frame.data[: frame.length],
+            is_rx=True,
+        )
+
+
+def _nanoseconds(time_s: float) -> int:
+    return round(time_s * 1e9) if time_s < _LONGEST_WAIT_S else FOREVER_NS // 2

@@ -1,0 +1,386 @@
+"""`CanHub`: the simulated CAN bus that processes meet on, in lock-step or in real time."""
+
+from __future__ import annotations
+
+import select
+import socket
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import TextIO
+
+from config.errors import ProtocolError
+from mock_hw.bus.arbitration import FOREVER_NS, CanWire, Delivery, WireFrame
+from mock_hw.bus.faults import BusFaults
+from mock_hw.bus.hub_protocol import (
+    FRAME,
+    FRAMES_PER_PACKET,
+    HEADER,
+    PACKET_BYTES,
+    PacketKind,
+    Role,
+    pack,
+    unpack_frames,
+    unpack_header,
+    unpack_identifiers,
+)
+from mock_hw.bus.wire_time import ERROR_FLAG, EXTENDED_FLAG, EXTENDED_MASK, REMOTE_FLAG
+
+AFTER_RUN_NS = 2_000_000_000
+"""How long lock-step time runs on, at the wall clock's pace, after the last master has left."""
+
+_LONGEST_BURST_NS = 1_000_000
+_LONGEST_AGO_NS = 1_000_000
+_LONGEST_SELECT_S = 3600.0
+_LONGEST_WAIT_NS = 24 * 3600 * 10**9  # whoever asks for more has gone wrong, and would end time
+_INBOX_FRAMES = 4096
+_BUFFER_BYTES = 1 << 20
+_BUS_OFF = ERROR_FLAG | 0x40
+
+
+class _Client:
+    """A connection, what it waits for, and the frames that it has not been given yet."""
+
+    def __init__(self, key: int, connection: socket.socket) -> None:
+        self.key = key
+        self.socket = connection
+        self.role: Role | None = None
+        self.urgent: frozenset[int] = frozenset()
+        self.idle = True
+        self.due_ns = FOREVER_NS
+        self.on_frames = False
+        self.number = 0
+        self.inbox: deque[bytes] = deque(maxlen=_INBOX_FRAMES)
+
+
+class CanHub:
+    """A CAN bus between the clients of a socket.
+
+    In real time a frame is passed on when its time on the wire is over. A device's frame is on the
+    wire from the time that it bears on, if nothing else was, and if that is not long ago: what this
+    computer takes to play a device is not the bus's time. In lock-step, time is
+    the hub's: a conservative discrete-event simulation in which time moves to the next event
+    only while every master and device waits, so order and time depend on nothing but what they
+    send. Without a master, lock-step time runs on at the wall clock's pace for `AFTER_RUN_NS` -
+    so that drives notice that their master is gone - and then stands still; the next master
+    joins at the end of that time, whenever it comes.
+
+    Parameters
+    ----------
+    listener
+        A listening SEQPACKET socket; closed by `close`.
+    bitrate
+        Nominal bit rate [bit/s].
+    realtime
+        Real time instead of lock-step.
+    channel
+        The bus's name in the log.
+    log
+        Where to write every frame, in candump's format; seconds since 1970 in real time.
+    faults
+        What goes wrong; None for nothing.
+    """
+
+    def __init__(
+        self,
+        listener: socket.socket,
+        bitrate: int,
+        *,
+        realtime: bool,
+        channel: str = "rid_sim",
+        log: TextIO | None = None,
+        faults: BusFaults | None = None,
+    ) -> None:
+        self._faults = faults
+        self._listener = listener
+        self._wire = CanWire(bitrate)
+        self._realtime = realtime
+        self._channel = channel
+        self._log = log
+        self._epoch_ns = time.time_ns() - time.monotonic_ns() if realtime else 0
+        self._now_ns = time.monotonic_ns() if realtime else 0
+        self._clients: dict[int, _Client] = {}
+        self._timed: list[_Client] = []
+        self._joining: list[_Client] = []
+        self._to_wake: list[_Client] = []
+        self._next_key = 0
+        self._busy = 0
+        self._masters = 0
+        self._horizon_ns = 0
+        self._pace_from = (0, 0)
+
+    def run(self, stop_fds: Sequence[int], stop_at_ns: int = FOREVER_NS) -> None:
+        """Serve until one of `stop_fds` is readable or CLOCK_MONOTONIC has reached `stop_at_ns`."""
+        while True:
+            wait_s = self._advance_realtime() if self._realtime else self._advance_lockstep()
+            left_s = (stop_at_ns - time.monotonic_ns()) * 1e-9
+            if left_s <= 0.0 or self._serve(stop_fds, min(wait_s, left_s, _LONGEST_SELECT_S)):
+                return
+
+    def close(self) -> None:
+        """Disconnect every client and close the listening socket."""
+        for client in [*self._clients.values()]:
+            client.socket.close()
+        self._clients.clear()
+        self._listener.close()
+        if self._log is not None:
+            self._log.flush()
+
+    # Real time
+
+    def _advance_realtime(self) -> float:
+        wire = self._wire
+        self._now_ns = time.monotonic_ns()
+        while wire.next_ns <= self._now_ns:
+            if (delivery := wire.step()) is not None:
+                self._deliver(delivery)
+        self._give_out(observers_only=False)
+        return max(0.0, (wire.next_ns - time.monotonic_ns()) * 1e-9)
+
+    # Lock-step
+
+    def _advance_lockstep(self) -> float:
+        """Move time on while nobody works; return how long to listen for clients [s]."""
+        while self._busy == 0:
+            next_ns = self._wire.next_ns
+            for client in self._timed:
+                if client.due_ns < next_ns:
+                    next_ns = client.due_ns
+            if not self._masters:
+                if next_ns > self._horizon_ns and self._joining:
+                    self._now_ns = max(self._now_ns, self._horizon_ns)
+                    self._admit_masters()
+                    break
+                if not self._joining and (wait_s := self._pace(next_ns)) > 0.0:
+                    self._give_out(observers_only=True)
+                    return wait_s
+            elif next_ns == FOREVER_NS:
+                break
+            if next_ns > self._now_ns:
+                self._now_ns = next_ns
+            self._handle_event()
+        self._give_out(observers_only=True)
+        return FOREVER_NS * 1e-9
+
+    def _pace(self, next_ns: int) -> float:
+        """Return how long the wall clock still has to run until an event without a master [s]."""
+        if next_ns > self._horizon_ns:
+            return FOREVER_NS * 1e-9
+        wall_ns, simulated_ns = self._pace_from
+        return (next_ns - simulated_ns - (time.monotonic_ns() - wall_ns)) * 1e-9
+
+    def _handle_event(self) -> None:
+        """Do what is due now: end a frame, wake clients, and only then start the next frame."""
+        wire, now_ns = self._wire, self._now_ns
+        over = False
+        if wire.sending and wire.next_ns <= now_ns:
+            if (delivery := wire.step()) is not None:
+                self._deliver(delivery)
+            over = not wire.backlog(now_ns)
+        for client in self._timed:
+            if client.idle and (
+                client.due_ns <= now_ns or (over and client.on_frames and client.inbox)
+            ):
+                self._to_wake.append(client)
+        for client in self._to_wake:
+            self._wake(client)
+        self._to_wake.clear()
+        if self._busy == 0 and not wire.sending and wire.next_ns <= now_ns:
+            wire.step()
+
+    def _wake(self, client: _Client) -> None:
+        client.idle = False
+        client.due_ns = FOREVER_NS
+        self._busy += 1
+        self._send_inbox(client, pack(PacketKind.WAKE, 0, client.number, self._now_ns))
+
+    def _admit_masters(self) -> None:
+        joining, self._joining = self._joining, []  # who is gone already is dropped as a member
+        for client in joining:
+            self._masters += 1
+            self._welcome(client)
+
+    # Frames
+
+    def _deliver(self, delivery: Delivery) -> None:
+        (key, _), frame = delivery
+        record = FRAME.pack(*frame)
+        deaf = self._faults is not None and frame.time_ns < self._faults.deaf_until_ns
+        for client in self._clients.values():
+            if client.key != key and client.role is not None:
+                if deaf and client.role == Role.MASTER:
+                    continue
+                client.inbox.append(record)
+                if frame.can_id in client.urgent:
+                    client.due_ns = frame.time_ns
+                elif client.on_frames:
+                    client.due_ns = min(client.due_ns, frame.time_ns + _LONGEST_BURST_NS)
+        if self._log is not None:
+            stamp_us = (frame.time_ns + self._epoch_ns) // 1000
+            width, identifier = 3, frame.can_id
+            if frame.can_id & EXTENDED_FLAG:
+                width, identifier = 8, frame.can_id & EXTENDED_MASK
+            data = frame.data[: frame.length].hex().upper()
+            if frame.can_id & REMOTE_FLAG:
+                identifier, data = identifier & ~REMOTE_FLAG, f"R{frame.length}"
+            self._log.write(
+                f"({stamp_us // 1_000_000:010d}.{stamp_us % 1_000_000:06d}) {self._channel}"
+                f" {identifier:0{width}X}#{data}\n"
+            )
+
+    def _give_out(self, *, observers_only: bool) -> None:
+        for client in [*self._clients.values()]:
+            if client.inbox and not (observers_only and client.role != Role.OBSERVER):
+                self._send_inbox(client, pack(PacketKind.FRAMES, 0, 0, self._now_ns))
+
+    def _send_inbox(self, client: _Client, header: bytes) -> None:
+        """Send a client its frames; who does not read loses them, who is gone is forgotten."""
+        inbox = client.inbox
+        try:
+            while len(inbox) > FRAMES_PER_PACKET:
+                some = [inbox.popleft() for _ in range(FRAMES_PER_PACKET)]
+                client.socket.send(pack(PacketKind.FRAMES) + b"".join(some))
+            client.socket.send(header + b"".join(inbox))
+        except BlockingIOError:
+            if client in self._timed:
+                self._drop(client)
+        except OSError:
+            self._drop(client)
+        inbox.clear()
+
+    # Clients
+
+    def _serve(self, stop_fds: Sequence[int], timeout_s: float) -> bool:
+        """Listen to clients for at most `timeout_s`; return whether to stop."""
+        clients = [*self._clients.values()]
+        waiting: list[int | socket.socket] = [
+            *stop_fds,
+            self._listener,
+            *(client.socket for client in clients),
+        ]
+        readable, _, _ = select.select(waiting, [], [], timeout_s)
+        if not readable:
+            return False
+        if any(stop_fd in readable for stop_fd in stop_fds):
+            return True
+        if self._listener in readable:
+            self._accept()
+        for client in clients:
+            if client.socket in readable:
+                self._read(client)
+        return False
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listener.accept()
+        except OSError:
+            return
+        connection.setblocking(False)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+        self._clients[self._next_key] = _Client(self._next_key, connection)
+        self._next_key += 1
+
+    def _read(self, client: _Client) -> None:
+        try:
+            packet = client.socket.recv(PACKET_BYTES)
+            if packet:
+                self._handle(client, packet)
+                return
+        except BlockingIOError:
+            return
+        except (OSError, ProtocolError, ValueError):
+            self._drop(client)
+            return
+        self._drop(client)
+
+    def _handle(self, client: _Client, packet: bytes) -> None:
+        kind, flag, number, time_ns = unpack_header(packet)
+        if kind == PacketKind.HELLO and client.role is None:
+            self._join(client, Role(flag), packet)
+        elif kind in (PacketKind.SEND, PacketKind.IDLE) and client.role is not None:
+            now_ns = time.monotonic_ns() if self._realtime else self._now_ns
+            latest_ns = now_ns + _LONGEST_WAIT_NS
+            if latest_ns < time_ns != FOREVER_NS:
+                raise ProtocolError(f"CAN hub: nobody waits until {time_ns} ns")
+            for frame in unpack_frames(packet):
+                if frame.time_ns > latest_ns:
+                    raise ProtocolError(f"CAN hub: nobody sends a frame at {frame.time_ns} ns")
+                self._queue(client, frame, now_ns)
+            if kind == PacketKind.IDLE and client in self._timed:
+                if self._faults is not None and client.role == Role.MASTER and not flag:
+                    time_ns += self._faults.hold_up_ns()
+                client.number = number
+                client.on_frames = bool(flag)
+                client.due_ns = now_ns if client.inbox and flag else time_ns
+                if not client.idle:
+                    client.idle = True
+                    self._busy -= 1
+        else:
+            raise ProtocolError(f"CAN hub: a packet of kind {kind} was not expected")
+
+    def _queue(self, client: _Client, frame: WireFrame, now_ns: int) -> None:
+        source, faults = (client.key, frame.port), self._faults
+        if self._realtime and client.role == Role.DEVICE and frame.time_ns:
+            now_ns = max(now_ns - _LONGEST_AGO_NS, min(now_ns, frame.time_ns))
+        if faults is None:
+            self._wire.queue(source, frame, now_ns)
+            return
+        from_master = client.role == Role.MASTER
+        for each, spoiled in faults.take(source, frame, now_ns, from_master=from_master):
+            self._wire.queue(each, spoiled, now_ns)
+        if faults.bus_off:
+            faults.bus_off = False
+            self._tell_masters(WireFrame(now_ns, _BUS_OFF, 8, 0, bytes(8)))
+        if faults.unplugged:
+            faults.unplugged = False
+            for each_client in [*self._clients.values()]:
+                if each_client.role == Role.MASTER:
+                    self._drop(each_client)
+
+    def _tell_masters(self, frame: WireFrame) -> None:
+        """Give every master a frame of its own adapter, at once."""
+        for client in self._clients.values():
+            if client.role == Role.MASTER:
+                client.inbox.append(FRAME.pack(*frame))
+                if client.on_frames:
+                    client.due_ns = min(client.due_ns, frame.time_ns)
+
+    def _join(self, client: _Client, role: Role, packet: bytes) -> None:
+        now_ns = time.monotonic_ns() if self._realtime else self._now_ns
+        if role == Role.MASTER and self._faults and now_ns < self._faults.unplugged_until_ns:
+            self._drop(client)
+            return
+        client.urgent = unpack_identifiers(packet[HEADER.size :])
+        client.role = role
+        if role == Role.MASTER and not self._realtime and not self._masters:
+            self._joining.append(client)
+            return
+        self._masters += role == Role.MASTER
+        self._welcome(client)
+
+    def _welcome(self, client: _Client) -> None:
+        if client.role != Role.OBSERVER and not self._realtime:
+            self._timed.append(client)
+            client.idle = False
+            self._busy += 1
+        client.inbox.clear()
+        header = pack(PacketKind.WELCOME, not self._realtime, 0, self._now_ns)
+        self._send_inbox(client, header)
+
+    def _drop(self, client: _Client) -> None:
+        if self._clients.pop(client.key, None) is None:
+            return
+        client.socket.close()
+        if client in self._joining:
+            self._joining.remove(client)
+            return
+        if client in self._timed:
+            self._timed.remove(client)
+            if not client.idle:
+                self._busy -= 1
+            if client.role == Role.MASTER:
+                self._masters -= 1
+                if not self._masters:
+                    back_ns = 0 if self._faults is None else self._faults.unplugged_until_ns
+                    self._horizon_ns = max(self._now_ns + AFTER_RUN_NS, back_ns)
+                    self._pace_from = (time.monotonic_ns(), self._now_ns)

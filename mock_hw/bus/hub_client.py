@@ -1,0 +1,237 @@
+"""`HubClient`: a client's end of the simulated CAN bus, and its time."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from config.errors import ProtocolError, TransportError
+from mock_hw.bus.arbitration import FOREVER_NS, WireFrame
+from mock_hw.bus.hub_protocol import (
+    FRAME,
+    FRAMES_PER_PACKET,
+    HEADER,
+    PACKET_BYTES,
+    PacketKind,
+    Role,
+    pack,
+    pack_identifiers,
+    unpack_frames,
+    unpack_header,
+)
+
+
+class HubClient:
+    """A connection to the hub.
+
+    In lock-step, a master's or device's time stands still except in `wait`, which lets it run
+    until what it waits for has happened; frames handed to `post` leave with the next `wait`.
+
+    Parameters
+    ----------
+    path
+        The hub's socket.
+    role
+        Observers never hold lock-step time, and have the wall clock's waits.
+    urgent
+        Identifiers whose frames end any wait at once. All others end it when the bus falls idle,
+        if the wait is `on_frames` at all: a burst of frames costs one wake-up, or none.
+    timeout_s
+        How long to wait for the hub's welcome [s].
+
+    Attributes
+    ----------
+    simulated_time
+        Whether the bus has simulated time, rather than CLOCK_MONOTONIC.
+    lockstep
+        Whether it has, and this client takes part in it.
+    now_ns
+        The time [ns]: simulated, or CLOCK_MONOTONIC at the last `wait`.
+
+    Raises
+    ------
+    TransportError
+        Nobody serves the socket.
+    """
+
+    def __init__(
+        self, path: Path, role: Role, urgent: Iterable[int] = (), timeout_s: float = 30.0
+    ) -> None:
+        self._path = path
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._buffer = memoryview(bytearray(PACKET_BYTES))
+        self._outbox: list[bytes] = []
+        self._number = 0
+        try:
+            self._socket.settimeout(timeout_s)
+            self._socket.connect(str(path))
+            self._socket.send(pack(PacketKind.HELLO, role) + pack_identifiers(urgent))
+            kind, flag, _, self.now_ns = unpack_header(self._receive())
+            if kind != PacketKind.WELCOME:
+                raise ProtocolError(f"CAN hub {path}: answered {kind} instead of a welcome")
+        except OSError as error:
+            self._socket.close()
+            raise TransportError(
+                f"simulated CAN bus {path}: nobody serves it ({error});"
+                " start it with 'rid-daq mock CELL', or check the channel's name"
+            ) from error
+        except (ProtocolError, TransportError):
+            self._socket.close()
+            raise
+        self._socket.settimeout(None)
+        self.simulated_time = bool(flag)
+        self.lockstep = self.simulated_time and role != Role.OBSERVER
+
+    def fileno(self) -> int:
+        """Return the socket's file descriptor, -1 when closed."""
+        return self._socket.fileno()
+
+    def post(self, can_id: int, data: bytes, length: int, port: int = 0, time_ns: int = 0) -> None:
+        """Put a frame into the outbox, to be sent not before `time_ns`."""
+        self._outbox.append(FRAME.pack(time_ns, can_id, length, port, data))
+
+    def send(self, can_id: int, data: bytes, length: int) -> None:
+        """Hand one frame to the hub at once, past the outbox; any thread may.
+
+        Raises
+        ------
+        TransportError
+            The hub is gone.
+        """
+        try:
+            self._socket.send(pack(PacketKind.SEND) + FRAME.pack(0, can_id, length, 0, data))
+        except OSError as error:
+            raise self._lost(str(error)) from error
+
+    def send_all(self, frames: Iterable[tuple[int, bytes | bytearray]]) -> None:
+        """Hand data frames (identifier and data) to the hub at once, in one packet.
+
+        Raises
+        ------
+        TransportError
+            The hub is gone.
+        """
+        body = [FRAME.pack(0, can_id, len(data), 0, data) for can_id, data in frames]
+        try:
+            self._socket.send(pack(PacketKind.SEND) + b"".join(body))
+        except OSError as error:
+            raise self._lost(str(error)) from error
+
+    def take_all(self, timeout_s: float) -> list[tuple[int, int, int, int, bytes]]:
+        """Return all frames that have come, in real time, as plain `WireFrame` fields.
+
+        Waits for the first one, at most `timeout_s` [s]; any bus that the hub carries is classic
+        CAN, so frames are not checked again.
+
+        Raises
+        ------
+        TransportError
+            The hub is gone.
+        """
+        frames: list[tuple[int, int, int, int, bytes]] = []
+        buffer, receive = self._buffer, self._socket.recv_into
+        try:
+            while True:
+                try:
+                    count = receive(buffer, 0, socket.MSG_DONTWAIT)
+                except BlockingIOError:
+                    if frames or timeout_s <= 0.0:
+                        return frames
+                    if not select.select([self._socket], [], [], timeout_s)[0]:
+                        return frames
+                    timeout_s = 0.0
+                    continue
+                if count == 0:
+                    raise self._lost("it has ended")
+                frames += FRAME.iter_unpack(buffer[HEADER.size : count])
+        except (OSError, ValueError) as error:
+            raise self._lost(str(error)) from error
+
+    def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
+        """Send the outbox and let time run until `until_ns`, or until there are frames.
+
+        Returns
+        -------
+        What was on the bus meanwhile, oldest first; data padded to 8 bytes. In real time frames
+        always end the wait.
+
+        Raises
+        ------
+        TransportError
+            The hub is gone.
+        """
+        if not self.lockstep:
+            return self._wait(until_ns)
+        self.begin_wait(until_ns, on_frames)
+        return self.end_wait()
+
+    def begin_wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> None:
+        """Do the first half of a lock-step `wait`: from now on this client does not hold time."""
+        self._number = (self._number + 1) & 0xFFFFFFFF
+        self._transmit(pack(PacketKind.IDLE, on_frames, self._number, until_ns))
+
+    def end_wait(self) -> list[WireFrame]:
+        """Do the second half of a lock-step `wait`: return once it has ended.
+
+        An answer to an earlier wait, which was interrupted, does not end this one.
+        """
+        frames: list[WireFrame] = []
+        while True:
+            packet = self._receive()
+            kind, _, number, time_ns = unpack_header(packet)
+            frames += unpack_frames(packet, errors=True)
+            if kind == PacketKind.WAKE and number == self._number:
+                self.now_ns = time_ns
+                return frames
+
+    def close(self) -> None:
+        """Send what is in the outbox if the hub is still there, and disconnect."""
+        with contextlib.suppress(TransportError):
+            self._flush()
+        self._socket.close()
+
+    def _wait(self, until_ns: int) -> list[WireFrame]:
+        self._flush()
+        timeout_s = None
+        if until_ns != FOREVER_NS:
+            timeout_s = max(0.0, (until_ns - time.monotonic_ns()) * 1e-9)
+        frames: list[WireFrame] = []
+        try:
+            while select.select([self._socket], [], [], timeout_s)[0]:
+                frames += unpack_frames(self._receive(), errors=True)
+                timeout_s = 0.0
+        except ValueError as error:
+            raise self._lost("this connection is closed") from error
+        self.now_ns = time.monotonic_ns()
+        return frames
+
+    def _flush(self) -> None:
+        if self._outbox:
+            self._transmit(pack(PacketKind.SEND))
+
+    def _transmit(self, header: bytes) -> None:
+        outbox = self._outbox
+        try:
+            while len(outbox) > FRAMES_PER_PACKET:
+                self._socket.send(pack(PacketKind.SEND) + b"".join(outbox[:FRAMES_PER_PACKET]))
+                del outbox[:FRAMES_PER_PACKET]
+            self._socket.send(header + b"".join(outbox))
+        except OSError as error:
+            raise self._lost(str(error)) from error
+        outbox.clear()
+
+    def _receive(self) -> memoryview:
+        try:
+            count = self._socket.recv_into(self._buffer)
+        except OSError as error:
+            raise self._lost(str(error)) from error
+        if count == 0:
+            raise self._lost("it has ended")
+        return self._buffer[:count]
+
+    def _lost(self, why: str) -> TransportError:
+        return TransportError(f"simulated CAN bus {self._path}: the hub is gone ({why})")

@@ -1,0 +1,161 @@
+"""The hub as a process: its socket, its signals, and its end when whoever started it is gone."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import multiprocessing
+import os
+import shutil
+import socket
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from config.errors import RidDaqError, TransportError
+from config.simulation.faults import NO_SCRIPT, FaultScript
+from mock_hw.bus.faults import BusFaults
+from mock_hw.bus.hub import CanHub
+from mock_hw.host.device_process import catch_terminate, keep_pace, leave_signals_to_parent
+from mock_hw.host.runtime_directory import folder_in_use
+
+LINGER_NS = 3_000_000_000
+"""How long the hub outlives the process that started it, so that the drives can stop."""
+
+
+@dataclass(frozen=True)
+class HubSettings:
+    """What the hub process is told.
+
+    Attributes
+    ----------
+    path
+        Where to listen.
+    bitrate
+        Of the bus [bit/s].
+    realtime
+        Real time instead of lock-step.
+    channel
+        The bus's name in the log.
+    log
+        Where to write all frames; None for nowhere.
+    private_folder
+        Whether the socket's folder is this bus's own, to be removed at the end.
+    faults
+        What goes wrong on the bus.
+    nodes
+        The drives' node ids by joint.
+    master
+        The computer's node id.
+    """
+
+    path: Path
+    bitrate: int
+    realtime: bool
+    channel: str
+    log: Path | None = None
+    private_folder: bool = False
+    faults: FaultScript = NO_SCRIPT
+    nodes: Mapping[str, int] = field(default_factory=dict)
+    master: int = 127
+
+
+def serve_hub(settings: HubSettings, ready: Connection) -> None:
+    """Serve a bus until SIGTERM, or until some seconds after the parent's end.
+
+    Sends None through `ready` once clients can connect, or the text of what went wrong.
+    """
+    leave_signals_to_parent()
+    stop_fd = catch_terminate()
+    keep_pace(settings.realtime)
+    try:
+        with contextlib.ExitStack() as stack:
+            if settings.private_folder:
+                stack.callback(shutil.rmtree, settings.path.parent, ignore_errors=True)
+                stack.enter_context(folder_in_use(settings.path.parent))
+            log = None
+            if settings.log is not None:
+                log = stack.enter_context(settings.log.open("w", encoding="ascii"))
+            listener = stack.enter_context(listening_socket(settings.path))
+            hub = CanHub(
+                listener,
+                settings.bitrate,
+                realtime=settings.realtime,
+                channel=settings.channel,
+                log=log,
+                faults=_faults(settings),
+            )
+            stack.callback(hub.close)
+            ready.send(None)
+            ready.close()
+            _run(hub, stop_fd)
+    except (MemoryError, OSError, RidDaqError) as error:
+        with contextlib.suppress(OSError):
+            ready.send(str(error))
+
+
+def _faults(settings: HubSettings) -> BusFaults | None:
+    if not settings.faults.bus:
+        return None
+    start_ns = time.monotonic_ns() if settings.realtime else 0
+    return BusFaults(settings.faults, settings.nodes, settings.master, start_ns)
+
+
+def _run(hub: CanHub, stop_fd: int) -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        hub.run([stop_fd, parent.sentinel])
+        if parent.is_alive():
+            return
+        hub.run([stop_fd], time.monotonic_ns() + LINGER_NS)
+    else:
+        hub.run([stop_fd])
+
+
+@contextlib.contextmanager
+def listening_socket(path: Path) -> Iterator[socket.socket]:
+    """Open a SEQPACKET socket that listens at `path`; the path is removed at the end.
+
+    Raises
+    ------
+    TransportError
+        Somebody serves that path already, or the socket cannot be made there.
+    """
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)
+            _remove_stale(path)
+            listener.bind(str(path))
+            listener.listen(16)
+            path.chmod(0o600)
+        finally:
+            os.close(folder)
+    except OSError as error:
+        listener.close()
+        raise TransportError(f"{path}: cannot listen here ({error})") from error
+    except TransportError:
+        listener.close()
+        raise
+    listener.setblocking(False)
+    try:
+        yield listener
+    finally:
+        listener.close()
+        path.unlink(missing_ok=True)
+
+
+def _remove_stale(path: Path) -> None:
+    """Remove a socket that a killed hub has left; refuse one that answers."""
+    if not path.is_socket():
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            path.unlink()
+            return
+    raise TransportError(f"{path}: another simulated bus is served here; stop that one first")

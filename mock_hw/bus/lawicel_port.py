@@ -1,0 +1,104 @@
+"""`LawicelPort`: devices behind a simulated slcan adapter, which is a pseudo-terminal."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import termios
+import time
+import tty
+from collections.abc import Sequence
+from pathlib import Path
+
+from config.errors import TransportError
+from drivers.ports.can_ports import Arrival
+from mock_hw.bus.lawicel import AdapterFrame, LawicelAdapter
+from mock_hw.bus.wire_time import STANDARD_MASK
+
+_READ_BYTES = 4096
+
+
+class LawicelPort:
+    """The bus as devices behind the adapter have it; see `drivers.ports.can_ports.FramePort`.
+
+    The port is held open at the computer's end too, so that a computer may come and go; what one
+    has not read is thrown away when the next one closes or opens the channel.
+
+    Parameters
+    ----------
+    path
+        Where the computer opens the adapter: a link to the pseudo-terminal is made there.
+    bit_rate
+        Of the bus [bit/s].
+
+    Raises
+    ------
+    TransportError
+        There is something at `path` already, or no pseudo-terminal can be had.
+    """
+
+    time_stamped = False
+
+    def __init__(self, path: Path, bit_rate: int) -> None:
+        self.channel_info = f"slcan adapter {path}"
+        self._path = path
+        self._adapter = LawicelAdapter(bit_rate, lambda: time.monotonic_ns() // 1_000_000)
+        self._arrived: list[Arrival] = []
+        try:
+            self._fd, self._other = os.openpty()
+            try:
+                tty.setraw(self._other)
+                path.symlink_to(os.ttyname(self._other))
+            except BaseException:
+                os.close(self._fd)
+                os.close(self._other)
+                raise
+        except OSError as error:
+            raise TransportError(f"{path}: cannot make an slcan adapter here ({error})") from None
+        os.set_blocking(self._fd, False)
+        self._poll = select.poll()
+        self._poll.register(self._fd, select.POLLIN)
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait at."""
+        return self._fd
+
+    def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
+        """Put frames of devices on the bus; what a computer does not read in time is lost."""
+        encode = self._adapter.encode
+        self._write(
+            b"".join(
+                encode(AdapterFrame(cob_id, len(data), bytes(data))) for cob_id, data in frames
+            )
+        )
+
+    def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
+        """Return the computer's frames; None where no byte comes within `timeout_s` [s]."""
+        if not self._poll.poll(max(timeout_s, 0.0) * 1000.0):
+            return None
+        was_open = self._adapter.open
+        answers, frames = self._adapter.feed(os.read(self._fd, _READ_BYTES))
+        if was_open != self._adapter.open:
+            termios.tcflush(self._other, termios.TCIFLUSH)
+        self._write(answers)
+        return [
+            Arrival(frame.can_id, frame.data, time.monotonic())
+            for frame in frames
+            if frame.can_id <= STANDARD_MASK
+        ]
+
+    def shutdown(self) -> None:
+        """Unplug the adapter."""
+        self._path.unlink(missing_ok=True)
+        os.close(self._other)
+        os.close(self._fd)
+
+    def _write(self, data: bytes) -> None:
+        if not data:
+            return
+        written = 0
+        with contextlib.suppress(BlockingIOError):
+            written = os.write(self._fd, data)
+        if written < len(data):
+            self._adapter.overrun = True

@@ -1,0 +1,79 @@
+"""Buses other than `rid_sim` that simulated devices are served on: whose they are, and where."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from config.cell.cell import CanBusConfig, CellConfig
+from config.errors import TransportError
+from config.process.file_locks import file_holder, held_file
+from mock_hw.host.runtime_directory import runtime_directory
+
+SIMULATED = "rid_sim"
+ONE_PROCESS = "virtual"
+
+
+def served_name(cell: CellConfig) -> str:
+    """Return the name of the files beside a served cell: its channel's, or else the cell's own."""
+    if cell.can.interface == SIMULATED:
+        return cell.can.channel
+    return cell.name
+
+
+def adapter_path(channel: str) -> Path:
+    """Return where an slcan adapter is: a path as it is, a plain name in the runtime folder.
+
+    Raises
+    ------
+    TransportError
+        The runtime folder cannot be used.
+    """
+    name = channel.partition("@")[0]
+    return Path(name) if os.sep in name else runtime_directory() / f"{name}.tty"
+
+
+def as_served(can: CanBusConfig) -> CanBusConfig:
+    """Return a bus under the channel that it is served at."""
+    if can.interface != "slcan":
+        return can
+    return can.model_copy(update={"channel": str(adapter_path(can.channel))})
+
+
+@contextlib.contextmanager
+def hold_served_bus(can: CanBusConfig) -> Iterator[None]:
+    """Say, for as long as the `with` lasts, that this process serves devices on a bus.
+
+    Raises
+    ------
+    TransportError
+        Another process does.
+    """
+    with contextlib.ExitStack() as stack:
+        path = _lock_path(can)
+        try:
+            stack.enter_context(held_file(path))
+        except BlockingIOError:
+            raise TransportError(
+                f"CAN bus {can.interface}:{can.channel}: simulated devices are served there"
+                " already; stop those first"
+            ) from None
+        except OSError as error:
+            raise TransportError(f"{path}: cannot open the lock file ({error})") from None
+        yield
+
+
+def is_bus_served(can: CanBusConfig) -> bool:
+    """Return whether a process of this user serves simulated devices on a bus."""
+    return file_holder(_lock_path(can)) is not None
+
+
+def _lock_path(can: CanBusConfig) -> Path:
+    bus = f"{can.interface}:{can.channel}"
+    words = re.sub(r"[^\w.-]", "_", bus)[-40:]
+    digest = hashlib.sha256(bus.encode()).hexdigest()[:8]
+    return runtime_directory() / f"served-{words}-{digest}.lock"

@@ -1,0 +1,98 @@
+"""`DrivenAxis`: what a drive tells its motor, and what its objects show of the axis."""
+
+from __future__ import annotations
+
+import struct
+
+from mock_hw.drive import objects as od
+from mock_hw.drive.axis_port import AxisPort, Motion
+from mock_hw.drive.clock import DriveClock
+from mock_hw.drive.following_error import FollowingError
+from mock_hw.drive.object_dictionary import ObjectDictionary
+from mock_hw.drive.power_stage import PowerStage
+
+_INT16_MAX = 2**15 - 1
+_INT32_MAX = 2**31 - 1
+
+
+class DrivenAxis:
+    """The side of a drive that its motor and encoder are on.
+
+    Parameters
+    ----------
+    objects
+        The drive's object dictionary.
+    power
+        Its CiA 402 half, which makes the velocity demand.
+    port
+        The axis.
+    counts_per_unit
+        Increments per second in one unit of velocity (60FFh, 606Ch).
+    now_s
+        When the drive is switched on [s].
+    clock
+        What the drive times everything by.
+
+    Attributes
+    ----------
+    following
+        How far the axis is behind what it was told.
+    """
+
+    def __init__(
+        self,
+        objects: ObjectDictionary,
+        power: PowerStage,
+        port: AxisPort,
+        counts_per_unit: float,
+        now_s: float,
+        clock: DriveClock,
+    ) -> None:
+        self._objects = objects
+        self._power = power
+        self._port = port
+        self._counts_per_unit = counts_per_unit
+        self._moved_s = now_s
+        self.following = FollowingError(objects, clock)
+
+    def motion(self, start_s: float, end_s: float) -> Motion:
+        """Return what the motor is told between two times [s] with nothing due in between."""
+        power = self._power
+        return Motion(
+            power.velocity_at(start_s) * self._counts_per_unit,
+            power.velocity_at(end_s) * self._counts_per_unit,
+            power.powered,
+            self._objects[od.TORQUE_LIMIT] * 1e-3,
+        )
+
+    def observe(self, now_s: float) -> None:
+        """Take notice of where the axis is at `now_s` [s], after it has moved."""
+        power = self._power
+        if power.powered:
+            velocity = 0.5 * (power.velocity_at(self._moved_s) + power.velocity_at(now_s))
+            moved = velocity * self._counts_per_unit * (now_s - self._moved_s)
+            self.following.follow(moved, self._port.position_counts(), now_s)
+        else:
+            self.following.start(self._port.position_counts())
+        self._moved_s = now_s
+
+    def refresh(self) -> None:
+        """Write into the objects what is true of power stage and axis now."""
+        objects, port = self._objects, self._port
+        objects[od.STATUSWORD] = self._power.statusword()
+        objects[od.MODE_DISPLAY] = objects[od.MODE]
+        objects[od.POSITION] = _wrap(port.position_counts())
+        velocity = round(port.velocity_counts_s() / self._counts_per_unit)
+        objects[od.VELOCITY] = _clip(velocity, _INT32_MAX)
+        objects[od.TORQUE] = _clip(port.torque_permille(), _INT16_MAX)
+        objects[od.FOLLOWING_ERROR] = _clip(round(self.following.counts), _INT32_MAX)
+
+
+def _wrap(counts: int) -> int:
+    """Return a count as a 32-bit counter shows it."""
+    (wrapped,) = struct.unpack("<i", struct.pack("<I", counts & 0xFFFF_FFFF))
+    return int(wrapped)
+
+
+def _clip(value: int, largest: int) -> int:
+    return max(-largest, min(largest, value))

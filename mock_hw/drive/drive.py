@@ -1,0 +1,389 @@
+"""`SimulatedDrive`: a CiA 402 servo drive on a CANopen bus, as a function of frames and time.
+
+It has no bus, no clock and no robot of its own: frames and times are given to it, the frames that
+it sends are taken from it, and what it can feel of its axis comes through an `AxisPort`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from drivers.canopen.emcy import Emergency, emcy_frame
+from drivers.canopen.frames import (
+    HEARTBEAT_BASE,
+    NMT_COB_ID,
+    SYNC_COB_ID,
+    Frame,
+    sdo_request_cob_id,
+)
+from drivers.canopen.heartbeat import heartbeat_frame, parse_consumer_entry
+from drivers.canopen.nmt import NmtCommand, NmtState, next_nmt_state, parse_nmt
+from drivers.canopen.sdo_server import SdoServer
+from drivers.servo.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, ControlWord, PowerState
+from mock_hw.drive import objects as od
+from mock_hw.drive.axis import DrivenAxis
+from mock_hw.drive.axis_port import AxisPort
+from mock_hw.drive.clock import DriveClock
+from mock_hw.drive.errors import (
+    FOLLOWING_ERROR,
+    HEARTBEAT_LOST,
+    PDO_LENGTH,
+    RPDO_TIMEOUT,
+    SYNC_LOST,
+    ErrorLog,
+)
+from mock_hw.drive.object_dictionary import Key, ObjectDictionary
+from mock_hw.drive.pdos import DrivePdo, PdoTable
+from mock_hw.drive.power_stage import PowerStage
+
+BOOT_S = 0.020
+"""From power-on or reset to the boot-up message [s]."""
+
+SYNC_ANSWER_S = 100e-6
+SDO_ANSWER_S = 300e-6
+
+_SYNC_PATIENCE = 1.5  # periods of 1006h without SYNC, as CANopenNode has it
+
+
+class SimulatedDrive:
+    """A servo drive.
+
+    What it does by itself is due at `next_s`. Whoever runs it calls `tick` then, `receive` for
+    every frame and `axis.observe` whenever its axis has moved, all in the order of time, and sends
+    what `take_frames` returns.
+
+    Parameters
+    ----------
+    identity
+        Its address and what is fixed in it.
+    port
+        Its axis.
+    now_s
+        When it is switched on [s].
+
+    Attributes
+    ----------
+    objects
+        Its object dictionary.
+    power
+        Its CiA 402 half.
+    axis
+        What it tells its motor and sees of it.
+    nmt
+        Its NMT state.
+    clock
+        What it times everything by.
+    beats
+        Whether it sends its heartbeat; a fault may stop it.
+    watches
+        Whether it acts when its master falls silent.
+    ignores_quick_stop
+        Whether it does not take RPDOs that command a quick stop: a fault.
+    """
+
+    def __init__(self, identity: od.DriveIdentity, port: AxisPort, now_s: float = 0.0) -> None:
+        self.node_id = identity.node_id
+        self._now_s = now_s
+        self.clock = DriveClock()
+        self.objects = ObjectDictionary(od.drive_entries(identity))
+        self.power = PowerStage(self.objects, self.clock)
+        counts_per_unit = identity.counts_per_velocity_unit
+        self.axis = DrivenAxis(self.objects, self.power, port, counts_per_unit, now_s, self.clock)
+        self.nmt = NmtState.INITIALISING
+        self._sdo_cob_id = sdo_request_cob_id(identity.node_id)
+        self._sdo = SdoServer(identity.node_id, self._read, self._write)
+        self._pdos = PdoTable(self.objects, self.clock)
+        self._errors = ErrorLog(self.objects)
+        self._outbox: list[tuple[float, Frame]] = []
+        self._boot_s = now_s + BOOT_S
+        self._beat_s = math.inf
+        self._sync_deadline_s = math.inf
+        self._watched: dict[int, float] = {}
+        self._silent_s: dict[int, float] = {}
+        self.beats = True
+        self.watches = True
+        self.ignores_quick_stop = False
+
+    # ---- time -----------------------------------------------------------------------------
+
+    @property
+    def next_s(self) -> float:
+        """When `tick` is due [s]."""
+        due_s = min(
+            self._boot_s,
+            self._beat_s,
+            self.power.next_s,
+            self.axis.following.due_s,
+            self._sync_deadline_s,
+            *self._silent_s.values(),
+        )
+        for pdo in self._pdos.timed:
+            due_s = min(due_s, pdo.deadline_s)
+        return due_s
+
+    def tick(self, now_s: float) -> None:
+        """Do what is due at `now_s` [s]."""
+        self._now_s = now_s
+        if now_s >= self._boot_s:
+            self._finish_boot()
+        if now_s >= self._beat_s:
+            self._beat_s += self.clock.lasts(self.objects[od.HEARTBEAT_PRODUCER] * 1e-3)
+            if self.beats:
+                self._send(heartbeat_frame(self.node_id, self.nmt))
+        self.power.tick(now_s)
+        for node_id in [node for node, due_s in self._silent_s.items() if now_s >= due_s]:
+            del self._silent_s[node_id]
+            self._lose_master(HEARTBEAT_LOST)
+        if now_s >= self.axis.following.due_s:
+            self.axis.following.due_s = math.inf
+            self._fault(FOLLOWING_ERROR)
+        if now_s >= self._sync_deadline_s:
+            self._sync_deadline_s = math.inf
+            self._fault(SYNC_LOST)
+        for pdo in self._pdos.timed:
+            if now_s >= pdo.deadline_s:
+                pdo.deadline_s = math.inf
+                if pdo.receives:
+                    self._lose_master(RPDO_TIMEOUT)
+                else:
+                    self.axis.refresh()
+                    self._send(pdo.frame(pdo.pack(self.objects), now_s))
+        self._send_changes()
+
+    # ---- frames ---------------------------------------------------------------------------
+
+    @property
+    def acts_on_arrival(self) -> bool:
+        """Whether a PDO acts on arrival, so that frames cannot be kept until the next SYNC."""
+        return self._pdos.acts_on_arrival
+
+    def only_keeps(self, cob_id: int) -> bool:
+        """Return whether a frame is only put away by `receive`, wherever the axis is by then."""
+        pdo = self._pdos.received.get(cob_id)
+        if pdo is not None:
+            return pdo.synchronous
+        return cob_id not in (NMT_COB_ID, SYNC_COB_ID, self._sdo_cob_id)
+
+    def receive(self, frame: Frame, now_s: float) -> None:
+        """Take a frame that was on the bus at `now_s` [s]."""
+        if self.nmt is NmtState.INITIALISING:
+            return
+        self._now_s = now_s
+        cob_id = frame.cob_id
+        if cob_id == NMT_COB_ID:
+            command = parse_nmt(frame, self.node_id)
+            if command is not None:
+                self._obey(command)
+        elif cob_id > HEARTBEAT_BASE:
+            self._hear(cob_id - HEARTBEAT_BASE)
+        elif cob_id == self._sdo_cob_id and self.nmt is not NmtState.STOPPED:
+            self.axis.refresh()
+            for answer in self._sdo.handle(frame, now_s):
+                self._send(answer, SDO_ANSWER_S)
+        elif self.nmt is NmtState.OPERATIONAL:
+            if cob_id == SYNC_COB_ID:
+                self._synchronise()
+            elif (pdo := self._pdos.received.get(cob_id)) is not None:
+                self._receive_pdo(pdo, frame.data)
+        self._send_changes()
+
+    def take_frames(self) -> list[tuple[float, Frame]]:
+        """Return what is to be sent, with the earliest time of each [s], and forget it."""
+        frames, self._outbox = self._outbox, []
+        return frames
+
+    def _send(self, frame: Frame, delay_s: float = 0.0) -> None:
+        self._outbox.append((self._now_s + delay_s, frame))
+
+    # ---- network management ---------------------------------------------------------------
+
+    def _finish_boot(self) -> None:
+        self._boot_s = math.inf
+        self._send(heartbeat_frame(self.node_id, NmtState.INITIALISING))
+        self.nmt = NmtState.PRE_OPERATIONAL
+        self.power.boot()
+
+    def _obey(self, command: NmtCommand) -> None:
+        before, self.nmt = self.nmt, next_nmt_state(self.nmt, command)
+        if self.nmt is NmtState.INITIALISING:
+            self._reset(communication_only=command is NmtCommand.RESET_COMMUNICATION)
+        elif self.nmt is not before:
+            self._arm_pdos()
+            if self.nmt is NmtState.STOPPED:
+                self._sdo.reset()
+            if before is NmtState.OPERATIONAL:
+                self.power.abort_connection(self._now_s)
+
+    def _reset(self, *, communication_only: bool) -> None:
+        """Begin anew; a fault outlives a reset of the communication, not one of the whole drive."""
+        faulty = self.power.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
+        kept = communication_only and faulty
+        self.power.switch_off(PowerState.FAULT if kept else PowerState.NOT_READY_TO_SWITCH_ON)
+        self.objects.reset(communication_only=communication_only)
+        if kept:
+            self._errors.restore()
+        else:
+            self._errors.reset()
+        self._sdo.reset()
+        self._arm_pdos()
+        self._outbox.clear()
+        self._watched.clear()
+        self._silent_s.clear()
+        self._beat_s = math.inf
+        self._boot_s = self._now_s + self.clock.lasts(BOOT_S)
+
+    def _hear(self, node_id: int) -> None:
+        """Take a heartbeat; watching begins with the first one (CiA 301, 7.2.8.3.2)."""
+        timeout_s = self._watched.get(node_id)
+        if timeout_s is not None:
+            self._silent_s[node_id] = self._now_s + self.clock.lasts(timeout_s)
+            self._tell(self._errors.leave(HEARTBEAT_LOST))
+
+    # ---- what a fault does to it ------------------------------------------------------------
+
+    def lose_supply(self, now_s: float) -> None:
+        """Be off the bus and without power until `restore_supply`."""
+        self._now_s = now_s
+        self.nmt = NmtState.INITIALISING
+        self._reset(communication_only=False)
+        self._boot_s = math.inf
+
+    def restore_supply(self, now_s: float) -> None:
+        """Boot."""
+        self._now_s = now_s
+        self._boot_s = now_s + self.clock.lasts(BOOT_S)
+
+    def fail(self, code: int, now_s: float) -> None:
+        """Find a fault in itself, and react as 605Eh says."""
+        self._now_s = now_s
+        self._fault(code)
+
+    def report(self, code: int, now_s: float) -> None:
+        """Send an emergency message, and nothing else."""
+        if self.nmt in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
+            self._now_s = now_s
+            self._send(emcy_frame(self.node_id, Emergency(code, self.objects[od.ERROR_REGISTER])))
+
+    # ---- errors ---------------------------------------------------------------------------
+
+    def _tell(self, emergency: Emergency | None) -> None:
+        if emergency is not None and self.nmt is not NmtState.STOPPED:
+            self._send(emcy_frame(self.node_id, emergency))
+
+    def _fault(self, code: int) -> None:
+        self._tell(self._errors.enter(code))
+        self.power.fault(self._now_s)
+
+    def _lose_master(self, code: int) -> None:
+        """React as 6007h says, and leave Operational if 1029h wants it."""
+        if not self.watches:
+            return
+        self._tell(self._errors.enter(code))
+        self.power.abort_connection(self._now_s)
+        reaction = self.objects[od.COMMUNICATION_ERROR]
+        if reaction == 2:
+            self.nmt = NmtState.STOPPED
+        elif reaction == 0 and self.nmt is NmtState.OPERATIONAL:
+            self.nmt = NmtState.PRE_OPERATIONAL
+        self._arm_pdos()
+
+    # ---- process data ---------------------------------------------------------------------
+
+    def _arm_pdos(self) -> None:
+        self._pdos.rebuild(in_use=self.nmt is NmtState.OPERATIONAL, now_s=self._now_s)
+        self._sync_deadline_s = math.inf
+
+    def _synchronise(self) -> None:
+        """Answer with what is true now, then take up what was received since the last SYNC."""
+        patience_s = self.clock.lasts(_SYNC_PATIENCE * (self.objects[od.SYNC_PERIOD_US] * 1e-6))
+        self._sync_deadline_s = self._now_s + patience_s if patience_s else math.inf
+        self.axis.refresh()
+        for pdo in self._pdos.transmitted:
+            if pdo.synchronous:
+                data = pdo.pack(self.objects)
+                if pdo.due_at_sync(data):
+                    self._send(pdo.frame(data, self._now_s), SYNC_ANSWER_S)
+        for pdo in self._pdos.received.values():
+            if pdo.kept is not None:
+                kept, pdo.kept = pdo.kept, None
+                self._take_up(pdo.keys, kept)
+
+    def _receive_pdo(self, pdo: DrivePdo, data: bytes) -> None:
+        """Take an RPDO; a longer one than mapped is cut (CiA 301, 7.2.2.1)."""
+        pdo.arm(self._now_s)
+        if len(data) < pdo.layout.size:
+            self._tell(self._errors.enter(PDO_LENGTH))
+            return
+        self._tell(self._errors.leave(PDO_LENGTH))
+        self._tell(self._errors.leave(RPDO_TIMEOUT))
+        values = pdo.layout.unpack_from(data)
+        if self.ignores_quick_stop and _is_quick_stop(pdo.keys, values):
+            return
+        if pdo.synchronous:
+            pdo.kept = values
+        else:
+            self._take_up(pdo.keys, values)
+
+    def _take_up(self, keys: tuple[Key, ...], values: tuple[int, ...]) -> None:
+        objects = self.objects
+        for key, value in zip(keys, values, strict=True):
+            allowed = objects.entry(*key).allowed
+            if allowed is None or value in allowed:
+                objects[key] = value
+        if od.CONTROLWORD in keys:
+            self._command()
+        if od.TARGET_VELOCITY in keys:
+            self._set_target()
+
+    def _send_changes(self) -> None:
+        """Let event-driven TPDOs be due whose objects have changed."""
+        if self._pdos.event_driven:
+            self.axis.refresh()
+            for pdo in self._pdos.event_driven:
+                if pdo.pack(self.objects) != pdo.last_data:
+                    pdo.deadline_s = min(pdo.deadline_s, pdo.allowed_s(self._now_s))
+
+    # ---- objects --------------------------------------------------------------------------
+
+    def _command(self) -> None:
+        before = self.power.state
+        self.power.command(self.objects[od.CONTROLWORD], self._now_s)
+        if before is PowerState.FAULT and self.power.state is not PowerState.FAULT:
+            self._tell(self._errors.reset())
+
+    def _set_target(self) -> None:
+        objects = self.objects
+        if objects[od.MODE] == CYCLIC_SYNCHRONOUS_VELOCITY:
+            period_s = objects[od.INTERPOLATION_PERIOD] * 10.0 ** objects[od.INTERPOLATION_INDEX]
+            self.power.set_target(objects[od.TARGET_VELOCITY], self._now_s, period_s)
+
+    def _read(self, index: int, subindex: int) -> bytes:
+        return self.objects.read(index, subindex)
+
+    def _write(self, index: int, subindex: int, data: bytes) -> None:
+        value = self.objects.decode(index, subindex, data)
+        self._pdos.check_write(index, subindex, value)
+        key = (index, subindex)
+        self.objects[key] = value
+        if key == od.CONTROLWORD:
+            self._command()
+        elif key == od.TARGET_VELOCITY:
+            self._set_target()
+        elif key == od.HEARTBEAT_PRODUCER:
+            self._beat_s = self._now_s if value else math.inf
+        elif key == (od.ERROR_HISTORY, 0):
+            self._errors.clear_history()
+        elif index == od.HEARTBEAT_CONSUMER:
+            self._watch_heartbeats()
+        elif 0x1400 <= index < 0x1C00:
+            self._arm_pdos()
+
+    def _watch_heartbeats(self) -> None:
+        entries = [self.objects[od.HEARTBEAT_CONSUMER, n] for n in range(1, od.CONSUMERS + 1)]
+        self._watched = dict(filter(None, map(parse_consumer_entry, entries)))
+        self._silent_s.clear()
+
+
+def _is_quick_stop(keys: tuple[Key, ...], values: tuple[int, ...]) -> bool:
+    words = [value for key, value in zip(keys, values, strict=True) if key == od.CONTROLWORD]
+    return any(word & 0x06 == ControlWord.QUICK_STOP for word in words)

@@ -1,0 +1,140 @@
+"""`DriveFaults`: what a fault script does to simulated drives, as frames and time pass.
+
+The script's `program` part begins by the same clock, so its beginnings are told from here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from config.simulation.faults import DriveFault, FaultScript
+from drivers.canopen.frames import Frame
+from mock_hw.drive.drive import SimulatedDrive
+from mock_hw.host.fault_clock import Begin, CycleCount
+
+
+class _Due(NamedTuple):
+    """Something to be done at a time [s]."""
+
+    time_s: float
+    act: Callable[[float], None]
+
+
+class DriveFaults:
+    """A fault script's `drives` part at work, and the beginnings of its `program` part.
+
+    Parameters
+    ----------
+    script
+        What goes wrong.
+    joint_names, drives
+        The drives by their joints' names, in the same order.
+    now_s
+        The time now [s].
+    announce
+        Called with the number of a fault of the program when it begins.
+
+    Attributes
+    ----------
+    reversed, blocked
+        Of each axis: whether it turns the other way, whether its brake stays closed.
+    stuck
+        Of each axis: whether its encoder stands still.
+    """
+
+    def __init__(
+        self,
+        script: FaultScript,
+        joint_names: Sequence[str],
+        drives: Sequence[SimulatedDrive],
+        now_s: float,
+        announce: Callable[[int], None] = lambda _number: None,
+    ) -> None:
+        self._cycles = CycleCount(drive.node_id for drive in drives)
+        self._drives = drives
+        self._axes = {name: number for number, name in enumerate(joint_names)}
+        self._coming = [(Begin(fault, now_s), fault) for fault in script.drives]
+        self._program = [(Begin(fault, now_s), n) for n, fault in enumerate(script.program)]
+        self._announce = announce
+        self._due: list[_Due] = []
+        self.reversed = [False] * len(drives)
+        self.blocked = [False] * len(drives)
+        self.stuck = [False] * len(drives)
+
+    @property
+    def next_s(self) -> float:
+        """When `tick` is due [s]."""
+        coming = (*self._coming, *self._program)
+        begins = (begin.at_s for begin, _ in coming if begin.at_s is not None)
+        return min((*begins, *(due.time_s for due in self._due)), default=math.inf)
+
+    def see(self, frame: Frame, now_s: float) -> None:
+        """Take notice of a frame, before the drives do; what begins in its cycle begins now."""
+        self._cycles.see(frame.cob_id, frame.data)
+        if self._coming or self._program:
+            self.tick(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Do what is due at `now_s` [s]."""
+        for due in [due for due in self._due if due.time_s <= now_s]:
+            self._due.remove(due)
+            due.act(now_s)
+        for begin, fault in [*self._coming]:
+            if begin.happens(self._cycles.cycle, now_s):
+                self._coming.remove((begin, fault))
+                numbers = (
+                    range(len(self._drives)) if fault.joint is None else [self._axes[fault.joint]]
+                )
+                for number in numbers:
+                    self._start(fault, number, now_s)
+        for begin, number in [*self._program]:
+            if begin.happens(self._cycles.cycle, now_s):
+                self._program.remove((begin, number))
+                self._announce(number)
+
+    def _start(self, fault: DriveFault, number: int, now_s: float) -> None:
+        drive, kind = self._drives[number], fault.kind
+        if kind == "reset":
+            drive.lose_supply(now_s)
+            drive.restore_supply(now_s)
+        elif kind == "fault":
+            drive.fail(fault.code, now_s)
+        elif kind == "emergency":
+            drive.report(fault.code, now_s)
+            for sent in range(1, fault.count):
+                time_s = now_s + sent * fault.period_s
+                self._due.append(_Due(time_s, lambda at_s: drive.report(fault.code, at_s)))
+        else:
+            self._change(fault, number, now_s, on=True)
+            if fault.duration_s is not None:
+                self._due.append(
+                    _Due(
+                        now_s + fault.duration_s,
+                        lambda at_s: self._change(fault, number, at_s, on=False),
+                    )
+                )
+
+    def _change(self, fault: DriveFault, number: int, now_s: float, *, on: bool) -> None:
+        drive, kind = self._drives[number], fault.kind
+        if kind == "stuck_encoder":
+            self.stuck[number] = on
+        elif kind == "blocked":
+            self.blocked[number] = on
+        elif kind == "reversed":
+            self.reversed[number] = on
+        elif kind == "ignores_quick_stop":
+            drive.ignores_quick_stop = on
+        elif kind == "heartbeat_stops":
+            drive.beats = not on
+        elif kind == "watch_asleep":
+            drive.watches = not on
+        elif kind == "clock":
+            drive.clock.rate = fault.clock_rate if on else 1.0
+        elif kind == "motor_power_lost":
+            drive.power.supply(not on)
+        elif on:
+            drive.lose_supply(now_s)
+        else:
+            drive.restore_supply(now_s)

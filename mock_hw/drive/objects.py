@@ -1,0 +1,222 @@
+"""What a simulated drive's object dictionary holds (CiA 301, CiA 402-2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from config.cell.cell import DriveAxis
+from config.errors import ConfigError
+from config.robot.robot import Joint
+from config.simulation.plant import SimulatedAxis
+from drivers.canopen.frames import SYNC_COB_ID, emcy_cob_id, rpdo_cob_id, tpdo_cob_id
+from drivers.canopen.pdo import (
+    INVALID,
+    NO_RTR,
+    RPDO_COMMUNICATION,
+    RPDO_MAPPING,
+    TPDO_COMMUNICATION,
+    TPDO_MAPPING,
+    MappedObject,
+)
+from drivers.servo.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, DRIVE_PROFILE, AxisUnits
+from mock_hw.drive.object_dictionary import Entry
+
+ERROR_REGISTER = (0x1001, 0)
+ERROR_HISTORY = 0x1003
+SYNC_PERIOD_US = (0x1006, 0)
+HEARTBEAT_CONSUMER = 0x1016
+HEARTBEAT_PRODUCER = (0x1017, 0)
+COMMUNICATION_ERROR = (0x1029, 1)
+ABORT_CONNECTION = (0x6007, 0)
+ERROR_CODE = (0x603F, 0)
+CONTROLWORD = (0x6040, 0)
+STATUSWORD = (0x6041, 0)
+QUICK_STOP_OPTION = (0x605A, 0)
+SHUTDOWN_OPTION = (0x605B, 0)
+DISABLE_OPERATION_OPTION = (0x605C, 0)
+FAULT_REACTION_OPTION = (0x605E, 0)
+MODE = (0x6060, 0)
+MODE_DISPLAY = (0x6061, 0)
+POSITION = (0x6064, 0)
+FOLLOWING_ERROR_WINDOW = (0x6065, 0)
+FOLLOWING_ERROR_TIME_MS = (0x6066, 0)
+VELOCITY = (0x606C, 0)
+TORQUE_LIMIT = (0x6072, 0)
+TORQUE = (0x6077, 0)
+PROFILE_DECELERATION = (0x6084, 0)
+QUICK_STOP_DECELERATION = (0x6085, 0)
+TORQUE_OFFSET = (0x60B2, 0)
+INTERPOLATION_PERIOD = (0x60C2, 1)
+INTERPOLATION_INDEX = (0x60C2, 2)
+FOLLOWING_ERROR = (0x60F4, 0)
+TARGET_VELOCITY = (0x60FF, 0)
+
+ERROR_HISTORY_LENGTH = 8
+CONSUMERS = 4
+PDO_NUMBERS = (1, 2, 3, 4)
+FOLLOWING_ERROR_OFF = 0xFFFF_FFFF
+
+_PRODUCT_CODE = 0x0361
+_PDO_TYPES = frozenset((*range(241), 254, 255))
+_CSV = CYCLIC_SYNCHRONOUS_VELOCITY
+
+
+@dataclass(frozen=True)
+class DriveIdentity:
+    """What is fixed in one simulated drive: its address, its motor, encoder and gear.
+
+    Attributes
+    ----------
+    node_id
+        Its CANopen address.
+    encoder_increments
+        Per motor revolution (608Fh).
+    gear
+        Motor revolutions by joint revolutions (6091h).
+    rated_torque_mnm
+        The motor's rated torque, 6076h [mN m].
+    counts_per_velocity_unit
+        Increments per second in one unit of 60FFh.
+    """
+
+    node_id: int
+    encoder_increments: int
+    gear: Fraction
+    rated_torque_mnm: int
+    counts_per_velocity_unit: float = 1.0
+
+    def __post_init__(self) -> None:
+        largest = max(self.gear.numerator, self.gear.denominator)
+        if self.gear <= 0 or largest >= 2**32 or self.rated_torque_mnm <= 0:
+            raise ConfigError(
+                f"node {self.node_id}: gear {self.gear} and rated torque {self.rated_torque_mnm}"
+                " mN m do not fit 6091h and 6076h; both must be positive"
+            )
+        if not 0.0 < self.counts_per_velocity_unit < math.inf:
+            raise ConfigError(f"node {self.node_id}: a velocity unit of 0 increments per second")
+
+    @classmethod
+    def of_axis(cls, axis: DriveAxis, joint: Joint, simulated: SimulatedAxis) -> DriveIdentity:
+        """Return the drive that fits a cell's axis, a robot's joint and a plant's motor.
+
+        A prismatic joint's ratio (rad/m) cannot stand in 6091h, which then says 1:1.
+        """
+        gear = Fraction(1)
+        if joint.type == "revolute":
+            gear = Fraction(abs(joint.gear_ratio)).limit_denominator(1_000_000)
+        rated_mnm = round(1000.0 * simulated.rated_motor_torque_nm)
+        units = AxisUnits.from_drive(
+            encoder_increments=simulated.encoder_increments_per_motor_rev,
+            encoder_motor_revolutions=1,
+            gear_ratio=abs(joint.gear_ratio),
+            rated_torque_mnm=rated_mnm,
+            direction=1,
+            velocity_unit=axis.velocity_unit,
+            zero_counts=0,
+        )
+        return cls(
+            axis.node_id,
+            simulated.encoder_increments_per_motor_rev,
+            gear,
+            rated_mnm,
+            units.counts_per_rad / units.velocity_units_per_rad_s,
+        )
+
+
+def drive_entries(identity: DriveIdentity) -> Iterator[Entry]:
+    """Yield every object of a simulated drive."""
+    yield from _communication_entries(identity)
+    for number in PDO_NUMBERS:
+        yield from _pdo_entries(identity.node_id, number)
+    yield from _profile_entries(identity)
+
+
+def _communication_entries(identity: DriveIdentity) -> Iterator[Entry]:
+    node_id = identity.node_id
+    yield Entry(0x1000, 0, "device type: servo drive", "I", 0x0002_0000 | DRIVE_PROFILE)
+    yield Entry(*ERROR_REGISTER, "error register", "B", 0, mapping="t")
+    yield Entry(ERROR_HISTORY, 0, "number of errors", "B", 0, "rw", allowed=frozenset((0,)))
+    for number in range(1, ERROR_HISTORY_LENGTH + 1):
+        yield Entry(ERROR_HISTORY, number, "an error, newest first", "I", 0)
+    yield Entry(0x1005, 0, "SYNC identifier", "I", SYNC_COB_ID)
+    yield Entry(*SYNC_PERIOD_US, "SYNC period [us]", "I", 0, "rw")
+    yield Entry(0x1008, 0, "device name", "s", b"rid-daq simulated servo drive")
+    yield Entry(0x100A, 0, "software version", "s", b"1.0")
+    yield Entry(0x1014, 0, "EMCY identifier", "I", emcy_cob_id(node_id))
+    yield Entry(HEARTBEAT_CONSUMER, 0, "number of consumers", "B", CONSUMERS)
+    for number in range(1, CONSUMERS + 1):
+        yield Entry(HEARTBEAT_CONSUMER, number, "heartbeat consumer", "I", 0, "rw")
+    yield Entry(*HEARTBEAT_PRODUCER, "heartbeat period [ms]", "H", 0, "rw")
+    yield Entry(0x1018, 0, "identity", "B", 4)
+    yield Entry(0x1018, 1, "vendor", "I", 0)
+    yield Entry(0x1018, 2, "product", "I", _PRODUCT_CODE)
+    yield Entry(0x1018, 3, "revision", "I", 0x0001_0000)
+    yield Entry(0x1018, 4, "serial number", "I", node_id)
+    yield Entry(0x1029, 0, "error behaviour", "B", 1)
+    yield Entry(*COMMUNICATION_ERROR, "on a communication error", "B", 0, "rw", "", range(3))
+
+
+def _pdo_entries(node_id: int, number: int) -> Iterator[Entry]:
+    """Yield a receive and a transmit PDO; the first ones are in use after a reset."""
+    off = 0 if number == 1 else INVALID
+    communication, mapping = RPDO_COMMUNICATION + number - 1, RPDO_MAPPING + number - 1
+    yield Entry(communication, 0, "RPDO", "B", 5)
+    yield Entry(communication, 1, "identifier", "I", rpdo_cob_id(node_id, number) | off, "rw")
+    yield Entry(communication, 2, "transmission type", "B", 255, "rw", "", _PDO_TYPES)
+    yield Entry(communication, 5, "deadline [ms]", "H", 0, "rw")
+    yield from _mapping_entries(mapping, CONTROLWORD if number == 1 else None)
+    communication, mapping = TPDO_COMMUNICATION + number - 1, TPDO_MAPPING + number - 1
+    identifier = tpdo_cob_id(node_id, number) | NO_RTR | off
+    yield Entry(communication, 0, "TPDO", "B", 5)
+    yield Entry(communication, 1, "identifier", "I", identifier, "rw")
+    yield Entry(communication, 2, "transmission type", "B", 255, "rw", "", _PDO_TYPES)
+    yield Entry(communication, 3, "inhibit time [100 us]", "H", 0, "rw")
+    yield Entry(communication, 5, "event timer [ms]", "H", 0, "rw")
+    yield from _mapping_entries(mapping, STATUSWORD if number == 1 else None)
+
+
+def _mapping_entries(index: int, first: tuple[int, int] | None) -> Iterator[Entry]:
+    yield Entry(index, 0, "number of objects", "B", 0 if first is None else 1, "rw", "", range(9))
+    default = 0 if first is None else MappedObject(*first, 16).entry()
+    for position in range(1, 9):
+        yield Entry(index, position, "object", "I", default if position == 1 else 0, "rw")
+
+
+def _profile_entries(identity: DriveIdentity) -> Iterator[Entry]:
+    ramps = frozenset((0, 1, 2))
+    quick_stops = frozenset((0, 1, 2, 5, 6))
+    yield Entry(*ABORT_CONNECTION, "abort connection", "h", 1, "rw", "", range(4))
+    yield Entry(*ERROR_CODE, "error code", "H", 0, mapping="t")
+    yield Entry(*CONTROLWORD, "controlword", "H", 0, "rw", "rt")
+    yield Entry(*STATUSWORD, "statusword", "H", 0, mapping="t")
+    yield Entry(*QUICK_STOP_OPTION, "quick-stop reaction", "h", 2, "rw", "", quick_stops)
+    yield Entry(*SHUTDOWN_OPTION, "shutdown reaction", "h", 0, "rw", "", range(2))
+    yield Entry(*DISABLE_OPERATION_OPTION, "disable reaction", "h", 1, "rw", "", range(2))
+    yield Entry(*FAULT_REACTION_OPTION, "fault reaction", "h", 2, "rw", "", ramps)
+    yield Entry(*MODE, "mode", "b", 0, "rw", "r", frozenset((0, _CSV)))
+    yield Entry(*MODE_DISPLAY, "mode display", "b", 0, mapping="t")
+    yield Entry(*POSITION, "position", "i", 0, mapping="t")
+    yield Entry(*FOLLOWING_ERROR_WINDOW, "window", "I", FOLLOWING_ERROR_OFF, "rw")
+    yield Entry(*FOLLOWING_ERROR_TIME_MS, "following-error time [ms]", "H", 0, "rw")
+    yield Entry(*VELOCITY, "velocity", "i", 0, mapping="t")
+    yield Entry(*TORQUE_LIMIT, "torque limit [0.1 %]", "H", 3000, "rw", "r")
+    yield Entry(0x6076, 0, "rated torque [mN m]", "I", identity.rated_torque_mnm)
+    yield Entry(*TORQUE, "torque [0.1 %]", "h", 0, mapping="t")
+    yield Entry(*PROFILE_DECELERATION, "profile deceleration", "I", 10_000_000, "rw")
+    yield Entry(*QUICK_STOP_DECELERATION, "quick-stop deceleration", "I", 10_000_000, "rw")
+    yield Entry(0x608F, 0, "encoder resolution", "B", 2)
+    yield Entry(0x608F, 1, "encoder increments", "I", identity.encoder_increments)
+    yield Entry(0x608F, 2, "motor revolutions", "I", 1)
+    yield Entry(0x6091, 0, "gear ratio", "B", 2)
+    yield Entry(0x6091, 1, "motor revolutions", "I", identity.gear.numerator)
+    yield Entry(0x6091, 2, "shaft revolutions", "I", identity.gear.denominator)
+    yield Entry(*TORQUE_OFFSET, "torque offset [0.1 %]", "h", 0, "rw", "r")
+    yield Entry(0x60C2, 0, "interpolation period", "B", 2)
+    yield Entry(*INTERPOLATION_PERIOD, "interpolation period", "B", 1, "rw", "", range(1, 256))
+    yield Entry(*INTERPOLATION_INDEX, "its power of ten [s]", "b", -3, "rw", "", range(-4, -1))
+    yield Entry(*FOLLOWING_ERROR, "following error", "i", 0, mapping="t")
+    yield Entry(*TARGET_VELOCITY, "target velocity", "i", 0, "rw", "rt")
+    yield Entry(0x6502, 0, "supported modes: cyclic synchronous velocity", "I", 1 << _CSV - 1)

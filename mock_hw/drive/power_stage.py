@@ -1,0 +1,209 @@
+"""`PowerStage`: the CiA 402 half of a simulated drive - states, ramps, what the motor is told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from drivers.servo.cia402 import FOLLOWS_COMMAND, VOLTAGE_ENABLED, PowerState, after_controlword
+from mock_hw.drive.clock import DriveClock
+from mock_hw.drive.object_dictionary import Key, ObjectDictionary
+from mock_hw.drive.objects import (
+    ABORT_CONNECTION,
+    DISABLE_OPERATION_OPTION,
+    FAULT_REACTION_OPTION,
+    PROFILE_DECELERATION,
+    QUICK_STOP_DECELERATION,
+    QUICK_STOP_OPTION,
+    SHUTDOWN_OPTION,
+)
+
+_REMOTE = 0x0200
+_STAY_IN_QUICK_STOP = (5, 6)
+_WITHOUT_MOTOR_POWER = (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT)
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """A velocity that changes linearly from one time [s] to another and is constant elsewhere."""
+
+    start_s: float
+    end_s: float
+    start: float
+    end: float
+
+    def at(self, time_s: float) -> float:
+        """Return the velocity at a time [s]."""
+        if time_s >= self.end_s:
+            return self.end
+        if time_s <= self.start_s:
+            return self.start
+        share = (time_s - self.start_s) / (self.end_s - self.start_s)
+        return self.start + share * (self.end - self.start)
+
+
+class PowerStage:
+    """What a drive's motor is told, as a function of commands and time.
+
+    Velocities are in units of 60FFh. Without power the holding brake is closed.
+
+    Parameters
+    ----------
+    objects
+        The drive's objects: option codes and decelerations are read there when they are needed.
+    clock
+        What its ramps are timed by; a right one when left out.
+
+    Attributes
+    ----------
+    state
+        The CiA 402 state.
+    supplied
+        Whether there is motor power; without it no command enables the drive.
+    next_s
+        When `tick` is due: the end of a stopping ramp [s]; infinity when none runs.
+    """
+
+    def __init__(self, objects: ObjectDictionary, clock: DriveClock | None = None) -> None:
+        self._objects = objects
+        self._clock = clock or DriveClock()
+        self.state = PowerState.NOT_READY_TO_SWITCH_ON
+        self.supplied = True
+        self.next_s = math.inf
+        self._after_ramp: PowerState | None = None
+        self._ramp = Ramp(0.0, 0.0, 0.0, 0.0)
+        self._controlword = 0
+
+    @property
+    def powered(self) -> bool:
+        """Whether the velocity loop runs; the brake is open then, closed otherwise."""
+        return self.state.powered
+
+    @property
+    def following(self) -> bool:
+        """Whether the drive takes set-points: enabled, and not on its way out."""
+        return self.state is PowerState.OPERATION_ENABLED and self._after_ramp is None
+
+    def statusword(self) -> int:
+        """Return 6041h without its mode-specific warnings."""
+        follows = FOLLOWS_COMMAND if self.following else 0
+        voltage = VOLTAGE_ENABLED if self.supplied else 0
+        return self.state | voltage | _REMOTE | follows
+
+    def velocity_at(self, time_s: float) -> float:
+        """Return the velocity that the loop is told at a time [s]."""
+        return self._ramp.at(time_s)
+
+    def set_target(self, velocity: float, now_s: float, over_s: float) -> None:
+        """Go to a velocity within `over_s`; only where set-points are taken."""
+        if self.following:
+            end_s = now_s + self._clock.lasts(over_s)
+            self._ramp = Ramp(now_s, end_s, self._ramp.at(now_s), velocity)
+
+    def boot(self) -> None:
+        """Be ready for commands (T1); a fault stays one."""
+        if self.state is not PowerState.FAULT:
+            self.state = PowerState.SWITCH_ON_DISABLED
+        self._controlword = 0
+
+    def switch_off(self, state: PowerState = PowerState.SWITCH_ON_DISABLED) -> None:
+        """Take the power away and close the brake, at any speed."""
+        self.state = state
+        self._after_ramp = None
+        self.next_s = math.inf
+        self._ramp = Ramp(0.0, 0.0, 0.0, 0.0)
+
+    def supply(self, supplied: bool) -> None:
+        """Take the motor power away, as an emergency stop does, or give it back."""
+        if not supplied and self.state not in _WITHOUT_MOTOR_POWER:
+            self.switch_off()
+        self.supplied = supplied
+
+    def command(self, controlword: int, now_s: float) -> None:
+        """Take a controlword (6040h)."""
+        state, previous = self.state, self._controlword
+        self._controlword = controlword
+        if not self.supplied and state is PowerState.SWITCH_ON_DISABLED:
+            return
+        wanted = after_controlword(state, controlword, previous)
+        if state is PowerState.OPERATION_ENABLED:
+            self._leave_operation(wanted, now_s)
+        elif state is PowerState.QUICK_STOP_ACTIVE:
+            self._leave_quick_stop(wanted)
+        elif wanted is not state:
+            self.switch_off(wanted)
+
+    def quick_stop(self, now_s: float) -> None:
+        """Stop as 605Ah says (T11); without effect where nothing moves."""
+        if self.state is not PowerState.OPERATION_ENABLED:
+            return
+        option = self._objects[QUICK_STOP_OPTION]
+        if option == 0:
+            self.switch_off()
+            return
+        self.state = PowerState.QUICK_STOP_ACTIVE
+        after = None if option in _STAY_IN_QUICK_STOP else PowerState.SWITCH_ON_DISABLED
+        fast = option in (2, 6)
+        self._stop(QUICK_STOP_DECELERATION if fast else PROFILE_DECELERATION, now_s, after)
+
+    def fault(self, now_s: float) -> None:
+        """React to a fault as 605Eh says (T13), and be in Fault at the end of it (T14)."""
+        if self.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
+            return
+        option = self._objects[FAULT_REACTION_OPTION]
+        if not self.powered or option == 0:
+            self.switch_off(PowerState.FAULT)
+            return
+        self.state = PowerState.FAULT_REACTION_ACTIVE
+        fast = option == 2
+        deceleration = QUICK_STOP_DECELERATION if fast else PROFILE_DECELERATION
+        self._stop(deceleration, now_s, PowerState.FAULT)
+
+    def abort_connection(self, now_s: float) -> None:
+        """React to the loss of the master as 6007h says; without effect where nothing moves."""
+        if not self.powered:
+            return
+        reaction = self._objects[ABORT_CONNECTION]
+        if reaction == 1:
+            self.fault(now_s)
+        elif reaction == 2:
+            self.switch_off()
+        elif reaction == 3:
+            self.quick_stop(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """End the stopping ramp whose end has come."""
+        if self._after_ramp is not None and now_s >= self.next_s:
+            self.switch_off(self._after_ramp)
+
+    def _leave_operation(self, wanted: PowerState, now_s: float) -> None:
+        if wanted is PowerState.OPERATION_ENABLED:
+            if self._after_ramp is not None:
+                self._after_ramp = None
+                self.next_s = math.inf
+        elif wanted is PowerState.QUICK_STOP_ACTIVE:
+            self.quick_stop(now_s)
+        elif wanted is PowerState.SWITCH_ON_DISABLED:
+            self.switch_off()
+        else:
+            down = wanted is PowerState.READY_TO_SWITCH_ON
+            option = SHUTDOWN_OPTION if down else DISABLE_OPERATION_OPTION
+            if self._objects[option] == 0:
+                self.switch_off(wanted)
+            elif self._after_ramp is not wanted:
+                self._stop(PROFILE_DECELERATION, now_s, wanted)
+
+    def _leave_quick_stop(self, wanted: PowerState) -> None:
+        """Only a quick stop that holds the axis at its end can be left for operation (T16)."""
+        if wanted is PowerState.SWITCH_ON_DISABLED:
+            self.switch_off()
+        elif wanted is PowerState.OPERATION_ENABLED and self._after_ramp is None:
+            self.state = PowerState.OPERATION_ENABLED
+
+    def _stop(self, deceleration: Key, now_s: float, after: PowerState | None) -> None:
+        velocity = self._ramp.at(now_s)
+        duration_s = abs(velocity) / max(1, self._objects[deceleration])
+        end_s = now_s + self._clock.lasts(duration_s)
+        self._ramp = Ramp(now_s, end_s, velocity, 0.0)
+        self._after_ramp = after
+        self.next_s = math.inf if after is None else end_s

@@ -1,0 +1,4 @@
+"""What simulated hardware needs of its computer: processes, sockets' folders, faults of programs.
+
+No device. Begin with `device_process.py`.
+"""

@@ -1,0 +1,82 @@
+"""`CycleCount`: the cycles since the drives were commanded on, as anybody on the bus can count."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from config.simulation.faults import FaultScript, TimedFault
+from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, rpdo_cob_id
+from drivers.servo.cia402 import ControlWord
+
+
+class CycleCount:
+    """Counts SYNCs from the first command to enable operation until power is taken away.
+
+    Parameters
+    ----------
+    node_ids
+        The drives.
+
+    Attributes
+    ----------
+    cycle
+        0 before the first such SYNC.
+    """
+
+    def __init__(self, node_ids: Iterable[int]) -> None:
+        self._commands = frozenset(rpdo_cob_id(node) for node in node_ids)
+        self._enabled = False
+        self.cycle = 0
+
+    def see(self, cob_id: int, data: bytes) -> None:
+        """Take notice of a frame."""
+        if cob_id == SYNC_COB_ID:
+            self.cycle += self._enabled
+        elif cob_id in self._commands and len(data) >= 2:
+            word = int.from_bytes(data[:2], "little")
+            if word == ControlWord.ENABLE_OPERATION:
+                self._enabled = True
+            elif word == ControlWord.DISABLE_VOLTAGE:
+                self._begin_anew()
+        elif cob_id == NMT_COB_ID:
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        self._enabled = False
+        self.cycle = 0
+
+
+class Begin:
+    """When one fault begins: once, and never again.
+
+    Parameters
+    ----------
+    fault
+        The fault.
+    start_s
+        The time of the bus at which it was served [s]; `at_s` counts from it.
+    """
+
+    def __init__(self, fault: TimedFault, start_s: float) -> None:
+        self.at_s = None if fault.at_s is None else start_s + fault.at_s
+        self._at_cycle = fault.at_cycle
+        self.begun = False
+
+    def happens(self, cycle: int, now_s: float) -> bool:
+        """Return True once: when the time has come."""
+        if self.begun:
+            return False
+        if self.at_s is not None:
+            self.begun = now_s >= self.at_s
+        elif self._at_cycle is not None:
+            self.begun = cycle >= self._at_cycle
+        else:
+            self.begun = True
+        return self.begun
+
+
+def refuse_unknown_joints(script: FaultScript, joints: Iterable[str]) -> None:
+    """Raise ValueError where a script names a joint that the cell does not have."""
+    unknown = sorted(script.joints - set(joints))
+    if unknown:
+        raise ValueError(f"the fault script names unknown joints: {', '.join(unknown)}")

@@ -1,0 +1,206 @@
+"""`ProgramFaults`: what the operating system does to the program while it works with its cell.
+
+Everything is done from outside, by means that the system has for it: signals, a process's limit on
+file sizes, a file system without room. The program's code knows nothing of it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import resource
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from types import TracebackType
+
+from config.errors import ConfigError, RidDaqError
+from config.process.process_name import ProcessName
+from config.simulation.faults import DiskFault, ProcessKilled, ProgramFault, ProgramSignalled
+from mock_hw.host.full_disk import FullDisk
+
+_LOOK_S = 0.01
+_TERMINATION = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_JOURNAL = ".mcap"
+_NAMES = {"recorder": ProcessName.RECORDER, "task": ProcessName.TASK}
+
+
+class ProgramFaults:
+    """A fault script's `program` part at work on this process and those that it started.
+
+    A context manager; a thread of its own waits for the word of the drives, which keep the cell's
+    time. What concerns a process that is not there, or a recording that is not begun, waits for it.
+    At the end nothing stays frozen or filled.
+
+    Parameters
+    ----------
+    faults
+        What goes wrong.
+    pipe
+        Tells the number of a fault when it begins, and is answered when it has happened.
+
+    Raises
+    ------
+    ConfigError
+        At the end: a disk was not to be filled, or the system refused something.
+    """
+
+    def __init__(self, faults: Sequence[ProgramFault], pipe: Connection) -> None:
+        self._faults = faults
+        self._pipe = pipe
+        self._ended, self._ending = multiprocessing.Pipe(duplex=False)
+        self._waiting: list[ProgramFault] = []
+        self._due: list[tuple[float, Callable[[], None]]] = []
+        self._frozen: list[int] = []
+        self._full: list[FullDisk] = []
+        self._problem: RidDaqError | None = None
+        self._thread = threading.Thread(target=self._serve, name="program faults", daemon=True)
+
+    def __enter__(self) -> ProgramFaults:
+        """Start to listen."""
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End, and undo what lasts."""
+        self._ending.send(None)
+        self._thread.join()
+        self._ending.close()
+        self._ended.close()
+        if self._problem is not None and error is None:
+            raise self._problem
+
+    def _serve(self) -> None:
+        # Signals to the program are its main thread's, which they wake.
+        signal.pthread_sigmask(signal.SIG_BLOCK, _TERMINATION)
+        listening = [self._ended, self._pipe]
+        try:
+            while True:
+                ready = wait(listening, self._patience_s())
+                if self._ended in ready:
+                    return
+                if self._pipe in ready and not self._take_word():
+                    listening.remove(self._pipe)
+                self._waiting = [fault for fault in self._waiting if not self._is_done(fault)]
+                self._do_due()
+        finally:
+            for descriptor in [*self._frozen]:
+                self._thaw(descriptor)
+            for disk in self._full:
+                disk.release()
+
+    def _patience_s(self) -> float | None:
+        waits_s = [max(0.0, due_s - time.monotonic()) for due_s, _ in self._due]
+        return min([*waits_s, _LOOK_S] if self._waiting else waits_s, default=None)
+
+    def _take_word(self) -> bool:
+        """Let happen what begins now, and answer; return False where nobody will tell any more."""
+        try:
+            word = self._pipe.recv()
+            if not isinstance(word, int):
+                return False
+            fault = self._faults[word]
+            if not self._is_done(fault):
+                self._waiting.append(fault)
+            self._do_due()
+            self._pipe.send(None)
+        except (EOFError, OSError):
+            return False
+        return True
+
+    def _do_due(self) -> None:
+        now_s = time.monotonic()
+        for due in [due for due in self._due if due[0] <= now_s]:
+            self._due.remove(due)
+            due[1]()
+
+    def _is_done(self, fault: ProgramFault) -> bool:
+        """Do it; return False where it cannot be done yet."""
+        try:
+            return self._happens(fault)
+        except RidDaqError as problem:
+            self._problem = problem
+        except OSError as error:
+            why = f"the operating system refuses it: {error.strerror}"
+            self._problem = ConfigError(f"program: {fault.kind}: {why}")
+        return True
+
+    def _happens(self, fault: ProgramFault) -> bool:
+        if isinstance(fault, ProgramSignalled):
+            number = signal.Signals[f"SIG{fault.signal}"]
+            act = partial(os.kill, os.getpid(), number)
+            now_s = time.monotonic()
+            self._due += [(now_s + sent * fault.period_s, act) for sent in range(fault.count)]
+            return True
+        if isinstance(fault, DiskFault):
+            return self._spoil_disk(fault)
+        if fault.process == "program":
+            os.kill(os.getpid(), signal.SIGKILL)
+        for pid in _children(_NAMES[fault.process]):
+            with contextlib.suppress(ProcessLookupError):  # it has just ended
+                if isinstance(fault, ProcessKilled):
+                    os.kill(pid, signal.SIGKILL)
+                else:
+                    self._freeze(pid, fault.duration_s)
+                return True
+        return False
+
+    def _freeze(self, pid: int, duration_s: float) -> None:
+        descriptor = os.pidfd_open(pid)  # a number alone may be another process's by then
+        self._frozen.append(descriptor)
+        signal.pidfd_send_signal(descriptor, signal.SIGSTOP)
+        self._due.append((time.monotonic() + duration_s, partial(self._thaw, descriptor)))
+
+    def _thaw(self, descriptor: int) -> None:
+        if descriptor in self._frozen:
+            self._frozen.remove(descriptor)
+            with contextlib.suppress(ProcessLookupError):  # it was killed meanwhile
+                signal.pidfd_send_signal(descriptor, signal.SIGCONT)
+            os.close(descriptor)
+
+    def _spoil_disk(self, fault: DiskFault) -> bool:
+        for pid in _children(ProcessName.RECORDER):
+            journal = _journal(pid)
+            if journal is None:
+                continue
+            with contextlib.suppress(ProcessLookupError):  # it has just ended
+                if fault.duration_s is not None:
+                    self._freeze(pid, fault.duration_s)
+                elif fault.kind == "disk_full":
+                    self._full.append(FullDisk(journal.parent, fault.after_bytes))
+                else:
+                    limit = journal.stat().st_size + fault.after_bytes
+                    _, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)
+                    resource.prlimit(pid, resource.RLIMIT_FSIZE, (limit, hard))
+                return True
+        return False
+
+
+def _children(name: ProcessName) -> Iterator[int]:
+    """Yield the living processes of a name that this one started."""
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        with contextlib.suppress(OSError):  # it ended meanwhile
+            before, _, after = Path("/proc", pid, "stat").read_text().rpartition(")")
+            state, parent = after.split()[:2]
+            if before.partition("(")[2] == name and int(parent) == os.getpid() and state != "Z":
+                yield int(pid)
+
+
+def _journal(pid: int) -> Path | None:
+    """Return the recording that a process writes, once something is in it."""
+    with contextlib.suppress(OSError):
+        for number in os.listdir(f"/proc/{pid}/fd"):
+            path = Path(os.readlink(f"/proc/{pid}/fd/{number}"))
+            if path.suffix == _JOURNAL and path.stat().st_size:
+                return path
+    return None

@@ -1,0 +1,383 @@
+"""The simulated robot: what moves when its drives are told to, and what they can measure of it.
+
+Pinocchio renews mass matrix and bias at the predicted middle of every outer step; the kernel in
+`mock_hw.plant.servo_loops` fills the steps. Both are of second order, so that the samples obey the
+equations of motion far below the torque noise.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
+from numpy.typing import ArrayLike, NDArray
+
+from config.cell.cell import ButterworthFilter
+from config.errors import ConfigError
+from config.robot.robot import RobotDescription
+from config.simulation.plant import PlantConfig, UnmodelledAxis
+from mock_hw.plant import servo_loops as rows
+from mock_hw.plant.rigid_bodies import BaseWrench, build_rigid_bodies
+from mock_hw.plant.thermal import MotorTemperatures
+from mock_hw.plant.torque_filter import discretise, filter_poles
+
+Vector = NDArray[np.float64]
+
+OUTER_STEP_S = 0.002
+INNER_STEP_S = 0.0001
+TACHOMETER_PERIODS_PER_MOTOR_REV = 11
+_INT16_MAX = 32767
+
+
+class Plant:
+    """A robot with motors, gears, friction, brakes and the sensors of its drives.
+
+    Positions are rad or m and torques N m or N, at the link side; everything is in the order of
+    the robot's joints. All that belongs to a motor (commands, encoders, torques, friction, brakes)
+    is counted on its motor; with a coupled wrist that is another coordinate than the joints', in
+    which `position` and `velocity` are. The same seed and the same calls give the same numbers, bit
+    for bit.
+
+    Parameters
+    ----------
+    robot, plant
+        The description everyone knows, and the truth. Pass ``plant.without_unmodelled()`` for a
+        robot that obeys the estimators' models.
+    torque_filter
+        Anti-alias filter between the motor's torque and its measurement; None for none.
+    seed
+        Of the torque noise.
+
+    Raises
+    ------
+    ConfigError
+        Where plant and robot do not fit each other.
+    """
+
+    def __init__(
+        self,
+        robot: RobotDescription,
+        plant: PlantConfig,
+        torque_filter: ButterworthFilter | None = None,
+        seed: int = 0,
+    ) -> None:
+        count = len(robot.joints)
+        self._robot = robot
+        self._truth = plant
+        ratio = np.array([abs(joint.gear_ratio) for joint in robot.joints])
+        increments = np.array([axis.encoder_increments_per_motor_rev for axis in plant.axes])
+        rated = np.array([axis.rated_motor_torque_nm for axis in plant.axes])
+        peak = np.array([axis.peak_motor_torque_nm for axis in plant.axes])
+        self._counts_per_position = increments * ratio / (2.0 * math.pi)
+        self._torque_per_permille = 0.001 * rated * ratio
+        self._peak_torque: Vector = peak * ratio
+        self._noise_nm = np.array([axis.torque_noise_nm for axis in plant.axes])
+        self._axes = _axis_rows(plant, ratio)
+        self._cold_axes = self._axes.copy()
+        self._heat = MotorTemperatures(robot, plant)
+        self._spring = _spring_entries(robot, plant)
+
+        self.attach(plant.attached)
+        self._joint_of = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
+        self._coupled = robot.coupling is not None
+        self._mass = np.zeros((count, count))
+        self._bias = np.zeros(count)
+
+        self._watched: list[tuple[float, Vector]] | None = None
+
+        self._poles, self._residues, self._weights = filter_poles(torque_filter)
+        self._filter_gains: dict[float, NDArray[np.complex128]] = {}
+        self._filter_state = np.zeros((len(self._poles), count), dtype=np.complex128)
+
+        self._state: Vector = np.zeros((rows.STATE_ROWS, count))
+        initial = np.array([axis.initial_position for axis in plant.axes])
+        if self._coupled:
+            initial = np.linalg.solve(self._joint_of, initial)
+        self._state[rows.POSITION] = initial
+        self._command = np.zeros((rows.COMMAND_ROWS, count))
+        self._random = np.random.default_rng(seed)
+        self._noise = np.zeros(count)
+        self._time_s = 0.0
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the plant began [s]."""
+        return self._time_s
+
+    @property
+    def position(self) -> Vector:
+        """True joint positions, (n,), a copy."""
+        return self._of_joints(self._state[rows.POSITION])
+
+    @property
+    def velocity(self) -> Vector:
+        """True joint velocities, (n,), a copy."""
+        return self._of_joints(self._state[rows.VELOCITY])
+
+    @property
+    def actuator_velocity(self) -> Vector:
+        """The motors' true velocities at the link side, (n,), a copy."""
+        return np.array(self._state[rows.VELOCITY])
+
+    @property
+    def torque(self) -> Vector:
+        """True motor torques at the link side, (n,), a copy."""
+        return np.array(self._state[rows.TORQUE])
+
+    @property
+    def base_wrench(self) -> Vector:
+        """The wrench that the base exerts on the robot now, (6,); see `BaseWrench`."""
+        return self._base_wrench(self._state[: rows.ACCELERATION + 1])
+
+    @property
+    def temperature_k(self) -> Vector:
+        """The motors' temperatures, (n,), a copy [K]."""
+        return self._heat.temperature_k.copy()
+
+    @property
+    def attached(self) -> str | None:
+        """The payload that hangs at the flange."""
+        return self._truth.attached
+
+    def attach(self, payload: str | None) -> None:
+        """Mount one of the plant file's payloads on the flange, or take it off.
+
+        Raises
+        ------
+        ConfigError
+            There is no such payload, or plant and robot do not fit each other.
+        """
+        self._truth = self._truth.with_payload(payload)
+        bodies = build_rigid_bodies(self._robot, self._truth)
+        self._model = bodies.model
+        self._data: Any = self._model.createData()
+        self._gearing = bodies.gearing
+        self._entries = bodies.entries()
+        self._base_wrench = BaseWrench(self._robot, self._truth)
+
+    def watch_base(self, watched: bool) -> None:
+        """Keep the base wrench of what comes, for `take_base_wrenches`, or stop keeping it."""
+        if watched != (self._watched is not None):
+            self._watched = [] if watched else None
+
+    def take_base_wrenches(self) -> tuple[Vector, Vector]:
+        """Return the base wrench since the last call while it was watched.
+
+        Returns
+        -------
+        end_s : (m,) array
+            Plant times at which intervals end [s]; each begins where the one before it ends.
+        wrench : (m, 6) array
+            Mean of the base wrench over each interval: a velocity that jumps counts in full.
+        """
+        taken = self._watched or []
+        if taken:
+            self._watched = []
+        end_s = np.array([time_s for time_s, _ in taken])
+        return end_s, np.array([wrench for _, wrench in taken]).reshape(-1, 6)
+
+    def advance(
+        self,
+        duration_s: float,
+        velocity_start: ArrayLike,
+        velocity_end: ArrayLike,
+        powered: ArrayLike,
+        braked: ArrayLike,
+        torque_limit: ArrayLike | None = None,
+    ) -> None:
+        """Let time pass.
+
+        Parameters
+        ----------
+        duration_s
+            How long [s]; not negative.
+        velocity_start, velocity_end : (n,)
+            The motors' velocity commands at the link side, at the beginning and the end, linear
+            in between [rad/s or m/s].
+        powered : (n,) bool
+            Whether the drive's velocity loop runs; without it the motor gives no torque.
+        braked : (n,) bool
+            Whether the holding brake is closed.
+        torque_limit : (n,), optional
+            The drives' torque limits at the link side [N m or N], where lower than the motors'
+            peak torques.
+
+        Raises
+        ------
+        ValueError
+            If the duration is negative or not finite.
+        """
+        if not 0.0 <= duration_s < math.inf:
+            raise ValueError(f"duration_s must be finite and not negative, it is {duration_s}")
+        if duration_s == 0.0:
+            return
+        command = self._command
+        command[rows.COMMAND_START] = velocity_start
+        command[rows.COMMAND_SLOPE] = velocity_end
+        command[rows.COMMAND_SLOPE] -= command[rows.COMMAND_START]
+        command[rows.COMMAND_SLOPE] /= duration_s
+        command[rows.POWERED] = powered
+        command[rows.BRAKED] = braked
+        command[rows.TORQUE_LIMIT] = self._peak_torque
+        if torque_limit is not None:
+            np.minimum(torque_limit, self._peak_torque, out=command[rows.TORQUE_LIMIT])
+        if self._heat.any:
+            self._warm(command)
+        outer_steps = max(1, math.ceil(duration_s / OUTER_STEP_S - 1e-9))
+        outer_s = duration_s / outer_steps
+        inner_steps = max(1, math.ceil(outer_s / INNER_STEP_S - 1e-9))
+        inner_s = outer_s / inner_steps
+        gains = self._gains(inner_s)
+        for step in range(outer_steps):
+            self._renew_rigid_bodies(0.5 * outer_s)
+            before = self._state[: rows.ACCELERATION].copy() if self._watched is not None else None
+            rows.advance_servo_loops(
+                inner_steps,
+                inner_s,
+                self._time_s + step * outer_s,
+                step * outer_s,
+                self._mass,
+                self._bias,
+                self._axes,
+                command,
+                self._spring,
+                gains,
+                self._state,
+                self._filter_state,
+            )
+            if self._watched is not None and before is not None:
+                last = step == outer_steps - 1
+                end_s = self._time_s + (duration_s if last else (step + 1) * outer_s)
+                after = self._state[: rows.ACCELERATION]
+                wrench = self._base_wrench.over_step(before, after, outer_s)
+                self._watched.append((end_s, wrench))
+        self._time_s += duration_s
+        if self._heat.any:
+            self._heat.advance(duration_s, self._state[rows.TORQUE], self._state[rows.VELOCITY])
+        self._random.standard_normal(out=self._noise)
+
+    def position_counts(self) -> NDArray[np.int64]:
+        """Return what the encoders count, (n,): 0 at joint position zero, upwards with it."""
+        counts: NDArray[np.int64] = np.floor(
+            self._state[rows.POSITION] * self._counts_per_position
+        ).astype(np.int64)
+        return counts
+
+    def measured_torque(self) -> Vector:
+        """Return the motors' torques as measured, (n,): filtered, with noise.
+
+        What is measured is current; the drives take the torque constant for what it is at the
+        reference temperature. The noise changes when time passes, not with every call.
+        """
+        torque: Vector = self._state[rows.TORQUE]
+        if len(self._poles):
+            torque = (self._weights @ self._filter_state).real
+        if self._heat.any:
+            torque = torque / self._heat.torque_constant_factor
+        return torque + self._noise_nm * self._noise
+
+    def torque_permille(self) -> NDArray[np.int16]:
+        """Return measured torques as drives report them (6077h), (n,): 0.1 % of rated torque."""
+        permille = np.rint(self.measured_torque() / self._torque_per_permille)
+        clipped: NDArray[np.int16] = np.clip(permille, -_INT16_MAX, _INT16_MAX).astype(np.int16)
+        return clipped
+
+    def _warm(self, command: Vector) -> None:
+        """Let friction, and what a current gives, be those of the motors' temperatures."""
+        friction, constant = self._heat.friction_factor, self._heat.torque_constant_factor
+        for row in (rows.COULOMB, rows.VISCOUS, rows.STRIBECK, rows.LOAD_FRICTION):
+            np.multiply(self._cold_axes[row], friction, out=self._axes[row])
+        np.multiply(self._cold_axes[rows.GAIN], constant, out=self._axes[rows.GAIN])
+        command[rows.TORQUE_LIMIT] *= constant
+
+    def _of_joints(self, of_actuators: Vector) -> Vector:
+        """Turn the actuators' positions or velocities into the joints' (5.18)."""
+        if not self._coupled:
+            return np.array(of_actuators)
+        return np.asarray(self._joint_of @ of_actuators)
+
+    def _renew_rigid_bodies(self, ahead_s: float) -> None:
+        """Evaluate mass matrix and bias at the state predicted `ahead_s` from now."""
+        state = self._state
+        acceleration = state[rows.ACCELERATION]
+        velocity = state[rows.VELOCITY] + ahead_s * acceleration
+        position = state[rows.POSITION] + 0.5 * ahead_s * (state[rows.VELOCITY] + velocity)
+        full_position = self._gearing @ position
+        full_velocity = self._gearing @ velocity
+        rows.reduce_to_actuators(
+            pin.crba(self._model, self._data, full_position),
+            pin.nonLinearEffects(self._model, self._data, full_position, full_velocity),
+            *self._entries,
+            self._mass,
+            self._bias,
+        )
+
+    def _gains(self, step_s: float) -> NDArray[np.complex128]:
+        """Return the filter's exact discretisation for inputs linear over a step."""
+        gains = self._filter_gains.get(step_s)
+        if gains is None:
+            gains = discretise(self._poles, self._residues, step_s)
+            if len(self._filter_gains) >= 64:
+                self._filter_gains.clear()
+            self._filter_gains[step_s] = gains
+        return gains
+
+
+def _axis_rows(plant: PlantConfig, ratio: Vector) -> Vector:
+    """Return the kernel's table of what the axes are, (AXES_ROWS, n)."""
+    table = np.zeros((rows.AXES_ROWS, len(plant.axes)))
+    extras = (UnmodelledAxis(),) * len(plant.axes)
+    if plant.unmodelled is not None:
+        extras = plant.unmodelled.axes
+    for i, (axis, extra) in enumerate(zip(plant.axes, extras, strict=True)):
+        table[rows.COULOMB, i] = axis.coulomb_nm
+        table[rows.VISCOUS, i] = axis.viscous_nm_s
+        table[rows.GAIN, i] = axis.velocity_gain_nm_s
+        table[rows.INTEGRAL_TIME, i] = axis.velocity_integral_time_s
+        table[rows.CURRENT_BANDWIDTH, i] = 2.0 * math.pi * axis.current_loop_bandwidth_hz
+        table[rows.BRAKE, i] = axis.brake_torque_nm
+        table[rows.STRIBECK, i] = extra.stribeck_nm
+        table[rows.STRIBECK_VELOCITY, i] = extra.stribeck_velocity_rad_s
+        table[rows.LOAD_FRICTION, i] = extra.load_friction
+        table[rows.COGGING, i] = extra.cogging_nm
+        table[rows.COGGING_WAVES, i] = extra.cogging_periods_per_motor_rev * ratio[i]
+        table[rows.RIPPLE, i] = extra.tachometer_ripple
+        table[rows.RIPPLE_WAVES, i] = TACHOMETER_PERIODS_PER_MOTOR_REV * ratio[i]
+        table[rows.FRICTION_DRIFT, i] = extra.friction_drift_per_s
+    return table
+
+
+def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
+    """Return the kernel's spring: its joint, -1 for none, then k, free length, l and r."""
+    if robot.spring is None or plant.spring is None:
+        return np.array([-1.0, 0.0, 0.0, 1.0, 0.5])
+    joint = robot.joint_names.index(robot.spring.joint)
+    if robot.coupling is not None and robot.coupling[joint] != tuple(
+        float(j == joint) for j in range(len(robot.joints))
+    ):
+        raise ConfigError(
+            f"robot {robot.name!r}: several motors move joint {robot.spring.joint!r}; a spring is"
+            " simulated only across a joint that its own motor moves alone"
+        )
+    l_m, r_m = robot.spring.l_m, robot.spring.r_m
+    if l_m is None or r_m is None:
+        raise ConfigError(
+            f"robot {robot.name!r}: a simulated spring needs its distances: state spring.l_m and"
+            " spring.r_m"
+        )
+    if plant.spring.free_length_m > l_m + r_m:
+        raise ConfigError(
+            f"plant {plant.name!r}: spring.free_length_m {plant.spring.free_length_m} is longer"
+            f" than the spring ever gets, {l_m + r_m} m"
+        )
+    return np.array(
+        [
+            joint,
+            plant.spring.stiffness_n_per_m,
+            plant.spring.free_length_m,
+            l_m,
+            r_m,
+        ]
+    )

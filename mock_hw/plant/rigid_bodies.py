@@ -1,0 +1,205 @@
+"""The simulated robot's rigid bodies in Pinocchio: links, and every rotor as a body of its own.
+
+A rotor turns in the full model of 2n coordinates about its axis on the link that carries it; its
+gear ties it to its actuator, q_full = G alpha with G = [C; diag(mu)] constant, where C turns the
+actuators' angles into the joints' (5.18), 1 without a coupled wrist. The reduced equations are
+Gᵀ M G and Gᵀ b: the rotors' coupling (physics: section 3) and the wrist's (5.19) follow without a
+formula for them.
+
+What holds the base still is the generalised force of a free joint under it that does not move.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
+from numpy.typing import NDArray
+
+from config.errors import ConfigError
+from config.robot.robot import KinematicRow, RobotDescription, Rotor
+from config.simulation.plant import LinkInertia, PlantConfig
+
+Vector = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RigidBodies:
+    """A Pinocchio model of links and rotors, and how its coordinates hang on the actuators.
+
+    Attributes
+    ----------
+    model : pinocchio.Model
+        One coordinate a joint and one a rotor, m in all.
+    gearing : (m, n) float64
+        G: coordinate velocities are G times the actuators' velocities, which are the joints' where
+        the robot has no coupling.
+    """
+
+    model: Any
+    gearing: Vector
+
+    def coupling(self) -> Vector:
+        """Return G, (m, n)."""
+        return self.gearing
+
+    def entries(self) -> tuple[Indices, Indices, Vector]:
+        """Return coordinate, actuator and value of every entry of G that is not 0."""
+        coordinate, actuator = np.nonzero(self.gearing)
+        return coordinate, actuator, self.gearing[coordinate, actuator]
+
+
+def build_rigid_bodies(
+    robot: RobotDescription, plant: PlantConfig, *, floating: bool = False
+) -> RigidBodies:
+    """Build the model of a robot with the plant's inertias and, where given, true kinematics.
+
+    A payload that the plant has attached is rigidly part of the last link.
+
+    With `floating`, the base stands on a free joint: see `BaseWrench`.
+
+    Raises
+    ------
+    ConfigError
+        Where plant and robot do not fit each other.
+    """
+    count = len(robot.joints)
+    _check(robot, plant)
+    kinematics = robot.kinematics
+    if plant.unmodelled is not None and plant.unmodelled.kinematics is not None:
+        kinematics = plant.unmodelled.kinematics
+    model: Any = pin.Model()
+    model.gravity.linear = np.array(robot.gravity_m_s2)
+    parent = 0
+    if floating:
+        parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    joint_of = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
+    gearing: list[Vector] = []
+    # Pinocchio wants every subtree in one piece: a link, then its rotors, then the next link.
+    for number in range(count + 1):
+        if number > 0:
+            joint, row = robot.joints[number - 1], kinematics.modified_rows()[number - 1]
+            kind = pin.JointModelRZ() if joint.type == "revolute" else pin.JointModelPZ()
+            parent = model.addJoint(parent, kind, _placement(row), joint.name)
+            model.appendBodyToJoint(parent, _inertia(plant.links[number - 1]), pin.SE3.Identity())
+            if number == count and plant.attached is not None:
+                payload = plant.payloads[plant.attached]
+                model.appendBodyToJoint(parent, _inertia(payload), pin.SE3.Identity())
+            gearing.append(joint_of[number - 1])
+        for index, joint in enumerate(robot.joints):
+            if joint.rotor is not None and joint.rotor.link == number:
+                inertia = plant.axes[index].rotor_inertia_kg_m2
+                _add_rotor(model, parent, joint.rotor, inertia, f"{joint.name}-rotor")
+                gearing.append(joint.gear_ratio * np.eye(count)[index])
+    return RigidBodies(model, np.array(gearing))
+
+
+class BaseWrench:
+    """The wrench that the base exerts on a robot, for any motion of its actuators.
+
+    By Newton and Euler it is the change of the whole robot's momentum, every rotor's spin
+    included, less its weight. What acts between the robot's bodies (motor torques, friction,
+    springs) does not occur in it.
+
+    Parameters
+    ----------
+    robot, plant
+        As for `build_rigid_bodies`.
+    """
+
+    def __init__(self, robot: RobotDescription, plant: PlantConfig) -> None:
+        bodies = build_rigid_bodies(robot, plant, floating=True)
+        self._model = bodies.model
+        self._data: Any = self._model.createData()
+        self._gearing = bodies.gearing
+        self._position: Vector = np.array(pin.neutral(self._model))
+        self._velocity: Vector = np.zeros(self._model.nv)
+        self._acceleration: Vector = np.zeros(self._model.nv)
+        # The free joint stands still in the beginning of each; the rest are the robot's own.
+        count = len(self._gearing)
+        self._own = tuple(
+            full[-count:] for full in (self._position, self._velocity, self._acceleration)
+        )
+
+    def __call__(self, motion: Vector) -> Vector:
+        """Return the wrench (6,): force [N], then moment [N m] about the origin of frame 0.
+
+        Parameters
+        ----------
+        motion : (3, n)
+            The actuators' positions, velocities and accelerations.
+        """
+        for own, full in zip(self._own, motion @ self._gearing.T, strict=True):
+            own[:] = full
+        forces = pin.rnea(
+            self._model, self._data, self._position, self._velocity, self._acceleration
+        )
+        return np.array(forces[:6])
+
+    def over_step(self, before: Vector, after: Vector, step_s: float) -> Vector:
+        """Return the wrench (6,) at the middle of a step, with the step's mean acceleration.
+
+        Parameters
+        ----------
+        before, after : (2, n)
+            The actuators' positions and velocities at both ends.
+        step_s
+            How long it takes [s].
+        """
+        motion = np.array([*(0.5 * (before + after)), (after[1] - before[1]) / step_s])
+        return self(motion)
+
+
+def _add_rotor(model: Any, carrier: int, rotor: Rotor, inertia_kg_m2: float, name: str) -> None:
+    """Add a body of polar inertia alone, turning about its axis on the carrier's frame."""
+    spin = np.array(rotor.axis)
+    identity = pin.SE3.Identity()
+    number = model.addJoint(carrier, pin.JointModelRevoluteUnaligned(spin), identity, name)
+    body = pin.Inertia(0.0, np.zeros(3), inertia_kg_m2 * np.outer(spin, spin))
+    model.appendBodyToJoint(number, body, identity)
+
+
+def _check(robot: RobotDescription, plant: PlantConfig) -> None:
+    counts = {"links": len(plant.links), "axes": len(plant.axes)}
+    if plant.unmodelled is not None:
+        counts["unmodelled.axes"] = len(plant.unmodelled.axes)
+        if plant.unmodelled.kinematics is not None:
+            counts["unmodelled.kinematics.rows"] = len(plant.unmodelled.kinematics.rows)
+    for what, number in counts.items():
+        if number != len(robot.joints):
+            raise ConfigError(
+                f"plant {plant.name!r}: {what} has {number} entries, but robot {robot.name!r} has"
+                f" {len(robot.joints)} joints"
+            )
+    if (robot.spring is None) != (plant.spring is None):
+        raise ConfigError(
+            f"plant {plant.name!r} and robot {robot.name!r}: `spring` must stand in both or in"
+            " neither"
+        )
+    for joint, axis in zip(robot.joints, plant.axes, strict=True):
+        if joint.rotor is None and axis.rotor_inertia_kg_m2 > 0.0:
+            raise ConfigError(
+                f"plant {plant.name!r} gives joint {joint.name!r} a rotor inertia, but robot"
+                f" {robot.name!r} does not say where its rotor sits: add `rotor` to that joint, or"
+                " set rotor_inertia_kg_m2 to 0"
+            )
+
+
+def _placement(row: KinematicRow) -> Any:
+    """Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d); the joint is at its end."""
+    turn = (
+        pin.utils.rotate("x", row.alpha_rad)
+        @ pin.utils.rotate("y", row.beta_rad)
+        @ pin.utils.rotate("z", row.theta_rad)
+    )
+    shift = np.array([row.a_m, 0.0, 0.0]) + turn @ np.array([0.0, 0.0, row.d_m])
+    return pin.SE3(turn, shift)
+
+
+def _inertia(link: LinkInertia) -> Any:
+    xx, yy, zz, xy, xz, yz = link.inertia_kg_m2
+    about_centre = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return pin.Inertia(link.mass_kg, np.array(link.centre_m), about_centre)

@@ -1,0 +1,271 @@
+"""`DriveRack`: the drives of a simulated robot and the robot, brought through time together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from config.cell.cell import CellConfig, DriveAxis
+from config.errors import ConfigError
+from config.robot.robot import RobotDescription
+from config.simulation.faults import NO_SCRIPT, FaultScript
+from config.simulation.plant import PlantConfig
+from drivers.canopen.frames import Frame
+from drivers.servo.cia402 import AxisUnits
+from mock_hw.drive.axis_port import AxisPort
+from mock_hw.drive.drive import SimulatedDrive
+from mock_hw.drive.faults import DriveFaults
+from mock_hw.drive.objects import DriveIdentity
+from mock_hw.plant.plant import Plant
+from mock_hw.plant.snapshot import SnapshotWriter
+
+CONTROL_PERIOD_S = 0.004
+"""How often the drives look at their axes between events [s]."""
+
+
+class PlantAxis(AxisPort):
+    """One axis of the plant as its drive measures it.
+
+    Parameters
+    ----------
+    measured
+        What the rack last read of all axes.
+    number
+        Which of them.
+    axis
+        Zero point and counting direction.
+    """
+
+    def __init__(self, measured: Measured, number: int, axis: DriveAxis) -> None:
+        self._measured = measured
+        self._number = number
+        self._direction = axis.direction
+        self._zero_counts = axis.position_zero_counts
+
+    def position_counts(self) -> int:
+        """Return the encoder's increments."""
+        return self._direction * self._measured.counts[self._number] + self._zero_counts
+
+    def velocity_counts_s(self) -> float:
+        """Return their rate [1/s]."""
+        return self._direction * self._measured.counts_s[self._number]
+
+    def torque_permille(self) -> int:
+        """Return the motor's torque in 0.1 % of its rated torque."""
+        return self._direction * self._measured.permille[self._number]
+
+
+class Measured:
+    """Increments, their rates and torques of all axes, in the joints' own directions."""
+
+    def __init__(self, count: int) -> None:
+        self.counts = [0] * count
+        self.counts_s = [0.0] * count
+        self.permille = [0] * count
+
+
+class DriveRack:
+    """Drives and plant on one clock.
+
+    Parameters
+    ----------
+    cell, robot, plant
+        What is simulated.
+    seed
+        Of everything random.
+    snapshots
+        Where the axes' true state goes after every step; None for nowhere.
+    now_s
+        When everything is switched on [s].
+    faults
+        What goes wrong in drives.
+    announce
+        Called with the number of a fault of the program when it begins.
+
+    Attributes
+    ----------
+    drives
+        In the order of the robot's joints.
+    time_s
+        How far drives and plant have been brought [s].
+
+    Raises
+    ------
+    ConfigError
+        Cell and robot do not name the same joints.
+    """
+
+    def __init__(
+        self,
+        cell: CellConfig,
+        robot: RobotDescription,
+        plant: PlantConfig,
+        seed: int,
+        snapshots: SnapshotWriter | None = None,
+        now_s: float = 0.0,
+        faults: FaultScript = NO_SCRIPT,
+        announce: Callable[[int], None] = lambda _number: None,
+    ) -> None:
+        axes = {axis.joint: axis for axis in cell.axes}
+        if set(axes) != set(robot.joint_names):
+            raise ConfigError(
+                f"cell {cell.name!r} has drives for {', '.join(axes)}, robot {robot.name!r} has"
+                f" joints {', '.join(robot.joint_names)}: each joint needs one drive"
+            )
+        count = len(robot.joints)
+        self._plant = Plant(robot, plant, cell.torque_filter, seed)
+        self._payloads: list[str | None] = [None, *plant.payloads]
+        self._payload = self._payloads.index(plant.attached)
+        if snapshots is not None:
+            snapshots.payload = self._payload
+        self._measured = Measured(count)
+        self._snapshots = snapshots
+        self.time_s = now_s
+        self.drives: list[SimulatedDrive] = []
+        self._counts_per_position = np.empty(count)
+        self._command_factors = np.empty(count)
+        self._torque_limit_nm = np.empty(count)
+        for number, (joint, simulated) in enumerate(zip(robot.joints, plant.axes, strict=True)):
+            axis = axes[joint.name]
+            units = AxisUnits.from_drive(
+                encoder_increments=simulated.encoder_increments_per_motor_rev,
+                encoder_motor_revolutions=1,
+                gear_ratio=joint.gear_ratio,
+                rated_torque_mnm=round(1000.0 * simulated.rated_motor_torque_nm),
+                direction=1,
+                velocity_unit="increments_per_s",
+                zero_counts=0,
+            )
+            self._counts_per_position[number] = units.counts_per_rad
+            self._command_factors[number] = axis.direction / units.counts_per_rad
+            self._torque_limit_nm[number] = 1000.0 * units.nm_per_permille
+            port = PlantAxis(self._measured, number, axis)
+            identity = DriveIdentity.of_axis(axis, joint, simulated)
+            self.drives.append(SimulatedDrive(identity, port, now_s))
+        self._faults = None
+        if faults.drives or faults.program:
+            self._faults = DriveFaults(faults, robot.joint_names, self.drives, now_s, announce)
+        self._start: NDArray[np.float64] = np.zeros(count)
+        self._end: NDArray[np.float64] = np.zeros(count)
+        self._powered: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
+        self._limit: NDArray[np.float64] = np.zeros(count)
+        self._measure()
+        self._publish()
+
+    @property
+    def next_s(self) -> float:
+        """When one of the drives does something by itself [s]."""
+        due_s = min(drive.next_s for drive in self.drives)
+        return due_s if self._faults is None else min(due_s, self._faults.next_s)
+
+    @property
+    def acts_on_arrival(self) -> bool:
+        """Whether a drive must be given its frames as they arrive."""
+        return any(drive.acts_on_arrival for drive in self.drives)
+
+    @property
+    def base_wrench(self) -> NDArray[np.float64]:
+        """What the base exerts on the robot now, (6,); see `Plant.base_wrench`."""
+        return self._plant.base_wrench
+
+    def watch_base(self, watched: bool) -> None:
+        """Keep the base wrench of what comes, or stop keeping it."""
+        self._plant.watch_base(watched)
+
+    def take_base_wrenches(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return `Plant.take_base_wrenches` with times of this rack."""
+        end_s, wrenches = self._plant.take_base_wrenches()
+        return end_s + (self.time_s - self._plant.time_s), wrenches
+
+    def receive(self, frame: Frame, now_s: float) -> None:
+        """Give every drive a frame that was on the bus at `now_s` [s]."""
+        if not all(drive.only_keeps(frame.cob_id) for drive in self.drives):
+            self.advance_to(now_s)
+        if self._faults is not None:
+            self._faults.see(frame, now_s)
+        for drive in self.drives:
+            drive.receive(frame, now_s)
+
+    def advance_to(self, now_s: float) -> None:
+        """Bring drives and plant to `now_s` [s], doing on the way what is due."""
+        while True:
+            due_s = max(self.next_s, self.time_s)
+            if due_s > now_s:
+                break
+            self._move_to(due_s)
+            if self._faults is not None:
+                self._faults.tick(due_s)
+            for drive in self.drives:
+                drive.tick(due_s)
+        self._move_to(now_s)
+        self._publish()
+
+    def take_frames(self) -> Sequence[tuple[int, float, Frame]]:
+        """Return (drive's number, earliest time [s], frame) of everything to be sent."""
+        return [
+            (number, time_s, frame)
+            for number, drive in enumerate(self.drives)
+            for time_s, frame in drive.take_frames()
+        ]
+
+    def _move_to(self, end_s: float) -> None:
+        """Move the plant, looking at it every control period; stop where a drive takes action."""
+        while (left_s := end_s - self.time_s) > 0.0:
+            steps = max(1, math.ceil(left_s / CONTROL_PERIOD_S - 1e-6))
+            step_end_s = end_s if steps == 1 else self.time_s + CONTROL_PERIOD_S
+            self._step(step_end_s)
+            if steps > 1 and self.next_s <= self.time_s:
+                for drive in self.drives:
+                    drive.tick(self.time_s)
+
+    def _step(self, end_s: float) -> None:
+        snapshots = self._snapshots
+        if snapshots is not None and snapshots.payload != self._payload:
+            self._payload = snapshots.payload
+            self._plant.attach(self._payloads[self._payload])
+        for number, drive in enumerate(self.drives):
+            motion = drive.axis.motion(self.time_s, end_s)
+            self._start[number], self._end[number], self._powered[number], limit = motion
+            self._limit[number] = limit
+        factors, braked = self._command_factors, ~self._powered
+        if self._faults is not None:
+            factors = np.where(self._faults.reversed, -factors, factors)
+            braked |= np.array(self._faults.blocked)
+        self._plant.advance(
+            end_s - self.time_s,
+            self._start * factors,
+            self._end * factors,
+            self._powered,
+            braked,
+            self._limit * self._torque_limit_nm,
+        )
+        self.time_s = end_s
+        self._measure()
+        for drive in self.drives:
+            drive.axis.observe(end_s)
+
+    def _measure(self) -> None:
+        plant, measured = self._plant, self._measured
+        counts = plant.position_counts().tolist()
+        if self._faults is not None:
+            pairs = zip(counts, measured.counts, self._faults.stuck, strict=True)
+            counts = [old if stuck else new for new, old, stuck in pairs]
+        measured.counts = counts
+        measured.counts_s = (plant.actuator_velocity * self._counts_per_position).tolist()
+        measured.permille = plant.torque_permille().tolist()
+
+    def _publish(self) -> None:
+        if self._snapshots is not None:
+            plant = self._plant
+            powered = [drive.power.powered for drive in self.drives]
+            self._snapshots.write(
+                self.time_s,
+                plant.position,
+                plant.velocity,
+                plant.torque,
+                powered,
+                plant.temperature_k,
+            )

@@ -1,0 +1,4 @@
+"""The simulated drives' Modbus registers.
+
+Parameters and temperatures: nothing moves by them. Begin with `registers.py`.
+"""

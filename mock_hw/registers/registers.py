@@ -1,0 +1,201 @@
+"""`SimulatedRegisters`: the Modbus half of simulated drives, as functions of bytes.
+
+Written from the specifications alone (Modbus application protocol 1.1b3; Modbus over serial line
+1.02; Modbus messaging on TCP/IP 1.0b), so that it and the driver's library judge each other.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from config.simulation.faults import FaultScript
+
+READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
+NO_FUNCTION, NO_REGISTER, BAD_COUNT = 1, 2, 3
+GATEWAY_NO_ANSWER = 11
+MOST_READ, MOST_WRITTEN = 125, 123
+LONGEST_FRAME = 260
+
+Fault = Literal["silent", "late", "short", "wrong_unit", "garbage", "exception"]
+Registers = Callable[[int], Mapping[int, int] | None]
+
+
+@dataclass(frozen=True)
+class RegisterFaults:
+    """What goes wrong: for each request, counted from 0 over all drives, or for all (`always`).
+
+    What is late comes with the answer to the next request where `late_with_next` says so.
+    """
+
+    at: Mapping[int, Fault] | None = None
+    always: Fault | None = None
+    exception: int = 4
+    late_with_next: bool = False
+
+    def of(self, number: int) -> Fault | None:
+        """Return what goes wrong with a request."""
+        if self.at is not None and number in self.at:
+            return self.at[number]
+        return self.always
+
+
+NO_REGISTER_FAULTS: Final = RegisterFaults()
+
+
+def script_register_faults(script: FaultScript) -> RegisterFaults:
+    """Return what a fault script says of the registers."""
+    at: dict[int, Fault] = {}
+    for each in script.registers:
+        if each.at_request is not None:
+            at[each.at_request] = each.kind
+    always: list[Fault] = [fault.kind for fault in script.registers if fault.at_request is None]
+    codes = [fault.code for fault in script.registers if fault.kind == "exception"]
+    return RegisterFaults(
+        at, always[0] if always else None, codes[0] if codes else 4, late_with_next=True
+    )
+
+
+class SimulatedRegisters:
+    """Answers requests to the drives of a rack; registers are read only, as nameplates are.
+
+    Parameters
+    ----------
+    registers
+        Returns what a unit's registers hold, by address; None where there is no such unit.
+    faults
+        What goes wrong.
+
+    Attributes
+    ----------
+    requests
+        How many whole requests have come.
+    held
+        Answers that are late: whoever serves sends them when it pleases.
+    """
+
+    def __init__(self, registers: Registers, faults: RegisterFaults = NO_REGISTER_FAULTS) -> None:
+        self._registers = registers
+        self._faults = faults
+        self.requests = 0
+        self.held: list[bytes] = []
+
+    def take_tcp(self, buffer: bytearray) -> list[bytes]:
+        """Take the whole frames out of a connection's buffer; return the answers.
+
+        Raises
+        ------
+        ValueError
+            What came is not Modbus: the connection is of no more use.
+        """
+        answers: list[bytes] = []
+        while len(buffer) >= 7:
+            transaction, protocol, length, unit = struct.unpack_from(">HHHB", buffer)
+            if protocol != 0 or not 2 <= length <= LONGEST_FRAME - 6:
+                raise ValueError("not a Modbus frame")
+            if len(buffer) < 6 + length:
+                break
+            request = bytes(buffer[7 : 6 + length])
+            del buffer[: 6 + length]
+
+            def frame(pdu: bytes, unit: int, transaction: int = transaction) -> bytes:
+                return struct.pack(">HHHB", transaction, 0, len(pdu) + 1, unit) + pdu
+
+            answers += self._respond(unit, request, frame, gateway=True)
+        return answers
+
+    def take_rtu(self, buffer: bytearray) -> list[bytes]:
+        """Take the whole frames out of a line's buffer; return the answers.
+
+        Bytes that begin no frame with a right checksum are dropped, one by one.
+        """
+        answers: list[bytes] = []
+        while len(buffer) >= 4:
+            size = _request_bytes(buffer)
+            if size is None or (len(buffer) >= size and crc16(bytes(buffer[:size]))):
+                del buffer[0]
+                continue
+            if len(buffer) < size:
+                break
+            unit, request = buffer[0], bytes(buffer[1 : size - 2])
+            del buffer[:size]
+
+            def frame(pdu: bytes, unit: int) -> bytes:
+                body = bytes((unit,)) + pdu
+                return body + struct.pack("<H", crc16(body))
+
+            answers += self._respond(unit, request, frame, gateway=False)
+        return answers
+
+    def _respond(
+        self, unit: int, request: bytes, frame: Callable[[bytes, int], bytes], *, gateway: bool
+    ) -> list[bytes]:
+        """Return the frames that answer a request: one, or none."""
+        fault = self._faults.of(self.requests)
+        self.requests += 1
+        holds = self._registers(unit)
+        if holds is None:  # a serial line stays silent, a gateway says so
+            if not gateway:
+                return []
+            return [frame(bytes((request[0] | 0x80, GATEWAY_NO_ANSWER)), unit)]
+        pdu = answer(request, holds)
+        if fault == "exception":
+            pdu = bytes((request[0] | 0x80, self._faults.exception))
+        elif fault == "short" and len(pdu) > 4:
+            pdu = bytes((pdu[0], pdu[1] - 2)) + pdu[2:-2]
+        whole = frame(pdu, unit % 247 + 1 if fault == "wrong_unit" else unit)
+        if fault == "silent":
+            return []
+        if fault == "late":
+            self.held.append(whole)
+            return []
+        late: list[bytes] = []
+        if self._faults.late_with_next:
+            late, self.held = self.held, []
+        if fault == "garbage":
+            return [*late, bytes(byte ^ 0x5A for byte in whole)]
+        return [*late, whole]
+
+
+def answer(request: bytes, registers: Mapping[int, int]) -> bytes:
+    """Return the answer to a request's function and data (6.3, 6.4, 6.6, 6.12)."""
+    function = request[0]
+    if function in (READ_HOLDING, READ_INPUT):
+        if len(request) != 5:
+            return bytes((function | 0x80, BAD_COUNT))
+        address, count = struct.unpack(">HH", request[1:])
+        if not 1 <= count <= MOST_READ:
+            return bytes((function | 0x80, BAD_COUNT))
+        wanted = range(address, address + count)
+        if not {wanted[0], wanted[-1]} <= registers.keys():
+            return bytes((function | 0x80, NO_REGISTER))
+        words: Sequence[int] = [registers.get(place, 0) for place in wanted]
+        return struct.pack(f">BB{count}H", function, 2 * count, *words)
+    if function in (WRITE_ONE, WRITE_MANY):
+        return bytes((function | 0x80, NO_REGISTER))
+    return bytes((function | 0x80, NO_FUNCTION))
+
+
+def crc16(data: bytes) -> int:
+    """Return the checksum of a serial frame; 0 over a frame with its checksum (6.2.2)."""
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0xA001 if crc & 1 else 0)
+    return crc
+
+
+def _request_bytes(buffer: bytearray) -> int | None:
+    """Return how long the request at a buffer's beginning is; None where none begins there."""
+    function = buffer[1]
+    if function in (READ_HOLDING, READ_INPUT, WRITE_ONE):
+        return 8
+    if function == WRITE_MANY:
+        if len(buffer) < 7:
+            return 9
+        size = buffer[6]
+        return 9 + size if size <= 2 * MOST_WRITTEN else None
+    return None if function & 0x80 or function == 0 else 4

@@ -1,0 +1,273 @@
+"""`RegisterService`: serves the simulated drives' registers over TCP or on a serial port.
+
+It runs in a thread of the drives' process and looks at the robot through the axes' snapshot, which
+is whole whenever it is read. In lock-step the robot stands still while a request is answered, if
+whoever asks lets simulated time wait for it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import selectors
+import socket
+import ssl
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from config.cell.cell import CellConfig
+from config.cell.drive_profile import DriveProfile, Quantity
+from config.cell.monitor import ModbusTcp, MonitorConfig
+from config.errors import TransportError
+from config.robot.robot import RobotDescription
+from config.simulation.plant import PlantConfig
+from drivers.modbus.codec import encode
+from mock_hw.host.pty_port import PtyPort
+from mock_hw.plant.snapshot import SnapshotReader
+from mock_hw.registers.registers import NO_REGISTER_FAULTS, RegisterFaults, SimulatedRegisters
+
+BITS_PER_BYTE = 11  # start, eight data, parity or a second stop bit, stop
+MOST_CONNECTIONS = 8
+_READ_BYTES = 4096
+
+
+@dataclass(frozen=True)
+class ServerCertificates:
+    """Files of a TLS server; clients must show a certificate of `client_ca`, if that is given."""
+
+    certificate: Path
+    key: Path
+    client_ca: Path | None = None
+
+
+@dataclass(frozen=True)
+class RegisterSettings:
+    """What is served, and where.
+
+    Attributes
+    ----------
+    monitor, profile
+        As in the cell file.
+    path
+        Of the serial port to be made.
+    certificates
+        Of a TLS server.
+    faults
+        What goes wrong.
+    """
+
+    monitor: MonitorConfig
+    profile: DriveProfile
+    path: Path
+    certificates: ServerCertificates | None = None
+    faults: RegisterFaults = NO_REGISTER_FAULTS
+
+
+class DriveRegisters:
+    """What the drives of a simulated cell hold in their registers.
+
+    A drive knows its motor's torque constant as its plate says, at the reference temperature.
+    """
+
+    def __init__(
+        self,
+        cell: CellConfig,
+        robot: RobotDescription,
+        plant: PlantConfig,
+        settings: RegisterSettings,
+        snapshots: SnapshotReader,
+    ) -> None:
+        self._profile = settings.profile
+        self._snapshots = snapshots
+        self._axis_of: dict[int, int] = {}
+        self._plates: list[dict[Quantity, float]] = []
+        self._start_s = snapshots.read().time_s
+        joints = {joint.name: number for number, joint in enumerate(robot.joints)}
+        for axis, unit in zip(cell.axes, settings.monitor.units, strict=True):
+            self._axis_of[unit] = joints[axis.joint]
+        for joint, simulated in zip(robot.joints, plant.axes, strict=True):
+            constant = joint.torque_constant_nm_per_a or 1.0
+            motor = constant / abs(joint.gear_ratio)
+            rated = simulated.rated_motor_torque_nm
+            self._plates.append(
+                {
+                    "torque_constant_nm_per_a": motor,
+                    "torque_constant_per_k": joint.torque_constant_per_k,
+                    "reference_temperature_k": joint.reference_temperature_k,
+                    "rated_torque_nm": rated,
+                    "rated_current_a": rated / motor,
+                    "rotor_inertia_kg_m2": simulated.rotor_inertia_kg_m2,
+                }
+            )
+
+    def __call__(self, unit: int) -> Mapping[int, int] | None:
+        """Return a unit's registers by address; None where there is no such drive."""
+        axis = self._axis_of.get(unit)
+        if axis is None:
+            return None
+        snapshot = self._snapshots.read()
+        values: dict[Quantity, float] = {
+            **self._plates[axis],
+            "motor_temperature_k": float(snapshot.temperature_k[axis]),
+            "operating_time_s": max(0.0, snapshot.time_s - self._start_s),
+        }
+        return encode(self._profile, values)
+
+
+class RegisterService:
+    """Serves until it is closed; a context manager.
+
+    Parameters
+    ----------
+    registers
+        The drives.
+    settings
+        Where.
+    realtime
+        Whether bytes on a serial line take their time.
+
+    Attributes
+    ----------
+    port
+        The TCP port that is listened at; 0 on a serial line.
+
+    Raises
+    ------
+    TransportError
+        It cannot be served there.
+    """
+
+    def __init__(
+        self, registers: SimulatedRegisters, settings: RegisterSettings, *, realtime: bool
+    ) -> None:
+        self._registers = registers
+        self._selector = selectors.DefaultSelector()
+        self._stop, self._stopper = os.pipe()
+        self._selector.register(self._stop, selectors.EVENT_READ, None)
+        self._stopped = threading.Event()
+        self._listener: socket.socket | None = None
+        self._line: PtyPort | None = None
+        self._buffers: dict[socket.socket, bytearray] = {}
+        self._line_buffer = bytearray()
+        self._tls: ssl.SSLContext | None = None
+        self._byte_s = 0.0
+        self.port = 0
+        link = settings.monitor.link
+        try:
+            if isinstance(link, ModbusTcp):
+                self._listen(link, settings)
+            else:
+                self._line = PtyPort(settings.path, patient=not realtime)
+                if realtime:
+                    self._byte_s = BITS_PER_BYTE / link.baud_rate
+        except (OSError, TransportError) as error:
+            self.close()
+            raise TransportError(f"drive registers cannot be served: {error}") from None
+        self._thread = threading.Thread(target=self._run, name="drive registers", daemon=True)
+        self._thread.start()
+
+    def send_late_answers(self) -> None:
+        """Send on the serial line what a fault has held back."""
+        held, self._registers.held = self._registers.held, []
+        for data in held:
+            if self._line is not None:
+                self._line.write(data)
+
+    def close(self) -> None:
+        """End serving; the port goes."""
+        self._stopped.set()
+        with contextlib.suppress(OSError):
+            os.write(self._stopper, b"x")
+        if hasattr(self, "_thread"):
+            self._thread.join()
+        for connection in self._buffers:
+            connection.close()
+        if self._listener is not None:
+            self._listener.close()
+        if self._line is not None:
+            self._line.close()
+        self._selector.close()
+        for descriptor in (self._stop, self._stopper):
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
+
+    def __enter__(self) -> RegisterService:
+        """Return the service itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End serving."""
+        self.close()
+
+    def _listen(self, link: ModbusTcp, settings: RegisterSettings) -> None:
+        if link.tls is not None:
+            files = settings.certificates
+            if files is None:
+                raise TransportError("TLS needs the server's certificate and key")
+            self._tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            self._tls.load_cert_chain(files.certificate, files.key)
+            if files.client_ca is not None:
+                self._tls.load_verify_locations(files.client_ca)
+                self._tls.verify_mode = ssl.CERT_REQUIRED
+        self._listener = socket.create_server((link.host, link.port))
+        self.port = int(self._listener.getsockname()[1])
+        self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
+
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            if self._line is not None:
+                self._serve_line(self._line)
+                continue
+            for key, _ in self._selector.select():
+                if key.data is not None:
+                    key.data(key.fileobj)
+
+    def _accept(self, listener: socket.socket) -> None:
+        connection, _ = listener.accept()
+        connection.settimeout(5.0)
+        if len(self._buffers) >= MOST_CONNECTIONS:
+            connection.close()
+            return
+        try:
+            if self._tls is not None:
+                connection = self._tls.wrap_socket(connection, server_side=True)
+        except OSError:  # it is no TLS, or shows no certificate
+            connection.close()
+            return
+        self._buffers[connection] = bytearray()
+        self._selector.register(connection, selectors.EVENT_READ, self._serve)
+
+    def _serve(self, connection: socket.socket) -> None:
+        buffer = self._buffers[connection]
+        try:
+            data = connection.recv(_READ_BYTES)
+            buffer += data
+            for answer in self._registers.take_tcp(buffer):
+                connection.sendall(answer)
+        except (OSError, ValueError):
+            data = b""
+        if not data:
+            self._selector.unregister(connection)
+            del self._buffers[connection]
+            connection.close()
+
+    def _serve_line(self, line: PtyPort) -> None:
+        """Wait for bytes; a line with nobody at it hangs up and would wake this for ever."""
+        if not line.listened:
+            self._line_buffer.clear()
+            self._stopped.wait(0.005)
+            return
+        poll = selectors.DefaultSelector()
+        with poll:
+            poll.register(self._stop, selectors.EVENT_READ)
+            poll.register(line.fileno(), selectors.EVENT_READ)
+            poll.select()
+        data = line.read()
+        if not data:
+            return
+        self._line_buffer += data
+        for answer in self._registers.take_rtu(self._line_buffer):
+            self._stopped.wait((len(data) + len(answer)) * self._byte_s)
+            line.write(answer)

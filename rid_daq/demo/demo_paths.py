@@ -1,0 +1,190 @@
+"""The demo's last chapter: velocity loops, feedforward, and paths before and after."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples
+from acquisition.recording.recording import Recording
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import RecordOutcome
+from compensation.compensated_motion import compensated_motion
+from compensation.feedforward.file import Origin, TuningEntry, feedforward_bytes
+from compensation.feedforward.repeated_error import repeated_error
+from compensation.feedforward.tuning import Tuning, tune
+from compensation.loops.frequency_response import frequency_responses
+from compensation.loops.loop_file import write_loops
+from compensation.loops.multisine_motion import multisine_motion
+from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
+from compensation.online.online import in_order
+from config.cell.cell import CellConfig
+from config.motion.motion import AnyMotion, CircleMotion, MultisineMotion
+from config.motion.path_motion import ArcSegment, LineSegment, PathMotion, SplineSegment
+from config.robot.robot import RobotDescription
+from identification.estimation.estimate import Estimate
+from rid_daq.report.sections import motion_sentence, run_section
+from rid_daq.runs.motion_runs import MotionRun, read_motion_run
+from rid_daq.runs.run_data import FEEDFORWARD
+from rid_daq.runs.tracking_section import followed, tracking_section
+
+NEAR: Final = (0.1, -0.1, 0.4)
+BAND_HZ: Final = (0.75, 15.0)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One recorded motion of the story."""
+
+    folder: RunFolder
+    outcome: RecordOutcome
+    recording: Recording
+
+
+class Record(Protocol):
+    """Records a motion: as its file says, or with samples and files of its own."""
+
+    @abstractmethod
+    def __call__(
+        self,
+        role: str,
+        motion: AnyMotion,
+        planned: MotionSamples | None = None,
+        files: Mapping[str, bytes] | None = None,
+    ) -> Recorded:
+        """Return what was recorded."""
+
+
+@dataclass(frozen=True)
+class PathMotions:
+    """What the chapter drives: multisines, the thesis's circle, and a path that tunes nothing."""
+
+    multisine: MultisineMotion
+    circle: CircleMotion
+    path: PathMotion
+
+    @classmethod
+    def of_cell(cls, robot: RobotDescription, cell: CellConfig, seed: int) -> PathMotions:
+        """Return those of the bundled arm."""
+        multisine = multisine_motion(
+            robot, cell, band_hz=BAND_HZ, period_s=4.0, periods=2, realisations=2, seed=seed
+        )
+        return cls(
+            multisine=multisine,
+            circle=CircleMotion(
+                kind="circle",
+                robot=robot.name,
+                centre_m=(0.575, -0.078, -1.724),
+                radius_m=0.2,
+                speed_m_s=0.6,
+                near=NEAR,
+                periods=4,
+            ),
+            path=PathMotion(
+                kind="path",
+                robot=robot.name,
+                start_m=(0.60, -0.25, -1.70),
+                near=NEAR,
+                speed_m_s=0.4,
+                blend_m=0.05,
+                segments=(
+                    LineSegment(kind="line", to_m=(0.60, 0.20, -1.70)),
+                    ArcSegment(kind="arc", through_m=(0.72, 0.28, -1.70), to_m=(0.84, 0.20, -1.70)),
+                    LineSegment(kind="line", to_m=(0.84, 0.05, -1.70)),
+                    SplineSegment(
+                        kind="spline",
+                        through_m=(
+                            (0.76, -0.05, -1.65),
+                            (0.82, -0.15, -1.62),
+                            (0.74, -0.26, -1.66),
+                            (0.64, -0.28, -1.70),
+                        ),
+                    ),
+                ),
+            ),
+        )
+
+    def duration_s(self, robot: RobotDescription, cycle_time_s: float) -> float:
+        """Return how long the chapter moves: the loops once, both paths twice [s]."""
+        times = ((self.multisine, 1), (self.circle, 2), (self.path, 2))
+        return sum(
+            count * plan_motion(motion, robot, cycle_time_s).duration_s for motion, count in times
+        )
+
+
+def tell_paths(
+    record: Record,
+    motions: PathMotions,
+    robot: RobotDescription,
+    cell: CellConfig,
+    estimate: Estimate,
+    root: RunFolder,
+) -> dict[str, Any]:
+    """Run the chapter on the robot that has just been identified; return its sections.
+
+    The loops come from a multisine, scale and delay from the plain circle. The path was never used
+    for either.
+
+    Raises
+    ------
+    RidDaqError
+        A step failed; the message says which.
+    """
+    excited = record("multisine", motions.multisine)
+    responses = frequency_responses(excited.recording, motions.multisine, robot)
+    fitted = [fit_velocity_loop(response) for response in responses]
+    write_loops(root.path / "loops.json", fitted, robot.name, excited.folder.run_id)
+    loops = in_order(robot.joint_names, estimate.robot.joint_names, fitted)
+    runs: list[tuple[str, AnyMotion, Recorded]] = [("Multisine", motions.multisine, excited)]
+    pairs: list[tuple[MotionRun, MotionRun]] = []
+    tuning: Tuning | None = None
+    reference = ""
+    for name, motion in (("circle", motions.circle), ("path", motions.path)):
+        planned = plan_motion(motion, robot, cell.cycle_time_s)
+        plain = record(f"{name}-plain", motion, planned)
+        if tuning is None:
+            measured = repeated_error(planned, [plain.recording])
+            tuning = tune(planned, measured, estimate, loops, cell.position_gain_per_s)
+            reference = plain.folder.run_id
+        ahead = compensated_motion(planned, estimate, loops, tuning.tuning)
+        entry = TuningEntry.of(tuning, reference, motion is motions.circle)
+        file = feedforward_bytes(motion, ahead, Origin(tuning=entry))
+        after = record(f"{name}-compensated", motion, ahead, {FEEDFORWARD: file})
+        runs += [(f"{name.capitalize()}, plain", motion, plain)]
+        runs += [(f"{name.capitalize()}, compensated", motion, after)]
+        pairs.append((read_motion_run(after.folder), read_motion_run(plain.folder)))
+    assert tuning is not None
+    section = tracking_section([followed(*pair) for pair in pairs], robot)
+    section["sentence"] += f" {_loop_sentence(loops, tuning)}"
+    return {
+        "tracking": section,
+        "runs": [
+            run_section(role, motion_sentence(motion), run.recording, robot)
+            for role, motion, run in runs
+        ],
+        "run_ids": [run.folder.run_id for _, _, run in runs],
+    }
+
+
+def _loop_sentence(loops: list[VelocityLoop], tuning: Tuning) -> str:
+    """Say what the chapter measured before it compensated."""
+    parts, tuned = [], []
+    for loop, scale, delay_s in zip(
+        loops, tuning.tuning.scale.tolist(), tuning.tuning.delay_s.tolist(), strict=True
+    ):
+        parts.append(
+            f"{loop.joint_name} {loop.gain:.4g} ± {2.0 * loop.sigma['gain']:.2g} and"
+            f" {1e3 * loop.integral_time_s:.4g} ms"
+        )
+        if (scale, delay_s) != (1.0, 0.0):
+            tuned.append(
+                f"{loop.joint_name} torque times {scale:.3f}, {1e3 * delay_s:.2f} ms later"
+            )
+    return (
+        "Velocity loops out of a multisine, gain [N m s/rad] and integral time:"
+        f" {'; '.join(parts)}. By the circle without compensation:"
+        f" {'; '.join(tuned) or 'nothing to tune'}."
+    )

@@ -1,0 +1,162 @@
+"""Two stories of the demo side by side, each in a process of its own: one a core."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+from collections.abc import Iterator
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from typing import Any, NoReturn
+
+from acquisition.runs.folder import RunFolder
+from config import errors
+from config.errors import DriverError, RidDaqError
+from config.process.shortage import as_named
+from config.process.termination import TERMINATION, termination_held
+from rid_daq.demo.demo_story import Motions, tell_story
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.exit_codes import ExitCode
+
+_END_PATIENCE_S = 30.0
+# One thread a process: two processes fill two cores, and sums keep their order.
+_ONE_THREAD: dict[str, str] = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def run_stories(
+    folder: RunFolder, motions: Motions, total_s: float, seed: int, console: Console
+) -> dict[bool, dict[str, Any]]:
+    """Tell the story with and without the effects that no model has.
+
+    Parameters
+    ----------
+    folder
+        The demo's run folder.
+    motions
+        What is run.
+    total_s
+        Duration of both motions together [s].
+    seed
+        Of both simulations.
+    console
+        Where progress is shown.
+
+    Returns
+    -------
+    dict
+        The sections of `rid_daq.demo.demo_story.tell_story`, by whether those effects were on.
+
+    Raises
+    ------
+    RidDaqError
+        A step of one of them failed.
+    """
+    spawn = get_context("spawn")
+    stories: dict[bool, dict[str, Any]] = {}
+    with contextlib.ExitStack() as stack:
+        lines: dict[Connection, bool] = {}
+        for unmodelled in (True, False):
+            ours, theirs = spawn.Pipe(duplex=False)
+            process = spawn.Process(
+                target=_serve, args=(folder, motions, seed, unmodelled, theirs), name="rid-daq demo"
+            )
+            lines[stack.enter_context(ours)] = unmodelled
+            with _environment(_ONE_THREAD), termination_held():
+                process.start()
+                stack.push(_Ending(process))
+            theirs.close()
+        done_s = dict.fromkeys(lines.values(), 0.0)
+        with console.progress("recording", total_s, "s of motion, two robots") as display:
+            while lines:
+                for line in wait(list(lines)):
+                    unmodelled = lines[line]  # type: ignore[index]
+                    message = _receive(line)  # type: ignore[arg-type]
+                    if isinstance(message, dict):
+                        stories[unmodelled] = message
+                        done_s[unmodelled] = total_s
+                        del lines[line]  # type: ignore[arg-type]
+                    else:
+                        done_s[unmodelled], doing = message
+                        display.update(min(done_s.values()), doing)
+    return stories
+
+
+def _receive(line: Connection) -> Any:
+    """Return a story's message: progress or its result.
+
+    Raises
+    ------
+    RidDaqError
+        What ended the story.
+    """
+    try:
+        message = line.recv()
+    except EOFError:
+        raise DriverError("a simulation of the demo died; start it again") from None
+    if isinstance(message, RidDaqError):
+        raise message
+    return message
+
+
+def _serve(
+    folder: RunFolder, motions: Motions, seed: int, unmodelled: bool, line: Connection
+) -> None:
+    """Tell one story and send it; the main function of its process."""
+    # Ctrl-C reaches the whole group; the program decides, and ends this process by SIGTERM.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _leave)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, TERMINATION)
+
+    def show(done_s: float, doing: str) -> None:
+        line.send((done_s, doing))
+
+    # Where the program is gone, everything has been stopped on the way here.
+    with contextlib.suppress(BrokenPipeError):
+        try:
+            line.send(tell_story(folder, motions, seed, unmodelled, show))
+        except Exception as caught:
+            error = as_named(caught)
+            kind = getattr(errors, type(error).__name__, DriverError)
+            line.send(kind(str(error)))
+
+
+def _leave(_signal: int, _frame: object) -> NoReturn:
+    raise SystemExit(ExitCode.TERMINATED)
+
+
+class _Ending:
+    """Ends a story's process; one that is still at work stops its robot on the way."""
+
+    def __init__(self, process: SpawnProcess) -> None:
+        self._process = process
+
+    def __enter__(self) -> _Ending:
+        return self
+
+    def __exit__(self, kind: object, error: object, traceback: object) -> None:
+        process = self._process
+        if kind is not None and process.is_alive():
+            process.terminate()
+        process.join(_END_PATIENCE_S)
+        if process.is_alive():
+            process.kill()
+            process.join()
+        process.close()
+
+
+@contextlib.contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    """Set environment variables for the processes started inside the `with`."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,135 @@
+"""`AccuracyWatch`: estimates while a motion runs, and says when the wanted accuracy is reached."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from acquisition.journal.cycles import read_journal
+from acquisition.journal.monitor import as_warm_as_measured
+from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.processing.periods import average_periods
+from acquisition.recording.recording import Recording
+from config.arrays import FloatArray
+from config.errors import ConfigError, DataQualityError, EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.conditions import Conditions
+from identification.accuracy.goals import Goal, GoalState, goal_states, parse_goals
+from identification.equations.segments import single_periods
+from identification.equations.time_domain import TimeRun
+from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S, estimate_periodic
+from identification.estimation.running import RunningEstimate, RunningValues
+from identification.model.base_parameters import base_parameters
+
+
+class AccuracyWatch:
+    """Follows the periods of a recording with a running estimate, and holds them against goals.
+
+    Goals are judged on the averaged periods, as `rid-daq identify` estimates from them.
+
+    Parameters
+    ----------
+    goals : sequence of str
+        As `--until` takes them; none to follow only.
+    robot : RobotDescription
+        The robot.
+    samples : MotionSamples
+        The motion.
+
+    Attributes
+    ----------
+    goals, states : tuple
+        The goals, and how far each was at the last look.
+    periods : int
+        Periods at the last look at the goals.
+    running : RunningValues or None
+        The running estimate at the last look.
+    trouble : str
+        Why there was nothing to see.
+
+    Raises
+    ------
+    ConfigError
+        A goal cannot be meant, or the motion is not periodic.
+    """
+
+    def __init__(
+        self, goals: Sequence[str], robot: RobotDescription, samples: MotionSamples
+    ) -> None:
+        if samples.samples_per_period is None:
+            raise ConfigError("--until needs a periodic motion: its periods are what is averaged")
+        model = RobotModel.from_description(robot)
+        self.goals: tuple[Goal, ...] = parse_goals(goals, model, base_parameters(model))
+        self.states: tuple[GoalState, ...] = ()
+        self.periods = 0
+        self.running: RunningValues | None = None
+        self.trouble = ""
+        self._robot = robot
+        self._estimate = (
+            None if model.transmission.losses else RunningEstimate.begin(model, STANDSTILL_RAD_S)
+        )
+        self._added: set[int] = set()
+        main = samples.phase == Phase.MAIN
+        period = slice(0, samples.samples_per_period)
+        self._motion: tuple[FloatArray, FloatArray, FloatArray] = (
+            samples.position[main][period],
+            samples.velocity[main][period],
+            samples.acceleration[main][period],
+        )
+
+    @property
+    def reached(self) -> bool:
+        """Whether every goal is reached; there is nothing to reach without goals."""
+        return len(self.states) == len(self.goals) and all(state.reached for state in self.states)
+
+    def enough(self, journal: Path, periods: int) -> bool:
+        """Look at the periods so far; return whether there are goals and all are reached.
+
+        What cannot be estimated yet is not enough; the reason is kept in `trouble`.
+        """
+        try:
+            raw = read_journal(journal).recording()
+            recording, _ = as_warm_as_measured(raw, journal.parent, self._robot)
+            self._follow(recording, periods)
+            if not self.goals:
+                return False
+            estimate = estimate_periodic(self._robot, [average_periods(recording)])
+        except (DataQualityError, EstimationError) as error:
+            self.trouble = str(error)
+            return False
+        self.states = goal_states(self.goals, estimate, self._motion)
+        self.periods = periods
+        return self.reached
+
+    def line(self) -> str:
+        """Say in a few words how far it is."""
+        if self.states:
+            left = [state for state in self.states if not state.reached]
+            return left[0].sentence(self.periods) if left else "accuracy reached"
+        return self.running_sentence()
+
+    def running_sentence(self) -> str:
+        """Say how well the model fits the torques so far; empty before that is known."""
+        if self.running is None:
+            return ""
+        shares = " ".join(f"{share:.1f}" for share in self.running.relative_percent)
+        return f"the model fits the torques of {len(self._added)} periods to {shares} %"
+
+    def sentences(self) -> list[str]:
+        """Say how far each goal is."""
+        if not self.states:
+            reason = f": {self.trouble}" if self.trouble else ": too few periods"
+            return [f"{goal.text}: not judged{reason}" for goal in self.goals]
+        return [state.sentence(self.periods) for state in self.states]
+
+    def _follow(self, recording: Recording, periods: int) -> None:
+        """Add the periods that are over and were not added yet."""
+        if self._estimate is None:
+            return
+        for number, signals in single_periods(recording, BAND_HZ).items():
+            if number < periods and number not in self._added:
+                run = TimeRun(signals, Conditions(temperature_k=signals.temperature_k))
+                self._estimate = self._estimate.add(run)
+                self._added.add(number)
+        self.running = self._estimate.look()

@@ -1,0 +1,217 @@
+"""From runs to an estimate: periodic runs on their harmonics, others in the time domain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from acquisition.processing.periods import average_periods
+from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
+from config.errors import ConfigError
+from config.robot.robot import RobotDescription
+from dynamics.model.cad import cad_parameters
+from identification.accuracy.plate_benefit import Improvement, improvement
+from identification.calibration.drive_gains import DriveGains, drive_gains
+from identification.calibration.torque_scale import TorqueConsistency, torque_consistency
+from identification.cross_checks.agreement import CrossCheck, cross_checks
+from identification.equations.deconvolution import without_torque_filter
+from identification.equations.segments import period_signals
+from identification.equations.time_domain import time_runs
+from identification.estimation.estimate import Estimate, Weighting
+from identification.estimation.estimators import (
+    BAND_HZ,
+    STANDSTILL_RAD_S,
+    estimate_periodic,
+    estimate_smoothed,
+)
+from identification.estimation.fitted_periods import Prior, fit_periodic
+from identification.model.options import ModelOptions
+from identification.validation.friction_selection import Comparison, Watch, choose_friction
+from rid_daq.runs.run_data import RunData
+
+
+@dataclass(frozen=True)
+class HowToEstimate:
+    """What a person may choose about an estimate.
+
+    Attributes
+    ----------
+    options : ModelOptions
+        The model's terms.
+    weighting : "ml", "ls" or "huber"
+        How rows are weighted.
+    cad_prior : bool
+        Whether the drawings count as prior knowledge.
+    loaded : tuple of str
+        Ids of the runs that carried an unknown payload.
+    band_hz, standstill_rad_s : float
+        Highest frequency and lowest speed used.
+    """
+
+    options: ModelOptions = field(default_factory=ModelOptions)
+    weighting: Weighting = "ml"
+    cad_prior: bool = False
+    loaded: tuple[str, ...] = ()
+    band_hz: float = BAND_HZ
+    standstill_rad_s: float = STANDSTILL_RAD_S
+
+
+def estimate_runs(
+    data: Sequence[RunData],
+    how: HowToEstimate | None = None,
+    *,
+    robot: RobotDescription | None = None,
+) -> Estimate:
+    """Estimate from runs of one robot, all periodic or all not.
+
+    `robot` stands for the runs' own where its friction terms were chosen by `compare_friction`.
+
+    Raises
+    ------
+    ConfigError
+        The runs are of different robots, or of both kinds; or the robot has no drawings.
+    DataQualityError, EstimationError
+        The data do not show the parameters.
+    """
+    how = how or HowToEstimate()
+    robot = robot or one_robot(data)
+    payload = [item.folder.run_id in how.loaded for item in data]
+    run_ids = tuple(item.folder.run_id for item in data)
+    cell_name = data[0].recording.cell_name
+    prior: Prior | None = None
+    if how.cad_prior:
+        prior = cad_parameters(how.options.build(robot), robot)
+    if data[0].is_periodic:
+        return estimate_periodic(
+            robot,
+            [average_periods(item.recording) for item in data],
+            options=how.options,
+            weighting=how.weighting,
+            prior=prior,
+            payload=payload,
+            band_hz=how.band_hz,
+            standstill_rad_s=how.standstill_rad_s,
+            cell_name=cell_name,
+            run_ids=run_ids,
+        )
+    return estimate_smoothed(
+        robot,
+        _signals(data, how),
+        options=how.options,
+        weighting=how.weighting,
+        prior=prior,
+        payload=payload,
+        standstill_rad_s=how.standstill_rad_s,
+        cell_name=cell_name,
+        run_ids=run_ids,
+    )
+
+
+def plate_findings(
+    data: Sequence[RunData], how: HowToEstimate, *, robot: RobotDescription | None = None
+) -> tuple[Improvement | None, TorqueConsistency | None]:
+    """Return what the force plate improved and whether torque constants agree with it.
+
+    Nothing where the model is not the combined one.
+
+    Raises
+    ------
+    DataQualityError, EstimationError
+        The data do not show the parameters.
+    """
+    if how.options.kind != "combined":
+        return None, None
+    robot = robot or one_robot(data)
+    fitted = fit_periodic(
+        robot,
+        [average_periods(item.recording) for item in data],
+        options=how.options,
+        weighting=how.weighting,
+        prior=cad_parameters(how.options.build(robot), robot) if how.cad_prior else None,
+        payload=[item.folder.run_id in how.loaded for item in data],
+        band_hz=how.band_hz,
+        standstill_rad_s=how.standstill_rad_s,
+    )
+    return improvement(fitted), torque_consistency(fitted)
+
+
+def compare_friction(
+    data: Sequence[RunData], how: HowToEstimate, watch: Watch | None = None
+) -> Comparison:
+    """Choose the friction terms of each joint by these runs alone.
+
+    Raises
+    ------
+    ConfigError
+        The runs are of different robots or kinds, or carry an unknown payload.
+    EstimationError
+        The data do not show the parameters.
+    """
+    robot = one_robot(data)
+    if how.loaded:
+        raise ConfigError("friction is chosen without a payload: leave --loaded out with --choose")
+    return choose_friction(
+        robot,
+        _signals(data, how),
+        options=how.options,
+        standstill_rad_s=how.standstill_rad_s,
+        watch=watch,
+    )
+
+
+def check_otherwise(
+    estimate: Estimate, data: Sequence[RunData], how: HowToEstimate
+) -> Iterator[CrossCheck]:
+    """Estimate by other methods from the runs that an estimate comes from, one after the other."""
+    loaded = [item.folder.run_id in how.loaded for item in data]
+    yield from cross_checks(estimate, time_runs(estimate.model, _signals(data, how), loaded))
+
+
+def gains_of_drives(
+    estimate: Estimate,
+    data: Sequence[RunData],
+    how: HowToEstimate,
+    mass_kg: float,
+    mass_sigma_kg: float,
+) -> DriveGains:
+    """Estimate drive gains from the runs of an estimate, some with a load of known mass.
+
+    Raises
+    ------
+    EstimationError
+        The runs or the model do not tell them.
+    """
+    loaded = [item.folder.run_id in how.loaded for item in data]
+    runs = time_runs(estimate.model, _signals(data, how), loaded)
+    return drive_gains(estimate, runs, mass_kg, mass_sigma_kg)
+
+
+def _signals(data: Sequence[RunData], how: HowToEstimate) -> list[SmoothedSignals]:
+    if data[0].is_periodic:
+        return [period_signals(average_periods(item.recording), how.band_hz) for item in data]
+    return [smooth_nonperiodic(without_torque_filter(item.recording), how.band_hz) for item in data]
+
+
+def one_robot(data: Sequence[RunData]) -> RobotDescription:
+    """Return the robot of some runs, which must be of one kind.
+
+    Raises
+    ------
+    ConfigError
+        They are of different robots, or some are periodic and some are not.
+    """
+    robot = data[0].robot
+    for other in data[1:]:
+        if other.robot != robot:
+            raise ConfigError(
+                f"run {other.folder.run_id} is of robot {other.robot.name}, run"
+                f" {data[0].folder.run_id} of {robot.name} (or of another description of it):"
+                " identify them one by one"
+            )
+    kinds = {item.is_periodic for item in data}
+    if len(kinds) > 1:
+        names = ", ".join(item.folder.run_id for item in data if not item.is_periodic)
+        raise ConfigError(
+            f"some runs are periodic and some are not ({names}): identify them one by one"
+        )
+    return robot

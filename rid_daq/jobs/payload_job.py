@@ -1,0 +1,96 @@
+"""From run folders to a payload with its verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from acquisition.processing.periods import average_periods
+from acquisition.processing.smoothing import smooth_nonperiodic
+from identification.equations.deconvolution import without_torque_filter
+from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
+from identification.payload.file import JudgedPayload
+from identification.payload.periodic_runs import PeriodicRuns
+from identification.payload.procedures import HowToWeigh, Runs, weigh
+from identification.payload.smoothed_runs import SmoothedRuns
+from identification.payload.verdict import PayloadLimits, Repeats, checks, repeated
+from rid_daq.jobs.identification_job import one_robot
+from rid_daq.runs.run_data import RunData
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """What a person may choose.
+
+    Attributes
+    ----------
+    how : HowToWeigh
+        The procedure, the model's terms, what is known.
+    limits : PayloadLimits
+        How sure the payload must be.
+    band_hz, standstill_rad_s : float
+        Highest frequency and lowest speed used.
+    """
+
+    how: HowToWeigh = field(default_factory=HowToWeigh)
+    limits: PayloadLimits = field(default_factory=PayloadLimits)
+    band_hz: float = BAND_HZ
+    standstill_rad_s: float = STANDSTILL_RAD_S
+
+
+def payload_runs(
+    data: Sequence[RunData], loaded: Sequence[bool], band_hz: float, standstill_rad_s: float
+) -> Runs:
+    """Return runs as the estimators take them: averaged periods, or smoothed recordings.
+
+    Raises
+    ------
+    ConfigError
+        The runs are of different robots, or of both kinds.
+    DataQualityError
+        A run is too short or too damaged.
+    """
+    one_robot(data)
+    if data[0].is_periodic:
+        averages = tuple(average_periods(item.recording) for item in data)
+        return PeriodicRuns(averages, tuple(loaded), band_hz, standstill_rad_s)
+    signals = tuple(
+        smooth_nonperiodic(without_torque_filter(item.recording), band_hz) for item in data
+    )
+    return SmoothedRuns(signals, tuple(loaded), standstill_rad_s)
+
+
+def weigh_runs(
+    data: Sequence[RunData], loaded: Sequence[bool], weighing: Weighing
+) -> tuple[JudgedPayload, Repeats | None]:
+    """Estimate a payload from runs, judge it, and estimate it from each loaded run alone.
+
+    Parameters
+    ----------
+    data : sequence of RunData
+        The runs.
+    loaded : sequence of bool
+        Which of them carried the payload.
+    weighing : Weighing
+        How.
+
+    Raises
+    ------
+    ConfigError
+        The runs are of different robots, or of both kinds.
+    DataQualityError, EstimationError
+        The data do not show a payload.
+    """
+    runs = payload_runs(data, loaded, weighing.band_hz, weighing.standstill_rad_s)
+    robot = data[0].robot
+    estimate = weigh(
+        robot,
+        runs,
+        weighing.how,
+        cell_name=data[0].recording.cell_name,
+        run_ids=tuple(item.folder.run_id for item in data),
+    )
+    repeats = None
+    if weighing.how.procedure != "difference" and estimate.rank == len(estimate.values):
+        repeats = repeated(robot, runs, weighing.how)
+    return JudgedPayload(estimate, checks(estimate, weighing.limits, repeats)), repeats

@@ -1,0 +1,155 @@
+"""What is looked at while a payload session moves: whether it is warm, how sure the mass is."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from acquisition.journal.cycles import read_journal
+from acquisition.journal.monitor import as_warm_as_measured
+from acquisition.motion.samples import Phase
+from acquisition.processing.periods import PeriodAverage, average_periods, cut_periods
+from acquisition.recording.recording import Recording
+from config.arrays import FloatArray
+from config.errors import DataQualityError, EstimationError
+from config.robot.robot import RobotDescription
+from identification.payload.periodic_runs import PeriodicRuns
+from identification.payload.procedures import Runs, weigh
+from rid_daq.jobs.payload_job import Weighing
+
+FEWEST_PERIODS = 4
+FITTED_PERIODS = 6
+
+
+class Watch(Protocol):
+    """Looks at the periods so far and says whether they are enough."""
+
+    @abstractmethod
+    def enough(self, journal: Path, periods: int) -> bool:
+        """Return whether the motion may end after the period under way."""
+
+    @abstractmethod
+    def line(self) -> str:
+        """Say in a few words how far it is."""
+
+
+class WarmUpWatch:
+    """Tells whether friction has settled: what the motors burn in one period after the other.
+
+    Over a period that begins and ends alike, the mechanical power of a joint is what its friction
+    takes, and that falls as a motor warms up.
+
+    Parameters
+    ----------
+    drift_percent : float
+        Settled where no joint's power changes by more in a period.
+    """
+
+    def __init__(self, drift_percent: float) -> None:
+        self._limit = drift_percent
+        self.drift_percent: float | None = None
+        self.periods = 0
+        self.worst = ""
+
+    @property
+    def settled(self) -> bool:
+        """Whether the last periods agree."""
+        return self.drift_percent is not None and self.drift_percent <= self._limit
+
+    def enough(self, journal: Path, periods: int) -> bool:
+        """Look at the periods so far."""
+        recording = read_journal(journal).recording()
+        power = period_powers(recording)[:periods]
+        if len(power) < FEWEST_PERIODS:
+            return False
+        # The slope of a line through the last periods, so that their noise does not decide.
+        last = power[-FITTED_PERIODS:]
+        slope = np.polyfit(np.arange(len(last)), last, 1)[0]
+        change = 100.0 * np.abs(slope) / np.maximum(np.abs(last.mean(axis=0)), 1e-9)
+        worst = int(np.argmax(change))
+        self.drift_percent, self.periods = float(change[worst]), len(power)
+        self.worst = recording.joint_names[worst]
+        return self.settled
+
+    def line(self) -> str:
+        """Say how much the power still changes."""
+        if self.drift_percent is None:
+            return "warming up"
+        return (
+            f"friction of {self.worst} changes by {self.drift_percent:.2f} % a period (settled at"
+            f" {self._limit:g} %)"
+        )
+
+
+def period_powers(recording: Recording) -> FloatArray:
+    """Return the mean mechanical power of each joint in each whole period, (periods, n) [W]."""
+    samples = recording.samples_per_period
+    if samples is None or recording.sample_period_s is None:
+        raise DataQualityError("warming up is told from periods: the motion must be periodic")
+    main = recording.phase == Phase.MAIN
+    if int(np.count_nonzero(main)) < samples:
+        return np.zeros((0, len(recording.joint_names)))
+    values, present = cut_periods(recording, samples)
+    n = len(recording.joint_names)
+    whole = values[present.all(axis=(1, 2))]
+    speed = np.gradient(whole[:, :, :n], recording.sample_period_s, axis=1)
+    return np.asarray(np.mean(speed * whole[:, :, n:], axis=1))
+
+
+class MassWatch:
+    """Tells whether the mass of the payload is sure enough.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    before : PeriodicRuns or None
+        The runs recorded until now.
+    weighing : Weighing
+        How it will be estimated.
+    goal_kg : float or None
+        2 sigma that are enough; None follows only.
+    """
+
+    def __init__(
+        self,
+        robot: RobotDescription,
+        before: PeriodicRuns | None,
+        weighing: Weighing,
+        goal_kg: float | None,
+    ) -> None:
+        self._robot, self._before = robot, before
+        self._weighing, self._goal_kg = weighing, goal_kg
+        self._said = ""
+
+    def enough(self, journal: Path, periods: int) -> bool:
+        """Estimate from the periods so far."""
+        try:
+            raw = read_journal(journal).recording()
+            recording, _ = as_warm_as_measured(raw, journal.parent, self._robot)
+            runs = self._runs(average_periods(recording))
+            estimate = weigh(self._robot, runs, self._weighing.how)
+        except (DataQualityError, EstimationError) as error:
+            self._said = str(error)
+            return False
+        two_sigma = 2.0 * float(estimate.sigma[0])
+        self._said = f"{periods} periods: {estimate.reported[0]:.3f} ± {two_sigma:.2g} kg"
+        return self._goal_kg is not None and two_sigma <= self._goal_kg
+
+    def line(self) -> str:
+        """Say what the mass is so far."""
+        return self._said
+
+    def _runs(self, average: PeriodAverage) -> Runs:
+        if self._before is None:
+            weighing = self._weighing
+            return PeriodicRuns((average,), (True,), weighing.band_hz, weighing.standstill_rad_s)
+        return replace(
+            self._before,
+            averages=(*self._before.averages, average),
+            loaded=(*self._before.loaded, True),
+        )

@@ -1,0 +1,86 @@
+"""The truth of a simulated robot, as parameters of the identification model.
+
+Only a simulated robot has one. It is what the demo judges estimates and intervals by.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from config.errors import ConfigError
+from config.robot.robot import RobotDescription
+from config.simulation.plant import PlantConfig
+from dynamics.model.robot_model import RobotModel
+
+FloatArray = npt.NDArray[np.float64]
+
+_AXES = "xyz"
+
+
+def true_parameters(
+    model: RobotModel, robot: RobotDescription, plant: PlantConfig
+) -> npt.NDArray[np.float64]:
+    """Return the plant's values of the model's standard parameters.
+
+    Link inertias are moved from the centre of gravity to the link frame's origin; the polar
+    inertia of a rotor is added, about its spin axis, to the link that carries it (physics:
+    section 3), as the rotor term expects.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The model whose parameters are wanted; friction coefficients that the plant does not have
+        are zero.
+    robot : RobotDescription
+        The robot, for where its rotors sit.
+    plant : PlantConfig
+        The simulated robot; what it has under `unmodelled` has no parameter and is left out.
+
+    Returns
+    -------
+    ndarray, shape (parameters,)
+        In the order and units of `model.parameter_names`.
+
+    Raises
+    ------
+    ConfigError
+        The model has a parameter that the plant file says nothing of.
+    """
+    known: dict[str, float] = {}
+    for number, link in enumerate(plant.links, start=1):
+        centre = np.array(link.centre_m)
+        xx, yy, zz, xy, xz, yz = link.inertia_kg_m2
+        about_centre = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        about_origin = about_centre + link.mass_kg * (
+            centre @ centre * np.eye(3) - np.outer(centre, centre)
+        )
+        about_origin += _rotors_on(number, robot, plant)
+        known[f"m{number}"] = link.mass_kg
+        for i, first in enumerate(_AXES):
+            known[f"s{first}{number}"] = link.mass_kg * link.centre_m[i]
+            for j in range(i, 3):
+                known[f"I{first}{_AXES[j]}{number}"] = float(about_origin[i, j])
+    for number, (joint, axis) in enumerate(zip(robot.joints, plant.axes, strict=True), start=1):
+        known[f"Im{number}"] = axis.rotor_inertia_kg_m2
+        known[f"fc_{joint.name}"] = axis.coulomb_nm
+        known[f"fv_{joint.name}"] = axis.viscous_nm_s
+        known[f"Ia{number}"] = 0.0  # a plant's rotors stand where the robot file says
+        known |= {f"{side}_{joint.name}": axis.coulomb_nm for side in ("fcp", "fcn")}
+        known |= {f"{term}_{joint.name}": 0.0 for term in ("fo", "f3", "fcr", "fs", "fcT", "fvT")}
+    if plant.spring is not None:
+        known["k_spring"] = plant.spring.stiffness_n_per_m
+        known["P0_spring"] = plant.spring.stiffness_n_per_m * plant.spring.free_length_m
+    unknown = [name for name in model.parameter_names if name not in known]
+    if unknown:
+        raise ConfigError(f"plant {plant.name}: says nothing of {', '.join(unknown)}")
+    return np.array([known[name] for name in model.parameter_names])
+
+
+def _rotors_on(link: int, robot: RobotDescription, plant: PlantConfig) -> FloatArray:
+    """Return the polar inertias of the rotors that ride on a link, (3, 3) [kg m^2]."""
+    lumped = np.zeros((3, 3))
+    for joint, axis in zip(robot.joints, plant.axes, strict=True):
+        if joint.rotor is not None and joint.rotor.link == link:
+            lumped += axis.rotor_inertia_kg_m2 * np.outer(joint.rotor.axis, joint.rotor.axis)
+    return lumped

@@ -1,0 +1,71 @@
+"""What the preflight looks at on the bus itself: its transmit queue, and who else sends on it."""
+
+from __future__ import annotations
+
+from config.cell.cell import CellConfig
+from drivers.canopen.frames import tpdo_cob_id
+from drivers.cell import Cell
+from drivers.ports.socketcan_port import transmit_queue_frames
+from rid_daq.preflight.check_line import CheckLine
+
+LONGEST_QUEUE = 128
+SPARE_FRAMES = 2
+
+
+def bus_lines(cell: CellConfig) -> list[CheckLine]:
+    """Return whether the interface's transmit queue holds a cycle, and little more.
+
+    What waits there cannot be taken back: after a pulled cable it would go out when nobody expects
+    it. One that does not hold a cycle refuses frames. Nothing on other buses.
+    """
+    if cell.can.interface != "socketcan":
+        return []
+    least = len(cell.axes) + SPARE_FRAMES
+    found = transmit_queue_frames(cell.can.channel)
+    good = found is not None and least <= found <= LONGEST_QUEUE
+    return [
+        CheckLine(
+            where=f"socketcan:{cell.can.channel}",
+            what="transmit queue (txqueuelen)",
+            required=f"{least} to {LONGEST_QUEUE}",
+            found="unknown" if found is None else str(found),
+            verdict="ok" if good else "red",
+            next_action=f"ip link set {cell.can.channel} txqueuelen {max(10, least)}",
+        )
+    ]
+
+
+def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
+    """Return who else sends on the bus: with a drive's identifier, or with one of nobody's.
+
+    A frame of nobody now and then is told; more than one a cycle loads the bus.
+    """
+    axes, limit = opened.axes, opened.config.supervision.second_answers_limit
+    counts = zip(axes.second_answers.tolist(), axes.contradictions.tolist(), strict=True)
+    lines = [
+        CheckLine(
+            where=f"{axis.joint}, node {axis.node_id}",
+            what="cycles with a second answer",
+            required=f"< {limit}, none that differs",
+            found=f"{second}, {different} with another" if second else "0",
+            verdict="red" if different or second >= limit else "ok",
+            next_action=f"two devices send with the identifier of node {axis.node_id}: look for"
+            " another drive with this node id, and for a program or gateway that sends"
+            f" {tpdo_cob_id(axis.node_id):03X}h",
+            of_drive=True,
+        )
+        for axis, (second, different) in zip(opened.config.axes, counts, strict=True)
+    ]
+    if axes.unexpected_frames:
+        many = axes.unexpected_frames > cycles
+        lines.append(
+            CheckLine(
+                where=opened.config.can.channel,
+                what="frames of nobody in the cell",
+                required="0",
+                found=axes.bus_notes()[-1],
+                verdict="red" if many else "shown",
+                next_action="take the device or program that sends them off the bus" * many,
+            )
+        )
+    return lines

@@ -1,0 +1,190 @@
+"""What the preflight has to say of this computer: disk, clock, scheduling."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import multiprocessing
+import os
+import shutil
+import tempfile
+import time
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from acquisition.session.record import FREE_BYTES
+from acquisition.task.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY, become_realtime
+from config.errors import RecordingError
+from config.process.termination import ignore_termination, termination_held
+from drivers.ports.clock import MonotonicClock
+from rid_daq.preflight.check_line import CheckLine
+
+WRITE_BYTES = 4 << 20
+SLOWEST_BYTES_S = 1e6
+LONGEST_WRITE_S = 5.0
+FIRST_YEAR = 2025
+_LEARNING, _SLEEPS = 150, 50
+_SLEEP_S = 0.002
+_CLOCK_SOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
+
+
+def computer_lines(runs: Path) -> list[CheckLine]:
+    """Return the lines of this computer; a file is written into the runs' folder and removed."""
+    folder = next(path for path in (runs.absolute(), *runs.absolute().parents) if path.exists())
+    return [_room(runs, folder), _speed(runs, folder), *_clock(), *_privileges()]
+
+
+def _room(runs: Path, folder: Path) -> CheckLine:
+    free = shutil.disk_usage(folder).free
+    return CheckLine(
+        where=str(runs),
+        what="free disk",
+        required=f"≥ {FREE_BYTES >> 20} MB",
+        found=f"{free >> 20} MB",
+        verdict="ok" if free >= FREE_BYTES else "red",
+        next_action="make room, or choose another folder with --runs",
+    )
+
+
+def _speed(runs: Path, folder: Path) -> CheckLine:
+    """Write some megabytes and wait until they are on the disk."""
+    required = f"≥ {SLOWEST_BYTES_S / 1e6:.0f} MB/s, ≤ {LONGEST_WRITE_S:g} s"
+    action = "choose a faster disk with --runs: recording must never wait longer than its buffer"
+    try:
+        taken_s = write_seconds(folder, WRITE_BYTES)
+    except RecordingError as error:
+        other = "choose another folder with --runs, or let this user write to it"
+        return CheckLine(str(runs), "writing to disk", required, str(error), "red", other)
+    rate = WRITE_BYTES / taken_s
+    good = rate >= SLOWEST_BYTES_S and taken_s <= LONGEST_WRITE_S
+    return CheckLine(
+        where=str(runs),
+        what="writing to disk",
+        required=required,
+        found=f"{rate / 1e6:.0f} MB/s, {taken_s:.2f} s",
+        verdict="ok" if good else "red",
+        next_action="" if good else action,
+    )
+
+
+def write_seconds(folder: Path, size: int) -> float:
+    """Return how long it takes to write so many bytes to the disk behind a folder [s].
+
+    Raises
+    ------
+    RecordingError
+        They cannot be written there.
+    """
+    try:
+        with tempfile.NamedTemporaryFile(dir=folder, prefix=".rid-daq-speed-") as file:
+            block = os.urandom(1 << 16)
+            began_s = time.monotonic()
+            for _ in range(size // len(block)):
+                file.write(block)
+            file.flush()
+            os.fsync(file.fileno())
+            return max(time.monotonic() - began_s, 1e-6)
+    except OSError as error:
+        raise RecordingError(f"{folder}: cannot be written to: {error.strerror}") from None
+
+
+def _clock() -> list[CheckLine]:
+    year = time.gmtime().tm_year
+    set_right = year >= FIRST_YEAR
+    source = _CLOCK_SOURCE.read_text().strip() if _CLOCK_SOURCE.exists() else "unknown"
+    return [
+        CheckLine(
+            where="this computer",
+            what="date",
+            required=f"{FIRST_YEAR} or later",
+            found=time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
+            verdict="ok" if set_right else "red",
+            next_action="" if set_right else "set the clock: runs would be named by a wrong date",
+        ),
+        CheckLine(
+            "this computer",
+            "clock source; a cycle begins late by, median and worst",
+            "",
+            f"{source}; {_lateness()}",
+            "shown",
+        ),
+    ]
+
+
+def _lateness() -> str:
+    """Return how late sleeps end in a process that asks for all that the cyclic task asks for."""
+    context = multiprocessing.get_context("spawn")
+    pipe, theirs = context.Pipe()
+    process = context.Process(target=sleep_like_the_task, args=(theirs,), daemon=True)
+    try:
+        with termination_held():
+            process.start()
+        theirs.close()
+        late_s: list[float] = pipe.recv()
+    except EOFError:  # it was killed
+        return "not measured"
+    finally:
+        pipe.close()
+        if process.pid is not None:
+            process.kill()
+            process.join()
+    late_s.sort()
+    return f"{1e3 * late_s[_SLEEPS // 2]:.3f} ms, {1e3 * late_s[-1]:.2f} ms"
+
+
+def sleep_like_the_task(pipe: Connection) -> None:
+    """Sleep again and again, the main function of a process; send how late each sleep ended [s]."""
+    ignore_termination()
+    become_realtime()
+    clock = MonotonicClock()
+    late_s = []
+    for _ in range(_LEARNING + _SLEEPS):
+        due_s = clock.now_s() + _SLEEP_S
+        clock.sleep_until(due_s)
+        late_s.append(clock.now_s() - due_s)
+    with contextlib.suppress(OSError):  # a program that was interrupted does not wait for it
+        pipe.send(late_s[_LEARNING:])
+
+
+def _privileges() -> list[CheckLine]:
+    """Try what the cyclic task asks for, and give it back."""
+    return [
+        CheckLine("this computer", "real-time scheduling", "", _try_fifo(), "shown"),
+        CheckLine("this computer", "locked memory", "", _try_lock(), "shown"),
+        CheckLine(
+            "this computer", "processors kept awake", "", try_awake(PROCESSOR_LATENCY), "shown"
+        ),
+    ]
+
+
+def _try_fifo() -> str:
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(SCHEDULER_PRIORITY))
+    except OSError:
+        return "refused: cycles may be late under load; raise the limit rtprio for this user"
+    os.sched_setscheduler(0, policy, parameters)
+    return "allowed"
+
+
+def _try_lock() -> str:
+    buffer = ctypes.create_string_buffer(1 << 20)
+    libc = ctypes.CDLL(None, use_errno=True)
+    size = ctypes.c_size_t(len(buffer))
+    if libc.mlock(buffer, size) != 0:
+        return "refused: raise the limit memlock for this user"
+    libc.munlock(buffer, size)
+    return "allowed"
+
+
+def try_awake(latency: Path) -> str:
+    """Return whether processors can be kept awake through `acquisition.task.realtime`'s file."""
+    try:
+        os.close(os.open(latency, os.O_WRONLY | os.O_CLOEXEC))
+    except FileNotFoundError:
+        return f"this system has no {latency}"
+    except OSError as error:
+        return (
+            f"refused: cycles begin later ({latency}: {error.strerror}); let this user write to it"
+        )
+    return "allowed"

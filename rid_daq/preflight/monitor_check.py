@@ -1,0 +1,107 @@
+"""What the preflight has to say of the drive monitor: who answers, temperatures, nominal data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from config.cell.cell import CellConfig
+from config.cell.drive_profile import DriveProfile
+from config.cell.monitor import MonitorConfig
+from config.errors import DriverError
+from config.robot.robot import RobotDescription
+from drivers.interfaces import MonitorReading, MotorData
+from drivers.modbus.drive_monitor import open_drive_monitor
+from rid_daq.preflight.check_line import CheckLine
+
+KELVIN_AT_0_C = 273.15
+CONSTANT_TOLERANCE = 0.01
+
+
+def monitor_lines(
+    cell: CellConfig, robot: RobotDescription, profile: DriveProfile | None
+) -> list[CheckLine]:
+    """Ask every drive once; nothing where the cell has no monitor."""
+    monitor = cell.monitor
+    if monitor is None or profile is None:
+        return []
+    link = monitor.link
+    where = f"{link.host}:{link.port}" if link.kind == "tcp" else link.address
+    plain = link.kind == "tcp" and link.tls is None and link.host not in ("127.0.0.1", "localhost")
+    lines = [
+        CheckLine(
+            where,
+            "drive monitor, encryption",
+            "",
+            "none: keep this network apart" if plain else "not needed or in use",
+            "shown",
+        )
+    ]
+    try:
+        with open_drive_monitor(monitor, profile) as drives:
+            reading = drives.read()
+            lines += _temperatures(cell, monitor, reading)
+            motors = drives.motors() if not reading.problems else ()
+    except DriverError as error:
+        return [
+            *lines,
+            CheckLine(where, "drive monitor", "answers", str(error), "red", _REACH),
+        ]
+    return lines + _constants(cell, robot, motors)
+
+
+_REACH = "check monitor.link, monitor.units and the drives' own Modbus settings"
+
+
+def _temperatures(
+    cell: CellConfig, monitor: MonitorConfig, reading: MonitorReading
+) -> list[CheckLine]:
+    problems = iter(reading.problems)
+    lines = []
+    for axis, unit, value in zip(
+        cell.axes, monitor.units, reading.temperature_k.tolist(), strict=True
+    ):
+        answered = math.isfinite(value)
+        cool = answered and value <= monitor.warmest_k
+        lines.append(
+            CheckLine(
+                where=f"{axis.joint}, node {axis.node_id}",
+                what="motor temperature [°C]",
+                required=f"≤ {monitor.warmest_k - KELVIN_AT_0_C:.0f}",
+                found=f"{value - KELVIN_AT_0_C:.1f}" if answered else f"unit {unit}: none",
+                verdict="ok" if cool else "red",
+                next_action=""
+                if cool
+                else ("let the motor cool down" if answered else f"{next(problems, '')}; {_REACH}"),
+                of_drive=True,
+            )
+        )
+    return lines
+
+
+def _constants(
+    cell: CellConfig, robot: RobotDescription, motors: Sequence[MotorData]
+) -> list[CheckLine]:
+    """Compare the drives' torque constants with the robot file's, which identification uses."""
+    lines = []
+    for axis, joint, motor in zip(cell.axes, robot.joints, motors, strict=bool(motors)):
+        said = motor.torque_constant_nm_per_a
+        wanted = joint.torque_constant_nm_per_a
+        if math.isnan(said):
+            continue
+        found = said * abs(joint.gear_ratio)
+        good = wanted is None or abs(found / wanted - 1.0) <= CONSTANT_TOLERANCE
+        lines.append(
+            CheckLine(
+                where=f"{axis.joint}, node {axis.node_id}",
+                what="torque constant, gear included [N m/A]",
+                required="" if wanted is None else f"{wanted:.4g}",
+                found=f"{found:.4g}",
+                verdict="shown" if wanted is None else ("ok" if good else "red"),
+                next_action=""
+                if good
+                else "correct torque_constant_nm_per_a in the robot file, or the drives' profile",
+                of_drive=True,
+            )
+        )
+    return lines

@@ -1,0 +1,101 @@
+"""Runs of a motion as they were driven: planned samples, feedforward, and what was measured."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples
+from acquisition.runs.folder import RunFolder
+from compensation.feedforward.file import LARGEST_FILE_BYTES, FeedforwardFile, read_feedforward
+from config.cell.cell import CellConfig
+from config.errors import ConfigError, DataQualityError
+from config.formats.bounded_file import read_file
+from config.load import load_bundled_or_path, load_motion
+from config.motion.motion import AnyMotion
+from rid_daq.runs.run_data import CELL, FEEDFORWARD, MOTION, RunData, read_run
+
+
+@dataclass(frozen=True)
+class MotionRun:
+    """A run of this program's own, with the motion that it drove.
+
+    Attributes
+    ----------
+    data : RunData
+        What was measured, and the robot.
+    cell : CellConfig
+        The cell as used.
+    motion : AnyMotion
+        The motion file as used.
+    file : FeedforwardFile or None
+        What pre-compensated it, where something did.
+    """
+
+    data: RunData
+    cell: CellConfig
+    motion: AnyMotion
+    file: FeedforwardFile | None
+
+    @property
+    def run_id(self) -> str:
+        """The run's id."""
+        return self.data.folder.run_id
+
+    def samples(self) -> MotionSamples:
+        """Return the motion as it was planned, with its feedforward."""
+        planned = plan_motion(self.motion, self.data.robot, self.cell.cycle_time_s)
+        return planned if self.file is None else self.file.onto(planned)
+
+    @property
+    def use(self) -> str:
+        """Say whether this motion's own runs have made its feedforward."""
+        if self.file is None:
+            return "plain"
+        origin = self.file.origin
+        if origin.refinements:
+            times = len(origin.refinements)
+            return f"refined {times} time{'' if times == 1 else 's'}"
+        if origin.tuning is not None and origin.tuning.same_motion:
+            return "tuned on it"
+        return "never used"
+
+
+def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun:
+    """Read a run with its motion; `unfinished` as in `read_run`.
+
+    Raises
+    ------
+    ConfigError, DataQualityError, RecordingError
+        It has none, or cannot be read.
+    """
+    data = read_run(folder, unfinished=unfinished)
+    paths = [folder.file(name) for name in (CELL, MOTION)]
+    if not all(path.exists() for path in paths):
+        raise DataQualityError(
+            f"run {folder.run_id} says nothing of where the robot should have been: a run of this"
+            " program's own is needed"
+        )
+    ahead = folder.file(FEEDFORWARD)
+    return MotionRun(
+        data=data,
+        cell=load_bundled_or_path(str(paths[0]), "cells", CellConfig),
+        motion=load_motion(paths[1]),
+        file=read_feedforward(ahead) if ahead.exists() else None,
+    )
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read.
+    """
+    try:
+        return hashlib.sha256(read_file(path, LARGEST_FILE_BYTES)).hexdigest()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None

@@ -1,0 +1,294 @@
+"""What a run folder holds, as the objects that the commands work on.
+
+Whatever reads a run reads it here: files that do not belong to it are refused, and a run that was
+never finished is used only where that is asked for.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquisition.csv.read import import_csv
+from acquisition.csv.report import ImportReport
+from acquisition.journal.cycles import read_journal
+from acquisition.journal.header import JournalHeader
+from acquisition.journal.mcap_writer import being_written
+from acquisition.journal.monitor import as_warm_as_measured
+from acquisition.journal.monitor_row import MONITOR
+from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
+from acquisition.processing.plate_alignment import with_plate
+from acquisition.recording.recording import Recording
+from acquisition.runs.catalogue import list_runs
+from acquisition.runs.folder import RECORDING, RunFolder, RunStatus
+from config.errors import ConfigError, DataQualityError, LockedError, RecordingError
+from config.load import load_bundled_or_path, load_robot
+from config.motion.import_map import ImportMap
+from config.robot.robot import RobotDescription
+from rid_daq.report.result import RESULT, Result, new_result, read_result
+from rid_daq.report.sections import run_section
+from rid_daq.terminal.console import Console
+
+SOURCE = "source.csv"
+MAP = "map.yaml"
+ROBOT = "robot.yaml"
+CELL = "cell.yaml"
+MOTION = "motion.yaml"
+FEEDFORWARD = "feedforward.json"
+PLANT = "plant.yaml"
+READ = (
+    *(RECORDING, PLATE_RECORDING, MONITOR, SOURCE, MAP),
+    *(ROBOT, CELL, MOTION, FEEDFORWARD, PLANT),
+)
+"""What commands read of a run: it must be what the run was made with."""
+
+Unfinished = Annotated[
+    bool,
+    typer.Option(
+        "--unfinished",
+        help="Use a run that was never finished too, as a killed program leaves it; the report says"
+        " so.",
+    ),
+]
+"""The option of every command that reads runs."""
+
+
+@dataclass(frozen=True)
+class RunData:
+    """A run's recording and robot.
+
+    Attributes
+    ----------
+    folder : RunFolder
+        Where they come from.
+    recording : Recording
+        What was measured, or imported.
+    robot : RobotDescription
+        The robot as used in that run.
+    import_report : ImportReport or None
+        What the import left out, for an imported run.
+    damage : tuple of str
+        What the recording has lost, one sentence each.
+    """
+
+    folder: RunFolder
+    recording: Recording
+    robot: RobotDescription
+    import_report: ImportReport | None = None
+    damage: tuple[str, ...] = ()
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether the recording holds whole periods to average."""
+        return self.recording.samples_per_period is not None
+
+
+def read_run(folder: RunFolder, *, unfinished: bool = False) -> RunData:
+    """Read a run's recording and robot.
+
+    An imported run keeps the file as it came, with its map, and is read by them every time. Where
+    the drives told their temperatures, torques are those of warm torque constants.
+
+    Parameters
+    ----------
+    folder
+        The run.
+    unfinished
+        Whether a run that was never finished will do.
+
+    Raises
+    ------
+    RecordingError
+        The folder holds no recording, or it cannot be read; or a file in it is not the run's own.
+    LockedError
+        It is still being recorded.
+    DataQualityError
+        The run was never finished, and `unfinished` is not set.
+    """
+    if not (folder.file(RECORDING).exists() or folder.file(SOURCE).exists()):
+        raise RecordingError(
+            f"{folder.path}: holds neither {RECORDING} nor {SOURCE}; nothing was recorded in this"
+            " run"
+        )
+    recorded = folder.file(RECORDING).exists()
+    if recorded and being_written(folder.file(RECORDING)):
+        raise LockedError(f"{folder.path}: is still being recorded; wait until it has ended")
+    if not unfinished and folder.manifest().status == RunStatus.UNFINISHED:
+        raise DataQualityError(
+            f"{folder.path}: was never finished: the program ended before the run did. Write what"
+            f" is readable as a new run: `rid-daq recover {folder.path}`; or use it as it is:"
+            " --unfinished"
+        )
+    require_own(folder)
+    robot = load_robot(str(folder.file(ROBOT)))
+    if recorded:
+        journal = read_journal(folder.file(RECORDING))
+        _require_header(folder, journal.header, robot)
+        recording, cold = as_warm_as_measured(journal.recording(), folder.path, robot)
+        recording, notes = _with_plate(folder, recording)
+        notes = (*cold, *notes)
+        return RunData(folder, recording, robot, damage=(*journal.damage.notes, *notes))
+    import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
+    recording, report = import_csv(folder.file(SOURCE), import_map, robot, run_id=folder.run_id)
+    return RunData(folder, replace(recording, robot_name=robot.name), robot, report)
+
+
+def require_own(folder: RunFolder) -> None:
+    """Refuse a run with a file that is not the one it was made with.
+
+    Raises
+    ------
+    RecordingError
+        There is one; the message names it, whose it is where that is known, and what to do.
+    """
+    for name, what in folder.differences(READ).items():
+        path = folder.file(name)
+        whose = _whose(folder, name)
+        words = f"{path}: {what}{whose}."
+        if "put into" in what:
+            raise RecordingError(f"{words} Take it out of the folder")
+        if path.suffix == ".mcap" and path.exists() and not whose:
+            raise RecordingError(
+                f"{words} Put the original back, or write what is readable of it as a new run:"
+                f" `rid-daq recover {folder.path}`"
+            )
+        again = "import" if folder.file(SOURCE).exists() else "record"
+        raise RecordingError(
+            f"{words} Put the original back; if the new one is right, {again} a run with it"
+        )
+
+
+def _whose(folder: RunFolder, name: str) -> str:
+    """Say which run beside this one has the file; empty where none has."""
+    if not folder.file(name).exists():
+        return ""
+    for other, manifest in list_runs(folder.path.parent):
+        if other.run_id != folder.run_id and name in manifest.files:
+            if not (folder.holds(name, manifest.files[name])):
+                continue
+            return f"; it is that of run {other.run_id} ({manifest.label})"
+    return ""
+
+
+def _require_run(folder: RunFolder, name: str, run_id: str) -> None:
+    """Refuse a recording whose header names another run; old ones name none."""
+    if run_id not in ("", folder.run_id):
+        raise RecordingError(
+            f"{folder.file(name)}: belongs to run {run_id}, not to {folder.run_id}: put the"
+            " original back"
+        )
+
+
+def _require_header(folder: RunFolder, header: JournalHeader, robot: RobotDescription) -> None:
+    """Refuse a recording that says that it is of another run or robot."""
+    _require_run(folder, RECORDING, header.run_id)
+    path = folder.file(RECORDING)
+    if header.joint_names != robot.joint_names or header.robot_name not in ("", robot.name):
+        raise RecordingError(
+            f"{path}: is of robot {header.robot_name!r} with the joints"
+            f" {', '.join(header.joint_names)}; {ROBOT} beside it describes {robot.name!r}:"
+            f" put the {ROBOT} back that it was recorded with"
+        )
+
+
+def lacks(runs: Sequence[RunData]) -> list[str]:
+    """Return what runs lack, one sentence each: their end, rows that are lost."""
+    said = []
+    for data in runs:
+        manifest = data.folder.manifest()
+        name = manifest.label or data.folder.run_id
+        match manifest.status:
+            case RunStatus.UNFINISHED:
+                said.append(f"{name}: was never finished: its end is missing")
+            case RunStatus.STOPPED:
+                said.append(f"{name}: was stopped before its end")
+            case RunStatus.RECOVERED:
+                lost = manifest.facts.get("rows_lost", 0)
+                said.append(f"{name}: was recovered; {lost} rows are known to be lost")
+            case _:
+                pass
+        said += [f"{name}: {note}" for note in data.damage]
+    return said
+
+
+def tell_lacks(console: Console, runs: Sequence[RunData]) -> list[str]:
+    """Say what runs lack, and return it."""
+    said = lacks(runs)
+    for note in said:
+        console.say(f"note: {note}")
+    return said
+
+
+def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tuple[str, ...]]:
+    """Return a recording with its force plate's side, and what that has lost."""
+    path = folder.file(PLATE_RECORDING)
+    if not path.exists():
+        return recording, ()
+    try:
+        rows = read_plate_journal(path)
+        both = with_plate(recording, rows)
+    except (DataQualityError, RecordingError) as error:
+        return recording, (f"force plate: not used: {error}",)
+    _require_run(folder, PLATE_RECORDING, rows.header.run_id)
+    return both, tuple(f"force plate: {note}" for note in rows.damage.notes)
+
+
+def note_output(folder: RunFolder, output: Path) -> None:
+    """Note a file that was written in the manifest, where it is a file of the run's folder.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read or noted.
+    """
+    if output.resolve().parent == folder.path.resolve():
+        with contextlib.suppress(ConfigError):  # no name of a run's file: a stray
+            folder.write(output.name, output.read_bytes())
+
+
+def result_of(data: RunData, notes: Sequence[str] = ()) -> Result:
+    """Return a run's result document, or a first one where it has none yet.
+
+    Parameters
+    ----------
+    data
+        The run.
+    notes
+        What the runs lack that the new part of the document rests on.
+
+    Raises
+    ------
+    RecordingError
+        There is one, and it cannot be read.
+    """
+    result = read_result(data.folder) if data.folder.file(RESULT).exists() else _first_result(data)
+    result.pop("notes", None)
+    return result | {"notes": list(notes)} if notes else result
+
+
+def _first_result(data: RunData) -> Result:
+    manifest = data.folder.manifest()
+    result = new_result(f"Run {manifest.label}", data.robot.name)
+    section = run_section("recording", "As recorded.", data.recording, data.robot)
+    if data.import_report is not None:
+        report = data.import_report
+        section["sentence"] = "; ".join(report.lines()[:2]) + "."
+        section["bad_rows"] = [
+            {
+                "rows": f"{rows.first}-{rows.last}" if rows.last > rows.first else str(rows.first),
+                "count": rows.count,
+                "reason": ", ".join(
+                    f"{count} {reason} (row {example.row}: {example.detail})"
+                    for (reason, count), example in zip(rows.counts, rows.examples, strict=True)
+                ),
+            }
+            for rows in report.damaged
+        ]
+    result["runs"] = [section]
+    result["timing"] = {"created_utc": manifest.created_utc, "run_ids": [manifest.run_id]}
+    return result

@@ -1,0 +1,113 @@
+"""`RunQuality`: whether what was recorded is whole enough to go on with, and what is left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import JsonValue
+
+from acquisition.motion.samples import Phase
+from acquisition.processing.periods import MISSING_FRACTION_LIMIT, PeriodAverage, average_periods
+from acquisition.recording.recording import Recording
+from config.errors import DataQualityError
+
+
+@dataclass(frozen=True)
+class RunQuality:
+    """What a whole recording has lost.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    rows : int
+        Rows of the motion.
+    lost : tuple of int
+        How many of them hold no valid answer, of each joint.
+    average : PeriodAverage or None
+        Its mean period, where it is periodic and good enough.
+    trouble : str
+        Why it is not good enough; empty where it is.
+    """
+
+    joint_names: tuple[str, ...]
+    rows: int
+    lost: tuple[int, ...]
+    average: PeriodAverage | None = None
+    trouble: str = ""
+
+    @property
+    def good(self) -> bool:
+        """Whether the commands that come next take it."""
+        return not self.trouble
+
+    def sentences(self) -> list[str]:
+        """Say what is lost and what is left out; nothing where nothing is."""
+        said = []
+        if any(self.lost):
+            lost = zip(self.lost, self.joint_names, strict=True)
+            counts = ", ".join(f"{count} of {name}" for count, name in lost if count)
+            said.append(f"Answers lost in {self.rows} rows of the motion: {counts}.")
+        if self.average is not None:
+            if self.average.missing_samples:
+                said.append(
+                    f"{self.average.missing_samples} single rows are left out of the mean period."
+                )
+            said += [
+                f"Period {period.number} is left out: {period.reason}."
+                for period in self.average.rejected
+            ]
+        return said
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Return it as a command's document has it."""
+        rejected = () if self.average is None else self.average.rejected
+        return {
+            "good": self.good,
+            "trouble": self.trouble,
+            "rows": self.rows,
+            "lost_answers": dict(zip(self.joint_names, self.lost, strict=True)),
+            "periods_kept": None if self.average is None else self.average.periods_kept,
+            "rejected": [{"index": each.index, "reason": each.reason} for each in rejected],
+        }
+
+
+def run_quality(recording: Recording) -> RunQuality:
+    """Judge a recording of a motion that ran to its end.
+
+    A periodic one is good enough where its periods can be averaged, any other where no joint's
+    answers are missing in more than 2 % of the rows of the motion.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was measured by the program itself.
+    """
+    rows = int(recording.sample_index.max(initial=-1)) + 1
+    there = np.zeros((rows, len(recording.joint_names)), dtype=np.bool_)
+    row, joint = np.nonzero(recording.valid_of_joints & (recording.sample_index >= 0)[:, None])
+    there[recording.sample_index[row], joint] = True  # once or more: a path's end is waited for
+    lost = tuple(int(count) for count in rows - there.sum(axis=0))
+    average, trouble = None, ""
+    if _periods(recording) >= 2:
+        try:
+            average = average_periods(recording)
+        except DataQualityError as error:
+            trouble = str(error)
+    elif max(lost) > MISSING_FRACTION_LIMIT * rows:
+        worst = int(np.argmax(lost))
+        trouble = (
+            f"joint {recording.joint_names[worst]!r}: {lost[worst]} of {rows} rows of the motion"
+            f" are missing or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much: look"
+            " for lost frames on the bus"
+        )
+    return RunQuality(recording.joint_names, rows, lost, average, trouble)
+
+
+def _periods(recording: Recording) -> int:
+    """Return how many main periods a recording has, begun ones too."""
+    if recording.samples_per_period is None:
+        return 0
+    main = recording.sample_index[(recording.phase == Phase.MAIN) & (recording.sample_index >= 0)]
+    return 0 if not len(main) else -(-(int(np.ptp(main)) + 1) // recording.samples_per_period)

@@ -1,0 +1,197 @@
+"""The cell that a command works on: held alone, its mock hardware started where it is needed."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from config.cell.cell import CellConfig
+from config.errors import ConfigError, TransportError
+from config.load import LoadedCell
+from config.simulation.faults import NO_SCRIPT, FaultScript
+from rid_daq.preflight.sheet_check import refuse_unfit_sheets
+from rid_daq.session.session import hold_cell
+
+if TYPE_CHECKING:
+    from mock_hw.cell import SimulatedCell
+
+
+CellName = Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")]
+"""The argument of every command that works on a cell."""
+
+Realtime = Annotated[
+    bool,
+    typer.Option("--realtime", help="A simulated cell at the clock's pace, not as fast as it can."),
+]
+"""An option of the commands that move a cell."""
+
+Seed = Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")]
+"""An option of the commands that move a cell."""
+
+
+@contextlib.contextmanager
+def reachable_cell(
+    loaded: LoadedCell,
+    *,
+    realtime: bool = False,
+    seed: int = 0,
+    unmodelled: bool = True,
+    payload: str | None = None,
+    faults: FaultScript = NO_SCRIPT,
+    any_sheets: bool = False,
+) -> Iterator[CellConfig]:
+    """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
+
+    A real cell, and a simulated one that `rid-daq mock` serves, are taken as they are. Otherwise
+    a simulated cell's mock hardware is started on a bus of this session's own.
+
+    Parameters
+    ----------
+    loaded
+        The cell file and what it names.
+    realtime
+        Let mock hardware run at the clock's pace instead of as fast as it can.
+    seed
+        Of the mock hardware's noise.
+    unmodelled
+        Whether the plant has the effects that no model has.
+    payload
+        What hangs at a simulated robot's flange, by its name in the plant file.
+    faults
+        What goes wrong in mock hardware.
+    any_sheets
+        Whether the caller itself says what the drives' data sheets lack.
+
+    Raises
+    ------
+    ConfigError
+        There is no such payload, or no mock hardware started here that it could be mounted on, or
+        that could have faults.
+    PreflightError
+        By its data sheet a drive cannot do what it is needed for.
+    LockedError
+        Another session holds the cell.
+    TransportError
+        The mock hardware does not start.
+    """
+    with mountable_cell(
+        loaded,
+        realtime=realtime,
+        seed=seed,
+        unmodelled=unmodelled,
+        payload=payload,
+        faults=faults,
+        any_sheets=any_sheets,
+    ) as (cell, _):
+        yield cell
+
+
+@contextlib.contextmanager
+def mountable_cell(
+    loaded: LoadedCell,
+    *,
+    realtime: bool = False,
+    seed: int = 0,
+    unmodelled: bool = True,
+    payload: str | None = None,
+    faults: FaultScript = NO_SCRIPT,
+    any_sheets: bool = False,
+) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
+    """Yield the cell as `reachable_cell` does, and its mock hardware where that was started here.
+
+    Payloads can be mounted on the latter while it runs. Parameters and errors as there.
+    """
+    cell = loaded.config
+    refuse_one_process(cell)
+    if not any_sheets:
+        refuse_unfit_sheets(loaded)
+    if not cell.simulated or is_served(cell):
+        if payload is not None:
+            raise ConfigError(
+                f"cell {cell.name}: its robot is not started here, so nothing can be mounted on its"
+                " flange: leave --payload out, or give it to `rid-daq mock`"
+            )
+        if faults is not NO_SCRIPT:
+            raise ConfigError(
+                f"cell {cell.name}: its devices are not started here, so nothing can be made to go"
+                " wrong in them: leave --faults out, or give it to `rid-daq mock`"
+            )
+        with hold_cell(cell):
+            yield _as_served(cell), None
+        return
+    from mock_hw.bus.served_bus import SIMULATED
+    from mock_hw.cell import SimulatedCell
+
+    if loaded.plant is None:
+        raise ConfigError(f"cell {cell.name}: a simulated cell needs plant")
+    with (
+        SimulatedCell(
+            cell,
+            loaded.robot,
+            loaded.plant if payload is None else loaded.plant.with_payload(payload),
+            realtime=realtime or cell.can.interface != SIMULATED,
+            seed=seed,
+            unmodelled=unmodelled,
+            profile=loaded.amplifier_profile,
+            drive_profile=loaded.drive_profile,
+            faults=faults,
+        ) as simulated,
+        hold_cell(simulated.cell),
+    ):
+        yield simulated.cell, simulated
+
+
+def _as_served(cell: CellConfig) -> CellConfig:
+    """Return the cell with bus and serial ports as `rid-daq mock` has made them."""
+    if not cell.simulated:
+        return cell
+    from mock_hw.bus.served_bus import as_served, served_name
+    from mock_hw.cell import on_pseudo_terminal, with_address
+    from mock_hw.host.runtime_directory import plate_path, registers_path
+
+    served = cell.model_copy(update={"can": as_served(cell.can)})
+    line = registers_path(served_name(cell))
+    if cell.monitor is not None and cell.monitor.link.kind == "rtu" and line.exists():
+        link = on_pseudo_terminal(cell.monitor.link, line)
+        monitor = cell.monitor.model_copy(update={"link": link})
+        served = served.model_copy(update={"monitor": monitor})
+    port = plate_path(served_name(cell))
+    return with_address(served, str(port)) if cell.plate and port.exists() else served
+
+
+def refuse_one_process(cell: CellConfig) -> None:
+    """Refuse a bus that does not leave a process: sessions are several.
+
+    Raises
+    ------
+    ConfigError
+        The cell's interface is `virtual`.
+    """
+    if cell.can.interface == "virtual":
+        raise ConfigError(
+            f"cell {cell.name}: can.interface virtual lives within one process, a session has"
+            " several; use rid_sim, udp_multicast, slcan or socketcan"
+        )
+
+
+def is_served(cell: CellConfig) -> bool:
+    """Return whether somebody serves the cell's simulated devices already."""
+    if cell.can.interface != "rid_sim":
+        from mock_hw.bus.served_bus import as_served, is_bus_served
+
+        return is_bus_served(as_served(cell.can))
+    from mock_hw.bus.hub_client import HubClient
+    from mock_hw.bus.hub_protocol import Role
+    from mock_hw.host.runtime_directory import socket_path
+
+    path = socket_path(cell.can.channel)
+    if not path.exists():
+        return False
+    try:
+        HubClient(path, Role.OBSERVER, timeout_s=2.0).close()
+    except TransportError:
+        return False
+    return True

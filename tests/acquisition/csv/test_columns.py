@@ -1,0 +1,193 @@
+"""Import: what a column means depends on its side, on units, and on what the robot file states."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.csv.read import import_csv
+from acquisition.csv.report import ImportReport
+from acquisition.recording.recording import Recording
+from config.errors import ConfigError, DataQualityError
+from config.motion.import_map import ImportMap
+from config.robot.robot import RobotDescription
+
+ROWS = 300
+GEARS = np.array([50.0, -20.0])
+WARMTH = np.array([0, 0, 0, 0, 0, 0, 0, 1, 1])
+COUPLING = [[1.0, 0.0], [-0.25, 1.0]]
+
+Read = Callable[..., tuple[Recording, ImportReport]]
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Read:
+    """Read a table as a file, by a map, with a robot or without."""
+
+    def read_table(
+        table: np.ndarray, import_map: ImportMap, robot: RobotDescription | None = None
+    ) -> tuple[Recording, ImportReport]:
+        path = tmp_path / "recording.csv"
+        np.savetxt(path, table, fmt="%.9f", delimiter=",")
+        return import_csv(path, import_map, robot)
+
+    return read_table
+
+
+def table() -> np.ndarray:
+    """Time; two positions; their velocities; two torques or currents; two temperatures [C]."""
+    t = 0.01 * np.arange(ROWS)
+    warmth = np.linspace(20.0, 45.0, ROWS)
+    return np.column_stack(
+        [
+            t,
+            np.sin(3.0 * t),
+            np.cos(2.0 * t),
+            3.0 * np.cos(3.0 * t),
+            -2.0 * np.sin(2.0 * t),
+            1.0 + np.sin(t),
+            np.cos(5.0 * t),
+            warmth,
+            warmth + 5.0,
+        ]
+    )
+
+
+def motor_table() -> np.ndarray:
+    """The same with positions and velocities of the motors."""
+    motor = table()
+    motor[:, 1:3] *= GEARS
+    motor[:, 3:5] *= GEARS
+    return motor
+
+
+def layout(*joints: dict[str, Any], **changes: Any) -> ImportMap:
+    two = (
+        {"joint": "a", "position": 1, "velocity": 3, "torque": 5},
+        {"joint": "b", "position": 2, "velocity": 4, "torque": 6},
+    )
+    given = [old | new for old, new in zip(two, joints or ({}, {}), strict=True)]
+    values = {
+        "name": "test",
+        "robot": "test",
+        "columns": 9,
+        "time": {"column": 0},
+        "joints": [{k: v for k, v in joint.items() if v is not None} for joint in given],
+    }
+    return ImportMap.model_validate_json(json.dumps(values | changes))
+
+
+def robot(**changes: Any) -> RobotDescription:
+    """Gears of 50 and -20, torque constants of 60 and 30 Nm/A at the link side."""
+    limits = {
+        "position_min": -3.0,
+        "position_max": 3.0,
+        "velocity": 3.0,
+        "acceleration": 9.0,
+        "torque": 99.0,
+    }
+    values: dict[str, Any] = {
+        "name": "test",
+        "kinematics": {"convention": "modified_dh", "rows": [{}, {"alpha_rad": 1.5}]},
+        "joints": [
+            {"name": "a", "limits": limits, "gear_ratio": 50.0, "torque_constant_nm_per_a": 60.0},
+            {"name": "b", "limits": limits, "gear_ratio": -20.0, "torque_constant_nm_per_a": 30.0},
+        ],
+    }
+    return RobotDescription.model_validate_json(json.dumps(values | changes))
+
+
+CURRENTS = ({"torque": None, "current": 5}, {"torque": None, "current": 6})
+
+
+class TestMotorSide:
+    def test_is_brought_over_by_the_robots_gears(self, read: Read) -> None:
+        recording, report = read(motor_table(), layout(side="motor"), robot())
+        np.testing.assert_allclose(recording.position, table()[:, 1:3], atol=1e-8)
+        np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * GEARS, atol=1e-6)
+        assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
+
+    def test_is_brought_over_by_the_maps_gear_where_it_has_one(self, read: Read) -> None:
+        import_map = layout({}, {"gear_ratio": -40.0}, side="motor")
+        recording, _ = read(motor_table(), import_map, robot())
+        np.testing.assert_allclose(recording.position, table()[:, 1:3] * [1.0, 0.5], atol=1e-8)
+
+    def test_of_a_coupled_wrist_gives_joint_positions_and_actuator_torques(
+        self, read: Read
+    ) -> None:
+        """q = C alpha (5.18); a torque is its motor's over the gear, as the model's rows are."""
+        recording, report = read(motor_table(), layout(side="motor"), robot(coupling=COUPLING))
+        a, b = table()[:, 1:3].T
+        np.testing.assert_allclose(recording.position[:, 0], a, atol=1e-8)
+        np.testing.assert_allclose(recording.position[:, 1], b - 0.25 * a, atol=1e-8)
+        np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * GEARS, atol=1e-6)
+        assert report.travel == pytest.approx(np.ptp(recording.position, axis=0).tolist())
+
+    def test_needs_gear_ratios_from_somewhere(self, read: Read) -> None:
+        with pytest.raises(ConfigError, match="side is motor, and joint 'a' has no gear_ratio"):
+            read(motor_table(), layout(side="motor"))
+        alone = layout({"gear_ratio": 50.0}, {"gear_ratio": -20.0}, side="motor")
+        recording, _ = read(motor_table(), alone)
+        np.testing.assert_allclose(recording.position, table()[:, 1:3], atol=1e-8)
+
+
+class TestLinkSide:
+    def test_positions_are_the_joints_whatever_the_coupling(self, read: Read) -> None:
+        recording, _ = read(table(), layout(), robot(coupling=COUPLING))
+        np.testing.assert_allclose(recording.position, table()[:, 1:3], atol=1e-8)
+        np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7], atol=1e-8)
+
+
+class TestCurrents:
+    @pytest.mark.parametrize(("side", "constants"), [("link", (60, 30)), ("motor", (60, -30))])
+    def test_take_the_robots_link_side_constant_in_the_motors_sense(
+        self, read: Read, side: str, constants: tuple[float, float]
+    ) -> None:
+        import_map = layout(*CURRENTS, side=side, plausible={"speed": 200.0})
+        rows = motor_table() if side == "motor" else table()
+        recording, _ = read(rows, import_map, robot())
+        np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * constants, atol=1e-6)
+
+    def test_take_the_maps_constant_first_on_the_side_of_its_columns(self, read: Read) -> None:
+        own = tuple(joint | {"torque_constant_nm_per_a": 0.5} for joint in CURRENTS)
+        recording, _ = read(motor_table(), layout(*own, side="motor"), robot())
+        np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * GEARS / 2, atol=1e-6)
+
+    def test_need_a_constant_from_somewhere(self, read: Read) -> None:
+        bare = [
+            joint.model_copy(update={"torque_constant_nm_per_a": None}) for joint in robot().joints
+        ]
+        with pytest.raises(ConfigError, match="current of joint 'a' has no torque_constant_nm_per"):
+            read(table(), layout(*CURRENTS))
+        with pytest.raises(ConfigError, match="current of joint 'a' has no torque_constant_nm_per"):
+            read(table(), layout(*CURRENTS), robot().model_copy(update={"joints": tuple(bare)}))
+
+
+class TestTemperatures:
+    @pytest.mark.parametrize(("unit", "zero"), [("C", 0.0), ("K", 273.15)])
+    def test_become_kelvin(self, read: Read, unit: str, zero: float) -> None:
+        import_map = layout({"temperature": 7}, {"temperature": 8}, units={"temperature": unit})
+        recording, _ = read(table() + zero * WARMTH, import_map)
+        assert recording.temperature_k is not None
+        np.testing.assert_allclose(recording.temperature_k[[0, -1], 0], [293.15, 318.15])
+        np.testing.assert_allclose(recording.temperature_k[:, 1] - recording.temperature_k[:, 0], 5)
+
+    @pytest.mark.parametrize(("unit", "zero"), [("C", 273.15), ("K", 0.0)])
+    def test_in_the_wrong_unit_are_absurd(self, read: Read, unit: str, zero: float) -> None:
+        import_map = layout({"temperature": 7}, {"temperature": 8}, units={"temperature": unit})
+        with pytest.raises(DataQualityError, match=r"temperature of a is .* plausible is 223\.15"):
+            read(table() + zero * WARMTH, import_map)
+
+    def test_are_unknown_without_columns(self, read: Read) -> None:
+        assert read(table(), layout())[0].temperature_k is None
+
+
+def test_a_robot_of_other_joints_is_refused(read: Read) -> None:
+    import_map = layout({}, {"joint": "c"})
+    with pytest.raises(ConfigError, match=r"reads joints a, c, robot 'test' has a, b"):
+        read(table(), import_map, robot())

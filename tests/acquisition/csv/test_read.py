@@ -1,0 +1,320 @@
+"""Import: a row that cannot be true is named and left out; a hopeless file is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from acquisition.csv.read import import_csv, refuse_rows_beyond
+from acquisition.csv.report import DamagedRow, group_damaged
+from acquisition.motion.samples import Phase
+from acquisition.processing.periods import average_periods
+from config.errors import ConfigError, DataQualityError, RidDaqError
+from config.motion.import_map import ImportMap, RowRange
+
+ROWS = 400
+W = 2.0 * math.pi * 0.5
+
+
+def two_joint_map(**changes: object) -> ImportMap:
+    values: dict[str, object] = {
+        "name": "test",
+        "robot": "test",
+        "columns": 7,
+        "time": {"column": 0},
+        "joints": [
+            {
+                "joint": "a",
+                "position": 1,
+                "velocity": 3,
+                "current": 5,
+                "torque_constant_nm_per_a": 2.0,
+            },
+            {"joint": "b", "position": 2, "velocity": 4, "torque": 6},
+        ],
+        "plausible": {"position": 10.0, "speed": 5.0, "torque": 100.0},
+    }
+    return ImportMap.model_validate_json(json.dumps(values | changes))
+
+
+def sound_table(rows: int = ROWS) -> np.ndarray:
+    t = np.cumsum(np.where(np.arange(rows) % 2, 0.010, 0.012)) + 5.0
+    return np.stack(
+        [
+            t,
+            np.sin(W * t),
+            0.5 * np.cos(W * t),
+            W * np.cos(W * t),
+            -0.5 * W * np.sin(W * t),
+            3.0 * np.sin(W * t),
+            4.0 * np.cos(W * t),
+        ],
+        axis=1,
+    )
+
+
+def as_lines(table: np.ndarray, separator: str = ",") -> list[str]:
+    return [separator.join(f"{value:.6f}" for value in row) for row in table]
+
+
+Write = Callable[[list[str] | bytes], Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def write_file(content: list[str] | bytes) -> Path:
+        path = tmp_path / "recording.csv"
+        data = content if isinstance(content, bytes) else "\n".join([*content, ""]).encode()
+        path.write_bytes(data)
+        return path
+
+    return write_file
+
+
+class TestSoundFile:
+    def test_becomes_a_recording_in_si_with_its_own_stamps(self, write: Write) -> None:
+        table = sound_table()
+        recording, report = import_csv(write(as_lines(table)), two_joint_map(), run_id="r1")
+        np.testing.assert_allclose(recording.time_s, table[:, 0], atol=1e-6)
+        np.testing.assert_allclose(recording.position, table[:, 1:3], atol=1e-6)
+        np.testing.assert_allclose(recording.torque_nm[:, 0], 2.0 * table[:, 5], atol=1e-5)
+        np.testing.assert_allclose(recording.torque_nm[:, 1], table[:, 6], atol=1e-6)
+        assert recording.joint_names == ("a", "b")
+        assert recording.source == "import"
+        assert recording.run_id == "r1"
+        assert recording.sample_period_s is None
+        assert (recording.phase == Phase.MAIN).all()
+        assert report.rows_used == report.rows_read == ROWS
+        assert report.damaged == ()
+        assert report.lines()[-1] == "no damaged rows"
+
+    def test_reports_steps_and_agreement_of_velocities(self, write: Write) -> None:
+        _, report = import_csv(write(as_lines(sound_table())), two_joint_map())
+        assert report.step_min_s == pytest.approx(0.010)
+        assert report.step_max_s == pytest.approx(0.012)
+        assert report.gaps == 0
+        assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
+        assert report.travel == pytest.approx((2.0, 1.0), rel=0.01)
+
+    @pytest.mark.parametrize(
+        ("position", "velocity", "factor"),
+        [
+            ("deg", "deg/s", 180.0 / math.pi),
+            ("rev", "rpm", 0.5 / math.pi),
+            ("mm", "mm/s", 1e3),
+        ],
+    )
+    def test_in_other_units_is_the_same_recording(
+        self, write: Write, position: str, velocity: str, factor: float
+    ) -> None:
+        table = sound_table()
+        expected = table[:, 1:3].copy()
+        table[:, 1:5] *= factor
+        if velocity == "rpm":
+            table[:, 3:5] *= 60.0
+        table[:, 0] *= 1e3
+        table[:, 5] *= 1e3
+        units = {"position": position, "velocity": velocity, "current": "mA"}
+        import_map = two_joint_map(units=units, time={"column": 0, "unit": "ms"})
+        recording, _ = import_csv(write(as_lines(table)), import_map)
+        np.testing.assert_allclose(recording.position, expected, atol=1e-5)
+        np.testing.assert_allclose(recording.time_s, table[:, 0] / 1e3, atol=1e-8)
+        np.testing.assert_allclose(recording.torque_nm[:, 0], 2e-3 * table[:, 5], atol=1e-5)
+
+    def test_of_motor_side_columns_comes_to_the_link_side(self, write: Write) -> None:
+        table = sound_table()
+        motor = table.copy()
+        motor[:, [1, 3]] *= -50.0
+        motor[:, 5] /= -50.0
+        joints = [joint.model_dump(exclude_none=True) for joint in two_joint_map().joints]
+        joints[0]["gear_ratio"] = -50.0
+        import_map = two_joint_map(joints=joints)
+        recording, _ = import_csv(write(as_lines(motor)), import_map)
+        np.testing.assert_allclose(recording.position, table[:, 1:3], atol=1e-6)
+        np.testing.assert_allclose(recording.torque_nm[:, 0], 2.0 * table[:, 5], atol=1e-3)
+
+    @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+    def test_of_a_spreadsheet_is_read_as_it_comes(
+        self, write: Write, newline: str, encoding: str
+    ) -> None:
+        lines = [line.replace(".", ",") for line in as_lines(sound_table(), ";")]
+        header = '"Zeit";"Ä";b;c;d;e;f'
+        path = write((newline.join([header, *lines]) + newline * 2).encode(encoding))
+        import_map = two_joint_map(delimiter=";", decimal=",", header_rows=1)
+        recording, report = import_csv(path, import_map)
+        assert report.rows_used == ROWS
+        np.testing.assert_allclose(recording.position, sound_table()[:, 1:3], atol=1e-6)
+
+    def test_is_read_where_the_map_says(self, write: Write) -> None:
+        rows = {"first": 101, "last": 300}
+        recording, report = import_csv(write(as_lines(sound_table())), two_joint_map(rows=rows))
+        assert report.rows_read == 200
+        np.testing.assert_allclose(recording.time_s[[0, -1]], sound_table()[[100, 299], 0])
+
+    @pytest.mark.parametrize("rows", [RowRange(first=300, last=401), RowRange(first=401)])
+    def test_is_refused_where_the_rows_asked_for_are_not(
+        self, write: Write, rows: RowRange
+    ) -> None:
+        path = write([*as_lines(sound_table()), "", ""])
+        refuse_rows_beyond(path, RowRange(first=399, last=400))
+        with pytest.raises(ConfigError, match="has 400 rows, and rows to 401 are asked for"):
+            refuse_rows_beyond(path, rows)
+
+    def test_of_a_known_period_can_be_averaged(self, write: Write) -> None:
+        lines = as_lines(sound_table(1200))
+        recording, _ = import_csv(write(lines), two_joint_map(period_s=2.0))
+        average = average_periods(recording)
+        assert average.periods_kept == 6
+        assert np.sqrt(average.position_variance).max() < 1e-4
+
+
+class TestDamagedRows:
+    def damage(self, write: Write, changes: dict[int, str]) -> tuple[list[str], np.ndarray]:
+        """Replace lines (numbered from 1), import, return the findings and the stamps kept."""
+        lines = as_lines(sound_table())
+        for row, line in changes.items():
+            lines[row - 1] = line
+        recording, report = import_csv(write(lines), two_joint_map())
+        assert report.rows_used == ROWS - report.rows_damaged
+        assert len(recording) == report.rows_used
+        return [str(rows) for rows in report.damaged], recording.time_s
+
+    def altered(self, row: int, column: int, value: str) -> str:
+        fields = as_lines(sound_table())[row - 1].split(",")
+        fields[column] = value
+        return ",".join(fields)
+
+    def test_with_another_number_of_columns(self, write: Write) -> None:
+        found, _ = self.damage(write, {50: "1.0,2.0", 51: "1,2,3,4,5,6,7,8"})
+        assert found == [
+            "rows 50-51: 2 with a wrong number of columns (row 50: 2 columns instead of 7)"
+        ]
+
+    def test_with_text_where_a_number_belongs(self, write: Write) -> None:
+        found, _ = self.damage(write, {7: self.altered(7, 2, "ERR")})
+        assert found == ["row 7: 1 without a number (row 7: column 2 is 'ERR')"]
+
+    @pytest.mark.parametrize("value", ["nan", "inf", "1e250", "-11.0"])
+    def test_with_an_absurd_value(self, write: Write, value: str) -> None:
+        found, _ = self.damage(write, {9: self.altered(9, 1, value)})
+        assert len(found) == 1
+        assert found[0].startswith("row 9: 1 with an absurd value (row 9: position of a is ")
+
+    @pytest.mark.parametrize("value", ["0.0", "3.5", "9.5", "nan", "1e9", "-1e300"])
+    def test_with_a_stamp_out_of_order(self, write: Write, value: str) -> None:
+        found, stamps = self.damage(write, {200: self.altered(200, 0, value)})
+        assert len(found) == 1
+        assert found[0].startswith("row 200: 1 with a")
+        np.testing.assert_allclose(stamps, np.delete(sound_table()[:, 0], 199), atol=1e-6)
+
+    @pytest.mark.parametrize("row", [1, 200, ROWS])
+    def test_whose_position_jumps(self, write: Write, row: int) -> None:
+        found, stamps = self.damage(write, {row: self.altered(row, 2, "9.000")})
+        assert len(found) == 1
+        assert f"row {row}: 1 whose position jumps (row {row}: position of b is 9." in found[0]
+        np.testing.assert_allclose(stamps, np.delete(sound_table()[:, 0], row - 1), atol=1e-6)
+
+    def test_a_last_stamp_far_in_the_future_leaps(self, write: Write) -> None:
+        found, _ = self.damage(write, {ROWS: self.altered(ROWS, 0, "1e6")})
+        assert found[0].startswith(f"row {ROWS}: 1 with a time stamp out of order")
+
+    def test_repeated_stamps_cost_one_row_each(self, write: Write) -> None:
+        twice = self.altered(60, 0, f"{sound_table()[58, 0]:.6f}")
+        found, _ = self.damage(write, {60: twice})
+        assert len(found) == 1
+        assert "1 with a time stamp out of order" in found[0]
+
+    def test_in_two_places_are_two_ranges(self, write: Write) -> None:
+        found, _ = self.damage(write, {20: "x", 21: "y", 300: "z"})
+        assert [text.split(":")[0] for text in found] == ["rows 20-21", "row 300"]
+
+    def test_of_several_reasons_in_a_row_are_one_range(self) -> None:
+        rows = [DamagedRow(4, "a", "x"), DamagedRow(3, "b", "y"), DamagedRow(5, "a", "z")]
+        (found,) = group_damaged(rows)
+        assert (found.first, found.last, found.count) == (3, 5, 3)
+        assert str(found) == "rows 3-5: 1 b (row 3: y), 2 a (row 4: x)"
+
+    def test_in_many_places_are_all_counted_but_not_all_listed(self, write: Write) -> None:
+        lines = as_lines(sound_table())
+        lines[::5] = ["x"] * len(lines[::5])
+        _, report = import_csv(write(lines), two_joint_map())
+        assert len(report.damaged) == report.rows_damaged == 80
+        assert report.lines()[2] == "80 damaged rows left out:"
+        assert report.lines()[-1].strip() == "... and 60 more ranges"
+
+    def test_a_pause_between_sound_stretches_is_kept(self, write: Write) -> None:
+        table = sound_table()
+        table[200:, 0] += 60.0
+        _, report = import_csv(write(as_lines(table)), two_joint_map())
+        assert report.rows_used == ROWS
+        assert report.gaps == 1
+
+    @settings(
+        deadline=None,
+        max_examples=40,
+        suppress_health_check=[HealthCheck.function_scoped_fixture],
+    )
+    @given(data=st.data())
+    def test_whatever_is_in_them_never_gets_into_the_recording(
+        self, write: Write, data: st.DataObject
+    ) -> None:
+        lines = as_lines(sound_table())
+        rows = data.draw(st.sets(st.integers(0, ROWS - 1), max_size=40))
+        for row in rows:
+            text = st.text(st.characters(codec="utf-8", exclude_characters="\r\n"), max_size=60)
+            lines[row] = data.draw(text)
+        kept = sorted(set(range(ROWS)) - rows)
+        recording, _ = import_csv(write(lines), two_joint_map())
+        np.testing.assert_allclose(recording.time_s, sound_table()[kept, 0], atol=1e-6)
+        np.testing.assert_allclose(recording.position, sound_table()[kept, 1:3], atol=1e-6)
+
+
+class TestHopelessFiles:
+    def test_more_than_half_damaged(self, write: Write) -> None:
+        lines = as_lines(sound_table())
+        lines[: ROWS // 2 + 1] = ["rubbish"] * (ROWS // 2 + 1)
+        with pytest.raises(DataQualityError, match=r"only 199 of 400 rows are sound.*rows 1-201"):
+            import_csv(write(lines), two_joint_map())
+
+    def test_too_short(self, write: Write) -> None:
+        with pytest.raises(DataQualityError, match="only 40 of 40 rows"):
+            import_csv(write(as_lines(sound_table(40))), two_joint_map())
+
+    def test_standstill(self, write: Write) -> None:
+        table = sound_table()
+        table[:, 1:5] = 0.3
+        with pytest.raises(DataQualityError, match="no joint moves more than"):
+            import_csv(write(as_lines(table)), two_joint_map())
+
+    def test_velocities_of_another_joint(self, write: Write) -> None:
+        joints = [joint.model_dump(exclude_none=True) for joint in two_joint_map().joints]
+        joints[0]["velocity"], joints[1]["velocity"] = 4, 3
+        with pytest.raises(DataQualityError, match=r"a \(column 1\) .*velocity column 4"):
+            import_csv(write(as_lines(sound_table())), two_joint_map(joints=joints))
+
+    @pytest.mark.parametrize("content", [b"", b"\n\n\n", b"\x00\xff" * 5000, b"\xff\xfe\x00"])
+    def test_not_a_recording_at_all(self, write: Write, content: bytes) -> None:
+        with pytest.raises(DataQualityError, match="rows are sound"):
+            import_csv(write(content), two_joint_map())
+
+    def test_a_missing_file(self, tmp_path: Path) -> None:
+        with pytest.raises(ConfigError, match="cannot read"):
+            import_csv(tmp_path / "none.csv", two_joint_map())
+
+    @settings(
+        deadline=None,
+        max_examples=60,
+        suppress_health_check=[HealthCheck.function_scoped_fixture],
+    )
+    @given(content=st.binary(max_size=2000))
+    def test_any_bytes_give_one_of_our_errors(self, write: Write, content: bytes) -> None:
+        with pytest.raises(RidDaqError):
+            import_csv(write(content), two_joint_map())

@@ -1,0 +1,77 @@
+"""A recording as PlotJuggler or Foxglove opens it: by the plain mcap reader and its own schemas.
+
+The decoder below knows CDR and ros2msg definitions, and nothing of this project.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.reader import make_reader
+
+from acquisition.journal.cycle_row import row_dtype
+from acquisition.journal.header import JournalHeader
+from acquisition.session.cycle_recorder import JournalWriter
+from config.cell.cell import ButterworthFilter
+
+CODES = {
+    "float64": "d", "float32": "f", "int64": "q", "uint64": "Q", "int32": "i", "uint32": "I",
+    "int16": "h", "uint16": "H", "int8": "b", "uint8": "B", "bool": "?",
+}  # fmt: skip
+
+
+def decode(definition: str, data: bytes) -> dict[str, Any]:
+    """Read a message: little-endian CDR, every primitive aligned to its size."""
+    assert data[:2] == b"\x00\x01", "CDR, little endian"
+    body, place, values = data[4:], 0, {}
+    for line in definition.splitlines():
+        text = line.split("#")[0].strip()
+        if not text or "=" in text:
+            continue
+        match = re.fullmatch(r"(\w+)(?:\[(\d+)\])?\s+(\w+)", text)
+        assert match is not None, f"not a field: {line}"
+        kind, count, name = match.groups()
+        code = CODES[kind]
+        size = struct.calcsize(code)
+        place += -place % size
+        items = struct.unpack_from(f"<{count or 1}{code}", body, place)
+        place += size * int(count or 1)
+        values[name] = list(items) if count else items[0]
+    assert place == len(body), "the definition says everything that is in the message"
+    return values
+
+
+def test_the_plain_reader_decodes_a_recording(tmp_path: Path) -> None:
+    header = JournalHeader(
+        joint_names=("axis1", "axis2", "axis3"),
+        sample_period_s=0.008,
+        samples_per_period=100,
+        torque_filter=ButterworthFilter(order=8, cutoff_hz=40.0),
+        cell_name="cell",
+        robot_name="arm",
+        run_id="01J",
+    )
+    rows = np.zeros(50, dtype=row_dtype(3))
+    rng = np.random.default_rng(2)
+    for name in rows.dtype.names or ():
+        field = rows[name]
+        field[...] = rng.integers(0, 100, field.shape)
+    rows["time_s"] = 0.008 * np.arange(50)
+    path = tmp_path / "recording.mcap"
+    with JournalWriter(path, header) as writer:
+        writer.append(rows.tobytes())
+    with path.open("rb") as file:
+        messages = list(make_reader(file, validate_crcs=True).iter_messages())
+    assert len(messages) == 50
+    for row, (schema, channel, message) in zip(rows, messages, strict=True):
+        assert schema is not None
+        assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
+        values = decode(schema.data.decode(), message.data)
+        assert set(values) == set(rows.dtype.names or ())
+        for name, value in values.items():
+            np.testing.assert_array_equal(value, row[name], err_msg=name)
+        assert message.log_time == round(float(row["time_s"]) * 1e9)

@@ -1,0 +1,239 @@
+"""Paths of lines, arcs, circles and splines: where they lead, how fast, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from acquisition.motion.cartesian_path import segment_at
+from acquisition.motion.path_geometry import stretches
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples, Phase, verify_limits
+from config.errors import ConfigError
+from config.load import load_robot
+from config.motion.path_motion import PathMotion
+from dynamics.geometry.kinematics import Chain, forward, link_transforms
+
+Array = NDArray[np.float64]
+ROBOT = load_robot("ir361")
+CHAIN = Chain.from_description(ROBOT)
+T = 0.008
+START = (0.6, -0.2, -1.7)
+LINE = {"kind": "line", "to_m": (0.6, 0.1, -1.7)}
+BEND = {"kind": "line", "to_m": (0.8, 0.1, -1.7)}
+ARC = {"kind": "arc", "through_m": (0.9, 0.0, -1.7), "to_m": (0.8, -0.1, -1.7)}
+SPLINE = {
+    "kind": "spline",
+    "through_m": ((0.75, 0.0, -1.55), (0.6, 0.1, -1.5), (0.6, -0.1, -1.65), (0.65, -0.2, -1.7)),
+}
+
+
+def path(*segments: dict[str, object], **changes: object) -> PathMotion:
+    fields = {
+        "kind": "path",
+        "robot": "ir361",
+        "start_m": START,
+        "near": (0.1, -0.1, 0.4),
+        "speed_m_s": 0.4,
+        "segments": segments,
+    }
+    return PathMotion.model_validate(fields | changes)
+
+
+def tool(samples: MotionSamples) -> Array:
+    return forward(CHAIN, samples.position)
+
+
+def rates(points: Array) -> tuple[float, float, float]:
+    """The largest speed, acceleration and jerk of the tool point, by differences."""
+    found = []
+    for _ in range(3):
+        points = np.diff(points, axis=0) / T
+        found.append(float(np.linalg.norm(points, axis=1).max()))
+    return found[0], found[1], found[2]
+
+
+def away_from(points: Array, others: Array) -> float:
+    """How far the farthest of the points is from the nearest of the others."""
+    return max(float(np.linalg.norm(others - p, axis=1).min()) for p in points)
+
+
+def test_a_line_is_straight_and_driven_within_what_was_asked() -> None:
+    samples = plan_motion(path(LINE), ROBOT, T)
+    points = tool(samples)
+    np.testing.assert_allclose(points[0], START, atol=1e-9)
+    np.testing.assert_allclose(points[-1], LINE["to_m"], atol=1e-9)
+    np.testing.assert_allclose(points[:, [0, 2]], np.tile([0.6, -1.7], (len(points), 1)), atol=1e-9)
+    speed, acceleration, jerk = rates(points)
+    assert speed == pytest.approx(0.4, rel=1e-6)
+    assert 2.0 < acceleration <= 4.0 * 1.001
+    assert jerk <= 80.0 * 1.001
+    # 0.3 m at 0.4 m/s, and each of two ramps v / a + smoothing, of which half the way is lost
+    assert (samples.phase == Phase.MAIN).sum() * T == pytest.approx(
+        0.3 / 0.4 + 0.4 / 4.0 + 1.5 * 0.1, abs=3 * T
+    )
+
+
+def test_velocity_and_acceleration_are_the_positions_own() -> None:
+    samples = plan_motion(path(LINE, BEND, ARC, SPLINE, blend_m=0.03), ROBOT, T)
+    slope = np.diff(samples.position, axis=0) / T
+    bend = np.diff(samples.velocity, axis=0) / T
+    middle = (samples.velocity[1:] + samples.velocity[:-1]) / 2.0
+    np.testing.assert_allclose(slope, middle, atol=2e-3)
+    np.testing.assert_allclose(
+        bend, (samples.acceleration[1:] + samples.acceleration[:-1]) / 2.0, atol=0.2
+    )
+    for values in (samples.velocity, samples.acceleration):
+        assert not values[[0, -1]].any()
+
+
+def test_the_tool_follows_every_segment() -> None:
+    motion = path(LINE, BEND, ARC, SPLINE)
+    points = tool(plan_motion(motion, ROBOT, T))
+    for point in ((0.6, 0.1, -1.7), (0.8, 0.1, -1.7), (0.8, -0.1, -1.7)):  # stops
+        assert away_from(np.array([point]), points) < 1e-9
+    assert away_from(np.array(SPLINE["through_m"]), points) < 2e-3  # one cycle at 0.4 m/s
+    arc = points[(points[:, 0] > 0.8001) & (abs(points[:, 2] + 1.7) < 1e-6)]
+    assert len(arc) > 50
+    np.testing.assert_allclose(np.linalg.norm(arc - [0.8, 0.0, -1.7], axis=1), 0.1, atol=1e-8)
+
+
+def test_a_corner_with_a_blend_is_driven_through_within_all_limits() -> None:
+    stopping = plan_motion(path(LINE, BEND), ROBOT, T)
+    blending = plan_motion(path(LINE, BEND, blend_m=0.05), ROBOT, T)
+    assert blending.duration_s < stopping.duration_s - 0.2
+    points = tool(blending)
+    corner = np.array(LINE["to_m"])
+    # the quintic passes the corner at 3/16 of its reach, along the bisector
+    assert np.linalg.norm(points - corner, axis=1).min() == pytest.approx(
+        0.05 * 3.0 / 16.0 * np.sqrt(2.0), abs=1e-4
+    )
+    far = np.linalg.norm(points - corner, axis=1) > 0.0501
+    on_lines = np.minimum(abs(points[:, 0] - 0.6), abs(points[:, 1] - 0.1))
+    assert on_lines[far].max() < 1e-9
+    main = points[blending.phase == Phase.MAIN]
+    speeds = np.linalg.norm(np.diff(main, axis=0), axis=1) / T
+    assert speeds[30:-30].min() > 0.1
+    speed, acceleration, _ = rates(points)
+    assert speed <= 0.4 * 1.0001
+    assert acceleration <= 4.0 * np.sqrt(2.0)  # along and across
+
+
+def test_a_blend_never_eats_more_than_half_a_segment() -> None:
+    short = {"kind": "line", "to_m": (0.6, -0.18, -1.7)}
+    motion = path(short, {"kind": "line", "to_m": (0.65, -0.18, -1.7)}, blend_m=1.0)
+    (stretch,) = stretches(motion)
+    assert [piece.label for piece in stretch.pieces] == [
+        "segment 1 (line)",
+        "the corner between segments 1 and 2",
+        "segment 2 (line)",
+    ]
+    assert stretch.pieces[0].length_m == pytest.approx(0.01)
+
+
+def test_smooth_joints_need_neither_blend_nor_stop() -> None:
+    straight_on = {"kind": "line", "to_m": (0.6, 0.2, -1.7)}
+    assert len(stretches(path(LINE, straight_on))) == 1
+    assert len(stretches(path(LINE, BEND))) == 2
+
+
+def test_a_circle_segment_closes_after_a_whole_turn() -> None:
+    turn = {"kind": "circle", "centre_m": (0.7, -0.2, -1.7), "turns": -1.0}
+    samples = plan_motion(path(turn), ROBOT, T)
+    points = tool(samples)
+    np.testing.assert_allclose(points[-1], START, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(points - [0.7, -0.2, -1.7], axis=1), 0.1, atol=1e-9)
+    assert rates(points)[1] <= 4.0 * np.sqrt(2.0)
+
+
+@pytest.mark.parametrize("speed", [0.5, 5.0])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_whatever_speed_is_asked_for_every_limit_holds(seed: int, speed: float) -> None:
+    """Splines through random points; joints bound the speed where the path does not."""
+    random = np.random.default_rng(seed)
+    box = np.array([(0.5, 0.8), (-0.3, 0.3), (-1.8, -1.4)])
+    points = tuple(tuple(p) for p in random.uniform(box[:, 0], box[:, 1], (6, 3)).tolist())
+    wild = {"acceleration_m_s2": 40.0, "jerk_m_s3": 2000.0} if speed > 1.0 else {}
+    motion = path({"kind": "spline", "through_m": points}, speed_m_s=speed, **wild)
+    samples = plan_motion(motion, ROBOT, T)
+    verify_limits(samples, ROBOT)
+    used = np.abs(samples.velocity).max(axis=0) / [j.limits.velocity for j in ROBOT.joints]
+    gained = np.abs(samples.acceleration).max(axis=0) / [
+        j.limits.acceleration for j in ROBOT.joints
+    ]
+    if speed > 1.0:
+        assert max(used.max(), gained.max()) > 0.6
+    assert rates(tool(samples))[0] <= speed * 1.0001
+
+
+def test_six_axes_keep_their_orientation_along_a_path() -> None:
+    robot = load_robot("ur10e")
+    near = (0.3, -1.2, 1.5, -1.8, -1.5, 0.2)
+    chain = Chain.from_description(robot)
+    start = forward(chain, np.array([near]))[0]
+    to = [tuple((start + way).tolist()) for way in ([0.0, 0.2, 0.0], [0.1, 0.2, 0.1])]
+    motion = path(
+        *({"kind": "line", "to_m": point} for point in to),
+        robot="ur10e",
+        start_m=tuple(start.tolist()),
+        near=near,
+        blend_m=0.02,
+    )
+    samples = plan_motion(motion, robot, T)
+    poses = link_transforms(chain, samples.position)[:, -1, :3, :3]
+    wanted = link_transforms(chain, np.array([near]))[0, -1, :3, :3]
+    np.testing.assert_allclose(poses, np.broadcast_to(wanted, poses.shape), atol=1e-9)
+    np.testing.assert_allclose(forward(chain, samples.position[-1:])[0], to[1], atol=1e-9)
+
+
+def test_a_row_of_the_motion_is_told_by_its_segment() -> None:
+    motion = path(LINE, BEND, blend_m=0.02)
+    samples = plan_motion(motion, ROBOT, T)
+    assert segment_at(motion, ROBOT, T, 30) == "segment 1 (line), 0 mm into it"
+    assert segment_at(motion, ROBOT, T, len(samples) - 40).startswith("segment 2 (line), 1")
+    assert segment_at(motion, ROBOT, T, len(samples) - 1) == "the end of the path"
+
+
+@pytest.mark.parametrize(
+    ("segments", "changes", "words"),
+    [
+        (({"kind": "line", "to_m": (1.5, -0.2, -1.7)},), {}, r"segment 1 \(line\).*cannot"),
+        ((LINE, {"kind": "line", "to_m": (0.0, 0.0, -1.7)}), {}, r"segment 2 \(line\)"),
+        ((LINE, LINE), {}, r"segment 2 \(line\) ends where it begins"),
+        ((LINE, {**ARC, "to_m": (1.2, -0.1, -1.7)}), {}, r"segment 2 \(arc\).* lie on a line"),
+        (({"kind": "circle", "centre_m": (0.7, -0.2, -1.6)},), {}, "off the plane"),
+        (
+            ({"kind": "spline", "through_m": ((0.7, 0.0, -1.6), (0.7, 0.0, -1.6))},),
+            {},
+            "point 2, .*, is the same as the one before",
+        ),
+        (
+            (LINE, {"kind": "line", "to_m": START}),
+            {"blend_m": 0.01},
+            "segments 1 and 2 turn back .* blend_m: 0",
+        ),
+        (
+            ({"kind": "circle", "centre_m": (0.0, 0.0, -1.7), "turns": 0.6},),
+            {},
+            r"segment 1 \(circle\), \d+ mm into it, needs joint 'axis1' beyond its limits",
+        ),
+        ((BEND,), {"near": (0.1, -0.1)}, "near has 2 values"),
+        (
+            (LINE, BEND),
+            {"blend_m": 0.01, "keep_speed": True},
+            "the corner between segments 1 and 2, .* cannot keep 0.4 m/s",
+        ),
+        (
+            (BEND,),
+            {"speed_m_s": 4.0, "keep_speed": True},
+            r"cannot keep 4 m/s: the acceleration limit of joint 'axis2'",
+        ),
+        ((BEND,), {"speed_m_s": 1e-6}, "at most 14400 s"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused_by_its_segment(
+    segments: tuple[dict[str, object], ...], changes: dict[str, object], words: str
+) -> None:
+    with pytest.raises(ConfigError, match=words):
+        plan_motion(path(*segments, **changes), ROBOT, T)

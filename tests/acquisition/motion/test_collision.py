@@ -1,0 +1,77 @@
+"""Paths that come too close are refused, and say what comes close to what, when."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.motion.collision import refuse_collision
+from config.errors import PreflightError
+from config.load import load_robot
+from config.robot.bodies import Plane, Workspace
+from dynamics.geometry.clearances import Clearances
+from dynamics.geometry.kinematics import Chain, link_transforms
+
+STEP_S = 0.01
+
+
+@pytest.fixture(scope="module")
+def swing() -> np.ndarray:
+    """Axis 1 of the bundled arm through a quarter turn; the tool point goes along an arc."""
+    pose = np.zeros((101, 3))
+    pose[:, 0] = np.linspace(0.0, np.pi / 2.0, 101)
+    return pose
+
+
+@pytest.fixture(scope="module")
+def tool_x(swing: np.ndarray) -> np.ndarray:
+    chain = Chain.from_description(load_robot("ir361"))
+    links = link_transforms(chain, swing)[:, -1]
+    return np.asarray(links[:, 0, :3] @ chain.tool_m + links[:, 0, 3])
+
+
+def wall(at_x: float, side: float) -> Clearances:
+    """The robot is to stay on one side of a wall, 20 mm off."""
+    plane = Plane(name="the wall", normal=(side, 0.0, 0.0), offset_m=side * at_x)
+    return Clearances.of(load_robot("ir361"), Workspace(planes=(plane,), clearance_m=0.02))
+
+
+def test_a_path_that_keeps_clear_is_no_error(swing: np.ndarray, tool_x: np.ndarray) -> None:
+    refuse_collision(wall(tool_x.min() - 0.03, 1.0), swing, STEP_S, "the motion")
+    refuse_collision(Clearances.of(load_robot("ir361")), swing, STEP_S, "the motion")
+
+
+def test_a_path_that_comes_too_close_says_what_and_when(
+    swing: np.ndarray, tool_x: np.ndarray
+) -> None:
+    place = float(tool_x[60])
+    with pytest.raises(PreflightError) as caught:
+        refuse_collision(wall(place, 1.0), swing, STEP_S, "the motion")
+    first = int(np.argmax(tool_x - place < 0.02))
+    text = str(caught.value)
+    assert "the wall and the tool point" in text
+    assert f"after {first * STEP_S:.2f} s" in text
+    assert "Nothing was moved" in text
+
+
+def test_a_robot_that_stands_too_near_may_leave_but_not_come_closer(
+    swing: np.ndarray, tool_x: np.ndarray
+) -> None:
+    near = wall(float(tool_x[0]) + 0.01, -1.0)
+    refuse_collision(near, swing, STEP_S, "the way")
+    with pytest.raises(PreflightError, match="of each other"):
+        refuse_collision(near, np.vstack([swing[30::-1], swing]), STEP_S, "the way")
+
+
+def test_a_robot_that_stands_in_the_wall_is_led_out_by_hand(
+    swing: np.ndarray, tool_x: np.ndarray
+) -> None:
+    with pytest.raises(PreflightError, match="overlap by 50 mm"):
+        refuse_collision(wall(float(tool_x[0]) - 0.05, -1.0), swing, STEP_S, "the way")
+
+
+def test_signs_of_life_are_asked_for_in_between(swing: np.ndarray, tool_x: np.ndarray) -> None:
+    calls: list[int] = []
+    clear = wall(tool_x.min() - 0.03, 1.0)
+    refuse_collision(clear, swing, STEP_S, "the way", meanwhile=lambda: calls.append(1))
+    assert len(calls) == 6

@@ -1,0 +1,99 @@
+"""The periodic excitation (2.30): exact derivatives, and a whole number of samples a period."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.motion.fourier import FourierTrajectory, samples_of_period
+from config.errors import ConfigError
+from config.load import load_robot
+from config.motion.motion import FourierJoint, FourierMotion
+
+ROBOT = load_robot("ir361")
+
+
+def motion(**changes: object) -> FourierMotion:
+    joints = (
+        FourierJoint(joint="axis1", offset=0.1, sine=(0.2, 0.0, 0.05), cosine=(0.0, 0.1, -0.02)),
+        FourierJoint(joint="axis2", offset=-0.2, sine=(0.1,), cosine=(0.05,)),
+        FourierJoint(joint="axis3", offset=0.5, sine=(0.0, 0.2), cosine=(0.3, 0.0)),
+    )
+    values: dict[str, object] = {
+        "kind": "fourier",
+        "robot": "ir361",
+        "period_s": 10.0,
+        "joints": joints,
+    }
+    return FourierMotion.model_validate(values | changes)
+
+
+class TestTrajectory:
+    def test_is_the_sum_of_2_30(self) -> None:
+        trajectory = FourierTrajectory.from_motion(motion(), ROBOT, 0.008)
+        t = np.array([0.0, 1.234, 9.9])
+        w = 2.0 * np.pi / 10.0
+        axis1 = (
+            0.1
+            + 0.2 * np.sin(w * t)
+            + 0.05 * np.sin(3 * w * t)
+            + 0.1 * np.cos(2 * w * t)
+            - 0.02 * np.cos(3 * w * t)
+        )
+        speed2 = 0.1 * w * np.cos(w * t) - 0.05 * w * np.sin(w * t)
+        acceleration3 = -0.2 * (2 * w) ** 2 * np.sin(2 * w * t) - 0.3 * w**2 * np.cos(w * t)
+        np.testing.assert_allclose(trajectory.position(t)[:, 0], axis1, atol=1e-14)
+        np.testing.assert_allclose(trajectory.velocity(t)[:, 1], speed2, atol=1e-14)
+        np.testing.assert_allclose(trajectory.acceleration(t)[:, 2], acceleration3, atol=1e-14)
+
+    def test_repeats_after_its_period(self) -> None:
+        trajectory = FourierTrajectory.from_motion(motion(), ROBOT, 0.008)
+        assert trajectory.samples_per_period == 1250
+        assert trajectory.harmonics == 3
+        t = trajectory.sample_times_s
+        np.testing.assert_allclose(
+            trajectory.position(t + trajectory.period_s), trajectory.position(t), atol=1e-12
+        )
+
+    def test_takes_the_joints_in_the_robots_order(self) -> None:
+        given_order = motion()
+        shuffled = motion(joints=given_order.joints[::-1])
+        a = FourierTrajectory.from_motion(given_order, ROBOT, 0.008)
+        b = FourierTrajectory.from_motion(shuffled, ROBOT, 0.008)
+        np.testing.assert_array_equal(a.offset, b.offset)
+        np.testing.assert_array_equal(a.sine, b.sine)
+
+    def test_cannot_be_changed(self) -> None:
+        trajectory = FourierTrajectory.from_motion(motion(), ROBOT, 0.008)
+        with pytest.raises(ValueError, match="read-only"):
+            trajectory.sine[0, 0] = 1.0
+
+    def test_refuses_a_missing_joint_by_name(self) -> None:
+        with pytest.raises(ConfigError, match=r"axis1, axis2; robot 'ir361' needs .*axis3"):
+            FourierTrajectory.from_motion(motion(joints=motion().joints[:2]), ROBOT, 0.008)
+
+    def test_refuses_harmonics_beyond_half_the_sampling_frequency(self) -> None:
+        with pytest.raises(ConfigError, match="harmonic 3 of a period of 6 samples"):
+            FourierTrajectory.from_motion(motion(period_s=0.6), ROBOT, 0.1)
+
+
+class TestSamplesOfPeriod:
+    def test_names_the_nearest_periods_that_fit(self) -> None:
+        with pytest.raises(ConfigError, match=r"1250\.375 cycles of 8 ms.*10 s .*10\.008 s"):
+            samples_of_period(10.003, 0.008)
+
+    def test_refuses_a_period_of_a_few_cycles(self) -> None:
+        with pytest.raises(ConfigError, match="choose a longer period"):
+            samples_of_period(0.024, 0.008)
+
+    @settings(deadline=None)
+    @given(
+        samples=st.integers(4, 1_000_000),
+        cycle_ms=st.integers(1, 100),
+    )
+    def test_accepts_every_whole_number_of_cycles(self, samples: int, cycle_ms: int) -> None:
+        sample_period_s = cycle_ms / 1000.0
+        period_s = float(f"{samples * sample_period_s:.9g}")  # as somebody types it
+        assert samples_of_period(period_s, sample_period_s) == samples

@@ -1,0 +1,144 @@
+"""The two motions that measure friction alone: constant speeds, and a path there and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.motion.constant_velocity import constant_velocity_runs
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import Phase
+from config.errors import ConfigError
+from config.formats.yaml_tree import parse_yaml
+from config.load import load_robot, to_yaml, validate
+from config.motion.motion import ConstantVelocityMotion, FourierJoint, ReversedMotion, SpeedRuns
+
+CYCLE_S = 0.008
+IR361 = load_robot("ir361")
+
+
+def steady(*joints: SpeedRuns, **more: Any) -> ConstantVelocityMotion:
+    return ConstantVelocityMotion(
+        kind="constant_velocity", robot="ir361", pose=(0.1, -0.2, 0.3), joints=joints, **more
+    )
+
+
+LIFT = SpeedRuns(joint="axis2", low=-1.0, high=0.6, speeds=(0.1, 0.5, 1.0))
+TURN = SpeedRuns(joint="axis1", low=-2.0, high=2.0, speeds=(2.0,))
+
+
+def test_every_speed_is_held_both_ways_over_the_same_stretch() -> None:
+    motion = steady(LIFT, TURN, repeats=2, longest_run_s=4.0)
+    samples = plan_motion(motion, IR361, CYCLE_S)
+    _, runs = constant_velocity_runs(motion, IR361, CYCLE_S)
+    assert [(run.joint, run.speed) for run in runs] == [
+        (joint, sign * speed)
+        for joint, speeds in ((1, LIFT.speeds), (0, TURN.speeds))
+        for speed in speeds
+        for sign in (1, -1, 1, -1)
+    ]
+    for run in runs:
+        rows = slice(run.first, run.end)
+        assert np.allclose(samples.velocity[rows, run.joint], run.speed)
+        assert np.abs(samples.acceleration[rows]).max() < 1e-9
+        others = np.delete(np.arange(3), run.joint)
+        np.testing.assert_allclose(
+            samples.position[rows][:, others],
+            [np.take(motion.pose, others)] * (run.end - run.first),
+        )
+        assert run.end - run.first <= 4.0 / CYCLE_S + 1
+    there, back = (samples.position[r.first : r.end, 1] for r in runs[:2])
+    np.testing.assert_allclose(there.mean(), back.mean(), atol=0.1 * CYCLE_S)
+    np.testing.assert_allclose(samples.position[[0, -1]], [motion.pose] * 2)
+    assert samples.samples_per_period is None
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.floats(0.02, 2.0), st.floats(0.0, 0.5), st.floats(0.05, 1.0), st.sampled_from([0.004, 0.01])
+)
+def test_velocity_and_acceleration_are_the_derivatives_of_the_path(
+    speed: float, dwell_s: float, fraction: float, cycle_s: float
+) -> None:
+    spec = SpeedRuns(joint="axis1", low=-2.5, high=2.5, speeds=(speed,))
+    motion = steady(spec, dwell_s=dwell_s, acceleration_fraction=fraction)
+    try:
+        samples = plan_motion(motion, IR361, cycle_s)
+    except ConfigError as error:
+        assert "s of constant speed between" in str(error)  # noqa: PT017
+        return
+    for values, rate in (
+        (samples.position, samples.velocity),
+        (samples.velocity, samples.acceleration),
+    ):
+        # Simpson's rule over two cycles, to what a kink of the rate in between can take.
+        step = values[2:] - values[:-2]
+        integral = (rate[2:] + 4.0 * rate[1:-1] + rate[:-2]) * cycle_s / 3.0
+        assert np.abs(step - integral).max() < 0.4 * cycle_s * np.abs(np.diff(rate, axis=0)).max()
+    assert np.abs(samples.acceleration[:, 0]).max() <= 10.0 * max(fraction, 0.3) + 1e-9
+
+
+def test_the_way_back_is_the_way_there_reversed() -> None:
+    motion = ReversedMotion(
+        kind="reversed",
+        robot="ir361",
+        period_s=2.0,
+        periods=3,
+        ramp_s=1.0,
+        joints=tuple(
+            FourierJoint(joint=name, offset=0.1, sine=(0.3, 0.05), cosine=(0.1, -0.04))
+            for name in IR361.joint_names
+        ),
+    )
+    samples = plan_motion(motion, IR361, CYCLE_S)
+    hold = np.flatnonzero(samples.phase == Phase.HOLD)
+    there, back = slice(0, hold[0]), slice(hold[-1] + 1, None)
+    period = round(2.0 / CYCLE_S)
+    main = [np.flatnonzero(samples.phase[part] == Phase.MAIN) for part in (there, back)]
+    assert [len(rows) for rows in main] == [3 * period] * 2
+    forward = samples.position[there][main[0][:period]]
+    backward = samples.position[back][main[1][:period]]
+    k = -np.arange(period) % period
+    np.testing.assert_allclose(backward, forward[k], atol=1e-12)
+    for name, sign in (("velocity", -1.0), ("acceleration", 1.0)):
+        values = getattr(samples, name)
+        np.testing.assert_allclose(
+            values[back][main[1][:period]], sign * values[there][main[0][:period]][k], atol=1e-12
+        )
+    np.testing.assert_allclose(samples.position[hold], samples.position[[hold[0]] * len(hold)])
+    assert samples.samples_per_period is None
+
+
+@pytest.mark.parametrize("motion", [steady(LIFT)])
+def test_a_motion_file_reads_back(motion: ConstantVelocityMotion) -> None:
+    again = validate(parse_yaml(to_yaml(motion).encode(), "m.yaml"), ConstantVelocityMotion)
+    assert again == motion
+
+
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        (steady(SpeedRuns(joint="axis9", low=0, high=1, speeds=(1.0,))), "runs joint 'axis9'"),
+        (steady(LIFT).model_copy(update={"pose": (0.0,)}), "pose has 1 values"),
+        (
+            steady(SpeedRuns(joint="axis2", low=0.0, high=0.3, speeds=(1.5,))),
+            r"at 1.5 per second the ramps leave 0 s of constant speed between 0 and 0.3",
+        ),
+        (
+            steady(SpeedRuns(joint="axis2", low=-3.0, high=0.3, speeds=(1.5,))),
+            "position of joint 'axis2' reaches",
+        ),
+        (
+            steady(SpeedRuns(joint="axis1", low=-2.6, high=2.6, speeds=(2.7,))),
+            "velocity of joint 'axis1' reaches 2.7 rad/s",
+        ),
+        (steady(LIFT, repeats=100, longest_run_s=600.0), r"the motion takes 360120 s: its runs"),
+    ],
+)
+def test_what_cannot_be_run_is_refused(motion: ConstantVelocityMotion, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        plan_motion(motion, IR361, CYCLE_S)

@@ -1,0 +1,133 @@
+"""Paths in joint positions: curves through poses, and tables, written or in a CSV file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import Phase, verify_limits
+from config.errors import ConfigError
+from config.load import load_motion, load_robot, to_yaml
+from config.motion.path_motion import JointPathMotion, JointTableMotion
+
+ROBOT = load_robot("ir361")
+T = 0.008
+POINTS = ((0.0, 0.0, 0.0), (0.5, 0.3, -0.4), (1.0, -0.3, 0.4), (0.0, 0.2, 0.3))
+HEADER = "axis2,time_s,axis1,axis3"
+
+
+def joint_path(points: tuple[tuple[float, ...], ...] = POINTS, **changes: object) -> object:
+    fields = {"kind": "joint_path", "robot": "ir361", "points": points}
+    return JointPathMotion.model_validate(fields | changes)
+
+
+def table(rows: int = 201) -> list[tuple[float, float, float, float]]:
+    x = np.linspace(0.0, 1.0, rows)
+    share = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    return list(zip(0.3 * share, 2.0 * x, 0.5 * share, -0.4 * share, strict=True))
+
+
+def written(folder: Path, lines: list[str]) -> Path:
+    (folder / "path.csv").write_text("\n".join(lines) + "\n")
+    motion = folder / "motion.yaml"
+    motion.write_text("kind: joint_table\nrobot: ir361\nfile: path.csv\n")
+    return motion
+
+
+def csv(rows: list[tuple[float, float, float, float]]) -> list[str]:
+    return [HEADER, *(",".join(f"{value:.7f}" for value in row) for row in rows)]
+
+
+@pytest.mark.parametrize("fraction", [0.3, 1.0])
+def test_a_curve_goes_through_its_poses_within_the_share_of_limits(fraction: float) -> None:
+    samples = plan_motion(joint_path(speed_fraction=fraction), ROBOT, T)  # type: ignore[arg-type]
+    verify_limits(samples, ROBOT)
+    for pose in POINTS:
+        gap = np.abs(samples.position - pose).max(axis=1).min()
+        assert gap < 3.0 * T  # one cycle at the joints' speed limits
+    assert (samples.position[0] == POINTS[0]).all()
+    np.testing.assert_allclose(samples.position[-1], POINTS[-1], atol=1e-12)
+    speed = np.abs(samples.velocity).max(axis=0) / [j.limits.velocity for j in ROBOT.joints]
+    change = np.abs(samples.acceleration).max(axis=0) / [
+        j.limits.acceleration for j in ROBOT.joints
+    ]
+    assert max(speed.max(), change.max()) <= fraction
+    assert max(speed.max(), change.max()) > 0.6 * fraction
+    np.testing.assert_allclose(
+        np.diff(samples.position, axis=0) / T,
+        (samples.velocity[1:] + samples.velocity[:-1]) / 2.0,
+        atol=2e-3,
+    )
+
+
+def test_a_table_of_a_csv_file_is_followed_and_comes_into_the_motion(tmp_path: Path) -> None:
+    motion = load_motion(written(tmp_path, csv(table())))
+    assert isinstance(motion, JointTableMotion)
+    samples = plan_motion(motion, ROBOT, T)
+    main = samples.position[samples.phase == Phase.MAIN]
+    wanted = np.array(table())
+    times = np.arange(len(main)) * T
+    for j, column in enumerate((2, 0, 3)):
+        np.testing.assert_allclose(
+            main[:, j], np.interp(times, wanted[:, 1], wanted[:, column]), atol=1e-4
+        )
+    again = tmp_path / "whole.yaml"
+    again.write_text(to_yaml(motion))
+    assert load_motion(again) == motion
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (["axis1,axis2", "0,0"], "path.csv:1: the first line must name the columns: time_s"),
+        ([HEADER, "0,0,0"], "path.csv:2: has 3 columns, the first line 4"),
+        ([HEADER, "0,zero,0,0"], "path.csv:2: 'zero' is not a number"),
+        ([HEADER, "0,inf,0,0"], "'inf' is not a finite number"),
+        (["axis2,time_s,axis1", *["0,1,0"] * 9], "needs each of axis1, axis2, axis3"),
+        ([HEADER, *["0,1,0,0"] * 9], "row 2 of the table is at 1 s, not after"),
+        ([HEADER, "0,0,0,0"], "1 rows, 6 are the least"),
+        (csv([(a, t, b, 6.0 * c) for a, t, b, c in table()]), "row 1.. of the table .*'axis3'"),
+        (csv(table()[60:]), "at row 1 of the table joint .* begin and end at rest"),
+        (csv(table()[:100]), "at row 100 of the table joint"),
+        (csv([(a, t / 20.0, b, c) for a, t, b, c in table()]), "exceeds the robot's limits"),
+    ],
+)
+def test_tables_that_cannot_be_meant_are_refused_by_their_row(
+    tmp_path: Path, lines: list[str], words: str
+) -> None:
+    with pytest.raises(ConfigError, match=words):
+        plan_motion(load_motion(written(tmp_path, lines)), ROBOT, T)
+
+
+def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
+    motion = written(tmp_path, [])
+    with pytest.raises(ConfigError, match="first line"):
+        load_motion(motion)
+    (tmp_path / "path.csv").unlink()
+    with pytest.raises(ConfigError, match="cannot read"):
+        load_motion(motion)
+    motion.write_text("kind: joint_table\nrobot: ir361\n")
+    with pytest.raises(ConfigError, match="give either file, or"):
+        load_motion(motion)
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        ((POINTS[0], POINTS[0]), "point 2 of the path is the same"),
+        ((POINTS[0], (0.0, 0.0)), "point 2 of the path has 2 values"),
+        ((POINTS[0], (0.0, 1.2, 0.0), POINTS[1]), "point 2 of the path has joint 'axis2' at 1.2"),
+        (
+            (POINTS[0], (0.0, 0.95, 0.0), (1.0, 0.95, 0.0), POINTS[0]),
+            "curve between points 2 and 3 of the path has joint 'axis2'",
+        ),
+    ],
+)
+def test_poses_that_cannot_be_reached_are_refused(
+    points: tuple[tuple[float, ...], ...], words: str
+) -> None:
+    with pytest.raises(ConfigError, match=words):
+        plan_motion(joint_path(points), ROBOT, T)  # type: ignore[arg-type]

@@ -1,0 +1,126 @@
+"""Multisines: lines of their own for every joint, low peaks, and nothing between the lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.motion.multisine import (
+    LEAST_SLOW,
+    crest_factor,
+    excited_lines,
+    low_crest_factor,
+    realisation_motions,
+    speed_phasors,
+)
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import Phase
+from config.errors import ConfigError
+from config.load import load_robot
+from config.motion.motion import MultisineMotion
+from config.robot.robot import RobotDescription
+
+STEP_S = 0.008
+PERIOD_S = 8.0
+
+
+@pytest.fixture(scope="module")
+def robot() -> RobotDescription:
+    return load_robot("ir361")
+
+
+def multisine(grid: str = "random_odd", **changes: object) -> MultisineMotion:
+    joints = tuple(
+        {"joint": name, "velocity": 0.03, "slow_amplitude": 0.2}
+        for name in ("axis1", "axis2", "axis3")
+    )
+    fields = {
+        "kind": "multisine",
+        "robot": "ir361",
+        "period_s": PERIOD_S,
+        "lowest_hz": 0.5,
+        "highest_hz": 20.0,
+        "grid": grid,
+        "joints": joints,
+    }
+    return MultisineMotion.model_validate(fields | changes)
+
+
+@pytest.mark.parametrize("grid", ["odd", "random_odd", "full"])
+def test_no_two_joints_share_a_line(robot: RobotDescription, grid: str) -> None:
+    lines = excited_lines(multisine(grid), robot)
+    every = np.concatenate(lines)
+    assert len(set(every.tolist())) == len(every)
+    assert every.min() >= 0.5 * PERIOD_S
+    assert every.max() <= 20.0 * PERIOD_S
+    if grid != "full":
+        assert (every % 2 == 1).all()
+    odd = np.arange(5, 161, 2)
+    empty = sorted(set(odd.tolist()) - set(every.tolist()))
+    assert len(empty) == (len(odd) // 4 if grid == "random_odd" else 0)
+
+
+def test_a_realisation_has_its_speeds_on_its_lines_alone(robot: RobotDescription) -> None:
+    motion = multisine()
+    lines, phasors = excited_lines(motion, robot), speed_phasors(motion, robot)
+    samples = plan_motion(motion, robot, STEP_S)
+    main = np.flatnonzero(samples.phase == Phase.MAIN)
+    rows = round(PERIOD_S / STEP_S)
+    for number in range(motion.realisations):
+        first = main[number * motion.periods * rows]
+        bins = 2.0 * np.fft.rfft(samples.velocity[first : first + rows], axis=0) / rows
+        for joint in range(3):
+            np.testing.assert_allclose(bins[lines[joint], joint], phasors[joint][number], atol=1e-9)
+            others = np.delete(np.abs(bins[:, joint]), [1, *lines[joint]])
+            assert others.max() < 1e-9
+            slow = abs(bins[1, joint]) / (0.2 * 2.0 * np.pi / PERIOD_S)
+            assert LEAST_SLOW <= slow <= 1.0
+            rms = np.sqrt(np.sum(np.abs(bins[lines[joint], joint]) ** 2) / 2.0)
+            assert rms == pytest.approx(0.03)
+    assert samples.samples_per_period is None
+    assert len(main) == motion.realisations * motion.periods * rows
+
+
+def test_realisations_differ_and_come_back_from_the_seed(robot: RobotDescription) -> None:
+    first, second, *_ = realisation_motions(multisine(), robot)
+    assert first != second
+    assert realisation_motions(multisine(), robot)[0] == first
+    assert realisation_motions(multisine(seed=1), robot)[0] != first
+
+
+def test_peaks_are_made_small() -> None:
+    lines = np.arange(3, 81, 2)
+    time = np.arange(4096) / 4096
+    random = np.random.default_rng(0)
+
+    def crest(phasors: np.ndarray) -> float:
+        return crest_factor(np.real(np.exp(2j * np.pi * np.outer(time, lines)) @ phasors))
+
+    start = [np.exp(1j * random.uniform(0.0, 2.0 * np.pi, len(lines))) for _ in range(8)]
+    before = [crest(phasors) for phasors in start]
+    after = [crest(low_crest_factor(lines, phasors)) for phasors in start]
+    assert np.median(before) > 2.6
+    assert max(after) < 2.1
+    for phasors in start:
+        np.testing.assert_allclose(np.abs(low_crest_factor(lines, phasors)), 1.0)
+    schroeder = np.exp(-1j * np.pi * np.arange(len(lines)) * np.arange(1, len(lines) + 1) / 39)
+    assert crest(schroeder) < 2.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"lowest_hz": 19.9, "highest_hz": 20.0}, "a multisine needs 2"),
+        ({"joints": ({"joint": "axis1", "velocity": 0.1},)}, "needs each of axis1, axis2, axis3"),
+    ],
+)
+def test_what_cannot_be_excited_is_refused(
+    robot: RobotDescription, changes: dict[str, object], words: str
+) -> None:
+    with pytest.raises(ConfigError, match=words):
+        excited_lines(multisine(**changes), robot)
+
+
+def test_the_slow_sine_is_no_line() -> None:
+    with pytest.raises(ValueError, match="at least two harmonics"):
+        multisine(lowest_hz=0.125)

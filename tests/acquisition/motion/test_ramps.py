@@ -1,0 +1,103 @@
+"""Ramps join smoothly, never leave the period's path, and rest-to-rest moves keep to limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.ramps import (
+    join,
+    rest_to_rest,
+    rest_to_rest_duration,
+    run_in,
+    run_out,
+    standstill,
+)
+
+T = 0.01
+TRAJECTORY = FourierTrajectory(
+    joint_names=("a", "b"),
+    sample_period_s=T,
+    samples_per_period=400,
+    offset=np.array([0.1, -0.3]),
+    sine=np.array([[0.3, 0.1], [0.0, 0.2], [0.1, 0.0]]),
+    cosine=np.array([[0.1, 0.0], [0.2, -0.1], [0.0, 0.05]]),
+)
+
+
+def central(x: np.ndarray) -> np.ndarray:
+    return (x[2:] - x[:-2]) / (2 * T)
+
+
+class TestRunIn:
+    def test_starts_at_rest(self) -> None:
+        path = run_in(TRAJECTORY, 300)
+        np.testing.assert_array_equal(path.velocity[0], 0.0)
+        np.testing.assert_array_equal(path.acceleration[0], 0.0)
+
+    def test_joins_the_period_without_a_step_in_any_derivative(self) -> None:
+        t = TRAJECTORY.sample_times_s[:50]
+        ramp = run_in(TRAJECTORY, 300)
+        position = np.concatenate([ramp.position, TRAJECTORY.position(t)])
+        velocity = np.concatenate([ramp.velocity, TRAJECTORY.velocity(t)])
+        acceleration = np.concatenate([ramp.acceleration, TRAJECTORY.acceleration(t)])
+        np.testing.assert_allclose(central(position), velocity[1:-1], atol=3e-3)
+        np.testing.assert_allclose(central(velocity), acceleration[1:-1], atol=2e-2)
+        jerk = central(acceleration)
+        # Class C3: the jerk itself changes by a little from row to row, at the joint as elsewhere.
+        assert np.abs(np.diff(jerk, axis=0)).max() < 0.1 * np.abs(jerk).max()
+
+    def test_stays_on_the_path_and_below_the_speed_of_the_period(self) -> None:
+        t = np.linspace(0.0, TRAJECTORY.period_s, 4001)
+        ramp = run_in(TRAJECTORY, 700)
+        assert (ramp.position <= TRAJECTORY.position(t).max(axis=0) + 1e-6).all()
+        assert (ramp.position >= TRAJECTORY.position(t).min(axis=0) - 1e-6).all()
+        assert (np.abs(ramp.velocity) <= np.abs(TRAJECTORY.velocity(t)).max(axis=0) + 1e-6).all()
+
+
+class TestRunOut:
+    def test_leaves_the_period_where_it_ends_and_comes_to_rest(self) -> None:
+        path = run_out(TRAJECTORY, 300)
+        zero = np.zeros(1)
+        np.testing.assert_allclose(path.position[:1], TRAJECTORY.position(zero))
+        np.testing.assert_allclose(path.velocity[:1], TRAJECTORY.velocity(zero))
+        np.testing.assert_allclose(path.acceleration[:1], TRAJECTORY.acceleration(zero))
+        np.testing.assert_array_equal(path.velocity[-1], 0.0)
+        np.testing.assert_array_equal(path.acceleration[-1], 0.0)
+        np.testing.assert_allclose(central(path.position), path.velocity[1:-1], atol=3e-3)
+        np.testing.assert_allclose(central(path.velocity), path.acceleration[1:-1], atol=2e-2)
+
+
+class TestRestToRest:
+    def test_goes_from_pose_to_pose(self) -> None:
+        start, end = np.array([0.0, 1.0]), np.array([1.0, -0.5])
+        path = join([rest_to_rest(start, end, 200, T), standstill(end, 3)])
+        assert path.position.shape == (203, 2)
+        np.testing.assert_array_equal(path.position[[0, -1]], [start, end])
+        np.testing.assert_allclose(central(path.position), path.velocity[1:-1], atol=1e-3)
+        np.testing.assert_allclose(central(path.velocity), path.acceleration[1:-1], atol=5e-2)
+
+    def test_without_travel_takes_no_time(self) -> None:
+        one = np.ones(2)
+        assert rest_to_rest_duration(np.zeros(2), one, one) == 0.0
+
+    @settings(deadline=None, max_examples=50)
+    @given(
+        travel=st.floats(-3.0, 3.0).filter(lambda x: abs(x) > 1e-3),
+        velocity=st.floats(0.1, 5.0),
+        acceleration=st.floats(0.1, 20.0),
+    )
+    def test_takes_the_shortest_time_within_limits(
+        self, travel: float, velocity: float, acceleration: float
+    ) -> None:
+        duration_s = rest_to_rest_duration(
+            np.array([travel]), np.array([velocity]), np.array([acceleration])
+        )
+        path = rest_to_rest(np.zeros(1), np.array([travel]), 2000, duration_s / 2000)
+        use = max(
+            np.abs(path.velocity).max() / velocity, np.abs(path.acceleration).max() / acceleration
+        )
+        assert use == pytest.approx(1.0, abs=1e-5)

@@ -1,0 +1,40 @@
+"""A rehearsal is the motion's own path, once, at a fraction of its speed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.motion.rehearsal import rehearsal
+from acquisition.motion.samples import MotionSamples, verify_limits
+from config.errors import ConfigError
+from config.robot.robot import RobotDescription
+
+
+def test_it_goes_the_same_way_slower(motion: MotionSamples, robot: RobotDescription) -> None:
+    slow = rehearsal(motion, 4.0)
+    verify_limits(slow, robot)
+    np.testing.assert_allclose(slow.position[0], motion.position[0], atol=1e-12)
+    np.testing.assert_allclose(slow.position[-1], motion.position[-1], atol=1e-12)
+    fastest, slowest = np.abs(motion.velocity).max(axis=0), np.abs(slow.velocity).max(axis=0)
+    np.testing.assert_allclose(slowest, fastest / 4.0, rtol=0.01)
+    for low, high, path in zip(
+        motion.position.min(axis=0), motion.position.max(axis=0), slow.position.T, strict=True
+    ):
+        assert low - 1e-3 < path.min() < low + 1e-3
+        assert high - 1e-3 < path.max() < high + 1e-3
+    step = np.diff(slow.position, axis=0) / slow.sample_period_s
+    assert np.abs(step).max() <= np.abs(slow.velocity).max() * 1.01, "no gap where periods are out"
+    assert slow.samples_per_period is None
+
+
+def test_it_has_one_period_of_a_periodic_motion(motion: MotionSamples) -> None:
+    assert motion.samples_per_period is not None
+    left_out = 2 * motion.samples_per_period  # of one to settle and two that count
+    assert len(rehearsal(motion, 1.0)) == len(motion) - left_out
+
+
+@pytest.mark.parametrize("slower", [0.5, float("nan"), float("inf")])
+def test_it_is_not_faster(motion: MotionSamples, slower: float) -> None:
+    with pytest.raises(ConfigError, match="slower"):
+        rehearsal(motion, slower)

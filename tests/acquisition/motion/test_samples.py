@@ -1,0 +1,262 @@
+"""Planned motions: at rest at both ends, within limits between the samples too, or refused."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.motion.approach import approach
+from acquisition.motion.multipoint import random_poses
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples, Phase, verify_limits
+from config.errors import ConfigError
+from config.load import load_robot
+from config.motion.motion import FourierJoint, FourierMotion, MultipointMotion
+
+ROBOT = load_robot("ir361")
+T = 0.008
+
+
+def fourier(amplitude: float = 0.2, harmonics: int = 5, **changes: object) -> FourierMotion:
+    rng = np.random.default_rng(5)
+    joints = tuple(
+        FourierJoint(
+            joint=joint.name,
+            offset=(joint.limits.position_min + joint.limits.position_max) / 2.0,
+            sine=tuple(amplitude * rng.uniform(-1, 1, harmonics) / np.arange(1, harmonics + 1)),
+            cosine=tuple(amplitude * rng.uniform(-1, 1, harmonics) / np.arange(1, harmonics + 1)),
+        )
+        for joint in ROBOT.joints
+    )
+    values: dict[str, object] = {
+        "kind": "fourier",
+        "robot": "ir361",
+        "period_s": 10.0,
+        "joints": joints,
+    }
+    return FourierMotion.model_validate(values | changes)
+
+
+def multipoint(**changes: object) -> MultipointMotion:
+    return MultipointMotion.model_validate(
+        {"kind": "multipoint", "robot": "ir361", "seed": 1} | changes
+    )
+
+
+def largest_mismatch(samples: MotionSamples) -> tuple[float, float]:
+    """How far velocity and acceleration are from the differences of position and velocity."""
+    by_position = np.diff(samples.position, axis=0) / T
+    by_velocity = np.diff(samples.velocity, axis=0) / T
+    mean_velocity = (samples.velocity[1:] + samples.velocity[:-1]) / 2.0
+    mean_acceleration = (samples.acceleration[1:] + samples.acceleration[:-1]) / 2.0
+    return (
+        float(np.abs(by_position - mean_velocity).max()),
+        float(np.abs(by_velocity - mean_acceleration).max()),
+    )
+
+
+class TestFourierPlan:
+    samples = plan_motion(fourier(periods=3, transient_periods=2), ROBOT, T)
+
+    def test_starts_and_ends_at_rest(self) -> None:
+        for values in (self.samples.velocity, self.samples.acceleration):
+            np.testing.assert_array_equal(values[[0, -1]], 0.0)
+
+    def test_runs_in_settles_measures_and_runs_out(self) -> None:
+        phase = self.samples.phase
+        changes = phase[np.flatnonzero(np.diff(phase, prepend=99))]
+        assert changes.tolist() == [Phase.RUN_IN, Phase.TRANSIENT, Phase.MAIN, Phase.RUN_OUT]
+        assert np.count_nonzero(phase == Phase.TRANSIENT) == 2 * 1250
+        assert np.count_nonzero(phase == Phase.MAIN) == 3 * 1250
+        assert np.count_nonzero(phase == Phase.RUN_IN) == 500  # 4 s
+        assert self.samples.samples_per_period == 1250
+        assert self.samples.periods == 3
+
+    def test_repeats_its_main_periods_bit_for_bit(self) -> None:
+        main = self.samples.position[self.samples.phase == Phase.MAIN].reshape(3, 1250, -1)
+        np.testing.assert_array_equal(main[0], main[2])
+
+    def test_velocity_and_acceleration_are_the_derivatives_throughout(self) -> None:
+        velocity, acceleration = largest_mismatch(self.samples)
+        assert velocity < 1e-3
+        assert acceleration < 1e-2
+
+    def test_lengthens_the_ramp_until_the_limits_hold(self) -> None:
+        samples = plan_motion(fourier(amplitude=0.5, periods=1, ramp_s=0.05), ROBOT, T)
+        ramp_s = np.count_nonzero(samples.phase == Phase.RUN_IN) * T
+        assert 0.1 < ramp_s < 4.0
+        verify_limits(samples, ROBOT)
+
+    def test_names_joint_value_and_limit_where_the_period_exceeds_one(self) -> None:
+        with pytest.raises(
+            ConfigError, match=r"position of joint 'axis2' reaches [\d.]+ rad .*its limit is 1"
+        ):
+            plan_motion(fourier(amplitude=2.0), ROBOT, T)
+
+    def test_of_16_periods_takes_well_under_a_second(self) -> None:
+        motion = fourier()
+        started = time.perf_counter()
+        samples = plan_motion(motion, ROBOT, T)
+        assert time.perf_counter() - started < 0.8
+        assert samples.periods == 16
+
+    @settings(deadline=None, max_examples=15)
+    @given(
+        amplitude=st.floats(0.0, 0.6),
+        harmonics=st.integers(1, 8),
+        ramp_s=st.floats(0.01, 5.0),
+        transient=st.integers(0, 2),
+    )
+    def test_is_within_limits_or_refused(
+        self, amplitude: float, harmonics: int, ramp_s: float, transient: int
+    ) -> None:
+        motion = fourier(
+            amplitude, harmonics, ramp_s=ramp_s, transient_periods=transient, periods=1
+        )
+        try:
+            samples = plan_motion(motion, ROBOT, T)
+        except ConfigError:
+            return
+        for column, joint in enumerate(ROBOT.joints):
+            limits = joint.limits
+            assert samples.position[:, column].max() <= limits.position_max + 1e-6
+            assert samples.position[:, column].min() >= limits.position_min - 1e-6
+            assert np.abs(samples.velocity[:, column]).max() <= limits.velocity + 1e-6
+            assert np.abs(samples.acceleration[:, column]).max() <= limits.acceleration + 1e-6
+
+
+class TestMultipointPlan:
+    def test_visits_every_pose_at_rest(self) -> None:
+        motion = multipoint(points=20)
+        samples = plan_motion(motion, ROBOT, T)
+        for pose in random_poses(motion, ROBOT):
+            here = (samples.position == pose).all(axis=1)
+            assert here.any()
+            np.testing.assert_array_equal(samples.velocity[here], 0.0)
+        assert (samples.phase == Phase.MAIN).all()
+        assert samples.samples_per_period is None
+        assert 20.0 < samples.duration_s < 60.0
+
+    def test_is_the_same_for_the_same_seed_and_another_for_another(self) -> None:
+        one, same, other = (plan_motion(multipoint(seed=s), ROBOT, T) for s in (4, 4, 5))
+        np.testing.assert_array_equal(one.position, same.position)
+        assert len(other) != len(one) or (other.position != one.position).any()
+
+    def test_uses_its_fraction_of_range_and_speed(self) -> None:
+        samples = plan_motion(multipoint(range_fraction=0.5, speed_fraction=0.4), ROBOT, T)
+        for column, joint in enumerate(ROBOT.joints):
+            limits = joint.limits
+            middle = (limits.position_min + limits.position_max) / 2.0
+            half = (limits.position_max - limits.position_min) / 2.0
+            assert np.abs(samples.position[:, column] - middle).max() <= 0.5 * half
+            assert np.abs(samples.velocity[:, column]).max() <= 0.4 * limits.velocity
+            assert np.abs(samples.acceleration[:, column]).max() <= 0.4 * limits.acceleration
+
+    def test_is_smooth(self) -> None:
+        velocity, acceleration = largest_mismatch(plan_motion(multipoint(), ROBOT, T))
+        assert velocity < 0.02
+        assert acceleration < 0.6  # quintic: the acceleration has corners at the poses
+
+
+class TestApproach:
+    def test_goes_gently_from_pose_to_pose(self) -> None:
+        start, end = np.array([0.0, 0.5, -1.0]), np.array([1.0, -1.0, 2.0])
+        samples = approach(start, end, ROBOT, T)
+        np.testing.assert_array_equal(samples.position[[0, -1]], [start, end])
+        np.testing.assert_array_equal(samples.velocity[[0, -1]], 0.0)
+        assert (samples.phase == Phase.APPROACH).all()
+        speed_use = np.abs(samples.velocity).max(axis=0) / [j.limits.velocity for j in ROBOT.joints]
+        assert speed_use.max() <= 0.3
+
+    def test_to_where_it_stands_is_a_motion_of_two_rows(self) -> None:
+        samples = approach(np.zeros(3), np.zeros(3), ROBOT, T)
+        assert len(samples) == 2
+        np.testing.assert_array_equal(samples.velocity, 0.0)
+
+    def test_from_outside_the_limits_is_refused(self) -> None:
+        with pytest.raises(ConfigError, match=r"position of joint 'axis2' reaches 1\.2 rad"):
+            approach(np.array([0.0, 1.2, 0.0]), np.zeros(3), ROBOT, T)
+
+
+class TestVerifyLimits:
+    @staticmethod
+    def still(rows: int = 10) -> dict[str, np.ndarray]:
+        return {
+            "position": np.zeros((rows, 3)),
+            "velocity": np.zeros((rows, 3)),
+            "acceleration": np.zeros((rows, 3)),
+            "phase": np.zeros(rows, dtype=np.uint8),
+        }
+
+    def test_finds_a_peak_between_the_samples(self) -> None:
+        rows = self.still()
+        rows["position"][:, 1] = 0.9999
+        rows["velocity"][4, 1] = 0.4  # swings beyond 1.0 between row 4 and row 5
+        samples = MotionSamples(ROBOT.joint_names, 0.01, **rows)
+        assert samples.position.max() < 1.0
+        with pytest.raises(ConfigError, match=r"position of joint 'axis2' reaches 1\.00"):
+            verify_limits(samples, ROBOT)
+
+    def test_takes_a_step_in_position_for_the_speed_that_it_needs(self) -> None:
+        rows = self.still()
+        rows["position"][5:, 0] = 0.1
+        with pytest.raises(ConfigError, match="velocity of joint 'axis1' reaches"):
+            verify_limits(MotionSamples(ROBOT.joint_names, T, **rows), ROBOT)
+
+    def test_looks_at_every_row_of_a_long_motion(self) -> None:
+        rows = self.still(25_000)
+        rows["velocity"][[10_000, 24_998], [2, 2]] = [3.1, -3.3]
+        with pytest.raises(ConfigError) as error:
+            verify_limits(MotionSamples(ROBOT.joint_names, T, **rows), ROBOT)
+        assert "velocity of joint 'axis3' reaches 3.1 rad/s at 80 s, its limit is 3" in str(
+            error.value
+        )
+        assert "reaches -3.3 rad/s at 200 s, its limit is -3" in str(error.value)
+
+    def test_refuses_another_robots_motion(self) -> None:
+        samples = MotionSamples(("x", "y", "z"), T, **self.still())
+        with pytest.raises(ConfigError, match="x, y, z"):
+            verify_limits(samples, ROBOT)
+
+
+class TestMotionSamples:
+    def test_cannot_be_changed(self) -> None:
+        samples = MotionSamples(ROBOT.joint_names, T, **TestVerifyLimits.still())
+        with pytest.raises(ValueError, match="read-only"):
+            samples.position[0, 0] = 1.0
+
+    @pytest.mark.parametrize("name", ["position", "velocity", "acceleration"])
+    def test_refuses_what_is_not_finite(self, name: str) -> None:
+        rows = TestVerifyLimits.still()
+        rows[name][3, 1] = np.nan
+        with pytest.raises(ConfigError, match=rf"{name} is not finite at index \(3, 1\)"):
+            MotionSamples(ROBOT.joint_names, T, **rows)
+
+    def test_refuses_shapes_that_do_not_fit(self) -> None:
+        rows = TestVerifyLimits.still()
+        rows["velocity"] = rows["velocity"][1:]
+        with pytest.raises(ConfigError, match=r"motion velocity must have shape \(10, 3\)"):
+            MotionSamples(ROBOT.joint_names, T, **rows)
+
+    def test_refuses_periods_that_do_not_add_up(self) -> None:
+        rows = TestVerifyLimits.still()
+        rows["phase"][:] = Phase.MAIN
+        with pytest.raises(ConfigError, match="10 samples of the main phase are not 2 periods"):
+            MotionSamples(ROBOT.joint_names, T, **rows, samples_per_period=4, periods=2)
+
+
+@pytest.mark.parametrize("changes", [{"period_s": 1e9}, {"periods": 10_000}, {"ramp_s": 1e9}])
+def test_an_endless_motion_is_refused_before_it_fills_the_memory(
+    changes: dict[str, float],
+) -> None:
+    with pytest.raises(ConfigError, match=r"the motion takes .* at most 14400 s"):
+        plan_motion(fourier(**changes), load_robot("ir361"), 0.008)
+
+
+def test_so_is_one_from_point_to_point() -> None:
+    with pytest.raises(ConfigError, match=r"the motion takes .* at most 14400 s"):
+        plan_motion(multipoint(speed_fraction=1e-9), ROBOT, T)

@@ -1,0 +1,166 @@
+"""A recording that is not periodic: stamps are the truth, no phase shift, nothing across a gap."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.motion.samples import Phase
+from acquisition.processing.smoothing import low_pass, resample_periods, smooth_nonperiodic
+from acquisition.recording.recording import Recording
+from config.errors import ConfigError, DataQualityError
+
+W = 2.0 * np.pi * 0.5
+
+
+def truth(t: np.ndarray) -> np.ndarray:
+    return np.stack([np.sin(W * t) + 0.3 * np.sin(2.3 * W * t), 0.5 * np.cos(W * t)], axis=1)
+
+
+def uneven(duration_s: float = 12.0, seed: int = 0, noise: float = 0.0) -> Recording:
+    """Stamps whose steps alternate between 8, 10 and 12 ms."""
+    rng = np.random.default_rng(seed)
+    t = 100.0 + np.cumsum(rng.choice([0.008, 0.010, 0.012], round(duration_s / 0.01)))
+    rows = len(t)
+    return Recording(
+        joint_names=("a", "b"),
+        time_s=t,
+        position=truth(t) + 1e-4 * noise * rng.standard_normal((rows, 2)),
+        torque_nm=10.0 * truth(t) + noise * rng.standard_normal((rows, 2)),
+        valid=np.ones(rows, dtype=bool),
+        phase=np.full(rows, Phase.MAIN, dtype=np.uint8),
+        sample_index=np.full(rows, -1),
+        source="import",
+    )
+
+
+def part(recording: Recording, keep: np.ndarray) -> Recording:
+    return replace(
+        recording,
+        time_s=recording.time_s[keep],
+        position=recording.position[keep],
+        torque_nm=recording.torque_nm[keep],
+        valid=recording.valid[keep],
+        phase=recording.phase[keep],
+        sample_index=recording.sample_index[keep],
+    )
+
+
+class TestLowPass:
+    def test_is_3_db_down_at_its_cut_off_without_phase(self) -> None:
+        t = np.arange(4000) * 0.01
+        x = np.sin(2 * np.pi * 9.4 * t)[:, np.newaxis]
+        y = low_pass(x, 0.01, 9.4)[500:-500]
+        np.testing.assert_allclose(y, np.sqrt(0.5) * x[500:-500], atol=2e-3)
+
+    def test_passes_what_is_well_below(self) -> None:
+        t = np.arange(2000) * 0.01
+        x = np.sin(2 * np.pi * 2.0 * t)[:, np.newaxis]
+        np.testing.assert_allclose(low_pass(x, 0.01, 9.4)[200:-200], x[200:-200], atol=1e-3)
+
+    def test_refuses_a_cut_off_beyond_the_sampling(self) -> None:
+        with pytest.raises(ConfigError, match="between 0 and 45 Hz"):
+            low_pass(np.zeros((100, 1)), 0.01, 49.0)
+
+
+class TestSmoothing:
+    def test_finds_the_derivatives_of_what_moved(self) -> None:
+        smooth = smooth_nonperiodic(uneven(), 9.4)
+        t = smooth.time_s
+        h = 1e-4
+        velocity = (truth(t + h) - truth(t - h)) / (2 * h)
+        acceleration = (truth(t + h) - 2 * truth(t) + truth(t - h)) / h**2
+        np.testing.assert_allclose(smooth.position, truth(t), atol=2e-4)
+        np.testing.assert_allclose(smooth.velocity, velocity, atol=5e-3)
+        np.testing.assert_allclose(smooth.acceleration, acceleration, atol=0.05)
+        np.testing.assert_allclose(smooth.torque_nm, 10.0 * truth(t), atol=2e-3)
+
+    def test_is_uniform_and_states_its_cut_off(self) -> None:
+        smooth = smooth_nonperiodic(uneven(), 9.4)
+        np.testing.assert_allclose(np.diff(smooth.time_s), smooth.sample_period_s, rtol=1e-6)
+        assert smooth.sample_period_s == pytest.approx(0.01)
+        assert smooth.cutoff_hz == 9.4
+        assert (smooth.segment == 0).all()
+
+    def test_takes_noise_out(self) -> None:
+        smooth = smooth_nonperiodic(uneven(duration_s=40.0, noise=1.0), 5.0)
+        error = smooth.torque_nm - 10.0 * truth(smooth.time_s)
+        assert error.std() < 0.4
+
+    def test_cuts_at_a_gap_and_invents_nothing_inside(self) -> None:
+        recording = uneven()
+        gap = (recording.time_s > 104.0) & (recording.time_s < 105.0)
+        smooth = smooth_nonperiodic(part(recording, ~gap), 9.4)
+        assert set(smooth.segment.tolist()) == {0, 1}
+        assert not ((smooth.time_s > 104.0) & (smooth.time_s < 105.0)).any()
+        np.testing.assert_allclose(smooth.position, truth(smooth.time_s), atol=5e-4)
+
+    def test_leaves_out_rows_that_are_not_valid(self) -> None:
+        recording = uneven()
+        position, valid = recording.position.copy(), recording.valid.copy()
+        position[500] = 1e3
+        valid[500] = False
+        smooth = smooth_nonperiodic(replace(recording, position=position, valid=valid), 9.4)
+        np.testing.assert_allclose(smooth.position, truth(smooth.time_s), atol=5e-4)
+
+    def test_refuses_shreds(self) -> None:
+        recording = uneven(duration_s=4.0)
+        shreds = np.arange(len(recording)) % 30 < 20
+        with pytest.raises(DataQualityError, match="no stretch"):
+            smooth_nonperiodic(part(recording, shreds), 9.4)
+        with pytest.raises(DataQualityError, match="too few"):
+            smooth_nonperiodic(part(recording, np.arange(len(recording)) < 1), 9.4)
+
+
+class TestResamplePeriods:
+    def test_puts_whole_periods_on_a_grid_of_their_own(self) -> None:
+        recording = resample_periods(uneven(duration_s=13.0), 4.0)
+        assert recording.samples_per_period == 400
+        assert recording.sample_period_s == pytest.approx(0.01)
+        assert len(recording) == 3 * 400
+        np.testing.assert_array_equal(recording.sample_index, np.arange(1200))
+        np.testing.assert_allclose(recording.position, truth(recording.time_s), atol=1e-6)
+        assert recording.valid.all()
+
+    def test_marks_the_rows_of_a_gap(self) -> None:
+        recording = uneven(duration_s=13.0)
+        gap = (recording.time_s > 104.0) & (recording.time_s < 104.2)
+        resampled = resample_periods(part(recording, ~gap), 4.0)
+        inside = (resampled.time_s > 104.0) & (resampled.time_s < 104.2)
+        assert not resampled.valid[inside].any()
+        assert resampled.valid[~inside].sum() > len(resampled) - 25
+
+    def test_refuses_less_than_two_periods(self) -> None:
+        with pytest.raises(DataQualityError, match="holds 1 whole periods of 8 s"):
+            resample_periods(uneven(duration_s=13.0), 8.0)
+
+
+class TestTemperature:
+    @staticmethod
+    def warming() -> Recording:
+        recording = uneven(duration_s=13.0)
+        warmth = 300.0 + 0.5 * (recording.time_s - 100.0)
+        return replace(recording, temperature_k=np.stack([warmth, warmth + 5.0], axis=1))
+
+    def test_follows_its_stamps_without_ringing(self) -> None:
+        smooth = smooth_nonperiodic(self.warming(), 9.4)
+        expected = 300.0 + 0.5 * (smooth.time_s - 100.0)
+        np.testing.assert_allclose(smooth.temperature_k[:, 0], expected, atol=1e-9)
+        np.testing.assert_allclose(smooth.temperature_k[:, 1], expected + 5.0, atol=1e-9)
+
+        recording = uneven()
+        step = np.where(recording.time_s < 106.0, 300.0, 301.0)[:, np.newaxis] * np.ones(2)
+        smooth = smooth_nonperiodic(replace(recording, temperature_k=step), 9.4)
+        assert smooth.temperature_k.min() == 300.0
+        assert smooth.temperature_k.max() == 301.0
+
+    def test_comes_along_when_periods_are_put_on_a_grid(self) -> None:
+        resampled = resample_periods(self.warming(), 4.0)
+        expected = 300.0 + 0.5 * (resampled.time_s - 100.0)
+        np.testing.assert_allclose(resampled.temperature_k[:, 0], expected, atol=1e-9)
+
+    def test_is_unknown_where_it_was_not_recorded(self) -> None:
+        assert smooth_nonperiodic(uneven(), 9.4).temperature_k is None
+        assert resample_periods(uneven(duration_s=13.0), 4.0).temperature_k is None

@@ -1,0 +1,260 @@
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.runs.catalogue import damaged_runs, find_run, list_runs
+from acquisition.runs.folder import MANIFEST, RunFolder, RunStatus
+from acquisition.runs.run_id import RUN_ID, new_run_id
+from config.errors import ConfigError, RecordingError
+
+NOW_NS = 1_760_000_000_000_000_000
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    return tmp_path / "runs"
+
+
+@pytest.fixture
+def folder(root: Path) -> RunFolder:
+    return RunFolder.create(root, "first run", software={"rid-daq": "0.1.0"}, now_ns=NOW_NS)
+
+
+@settings(deadline=None)
+@given(st.lists(st.integers(0, 2**48 * 10**6 - 1), min_size=2, max_size=5))
+def test_ids_are_unique_and_sort_by_time(times_ns: list[int]) -> None:
+    ids = [new_run_id(time_ns) for time_ns in times_ns]
+    assert all(RUN_ID.fullmatch(run_id) for run_id in ids)
+    assert len(set(ids)) == len(ids)
+    order = sorted(range(len(ids)), key=lambda i: ids[i])
+    milliseconds = [times_ns[i] // 10**6 for i in order]
+    assert milliseconds == sorted(milliseconds)
+
+
+def test_a_new_run_says_what_it_is(folder: RunFolder, root: Path) -> None:
+    manifest = folder.manifest()
+    assert folder.path == root.resolve() / folder.run_id
+    assert (manifest.label, manifest.kind, manifest.status) == ("first run", "record", "unfinished")
+    assert manifest.created_utc == "2025-10-09T08:53:20.000+00:00"
+    assert manifest.software == {"rid-daq": "0.1.0"}
+
+
+@pytest.mark.parametrize("label", ["", "a" * 65, "a/b", "..\n", "a\n", "<b>", "a\x1b[0m", "é" * 65])
+def test_a_label_is_plain_text(root: Path, label: str) -> None:
+    with pytest.raises(ConfigError, match="label"):
+        RunFolder.create(root, label)
+    assert not root.exists()
+
+
+@pytest.mark.parametrize("label", ["a", "..", "Prüfung 3_b-2.1", "x" * 64])
+def test_a_label_never_becomes_a_path(root: Path, label: str) -> None:
+    folder = RunFolder.create(root, label)
+    assert [path.name for path in root.iterdir()] == [folder.run_id]
+
+
+def test_files_are_written_whole_and_noted(folder: RunFolder) -> None:
+    folder.write("cell.yaml", b"old")
+    path = folder.write("cell.yaml", b"name: a\n")
+    folder.write("figures/torque.svg", b"<svg/>")
+    assert path.read_bytes() == folder.read("cell.yaml") == b"name: a\n"
+    entry = folder.manifest().files["cell.yaml"]
+    assert entry.sha256 == hashlib.sha256(b"name: a\n").hexdigest()
+    assert entry.size_bytes == 8
+    assert sorted(path.name for path in folder.path.rglob("*.tmp")) == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["", "..", "../x", "/etc/passwd", "a//b", "a/../b", "x\n", ".hidden", "a\0", "nul", "COM1.txt",
+     "a b", "trailing.", MANIFEST],
+)  # fmt: skip
+def test_a_name_cannot_lead_elsewhere(folder: RunFolder, name: str) -> None:
+    with pytest.raises(ConfigError):
+        folder.write(name, b"x")
+
+
+def test_a_link_in_the_folder_is_refused(folder: RunFolder, tmp_path: Path) -> None:
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "secret").write_bytes(b"secret")
+    (folder.path / "link").symlink_to(outside / "secret")
+    (folder.path / "dir").symlink_to(outside)
+    for name in ("link", "dir/secret"):
+        with pytest.raises(RecordingError, match="symbolic link"):
+            folder.read(name)
+        with pytest.raises(RecordingError, match="symbolic link"):
+            folder.write(name, b"x")
+    assert folder.finish(RunStatus.COMPLETE).files == {}
+    assert (folder.verify(), folder.strays()) == ((), ("dir", "link"))
+    assert (outside / "secret").read_bytes() == b"secret"
+
+
+def test_a_waiting_temporary_link_is_replaced_not_followed(
+    folder: RunFolder, tmp_path: Path
+) -> None:
+    outside = tmp_path / "outside"
+    outside.write_bytes(b"untouched")
+    (folder.path / "a.txt.tmp").symlink_to(outside)
+    folder.write("a.txt", b"x")
+    assert outside.read_bytes() == b"untouched"
+    assert folder.read("a.txt") == b"x"
+
+
+def test_a_finished_run_names_every_file_and_verifies(folder: RunFolder) -> None:
+    folder.write("cell.yaml", b"a")
+    (folder.path / "recording.mcap").write_bytes(b"rows")
+    assert folder.verify() == ("the run was not finished: it is still running, or was killed",)
+    manifest = folder.finish(RunStatus.COMPLETE, {"rows": 12})
+    assert set(manifest.files) == {"cell.yaml", "recording.mcap"}
+    assert manifest.facts == {"rows": 12}
+    assert manifest.finished_utc is not None
+    assert folder.verify() == ()
+
+
+def test_verify_finds_changed_and_missing_files_and_added_ones_are_strays(
+    folder: RunFolder,
+) -> None:
+    for name in ("a.txt", "b.txt"):
+        folder.write(name, b"x")
+    folder.finish(RunStatus.STOPPED)
+    (folder.path / "a.txt").write_bytes(b"y")
+    (folder.path / "b.txt").unlink()
+    (folder.path / "c.txt").write_bytes(b"z")
+    problems = folder.verify()
+    assert len(problems) == 2
+    assert problems[0] == "a.txt: is not what was written (its SHA-256 differs)"
+    assert problems[1].startswith("b.txt:")
+    assert folder.strays() == ("c.txt",)
+
+
+def test_a_file_that_was_changed_meanwhile_keeps_the_hash_that_it_was_written_with(
+    folder: RunFolder,
+) -> None:
+    folder.write("robot.yaml", b"gear 121")
+    (folder.path / "robot.yaml").write_bytes(b"gear 60")
+    folder.finish(RunStatus.COMPLETE)
+    assert folder.verify() == ("robot.yaml: is not what was written (its SHA-256 differs)",)
+    assert set(folder.differences(["robot.yaml", "cell.yaml"])) == {"robot.yaml"}
+    with pytest.raises(RecordingError, match="is not what was written"):
+        folder.read("robot.yaml")
+
+
+def test_later_steps_may_add_results(folder: RunFolder) -> None:
+    folder.finish(RunStatus.COMPLETE)
+    folder.write("result.json", b"{}")
+    assert folder.verify() == ()
+    assert folder.manifest().status == RunStatus.COMPLETE
+
+
+def test_a_run_can_be_moved_and_opened(folder: RunFolder, tmp_path: Path) -> None:
+    folder.finish(RunStatus.COMPLETE)
+    moved = folder.path.rename(tmp_path / "from a colleague")
+    opened = RunFolder.open(moved)
+    assert opened.run_id == folder.run_id
+    assert opened.verify() == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "damaged"),
+        ("[]", "damaged"),
+        ("{", "damaged"),
+        ('{"format": 99}', "damaged: run_id"),
+        ("not json \x00", "damaged"),
+    ],
+)
+def test_a_damaged_manifest_is_a_clear_error(folder: RunFolder, text: str, message: str) -> None:
+    (folder.path / MANIFEST).write_text(text)
+    with pytest.raises(RecordingError, match=message):
+        RunFolder.open(folder.path)
+
+
+def test_a_newer_format_is_refused(folder: RunFolder) -> None:
+    manifest = json.loads((folder.path / MANIFEST).read_text())
+    (folder.path / MANIFEST).write_text(json.dumps({**manifest, "format": 3}))
+    with pytest.raises(RecordingError, match="format 3"):
+        folder.manifest()
+
+
+def test_a_manifest_that_is_a_link_or_a_pipe_is_refused(folder: RunFolder, tmp_path: Path) -> None:
+    path = folder.path / MANIFEST
+    target = path.rename(tmp_path / "elsewhere.json")
+    path.symlink_to(target)
+    with pytest.raises(RecordingError, match="not a run folder"):
+        folder.manifest()
+
+
+def test_what_is_no_run_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="not a run folder"):
+        RunFolder.open(tmp_path)
+
+
+def test_runs_are_listed_by_time_and_strangers_left_out(root: Path, tmp_path: Path) -> None:
+    runs = [RunFolder.create(root, f"run {i}", now_ns=NOW_NS + i * 10**9) for i in (0, 1, 2)]
+    (root / "notes").mkdir()
+    (root / new_run_id(NOW_NS)).mkdir()
+    (root / new_run_id(NOW_NS)).symlink_to(runs[0].path)
+    assert [manifest.label for _, manifest in list_runs(root)] == ["run 0", "run 1", "run 2"]
+    assert list_runs(tmp_path / "none") == ()
+
+
+def test_a_run_is_found_by_id_beginning_label_path_or_latest(root: Path) -> None:
+    first = RunFolder.create(root, "slow", now_ns=NOW_NS)
+    last = RunFolder.create(root, "fast", now_ns=NOW_NS + 10**15)
+    assert find_run(root, "latest") == last
+    assert find_run(root, "slow") == first
+    assert find_run(root, first.run_id) == first
+    assert find_run(root, first.run_id[:14].lower()) == first
+    assert find_run(root, str(last.path)) == last
+
+
+@pytest.mark.parametrize(
+    ("reference", "message"),
+    [("0", "may be any of"), ("same", "may be any of"), ("none", "no run"), ("", "no run"),
+     ("../..", "no run")],
+)  # fmt: skip
+def test_an_unclear_reference_is_refused(root: Path, reference: str, message: str) -> None:
+    for _ in range(2):
+        RunFolder.create(root, "same", now_ns=NOW_NS)
+    with pytest.raises(ConfigError, match=message):
+        find_run(root, reference)
+
+
+def test_a_run_whose_manifest_is_torn_is_named_and_not_passed_over(
+    root: Path, folder: RunFolder
+) -> None:
+    later = RunFolder.create(root, "second", now_ns=NOW_NS + 10**9)
+    (later.path / MANIFEST).write_text('{"la')
+    ((damaged, problem),) = damaged_runs(root)
+    assert damaged.path == later.path
+    assert MANIFEST in str(problem)
+    assert [found.run_id for found, _ in list_runs(root)] == [folder.run_id]
+    with pytest.raises(RecordingError, match="the latest run is damaged"):
+        find_run(root, "latest")
+
+
+def test_a_disk_that_is_gone_is_a_typed_error(
+    folder: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(path: Path) -> bool:
+        raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+
+    monkeypatch.setattr(Path, "is_symlink", gone)
+    with pytest.raises(
+        RecordingError, match=r"recording\.mcap: cannot be read: Input/output error"
+    ):
+        folder.file("recording.mcap")
+    folder.path.joinpath("recording.mcap").touch()
+    with pytest.raises(
+        RecordingError, match=r"recording\.mcap: cannot be read: Input/output error"
+    ):
+        folder.finish(RunStatus.STOPPED)

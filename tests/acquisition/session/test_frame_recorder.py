@@ -1,0 +1,121 @@
+"""Every frame on the bus in a BLF file: held against the hub's own log by python-can's readers."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from acquisition.journal.cycles import read_journal
+from acquisition.motion.plan import plan_motion
+from acquisition.runs.folder import RunFolder
+from acquisition.session.frame_recorder import FrameRecorder
+from acquisition.session.record import record_motion
+from config.cell.cell import CanBusConfig
+from config.errors import ConfigError, DriverError, RecordingError, TransportError
+from config.load import load_cell
+from config.motion.motion import FourierJoint, FourierMotion
+from drivers.canopen.frames import SYNC_COB_ID, tpdo_cob_id
+from mock_hw.cell import SimulatedCell
+
+Frame = tuple[int, bytes, int]
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return tmp_path / "frames.log"
+
+
+@pytest.fixture
+def simulated(log: Path) -> SimulatedCell:
+    loaded = load_cell("ir361")
+    assert loaded.plant is not None
+    config = loaded.config.model_copy(update={"plate": None, "monitor": None})
+    return SimulatedCell(config, loaded.robot, loaded.plant, realtime=False, seed=1, log=log)
+
+
+def frames(reader: can.io.generic.MessageReader) -> list[Frame]:
+    """Return identifier, data and time [us]."""
+    return [(m.arbitration_id, bytes(m.data), round(1e6 * m.timestamp)) for m in reader]
+
+
+def test_it_holds_what_was_on_the_bus(simulated: SimulatedCell, log: Path, tmp_path: Path) -> None:
+    robot = load_cell("ir361").robot
+    joints = tuple(
+        FourierJoint(joint=name, sine=(0.1,), cosine=(0.0,)) for name in robot.joint_names
+    )
+    motion = FourierMotion(
+        kind="fourier", robot="ir361", period_s=1.0, periods=1, ramp_s=0.5, joints=joints
+    )
+    file = tmp_path / "frames.blf"
+    with simulated as cell:
+        samples = plan_motion(motion, robot, cell.cell.cycle_time_s)
+        with FrameRecorder(cell.cell.can, file) as recorder:
+            run = RunFolder.create(tmp_path / "runs", "frames")
+            outcome = record_motion(cell.cell, robot, samples, run)
+            count = recorder.finish()
+    recorded = frames(can.BLFReader(file))
+    there = frames(can.CanutilsLogReader(log))[:count]  # a simulated bus begins with its listener
+    assert [frame[:2] for frame in recorded] == [frame[:2] for frame in there]
+    apart_us = np.array([a[2] - b[2] for a, b in zip(recorded, there, strict=True)])
+    assert np.ptp(apart_us) <= 2, "both round"
+    rows = read_journal(outcome.path).rows
+    identifiers = [frame[0] for frame in recorded]
+    assert identifiers.count(SYNC_COB_ID) >= len(rows)
+    answered = {data[2:6] for cob_id, data, _ in recorded if cob_id == tpdo_cob_id(2)}
+    measured = {count.tobytes() for count in rows["position_counts"][:, 1]}
+    assert measured <= answered
+
+
+def test_a_bus_that_ends_is_told_and_what_came_is_kept(
+    simulated: SimulatedCell, tmp_path: Path
+) -> None:
+    file = tmp_path / "frames.blf"
+    with contextlib.ExitStack() as stack:
+        with simulated as cell:
+            recorder = stack.enter_context(FrameRecorder(cell.cell.can, file))
+            with can.Bus(interface="rid_sim", channel=cell.channel, participant=True) as master:
+                master.send(can.Message(arbitration_id=0x123, data=b"abc", is_extended_id=False))
+                master.recv(0.01)
+        with pytest.raises(TransportError, match="the hub is gone"):
+            recorder.finish()
+    assert (0x123, b"abc") in [frame[:2] for frame in frames(can.BLFReader(file))]
+
+
+def test_a_session_that_fails_leaves_a_whole_file_and_no_traceback(
+    simulated: SimulatedCell, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "frames.blf"
+    with (
+        simulated as cell,
+        pytest.raises(DriverError, match="the session's own"),
+        FrameRecorder(cell.cell.can, file),
+    ):
+        raise DriverError("the session's own")
+    assert capfd.readouterr().err == ""
+    assert [frame[0] for frame in frames(can.BLFReader(file))].count(SYNC_COB_ID) == 0
+
+
+def test_what_cannot_be_recorded_is_refused_at_the_start(
+    simulated: SimulatedCell, tmp_path: Path
+) -> None:
+    slcan = CanBusConfig(interface="slcan", channel="/dev/ttyACM0", bitrate=1_000_000)
+    with pytest.raises(ConfigError, match="one program alone can open it; rid_sim, "):
+        FrameRecorder(slcan, tmp_path / "frames.blf")
+    nobody = CanBusConfig(interface="rid_sim", channel=str(tmp_path / "no"), bitrate=1_000_000)
+    with (
+        pytest.raises(TransportError, match="nobody serves it"),
+        FrameRecorder(nobody, tmp_path / "frames.blf"),
+    ):
+        pass
+    taken = tmp_path / "taken.blf"
+    taken.touch()
+    with (
+        simulated as cell,
+        pytest.raises(RecordingError, match=r"taken\.blf: cannot be written \(File exists\)"),
+        FrameRecorder(cell.cell.can, taken),
+    ):
+        pass

@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from acquisition.signals.clocks import (
+    DeviceClock,
+    clock_from_arrivals,
+    clock_from_edges,
+    clock_from_marks,
+    match_edges,
+)
+from config.errors import DataQualityError
+
+PPM, OFFSET_S, JITTER_S, LENGTH_S = 100.0, 0.003, 0.005, 170.0
+
+
+def device_time(rate_hz: float) -> NDArray[np.float64]:
+    """Row times on the device's own clock, in microseconds as it sends them."""
+    return np.round(np.arange(0.0, LENGTH_S, 1.0 / rate_hz), 6)
+
+
+def on_sync(device_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The truth: 100 ppm slow and 3 ms late, on a host's monotonic clock."""
+    return 9000.0 + OFFSET_S + device_s * (1.0 + 1e-6 * PPM)
+
+
+class TestArrivals:
+    @pytest.mark.parametrize("rate_hz", [125.0, 480.0, 960.0])
+    @pytest.mark.parametrize("law", ["uniform", "exponential", "read in chunks"])
+    def test_170_s_of_rows_with_5_ms_of_jitter_are_put_in_their_place_within_50_us(
+        self, rate_hz: float, law: str
+    ) -> None:
+        random = np.random.default_rng(3)
+        device = device_time(rate_hz)
+        true = on_sync(device)
+        if law == "uniform":
+            arrival = np.maximum.accumulate(true + random.uniform(0.0, JITTER_S, len(true)))
+        elif law == "exponential":
+            arrival = np.maximum.accumulate(true + random.exponential(JITTER_S / 3.0, len(true)))
+        else:
+            reads = true[0] + np.cumsum(random.uniform(0.002, 2 * JITTER_S, 60_000))
+            arrival = reads[np.searchsorted(reads, true)]
+        clock = clock_from_arrivals(device, arrival)
+        error = np.abs(clock.to_sync(device) - true)
+        assert error.max() < 50e-6
+        assert clock.drift_ppm == pytest.approx(PPM, abs=0.6)
+        assert (error < 3.0 * clock.sigma_s(device) + 1e-8).all()
+        assert clock.sigma_s(device).max() < 200e-6
+
+    def test_the_uncertainty_is_honest_where_short_delays_are_rare(self) -> None:
+        """The sum of two delays is hardly ever zero: the lowest arrivals are all late."""
+        device = device_time(125.0)
+        true, inside = on_sync(device), []
+        for seed in range(12):
+            delay = np.random.default_rng(seed).gamma(2.0, JITTER_S / 4.0, len(true))
+            clock = clock_from_arrivals(device, np.maximum.accumulate(true + delay))
+            error = np.abs(clock.to_sync(device) - true)[[0, len(device) // 2, -1]]
+            inside.append(error < 2.0 * clock.sigma_s(device)[[0, len(device) // 2, -1]])
+        assert np.mean(inside) > 0.9
+
+    def test_a_known_shortest_delay_is_taken_off(self) -> None:
+        device = device_time(125.0)
+        arrival = on_sync(device) + 0.004
+        clock = clock_from_arrivals(device, arrival, shortest_delay_s=0.004)
+        np.testing.assert_allclose(clock.to_sync(device), on_sync(device), atol=2e-6)
+
+    def test_a_clock_that_wanders_says_so(self) -> None:
+        device = device_time(480.0)
+        wandering = on_sync(device) + 0.001 * np.sin(device / 20.0)
+        jitter = np.random.default_rng(0).uniform(0.0, 0.0005, len(device))
+        clock = clock_from_arrivals(device, wandering + jitter)
+        error = clock.to_sync(device) - wandering
+        assert clock.wander_s > 2e-4
+        assert np.abs(error).max() < 4.0 * clock.wander_s
+
+    def test_back_and_forth_is_where_it_was(self) -> None:
+        clock = DeviceClock(10.0, 500.0, 1.0001, np.eye(2) * 1e-12, 0.0, "marks")
+        times = np.linspace(-5.0, 300.0, 7)
+        np.testing.assert_allclose(clock.to_device(clock.to_sync(times)), times, atol=1e-9)
+
+    @pytest.mark.parametrize("rows", [0, 1, 30])
+    def test_too_few_rows_are_refused(self, rows: int) -> None:
+        device = np.arange(float(rows))
+        with pytest.raises(DataQualityError, match="too few"):
+            clock_from_arrivals(device, device + 0.1)
+
+    def test_time_stamps_in_another_unit_are_refused(self) -> None:
+        device = device_time(125.0)
+        with pytest.raises(DataQualityError, match="no quartz"):
+            clock_from_arrivals(device * 1000.0, on_sync(device))
+
+
+class TestMarks:
+    def test_bound_the_clock_however_differently_the_two_ways_delay(self) -> None:
+        random = np.random.default_rng(1)
+        device = np.linspace(0.0, LENGTH_S, 60)
+        true = on_sync(device)
+        there, back = random.uniform(0.0002, 0.004, 60), random.uniform(0.0002, 0.009, 60)
+        clock = clock_from_marks(true - there, device, true + back)
+        error = np.abs(clock.to_sync(device) - true)
+        assert error.max() < 0.4e-3
+        assert (error < 2.0 * clock.sigma_s(device)).all()
+
+    def test_no_straight_clock_between_them_means_that_it_was_set(self) -> None:
+        device = np.linspace(0.0, 10.0, 20)
+        true = device + 0.01 * (device > 5.0)
+        with pytest.raises(DataQualityError, match="set or restarted"):
+            clock_from_marks(true - 0.001, device, true + 0.001)
+
+    def test_an_answer_before_its_question_is_refused(self) -> None:
+        device = np.arange(5.0)
+        with pytest.raises(DataQualityError, match="marks cannot bound"):
+            clock_from_marks(device + 0.1, device, device)
+
+
+class TestEdges:
+    def test_give_the_clock_within_microseconds(self) -> None:
+        random = np.random.default_rng(2)
+        device = device_time(125.0)
+        late = np.abs(random.normal(0.0, 20e-6, len(device)))
+        late[::50] += 0.003  # a SYNC that waited for the bus
+        clock = clock_from_edges(device, on_sync(device) + late)
+        error = clock.to_sync(device) - on_sync(device)
+        assert np.abs(error - error.mean()).max() < 5e-6
+        assert np.abs(error).max() < 30e-6  # the mean lateness is the SYNC's own
+
+    def test_are_paired_by_a_coarse_clock(self) -> None:
+        sync = on_sync(device_time(125.0))
+        device = np.delete(device_time(125.0), [5, 6, 900])
+        device = np.sort(np.append(device, 31.4165))  # a glitch
+        coarse = DeviceClock(0.0, on_sync(np.zeros(1))[0] + 0.001, 1.0001, np.eye(2), 0.0, "marks")
+        edges, cycles = match_edges(device, sync, coarse, within_s=0.002)
+        assert len(edges) == len(device) - 1
+        np.testing.assert_allclose(on_sync(device[edges]), sync[cycles], atol=1e-9)
+
+    def test_too_few_are_refused(self) -> None:
+        with pytest.raises(DataQualityError, match="too few"):
+            clock_from_edges(np.arange(2.0), np.arange(2.0))

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from acquisition.signals.resampling import LONGEST_FILLED_GAP, PASS_ERROR, resample
+from config.errors import DataQualityError
+
+CYCLE_S = 0.008
+AT = 2.0003 + CYCLE_S * np.arange(1000)
+
+
+def rows(rate_hz: float) -> NDArray[np.float64]:
+    return 1.00005 * np.arange(0.0, 12.0, 1.0 / rate_hz)
+
+
+def whole(times: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return np.ones((len(times), 1), dtype=np.bool_)
+
+
+def wave(frequency_hz: float, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.sin(2.0 * np.pi * frequency_hz * times)[:, np.newaxis]
+
+
+@pytest.mark.parametrize("rate_hz", [158.0, 960.0, 1000.0])
+@pytest.mark.parametrize("frequency_hz", [0.1, 5.0, 20.0, 50.0])
+def test_what_both_rates_carry_passes(rate_hz: float, frequency_hz: float) -> None:
+    times = rows(rate_hz)
+    found, good = resample(times, wave(frequency_hz, times), whole(times), AT, 1.0 / CYCLE_S)
+    assert good.all()
+    np.testing.assert_allclose(found, wave(frequency_hz, AT), atol=PASS_ERROR)
+
+
+@pytest.mark.parametrize("frequency_hz", [76.0, 115.0, 124.0, 135.0, 400.0])
+def test_what_would_fold_back_does_not(frequency_hz: float) -> None:
+    times = rows(960.0)
+    found, _ = resample(times, wave(frequency_hz, times), whole(times), AT, 1.0 / CYCLE_S)
+    assert np.abs(found).max() < PASS_ERROR
+
+
+def test_more_rows_than_samples_make_less_noise() -> None:
+    times = rows(1000.0)
+    noise = np.random.default_rng(0).standard_normal((len(times), 1))
+    found, _ = resample(times, noise, whole(times), AT, 1.0 / CYCLE_S)
+    assert found.std() == pytest.approx(np.sqrt(125.0 / 1000.0), rel=0.1)
+
+
+def test_short_gaps_are_filled() -> None:
+    times = rows(960.0)
+    there = np.ones(len(times), dtype=bool)
+    there[[3000, 4000, 4001, 5000, 5001, 5002]] = False
+    found, good = resample(
+        times[there], wave(5.0, times[there]), whole(times[there]), AT, 1.0 / CYCLE_S
+    )
+    assert good.all()
+    np.testing.assert_allclose(found, wave(5.0, AT), atol=3e-4)
+
+
+def test_long_gaps_are_not() -> None:
+    times = rows(960.0)
+    there = np.ones(len(times), dtype=bool)
+    there[4000 : 4001 + LONGEST_FILLED_GAP] = False
+    _, good = resample(
+        times[there], wave(5.0, times[there]), whole(times[there]), AT, 1.0 / CYCLE_S
+    )
+    bad_s = AT[~good[:, 0]]
+    assert bad_s.min() == pytest.approx(times[4000] - 0.1, abs=0.02)
+    assert bad_s.max() == pytest.approx(times[4003] + 0.1, abs=0.02)
+
+
+def test_no_value_in_overload_gets_into_a_sample() -> None:
+    times = rows(960.0)
+    values, valid = wave(5.0, times), whole(times)
+    values[5000:5003], valid[5000:5003] = 1e9, False
+    found, good = resample(times, values, valid, AT, 1.0 / CYCLE_S)
+    assert not good.all()
+    np.testing.assert_allclose(found[good], wave(5.0, AT)[good], atol=PASS_ERROR)
+    assert (found[~good] == 0.0).all()
+
+
+def test_nothing_is_invented_beyond_the_ends() -> None:
+    times = rows(960.0)
+    _, good = resample(times, wave(5.0, times), whole(times), AT - 2.5, 1.0 / CYCLE_S)
+    assert not good[AT - 2.5 < 0.1].any()
+    assert good[AT - 2.5 > 0.11].all()
+
+
+@pytest.mark.parametrize(
+    "times", [np.zeros(1), np.zeros(10), np.array([0.0, 1.0, 2.4, 3.0, 4.6, 5.0])]
+)
+def test_times_that_are_not_regular_are_refused(times: NDArray[np.float64]) -> None:
+    with pytest.raises(DataQualityError, match=r"too few|regular"):
+        resample(times, np.zeros((len(times), 1)), whole(times), AT, 125.0)

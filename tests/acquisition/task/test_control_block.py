@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import pytest
+
+from acquisition.motion.samples import Phase
+from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.stop_reason import StopCode, StopReason
+from config.errors import DriverError, PreflightError, RidDaqError, TransportError
+
+
+@pytest.fixture
+def control() -> ControlBlock:
+    return ControlBlock.create()
+
+
+def test_a_fresh_block_says_nothing(control: ControlBlock) -> None:
+    assert control.stop_reason is None
+    assert control.task_error is None
+    assert control.stop_code == 0
+    assert control.notes == ()
+    assert not control.task_gone
+    assert control.progress.state is TaskState.STARTING
+    assert control.progress.sample_index == -1
+
+
+def test_the_first_reason_to_stop_stays(control: ControlBlock) -> None:
+    reason = StopReason(StopCode.FOLLOWING_ERROR, "off by 0.1 rad · é", "joint2", 0.1, 0.05)
+    control.report_stop(reason)
+    control.report_stop(StopReason(StopCode.BUS, "later"))
+    assert control.stop_reason == reason
+
+
+def test_the_first_request_counts(control: ControlBlock) -> None:
+    control.request_stop(StopCode.INTERRUPTED)
+    control.request_stop(StopCode.RECORDER)
+    assert control.stop_code == StopCode.INTERRUPTED
+
+
+@pytest.mark.parametrize("error", [PreflightError("red"), TransportError("gone"), DriverError("x")])
+def test_an_error_arrives_as_what_it_was(control: ControlBlock, error: RidDaqError) -> None:
+    control.report_error(error)
+    received = control.task_error
+    assert type(received) is type(error)
+    assert str(received) == str(error)
+
+
+def test_texts_of_any_length_fit(control: ControlBlock) -> None:
+    control.report_stop(StopReason(StopCode.BUS, "ü" * 5000, "j" * 500))
+    control.report_error(DriverError("é\0" * 9000))
+    for number in range(1000):
+        control.add_note(f"note {number}\nof two lines, ü")
+    assert control.stop_reason is not None
+    assert set(control.stop_reason.text) == {"ü"}
+    assert control.notes[0] == "note 0 of two lines, ü"
+
+
+def test_every_progress_is_a_sign_of_life(control: ControlBlock) -> None:
+    before = control.task_beat
+    control.set_progress(17, Phase.MAIN, 40)
+    assert control.task_beat > before
+    assert (control.progress.sample_index, control.progress.phase) == (17, Phase.MAIN)
+
+
+def test_the_task_is_gone_by_its_own_word_or_the_programs(control: ControlBlock) -> None:
+    control.task_state = TaskState.FINISHED
+    assert control.task_gone
+    other = ControlBlock.create()
+    other.declare_task_gone()
+    assert other.task_gone

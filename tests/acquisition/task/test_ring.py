@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import struct
+from collections import deque
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.journal.cycle_row import (
+    joints_of_row,
+    message_definition,
+    row_dtype,
+    row_struct,
+)
+from acquisition.task.ring import Ring
+from config.errors import RecordingError
+
+
+def a_row(joints: int, cycle: int) -> tuple[float, ...]:
+    return (
+        *(cycle * 0.008, 0.0, 0.001),
+        *(cycle + 0.1 * i for i in range(5 * joints)),
+        *(range(joints)),
+        *(cycle, cycle - 1),
+        *(range(3 * joints)),
+        3,
+    )
+
+
+@pytest.mark.parametrize("joints", [1, 3, 6, 7, 16])
+def test_a_row_has_one_layout_for_struct_numpy_and_the_ros_message(joints: int) -> None:
+    dtype = row_dtype(joints)
+    assert row_struct(joints).size == dtype.itemsize
+    row = np.frombuffer(row_struct(joints).pack(*a_row(joints, 7)), dtype=dtype)[0]
+    assert row["cycle"] == 7
+    assert row["phase"] == 3
+    # CDR: every primitive aligned to its own size, fixed arrays without a length
+    sizes = {"float64": 8, "int32": 4, "uint32": 4, "int16": 2, "uint16": 2, "uint8": 1}
+    offset = 0
+    for line in message_definition(joints).splitlines():
+        kind, name = line.split("#")[0].split()
+        size = sizes[kind.split("[")[0]]
+        offset += -offset % size
+        assert dtype.fields is not None
+        assert dtype.fields[name][1] == offset, name
+        offset += size * (joints if "[" in kind else 1)
+    assert offset == dtype.itemsize
+
+
+def test_the_number_of_joints_follows_from_the_size_of_a_row() -> None:
+    assert [joints_of_row(row_struct(n).size) for n in range(1, 17)] == list(range(1, 17))
+    assert joints_of_row(100) is None
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    st.integers(1, 9),
+    st.lists(st.one_of(st.just("write"), st.integers(1, 12)), max_size=60),
+)
+def test_rows_come_out_as_they_went_in_and_none_is_overwritten(
+    capacity: int, steps: list[str | int]
+) -> None:
+    ring, model, cycle = Ring.create(2, capacity), deque[int](), 0
+    for step in steps:
+        if step == "write":
+            accepted = ring.write(a_row(2, cycle))
+            assert accepted == (len(model) < capacity)
+            if accepted:
+                model.append(cycle)
+            cycle += 1
+        else:
+            rows = np.frombuffer(ring.read(int(step)), dtype=row_dtype(2))
+            assert len(rows) <= int(step)
+            assert len(rows) > 0 or not model
+            assert rows["cycle"].tolist() == [model.popleft() for _ in range(len(rows))]
+        assert ring.waiting == len(model)
+        assert ring.fill == len(model) / capacity
+
+
+def test_a_row_that_does_not_fit_its_fields_is_refused() -> None:
+    with pytest.raises(struct.error):
+        Ring.create(2, 4).write(a_row(2, -1))
+
+
+def test_a_ring_has_room() -> None:
+    with pytest.raises(RecordingError, match="capacity"):
+        Ring.create(3, 0)

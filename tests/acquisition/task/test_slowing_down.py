@@ -1,0 +1,80 @@
+"""An axis on its quick stop slows down at half the rate that it was told at least, or is found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition.task.slowing_down import LOOK_S, OBEY_S, SLACK, SlowingDown
+
+DECELERATION = 10.0
+
+
+def first_found(speed: Callable[[float], float], period_s: float, until_s: float) -> float | None:
+    """Return when an axis with a speed by time is found too fast [s]; None: never."""
+    position, time_s = 0.0, 0.0
+    slowing = SlowingDown(DECELERATION, period_s, [position], time_s)
+    while time_s < until_s:
+        position += period_s * speed(time_s + 0.5 * period_s)
+        time_s += period_s
+        if slowing.deaf(time_s, [position], [True]):
+            return time_s
+    return None
+
+
+@given(
+    period_s=st.sampled_from((0.001, 0.002, 0.008, 0.02, 0.1)),
+    begins_at=st.floats(0.05, 6.0),
+    share=st.floats(0.6, 3.0),
+    lag_cycles=st.floats(0.0, 2.0),
+)
+def test_an_axis_that_obeys_is_never_found(
+    period_s: float, begins_at: float, share: float, lag_cycles: float
+) -> None:
+    lag_s = min(lag_cycles * period_s, 0.004)
+
+    def speed(time_s: float) -> float:
+        return max(0.0, begins_at - share * DECELERATION * max(0.0, time_s - lag_s))
+
+    assert first_found(speed, period_s, begins_at / (share * DECELERATION) + 0.5) is None
+
+
+@given(
+    period_s=st.sampled_from((0.001, 0.002, 0.008, 0.02, 0.1)),
+    begins_at=st.floats(2.0 * SLACK, 6.0),
+    share=st.floats(-2.0, 0.3),
+)
+def test_an_axis_that_does_not_obey_is_found_within_three_looks(
+    period_s: float, begins_at: float, share: float
+) -> None:
+    def speed(time_s: float) -> float:
+        return begins_at - share * DECELERATION * time_s
+
+    found_s = first_found(speed, period_s, 2.0)
+    look_s = max(period_s, LOOK_S + period_s)
+    gone_s = (begins_at - SLACK) / DECELERATION / max(share, 1e-9)
+    if gone_s > OBEY_S + 3.0 * look_s:
+        assert found_s is not None
+        assert found_s <= OBEY_S + 3.0 * look_s
+
+
+def test_an_axis_that_does_not_answer_is_not_judged() -> None:
+    slowing = SlowingDown(DECELERATION, 0.02, [0.0], 0.0)
+    assert not any(slowing.deaf(0.02 * n, [0.1 * n], [False]) for n in range(1, 100))
+
+
+def test_a_cycle_that_takes_no_time_is_no_speed() -> None:
+    slowing = SlowingDown(DECELERATION, 0.02, [0.0], 0.0)
+    assert slowing.deaf(0.0, [0.0], [True]) == []
+    assert slowing.deaf(0.02, [0.02], [True]) == []
+
+
+@pytest.mark.parametrize("increment", [1e-6, 1e-4])
+def test_an_encoders_increment_is_no_speed(increment: float) -> None:
+    """At rest but for the last digit, at 1 ms."""
+    slowing = SlowingDown(DECELERATION, 0.001, [0.0], 0.0)
+    noise = [increment * (n % 2) for n in range(1, 500)]
+    assert not any(slowing.deaf(1e-3 * n, [x], [True]) for n, x in enumerate(noise, 1))

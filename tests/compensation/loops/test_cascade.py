@@ -1,0 +1,168 @@
+"""The cascade's margins: against python-control, and against the simulated arm on their edge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples, Phase
+from benchmarks.closed_loop import closed_loop
+from compensation.loops.axis_mechanics import AxisMechanics, fit_axis_mechanics
+from compensation.loops.cascade import Cascade, advise, margins
+from compensation.loops.frequency_response import (
+    controller_responses,
+    mechanics_responses,
+)
+from compensation.loops.multisine_motion import multisine_motion
+from compensation.loops.multisine_spectra import multisine_spectra
+from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
+from config.errors import EstimationError
+from config.load import LoadedCell
+from config.simulation.plant import PlantConfig
+
+CYCLE_S = 0.008
+
+
+def cascade(
+    gain: float = 900.0,
+    integral_s: float = 0.1,
+    lag_s: float = 0.0005,
+    inertia: float = 12.0,
+    position_gain: float = 15.0,
+    joint: str = "axis1",
+    spread: float = 0.01,
+) -> Cascade:
+    covariance = np.diag([(spread * gain) ** 2, (spread * integral_s) ** 2])
+    names = ("gain", "integral_time_s")
+    loop = VelocityLoop(joint, gain, integral_s, 0.0, lag_s, names, covariance, 1.0, ())
+    axis = AxisMechanics(joint, inertia, 30.0, np.diag([(spread * inertia) ** 2, 1.0]), 0.0)
+    return Cascade(loop, axis, position_gain, CYCLE_S)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(100.0, 3000.0),
+    st.floats(0.02, 0.5),
+    st.floats(0.0001, 0.01),
+    st.floats(2.0, 60.0),
+    st.floats(2.0, 80.0),
+)
+def test_margins_are_those_of_python_control(
+    gain: float, integral_s: float, lag_s: float, inertia: float, position_gain: float
+) -> None:
+    one = cascade(gain, integral_s, lag_s, inertia, position_gain)
+    found = one.position_margins
+    gain_margin, phase_margin, _, phase_crossover, crossover, _ = control.stability_margins(
+        one.position_loop_frd
+    )
+    assert found.phase_deg is not None
+    assert found.gain == pytest.approx(gain_margin, rel=1e-3)
+    assert found.phase_deg == pytest.approx(phase_margin, abs=0.1)
+    assert found.phase_crossover_hz == pytest.approx(phase_crossover / (2.0 * math.pi), rel=1e-3)
+    assert found.crossover_hz == pytest.approx(crossover / (2.0 * math.pi), rel=1e-3)
+
+
+def test_loops_are_the_series_of_their_parts() -> None:
+    one = cascade()
+    frequency_hz = np.array([0.3, 2.0, 11.0])
+    at = 2j * np.pi * frequency_hz
+    opened = one.loop.transfer_function * one.mechanics.transfer_function
+    np.testing.assert_allclose(one.velocity_loop(frequency_hz), opened(at), rtol=1e-9)
+    closed = control.feedback(opened, 1)(at)
+    np.testing.assert_allclose(one.closed_velocity_loop(frequency_hz), closed, rtol=1e-9)
+    bent = np.sinc(frequency_hz * CYCLE_S) ** 2 * np.exp(-at * 2.0 * CYCLE_S)
+    np.testing.assert_allclose(one.position_loop(frequency_hz), 15.0 * bent * closed / at)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(200.0, 3000.0), st.floats(0.03, 0.5), st.floats(2.0, 60.0))
+def test_the_largest_gain_just_keeps_both_margins(
+    gain: float, integral_s: float, inertia: float
+) -> None:
+    one = cascade(gain, integral_s, inertia=inertia)
+    largest = one.largest_position_gain_per_s
+    at_edge = replace(one, position_gain_per_s=largest).position_margins
+    assert at_edge.gain is not None
+    assert at_edge.phase_deg is not None
+    assert at_edge.gain >= 2.0 * (1.0 - 1e-3)
+    assert at_edge.phase_deg >= 60.0 - 0.2
+    assert at_edge.gain < 2.01 or at_edge.phase_deg < 60.2
+
+
+def test_a_loop_that_never_crosses_has_no_margin() -> None:
+    frequency_hz = np.geomspace(0.1, 100.0, 200)
+    never = margins(frequency_hz, 0.5 / (1.0 + 0.1j * frequency_hz))
+    assert never.gain is None
+    assert never.phase_deg is None
+    assert never.gain_db is None
+
+
+def test_advice_names_the_axis_that_allows_least_and_counts_uncertainty() -> None:
+    strong, weak = cascade(), cascade(inertia=40.0, joint="axis2")
+    advice = advise([strong, weak])
+    assert advice.joint_name == "axis2"
+    assert advice.largest_per_s < weak.largest_position_gain_per_s
+    assert advise([cascade(inertia=40.0, spread=0.05)]).largest_per_s < advice.largest_per_s
+    assert "Lower position_gain_per_s" in advice.sentence
+    assert "may grow" in advise([cascade(position_gain=5.0)]).sentence
+
+
+def test_loops_of_different_joints_make_no_cascade() -> None:
+    axis = replace(cascade().mechanics, joint_name="axis2")
+    with pytest.raises(EstimationError, match="the mechanics of axis2"):
+        Cascade(cascade().loop, axis, 15.0, CYCLE_S)
+
+
+@pytest.fixture(scope="module")
+def smooth(cell: LoadedCell) -> PlantConfig:
+    """The arm without Coulomb friction, which would hold an unstable loop still."""
+    assert cell.plant is not None
+    plain = cell.plant.without_unmodelled()
+    axes = tuple(axis.model_copy(update={"coulomb_nm": 0.0}) for axis in plain.axes)
+    return plain.model_copy(update={"axes": axes})
+
+
+@pytest.fixture(scope="module")
+def measured(cell: LoadedCell, smooth: PlantConfig) -> list[Cascade]:
+    motion = multisine_motion(
+        cell.robot, cell.config, period_s=4.0, periods=2, realisations=2, seed=3
+    )
+    samples = plan_motion(motion, cell.robot, CYCLE_S)
+    spectra = multisine_spectra(closed_loop(cell, smooth, samples, 3), motion, cell.robot)
+    return [
+        Cascade(fit_velocity_loop(g), fit_axis_mechanics(p), 15.0, CYCLE_S)
+        for g, p in zip(controller_responses(spectra), mechanics_responses(spectra), strict=True)
+    ]
+
+
+@pytest.mark.parametrize(("share", "grows"), [(0.85, False), (1.2, True)])
+def test_the_arm_swings_beyond_its_gain_margin_and_not_before(
+    cell: LoadedCell, smooth: PlantConfig, measured: list[Cascade], share: float, grows: bool
+) -> None:
+    """The arm sags when its integrators start at zero; from there it settles, or does not."""
+    edges = [one.position_margins.gain for one in measured]
+    edge = min(gain for gain in edges if gain is not None)
+    assert 2.0 < edge < 10.0
+    pose = np.tile([0.0, -0.2, 0.5], (500, 1))
+    still = MotionSamples(
+        cell.robot.joint_names,
+        CYCLE_S,
+        pose,
+        np.zeros_like(pose),
+        np.zeros_like(pose),
+        np.full(len(pose), Phase.HOLD, dtype=np.uint8),
+    )
+    config = cell.config.model_copy(update={"position_gain_per_s": 15.0 * share * edge})
+    moved = closed_loop(replace(cell, config=config), smooth, still, 0).position
+    early, late = (
+        float(np.ptp(moved[rows], axis=0).max()) for rows in (slice(125), slice(-125, None))
+    )
+    assert (late > early) == grows
+    assert all(one.mechanics.misfit < 0.1 for one in measured)

@@ -1,0 +1,294 @@
+"""Velocity controllers by multisine: simulated drives, and responses known in closed form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import Phase
+from acquisition.recording.recording import Recording
+from benchmarks.closed_loop import closed_loop
+from benchmarks.velocity_loop import Proof, prove
+from compensation.loops.command_path import interpolation_response
+from compensation.loops.frequency_response import (
+    Distortion,
+    FrequencyResponse,
+    frequency_responses,
+)
+from compensation.loops.loop_measurement import measure_loops
+from compensation.loops.multisine_motion import multisine_motion
+from compensation.loops.multisine_spectra import multisine_spectra
+from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop, whiteness
+from config.errors import DataQualityError, EstimationError
+from config.load import LoadedCell
+from config.motion.motion import MultisineMotion
+
+Drive = Callable[..., Recording]
+FREQUENCY_HZ = np.arange(0.5, 15.0, 0.5)
+
+
+def multisine(seed: int = 0, **changes: object) -> MultisineMotion:
+    joints = tuple(
+        {"joint": name, "velocity": 0.03, "slow_amplitude": 0.1}
+        for name in ("axis1", "axis2", "axis3")
+    )
+    fields = {
+        "kind": "multisine",
+        "robot": "ir361",
+        "period_s": 4.0,
+        "lowest_hz": 0.75,
+        "highest_hz": 20.0,
+        "realisations": 2,
+        "periods": 3,
+        "ramp_s": 1.0,
+        "seed": seed,
+        "joints": joints,
+    }
+    return MultisineMotion.model_validate(fields | changes)
+
+
+@pytest.fixture(scope="module")
+def recorded(cell: LoadedCell, drive: Drive) -> tuple[MultisineMotion, Recording]:
+    motion = multisine()
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    return motion, drive(samples)
+
+
+def known(response: np.ndarray, sigma: float) -> FrequencyResponse:
+    """A response measured with equal noise on every line."""
+    nothing = Distortion(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
+    variance = np.full(len(response), sigma**2)
+    return FrequencyResponse(
+        joint_name="axis1",
+        frequency_hz=FREQUENCY_HZ,
+        response=response,
+        variance_noise=variance,
+        variance_realisations=variance,
+        variance=variance,
+        coherence=np.ones(len(response)),
+        even=nothing,
+        odd=nothing,
+        realisations=100,
+        periods=100,
+    )
+
+
+def controller(gain: float, integral_s: float, delay_s: float, lag_s: float) -> np.ndarray:
+    """The same by python-control, which knows nothing of ours."""
+    s = control.TransferFunction.s
+    system = gain * (1.0 + 1.0 / (integral_s * s)) / (1.0 + lag_s * s)
+    omega = 2.0 * math.pi * FREQUENCY_HZ
+    return np.asarray(system(1j * omega)) * np.exp(-1j * omega * delay_s)
+
+
+@pytest.mark.parametrize(("delay_s", "lag_s"), [(0.0, 0.0), (0.004, 0.0), (0.0, 0.006)])
+def test_intervals_hold_the_truth_and_the_right_terms_are_chosen(
+    delay_s: float, lag_s: float
+) -> None:
+    random = np.random.default_rng(1)
+    truth = controller(500.0, 0.08, delay_s, lag_s)
+    z, chosen, p_values = [], [], []
+    for _ in range(60):
+        noise = random.normal(size=(2, len(truth))) @ np.eye(len(truth)) / math.sqrt(2.0)
+        loop = fit_velocity_loop(known(truth + 3.0 * (noise[0] + 1j * noise[1]), 3.0))
+        z.append((loop.gain - 500.0) / loop.sigma["gain"])
+        z.append((loop.integral_time_s - 0.08) / loop.sigma["integral_time_s"])
+        chosen.append((loop.delay_s > 0.0) == (delay_s > 0.0) and (loop.lag_s > 0.0) == (lag_s > 0))
+        p_values.append(loop.p_value)
+    assert np.mean(np.abs(z) < 2.0) >= 0.9
+    assert np.mean(np.abs(z)) > 0.5
+    assert np.mean(chosen) >= 0.8
+    assert 0.25 < np.mean(p_values) < 0.75
+
+
+def test_a_controller_of_another_kind_is_told_by_its_p_value() -> None:
+    resonant = controller(500.0, 0.08, 0.0, 0.0) * (1.0 + 0.5 / (1.0 + 1j * (FREQUENCY_HZ - 7.0)))
+    assert fit_velocity_loop(known(resonant, 3.0)).p_value < 1e-6
+
+
+def test_the_fitted_loop_is_pythons_controls_transfer_function() -> None:
+    loop = VelocityLoop("axis1", 500.0, 0.08, 0.0, 0.002, (), np.zeros((0, 0)), 1.0, ())
+    omega = 2.0 * math.pi * FREQUENCY_HZ
+    np.testing.assert_allclose(
+        loop.transfer_function(1j * omega), loop.response(FREQUENCY_HZ), rtol=1e-12
+    )
+
+
+def test_a_delay_is_a_pade_approximation_in_the_transfer_function() -> None:
+    loop = VelocityLoop("axis1", 500.0, 0.08, 0.004, 0.0, (), np.zeros((0, 0)), 1.0, ())
+    omega = 2.0 * math.pi * FREQUENCY_HZ
+    np.testing.assert_allclose(
+        loop.transfer_function(1j * omega), loop.response(FREQUENCY_HZ), rtol=1e-4
+    )
+
+
+def test_misfits_that_are_alike_on_neighbouring_lines_are_not_white() -> None:
+    random = np.random.default_rng(2)
+
+    def drawn() -> np.ndarray:
+        return random.normal(size=40) + 1j * random.normal(size=40)
+
+    white = [whiteness(drawn()) for _ in range(300)]
+    assert 0.01 < np.mean(np.array(white) < 0.05) < 0.1
+    assert whiteness(np.convolve(drawn(), np.ones(4), "valid")) < 1e-3
+    assert whiteness(np.ones(2, dtype=complex)) == 1.0
+
+
+def test_a_missing_filter_shows_in_size_and_whiteness_of_the_misfit() -> None:
+    random = np.random.default_rng(3)
+    notch = 1.0 - 0.05 / (1.0 + 1j * (FREQUENCY_HZ / 6.0 - 6.0 / FREQUENCY_HZ))
+    noise = random.normal(size=(2, len(FREQUENCY_HZ))) @ np.eye(len(FREQUENCY_HZ))
+    truth = controller(500.0, 0.08, 0.0, 0.0) * notch
+    loop = fit_velocity_loop(known(truth + 2.0 * (noise[0] + 1j * noise[1]), 3.0))
+    assert loop.p_value < 1e-3
+    assert loop.whiteness < 1e-3
+
+
+def test_one_noisy_response_in_a_hundred_is_suspected_of_being_something_else() -> None:
+    """Variances from few periods make large misfits likely: the chance of a cost knows that."""
+    random = np.random.default_rng(4)
+    truth = controller(500.0, 0.08, 0.0, 0.002)
+    p_values = []
+    for _ in range(80):
+        draws = random.normal(size=(13, 2, len(truth)))
+        samples = 10.0 * (draws[:, 0] + 1j * draws[:, 1])
+        variance = np.sum(np.abs(samples[1:]) ** 2, axis=0) / 12.0
+        measured = replace(
+            known(truth + samples[0], 1.0),
+            variance=variance,
+            variance_noise=variance,
+            realisations=4,
+            periods=4,
+        )
+        p_values.append(fit_velocity_loop(measured).p_value)
+    assert np.mean(np.array(p_values) < 0.01) < 0.05
+    assert 0.3 < np.mean(p_values) < 0.7
+
+
+@pytest.fixture(scope="module")
+def proof() -> Proof:
+    """What `python -m benchmarks.velocity_loop` shows with 50 seeds."""
+    return prove(5, period_s=4.0)
+
+
+def test_drives_are_found_within_2_percent_and_two_sigma_hold_them(proof: Proof) -> None:
+    """With current loop, tachometer ripple, delay, rounding, and everything else unmodelled."""
+    assert np.abs(proof.error).max() < 0.02
+    assert proof.held.min() >= 0.8
+    assert np.mean(np.abs(proof.deviation)) > 0.3
+    assert np.abs(proof.lag_s).max() < 2e-4
+    assert np.mean(proof.p_values < 0.01) <= 0.2
+
+
+def test_the_multisine_as_instrument_beats_plain_spectra(proof: Proof) -> None:
+    ratio = np.sqrt(np.mean(proof.peer_error**2, axis=0) / np.mean(proof.error**2, axis=0))
+    assert ratio.min() > 3.0
+
+
+def test_what_lies_between_the_lines_is_distortion(
+    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
+) -> None:
+    """Friction is odd in the speed; a line is either excited, empty and odd, or even."""
+    motion, recording = recorded
+    for measured in frequency_responses(recording, motion, cell.robot):
+        assert measured.frd.omega == pytest.approx(2.0 * math.pi * measured.frequency_hz)
+        assert (measured.coherence > 0.0).all()
+        assert len(measured.odd.frequency_hz) > 4
+        assert np.median(measured.odd.output) > np.median(measured.even.output)
+
+
+def test_a_torn_realisation_is_left_out_and_the_others_keep_their_phases(
+    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
+) -> None:
+    motion, recording = recorded
+    whole = multisine_spectra(recording, motion, cell.robot)
+    assert whole.left_out == ()
+    main = np.flatnonzero(recording.phase == Phase.MAIN)
+    second = main[np.flatnonzero(np.diff(main) > 1)[0] + 1]
+    torn = recording.valid.copy()
+    torn[main[5]] = False
+    late = multisine_spectra(replace(recording, valid=torn), motion, cell.robot)
+    from_second = slice(second - 100, None)
+    cut = replace(
+        recording,
+        **{
+            name: getattr(recording, name)[from_second]
+            for name in (
+                "time_s",
+                "position",
+                "torque_nm",
+                "valid",
+                "phase",
+                "sample_index",
+                "target_position",
+                "velocity_command",
+            )
+        },
+    )
+    for left in (late, multisine_spectra(cut, motion, cell.robot)):
+        assert left.left_out == (1,)
+        np.testing.assert_array_equal(left.torque[0], whole.torque[1])
+        np.testing.assert_array_equal(left.reference[0][0], whole.reference[0][1])
+
+
+def test_friction_that_sticks_passes_for_inertia_without_the_slow_sine(cell: LoadedCell) -> None:
+    """The drive's controller is found either way; what it moves only where nothing sticks."""
+    assert cell.plant is not None
+    inertia = {}
+    for slow in (True, False):
+        motion = multisine_motion(
+            cell.robot, cell.config, period_s=4.0, periods=2, realisations=2, slow=slow, seed=1
+        )
+        samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+        recording = closed_loop(cell, cell.plant, samples, 1)
+        found = measure_loops(recording, motion, cell.robot, cell.config.position_gain_per_s)
+        inertia[slow] = np.array([each.mechanics.inertia for each in found.cascades])
+        for axis, loop in zip(cell.plant.axes, found.loops, strict=True):
+            assert loop.gain == pytest.approx(axis.velocity_gain_nm_s, rel=0.02)
+    # The mass matrix of the plant about this pose, by Pinocchio.
+    np.testing.assert_allclose(inertia[True], [10.98, 24.58, 3.59], rtol=0.12)
+    assert (inertia[False] > 1.15 * inertia[True]).all()
+
+
+def test_a_triangle_two_cycles_late_is_what_interpolated_commands_are() -> None:
+    """Against sums of a sampled sine, sent, delayed by a cycle and joined by lines."""
+    step_s, fine = 0.008, 50
+    frequency_hz = np.array([1.0, 7.0, 31.25])
+    rows = 1000
+    times = np.arange(rows * fine) * step_s / fine
+    for f, expected in zip(frequency_hz, interpolation_response(frequency_hz, step_s), strict=True):
+        sent = np.exp(2j * np.pi * f * np.arange(rows) * step_s)
+        held = np.interp(times, (np.arange(rows) + 2) * step_s, sent)
+        whole = slice(fine * 250, fine * 750)
+        found = np.mean(held[whole] * np.exp(-2j * np.pi * f * times[whole]))
+        assert found == pytest.approx(expected, abs=2e-3)
+
+
+def test_what_cannot_be_evaluated_is_refused(
+    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
+) -> None:
+    motion, recording = recorded
+    with pytest.raises(DataQualityError, match="no velocity commands"):
+        frequency_responses(replace(recording, velocity_command=None), motion, cell.robot)
+    torn = recording.valid & (recording.phase != Phase.MAIN)
+    with pytest.raises(DataQualityError, match="holds none of the multisine's 2 realisations"):
+        frequency_responses(replace(recording, valid=torn), motion, cell.robot)
+    few = known(controller(500.0, 0.08, 0.0, 0.0), 1.0)
+    with pytest.raises(EstimationError, match="too few"):
+        fit_velocity_loop(
+            replace(
+                few,
+                frequency_hz=few.frequency_hz[:3],
+                response=few.response[:3],
+                variance=few.variance[:3],
+                variance_noise=few.variance_noise[:3],
+                variance_realisations=few.variance_realisations[:3],
+                coherence=few.coherence[:3],
+            )
+        )

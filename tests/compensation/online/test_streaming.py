@@ -1,0 +1,368 @@
+"""Points on their way to the stage: ring, bytes, iterator, socket."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from compensation.online.point_codec import PROTOCOL, PointDecoder, greeting
+from compensation.online.point_feed import PointFeed, PointGate, feed
+from compensation.online.point_ring import READ, PointRing, PointsFailed
+from compensation.online.point_server import PointServer, PointService, listening, serve
+from config.errors import ConfigError, LockedError, ProtocolError, TransportError
+from config.load import load_robot
+from config.robot.bodies import Plane, Workspace
+
+Points = NDArray[np.float64]
+ROBOT = load_robot("ir361")
+GUIDE = Path(__file__).parents[3] / "docs/guide/stream-a-path.md"
+HELLO = json.dumps({"protocol": PROTOCOL}).encode() + b"\n"
+
+
+def path_of(count: int) -> Points:
+    return np.arange(3.0 * count).reshape(count, 3) / 1e3
+
+
+def gate() -> PointGate:
+    return PointGate(ROBOT, Workspace(), 0.008)
+
+
+def drain(ring: PointRing, count: int) -> Points:
+    """Take points out as the stage does."""
+    read = ring.taken
+    count = min(count, ring.written - read)
+    rows = np.array([ring.rows[(read + k) % ring.capacity] for k in range(count)])
+    ring.counters[READ] = read + count
+    return rows.reshape(-1, ring.joints)
+
+
+class TestRing:
+    @settings(deadline=None)
+    @given(st.integers(1, 20), st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30))))
+    def test_every_point_comes_out_once_and_in_order(
+        self, capacity: int, steps: list[tuple[int, int]]
+    ) -> None:
+        ring = PointRing.create(3, capacity)
+        path, sent, got = path_of(2000), 0, []
+        for write, read in steps:
+            sent += ring.write(path[sent : sent + write])
+            assert 0 <= ring.room <= capacity
+            got.append(drain(ring, read))
+        got.append(drain(ring, capacity))
+        np.testing.assert_array_equal(np.concatenate(got), path[:sent])
+
+    def test_what_comes_first_counts_an_end_or_a_failure(self) -> None:
+        ended, failed = PointRing.create(3, 4), PointRing.create(3, 4)
+        ended.end()
+        ended.fail(PointsFailed.LOST, "too late")
+        assert ended.failed is PointsFailed.NO
+        assert ended.closed
+        failed.fail(PointsFailed.REFUSED, "ä" * 2000)
+        failed.end()
+        assert not failed.ended
+        assert set(failed.failure) == {"ä"}
+
+    def test_nothing_cannot_be_kept(self) -> None:
+        with pytest.raises(ConfigError, match="holds nothing"):
+            PointRing.create(3, 0)
+
+
+class TestBytes:
+    @settings(deadline=None)
+    @given(st.lists(st.integers(1, 9), max_size=8), st.integers(1, 50))
+    def test_points_survive_any_cut_of_their_bytes(self, counts: list[int], cut: int) -> None:
+        path = path_of(sum(counts))
+        data, at = bytearray(HELLO), 0
+        for count in counts:
+            data += struct.pack("<I", count) + path[at : at + count].tobytes()
+            at += count
+        data += struct.pack("<I", 0)
+        decoder = PointDecoder(3)
+        got = [decoder.decode(bytes(data[k : k + cut])) for k in range(0, len(data), cut)]
+        np.testing.assert_array_equal(np.concatenate(got), path)
+        assert decoder.ended
+
+    @pytest.mark.parametrize(
+        ("data", "text"),
+        [
+            (b"GET / HTTP/1.1\r\n", "does not speak this protocol"),
+            (b'{"protocol": "rid-daq points 2"}\n', "does not speak this protocol"),
+            (b"[]\n", "does not speak this protocol"),
+            (b"x" * 2000, "does not speak this protocol"),
+            (HELLO + struct.pack("<I", 2**32 - 1), "a frame of 4294967295 points"),
+            (HELLO + struct.pack("<II", 0, 0), "after the end"),
+        ],
+    )
+    def test_anything_else_is_refused(self, data: bytes, text: str) -> None:
+        with pytest.raises(ProtocolError, match=text):
+            PointDecoder(3).decode(data)
+
+
+class TestIterator:
+    def test_points_one_by_one_and_in_blocks(self) -> None:
+        path, ring = path_of(7), PointRing.create(3, 10)
+        feed(ring, gate(), [path[0], path[1:4], path[4], path[5:]])
+        np.testing.assert_array_equal(drain(ring, 10), path)
+        assert ring.ended
+
+    def test_a_full_ring_holds_the_iterator_up(self) -> None:
+        path, ring = path_of(500), PointRing.create(3, 20)
+        asked = 0
+
+        def points() -> Iterator[Points]:
+            nonlocal asked
+            for point in path:
+                asked += 1
+                yield point
+
+        with PointFeed(ring, gate(), points()) as fed:
+            fed.wait(20, 30.0)
+            assert asked <= 21
+            got: list[Points] = []
+            while not ring.ended or ring.room < 20:
+                got.append(drain(ring, 7))
+        np.testing.assert_array_equal(np.concatenate(got), path)
+
+    def test_an_iterator_that_raises_fails_the_stream_after_its_points(self) -> None:
+        def points() -> Iterator[Points]:
+            yield path_of(3)
+            raise ValueError("no inverse kinematics here")
+
+        ring = PointRing.create(3, 10)
+        with PointFeed(ring, gate(), points()) as fed:
+            fed.wait(10, 30.0)
+        assert ring.written == 3
+        assert ring.failed is PointsFailed.LOST
+        assert "no inverse kinematics here" in ring.failure
+
+    def test_one_that_raises_at_once_is_a_clear_error(self) -> None:
+        def points() -> Iterator[Points]:
+            raise ValueError("no file")
+            yield path_of(1)
+
+        ring = PointRing.create(3, 10)
+        with (
+            PointFeed(ring, gate(), points()) as fed,
+            pytest.raises(ConfigError, match=r"no points: .*no file"),
+        ):
+            fed.wait(10, 30.0)
+
+    def test_points_of_another_robot_are_refused(self) -> None:
+        ring = PointRing.create(3, 10)
+        feed(ring, gate(), [np.zeros((2, 6))])
+        assert ring.failed is PointsFailed.REFUSED
+        assert "3 joints are needed" in ring.failure
+
+    def test_a_collision_is_refused_with_the_points_before_it_kept(self) -> None:
+        workspace = Workspace(planes=(Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=-0.6),))
+        ring = PointRing.create(3, 500)
+        points = np.zeros((400, 3))
+        points[:, 0] = np.linspace(1.5, 0.0, 400)  # towards the wall
+        feed(ring, PointGate(ROBOT, workspace, 0.008), [points])
+        assert ring.failed is PointsFailed.REFUSED
+        assert "wall" in ring.failure
+        assert 20 <= ring.written < 400
+
+
+@pytest.fixture
+def served() -> Iterator[tuple[Path, PointRing]]:
+    """The server in a thread of this process, at a socket in a folder of our own."""
+    ring = PointRing.create(3, 50)
+    over = threading.Event()
+    with tempfile.TemporaryDirectory() as folder, listening(Path(folder) / "points") as listener:
+        path = Path(folder) / "points"
+        service = PointService(ROBOT, Workspace(), 0.008, 64, silence_s=0.1)
+        thread = threading.Thread(target=serve, args=(listener, ring, service, over.is_set))
+        thread.start()
+        yield path, ring
+        over.set()
+        thread.join(30.0)
+        assert not thread.is_alive()
+
+
+def client(path: Path) -> socket.socket:
+    connection = socket.socket(socket.AF_UNIX)
+    connection.settimeout(30.0)
+    try:
+        connection.connect(str(path))
+    except OSError:
+        connection.close()
+        raise
+    return connection
+
+
+def until(condition: Callable[[], bool]) -> None:
+    waiting = threading.Event()
+    for _ in range(3000):
+        if condition():
+            return
+        waiting.wait(0.01)
+    raise AssertionError("it did not happen")
+
+
+def guide_client() -> Any:
+    """The client that the guide shows."""
+    text = GUIDE.read_text()
+    code = text.split("```python\n", 1)[1].split("```", 1)[0]
+    namespace: dict[str, Any] = {}
+    exec(compile(code, str(GUIDE), "exec"), namespace)
+    return namespace["send_path"]
+
+
+class TestSocket:
+    def test_the_guides_client_sends_a_path_and_hears_what_became_of_it(
+        self, served: tuple[Path, PointRing]
+    ) -> None:
+        path, ring = served
+        points, said, heard = path_of(500), [], []
+
+        def points_of(hello: dict[str, Any]) -> Iterator[Points]:
+            said.append(hello)
+            yield points[:300]
+            yield points[300:]
+
+        sender = threading.Thread(target=lambda: heard.append(guide_client()(str(path), points_of)))
+        sender.start()
+        until(lambda: ring.room == 0)
+        got: list[Points] = []
+
+        def take() -> bool:
+            ended = ring.ended
+            got.append(drain(ring, 50))
+            return ended
+
+        until(take)
+        np.testing.assert_array_equal(np.concatenate(got), points)
+        assert said == [json.loads(greeting(ROBOT.joint_names, 0.008, 64))]
+        assert not heard, "only when the motion is over"
+
+    @pytest.mark.parametrize(
+        ("data", "hang_up", "text"),
+        [
+            (HELLO, True, "hung up before the end"),
+            (HELLO, False, r"sent nothing for 0\.1 s"),
+            (b"", False, r"sent nothing for 0\.1 s"),
+            (b"hello\n", False, "does not speak this protocol"),
+            (HELLO + struct.pack("<I", 5000), False, "a frame of 5000 points"),
+        ],
+    )
+    def test_a_client_that_dies_stalls_or_misbehaves_fails_the_stream(
+        self, served: tuple[Path, PointRing], data: bytes, hang_up: bool, text: str
+    ) -> None:
+        path, ring = served
+        good = struct.pack("<I", 5) + path_of(5).tobytes() if data == HELLO else b""
+        with client(path) as connection:
+            connection.recv(500)
+            connection.sendall(data + good)
+            if not hang_up:
+                until(lambda: bool(ring.failed))
+        until(lambda: bool(ring.failed))
+        assert ring.failed is PointsFailed.LOST
+        assert ring.written == (5 if good else 0), "what came before counts"
+        assert re.search(text, ring.failure)
+
+    def test_there_is_one_client(self, served: tuple[Path, PointRing]) -> None:
+        path, ring = served
+        with client(path) as first:
+            first.recv(10)
+            until(lambda: refused(path))
+            first.sendall(HELLO + struct.pack("<I", 0))
+            until(lambda: ring.ended)
+
+    @pytest.mark.fault(46)
+    def test_a_second_session_is_refused_and_the_first_hears_nothing_of_it(
+        self, served: tuple[Path, PointRing], measured: Callable[[str], None]
+    ) -> None:
+        path, ring = served
+        points = path_of(40)
+
+        def second_is_refused() -> None:
+            told = rf"another session takes points here \(process {os.getpid()}\).*rid-daq stop"
+            with pytest.raises(LockedError, match=told):
+                PointServer(
+                    path, PointRing.create(3, 50), PointService(ROBOT, Workspace(), 0.008, 64)
+                )
+            assert path.is_socket()
+
+        second_is_refused()  # while the first waits
+        with client(path) as first:
+            first.recv(500)
+            until(lambda: refused(path))
+            second_is_refused()  # while it is served: nobody listens any more
+            first.sendall(HELLO + struct.pack("<I", 40) + points.tobytes() + struct.pack("<I", 0))
+            until(lambda: ring.ended)
+        np.testing.assert_array_equal(drain(ring, 50), points)
+        measured("refused while the first waits and while it is served; its points: 0 changed")
+
+    def test_what_a_killed_session_left_is_taken_over(self, tmp_path: Path) -> None:
+        tmp_path.chmod(0o700)
+        path = tmp_path / "points"
+        program = f"""
+import os, signal
+from pathlib import Path
+from compensation.online.point_server import listening
+with listening(Path({str(path)!r})):
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+        assert subprocess.run([sys.executable, "-c", program], check=False).returncode == -9
+        assert {left.name for left in tmp_path.iterdir()} == {"points", "points.lock"}
+        with listening(path):
+            client(path).close()
+        assert [*tmp_path.iterdir()] == []
+
+    def test_a_folder_that_is_open_to_others_is_refused(self, tmp_path: Path) -> None:
+        tmp_path.chmod(0o755)
+        with (
+            pytest.raises(TransportError, match=r"open to other users.*chmod 700"),
+            listening(tmp_path / "points"),
+        ):
+            pass
+        assert [*tmp_path.iterdir()] == []
+
+    def test_a_socket_left_by_a_dead_program_is_replaced_a_living_one_is_not(self) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "points"
+            with socket.socket(socket.AF_UNIX) as other:
+                other.bind(str(path))
+            with listening(path):
+                assert not refused(path)
+            with socket.socket(socket.AF_UNIX) as other:
+                other.bind(str(path))
+                other.listen()
+                with (
+                    pytest.raises(TransportError, match="no socket can be made"),
+                    listening(path),
+                ):
+                    pass
+                assert not refused(path)
+
+    def test_a_path_that_is_too_long_is_told(self) -> None:
+        with (
+            pytest.raises(TransportError, match="longer than the 107 bytes"),
+            listening(Path("/tmp") / ("x" * 120) / "points"),
+        ):
+            pass
+
+
+def refused(path: Path) -> bool:
+    try:
+        client(path).close()
+    except OSError:
+        return True
+    return False

@@ -1,0 +1,104 @@
+"""Profiles: what they may say; and what their rows ask of a serial line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from config.cell.amplifier_profile import AmplifierProfile, highest_rate_hz, line_load, require_line
+from config.cell.drive_profile import DriveProfile
+from config.cell.plate import AmplifierConfig
+from config.errors import ConfigError
+from config.load import bundled_names, load_bundled_or_path, load_cell
+
+PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
+
+
+def amplifier(**changes: object) -> AmplifierConfig:
+    settings: dict[str, object] = {
+        "address": "/dev/ttyUSB0",
+        "baud_rate": 460800,
+        "rate_hz": 1000.0,
+        "low_pass_hz": 50.0,
+        "range_n": (5000.0,) * 8,
+        "sensitivity_pc_n": (-7.5,) * 8,
+    }
+    return AmplifierConfig.model_validate(settings | changes)
+
+
+def test_every_bundled_profile_loads() -> None:
+    for name in bundled_names("profiles"):
+        kind = DriveProfile if name == "servo_registers" else AmplifierProfile
+        assert load_bundled_or_path(name, "profiles", kind).name == name
+
+
+def changed(old: str, new: str) -> str:
+    text = PROFILE.model_dump_json()
+    assert old in text
+    with pytest.raises(ValidationError) as caught:
+        AmplifierProfile.model_validate_json(text.replace(old, new, 1))
+    return str(caught.value)
+
+
+def test_mistakes_in_a_profile_are_named() -> None:
+    assert "ID stands for two things" in changed('"text":"RG"', '"text":"ID"')
+    assert "say in `source`" in changed('"verified":false', '"verified":true')
+    assert "is not understood" in changed("{sequence:hex4}", "{sequence:oct4}")
+    assert "must have each of" in changed("{sequence:hex4},", "")
+    assert "must be hex8" in changed("{time:hex8}", "{time:hex4}")
+    assert "must be dec6 or wider" in changed("{counts:dec6}", "{counts:hex4}")
+    assert "must be u4" in changed("{time:u4}", "{time:u2}")
+    assert "begin alike" in changed("A5C3", "A55A")
+    assert "must begin with a literal" in changed("#{sequence", "{sequence")
+    assert "non-hexadecimal" in changed("A55A", "row")
+
+
+@pytest.mark.parametrize(
+    ("form", "baud_rate", "rows"),
+    [
+        ("ascii", 115200, 149),
+        ("ascii", 921600, 1199),
+        ("binary", 230400, 781),
+        ("binary", 460800, 1563),
+    ],
+)
+def test_what_a_line_carries(form: str, baud_rate: int, rows: int) -> None:
+    settings = amplifier(format=form, baud_rate=baud_rate)
+    assert int(highest_rate_hz(settings, PROFILE, 0.008)) == rows
+    require_line(amplifier(format=form, baud_rate=baud_rate, rate_hz=float(rows)), PROFILE, 0.008)
+
+
+def test_trigger_edges_count_on_the_line() -> None:
+    quiet, triggered = amplifier(), amplifier(trigger=True)
+    more = line_load(triggered, PROFILE, 0.008) - line_load(quiet, PROFILE, 0.008)
+    assert more == pytest.approx(14 * 125 * 10 / 460800)
+
+
+def test_a_stream_that_cannot_work_is_refused_with_what_would_do() -> None:
+    with pytest.raises(ConfigError) as caught:
+        require_line(amplifier(format="ascii"), PROFILE, 0.008)
+    message = str(caught.value)
+    assert "158 % of a line at 460800 baud" in message
+    assert "rate_hz 599 at most, or baud_rate 921600 at least, or format binary" in message
+
+
+def test_the_cell_file_is_where_it_is_refused(tmp_path: Path) -> None:
+    text = load_cell("ir361").files["cell.yaml"].decode()
+    path = tmp_path / "cell.yaml"
+    path.write_text(
+        text[: text.find("\nplate:") + 1 or None]
+        + "plate:\n  a_m: 0.12\n  b_m: 0.2\n  az0_m: -0.054\n  position_m: [0.0, 0.0, 0.0]\n"
+        "  rotation_rad: [0.0, 0.0, 0.0]\n  amplifier:\n    address: /dev/ttyS0\n"
+        "    baud_rate: 115200\n    rate_hz: 1000.0\n    low_pass_hz: 50.0\n"
+        f"    range_n: {[5000.0] * 8}\n    sensitivity_pc_n: {[-7.5] * 8}\n"
+    )
+    with pytest.raises(
+        ConfigError, match=r"cell\.yaml:\d+:\d+: plate\.amplifier\.rate_hz: .*243 %"
+    ):
+        load_cell(str(path))
+    path.write_text(path.read_text().replace("115200", "460800"))
+    loaded = load_cell(str(path))
+    assert loaded.amplifier_profile == PROFILE
+    assert b"kistler_style" in loaded.files["amplifier.yaml"]

@@ -1,0 +1,124 @@
+"""A cell file that names its drives' data sheets: found, read, kept, and read again from a run."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from config.cell.cell import DeviceIdentity
+from config.errors import ConfigError
+from config.formats.eds_text import MAX_BYTES
+from config.load import load_cell
+
+SHEET = "[DeviceInfo]\nVendorNumber=0xFB\nProductNumber=7\nRevisionNumber=0x10000\n[1000]\n"
+
+
+def cell(folder: Path, *axes: str) -> str:
+    """Write a cell of three axes, each with these keys more, and return its path."""
+    text = load_cell("ir361").files["cell.yaml"].decode()
+    for number, keys in enumerate(axes, start=1):
+        old = f"{{joint: axis{number}, node_id: {number}}}"
+        assert old in text
+        text = text.replace(old, f"{{joint: axis{number}, node_id: {number}{keys}}}")
+    folder.mkdir(exist_ok=True)
+    (folder / "cell.yaml").write_text(text)
+    return str(folder / "cell.yaml")
+
+
+def test_a_cell_without_sheets_is_what_it_was() -> None:
+    loaded = load_cell("ir361")
+    assert loaded.sheets == (None, None, None)
+    assert {axis.identity for axis in loaded.config.axes} == {None}
+    assert not any(name.endswith((".eds", ".dcf")) for name in loaded.files)
+
+
+def test_sheets_are_found_from_the_cell_file_and_say_who_the_drives_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(os.sep)
+    (tmp_path / "sheets").mkdir()
+    (tmp_path / "sheets" / "one.eds").write_text(SHEET)
+    (tmp_path / "sheets" / "two.DCF").write_text(SHEET.replace("=7", "="))
+    path = cell(tmp_path, ", eds: sheets/one.eds", "", f", eds: {tmp_path}/sheets/two.DCF")
+    loaded = load_cell(path)
+    first, second, third = loaded.sheets
+    assert first is not None
+    assert second is None
+    assert third is not None
+    assert (first.product, third.product) == (7, None)
+    assert [axis.identity for axis in loaded.config.axes] == [
+        DeviceIdentity(vendor=0xFB, product=7, revision=0x10000),
+        None,
+        DeviceIdentity(vendor=0xFB, product=None, revision=0x10000),
+    ]
+    assert loaded.files["drive1.eds"] == SHEET.encode()
+    assert b"ProductNumber=\n" in loaded.files["drive2.dcf"]
+
+
+def test_one_sheet_for_all_drives_is_kept_once(tmp_path: Path) -> None:
+    (tmp_path / "drive.eds").write_text(SHEET)
+    loaded = load_cell(cell(tmp_path, *[", eds: drive.eds"] * 3))
+    assert [name for name in loaded.files if "drive" in name] == ["drive1.eds"]
+    assert len({id(sheet) for sheet in loaded.sheets}) == 1
+
+
+def test_the_cell_file_has_the_last_word_on_who_a_drive_is(tmp_path: Path) -> None:
+    (tmp_path / "drive.eds").write_text(SHEET)
+    loaded = load_cell(cell(tmp_path, ", eds: drive.eds, identity: {vendor: 251}"))
+    assert loaded.config.axes[0].identity == DeviceIdentity(vendor=251)
+    assert loaded.sheets[0] is not None
+
+
+def test_a_kept_cell_is_loaded_with_the_files_kept_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "a.eds").write_text(SHEET)
+    (tmp_path / "b.dcf").write_text(SHEET.replace("=7", "=8"))
+    first = load_cell(cell(tmp_path, ", eds: a.eds", ", eds: b.dcf", ", eds: a.eds"))
+    folder = tmp_path / "elsewhere" / "run"
+    folder.mkdir(parents=True)
+    for name, content in first.files.items():
+        (folder / name).write_bytes(content)
+    path = str(folder / "cell.yaml")
+    with pytest.raises(ConfigError, match=r"a\.eds: cannot read"):
+        load_cell(path)
+    (folder / "manifest.json").write_text('{"name": "of some other program"}')
+    with pytest.raises(ConfigError, match=r"a\.eds: cannot read"):
+        load_cell(path)
+    (folder / "manifest.json").write_text('{"run_id": "01", "files": {}}')
+    robot = first.files["robot.yaml"].replace(b"name: ir361", b"name: kept")
+    (folder / "robot.yaml").write_bytes(robot)
+    again = load_cell(path)
+    assert again.files == first.files | {"robot.yaml": robot}
+    assert again.robot.name == "kept"
+    assert again.config == first.config
+    assert [s and s.sha256 for s in again.sheets] == [s and s.sha256 for s in first.sheets]
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (None, r"cell\.yaml:\d+:\d+: axes\.1\.eds: .*drive\.eds: cannot read: No such file"),
+        (SHEET + "DataType=x\n", r"drive\.eds:6: DataType of \[1000\]: 'x' is not a whole number"),
+        ("name: ir361\n", r"drive\.eds:1: 'name: ir361' stands before the first \[section\]"),
+        ("", r"drive\.eds: there is no \[DeviceInfo\]"),
+        (" " * (MAX_BYTES + 1), "larger than the 4 MB"),
+    ],
+)
+def test_a_sheet_that_cannot_be_read(tmp_path: Path, content: str | None, says: str) -> None:
+    if content is not None:
+        (tmp_path / "drive.eds").write_text(content)
+    with pytest.raises(ConfigError, match=says):
+        load_cell(cell(tmp_path, "", ", eds: drive.eds"))
+
+
+def test_what_is_no_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    for name in ("pipe", "folder", "/dev/zero"):
+        with pytest.raises(ConfigError, match="is no file; name a file"):
+            load_cell(cell(tmp_path, f", eds: {name}"))
+    with pytest.raises(ConfigError, match="cannot read"):
+        load_cell(cell(tmp_path, ', eds: "a\\0b"'))
+    with pytest.raises(ConfigError, match=r"axes\.0\.eds: .*at least 1 character"):
+        load_cell(cell(tmp_path, ', eds: ""'))

@@ -1,0 +1,87 @@
+"""A file is written whole, or what was there before stays."""
+
+from __future__ import annotations
+
+import os
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from config.errors import RecordingError
+from config.formats.whole_file import write_whole
+
+
+def test_a_file_is_replaced_whole_and_nothing_is_left_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    write_whole(path, b"first")
+    write_whole(path, b"second")
+    assert path.read_bytes() == b"second"
+    assert [item.name for item in tmp_path.iterdir()] == ["model.json"]
+
+
+def test_a_folder_that_is_not_there_is_a_storage_error(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"model\.json: cannot be written"):
+        write_whole(tmp_path / "missing" / "model.json", b"{}")
+
+
+def test_a_planted_link_is_not_followed(tmp_path: Path) -> None:
+    victim = tmp_path / "victim"
+    victim.write_bytes(b"untouched")
+    (tmp_path / f"model.json.{os.getpid()}.tmp").symlink_to(victim)
+    write_whole(tmp_path / "model.json", b"new")
+    assert victim.read_bytes() == b"untouched"
+    assert (tmp_path / "model.json").read_bytes() == b"new"
+
+
+def test_a_link_stays_one_and_what_it_points_at_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "link.json").symlink_to("model.json")
+    write_whole(tmp_path / "link.json", b"new")
+    assert (tmp_path / "link.json").is_symlink()
+    assert (tmp_path / "model.json").read_bytes() == b"new"
+
+
+def test_what_is_no_file_is_left_alone(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/null"), Path("")):
+        with pytest.raises(RecordingError, match="is no file; choose another name"):
+            write_whole(path, b"new")
+    assert (tmp_path / "pipe").is_fifo()
+    assert Path("/dev/null").is_char_device()
+
+
+def test_what_was_there_stays_where_the_new_cannot_be_put(tmp_path: Path) -> None:
+    folder = tmp_path / "model.json"
+    folder.mkdir()
+    (folder / "inside").write_bytes(b"kept")
+    with pytest.raises(RecordingError, match="cannot be written"):
+        write_whole(folder, b"new")
+    assert (folder / "inside").read_bytes() == b"kept"
+    assert [item.name for item in tmp_path.iterdir()] == ["model.json"]
+
+
+@pytest.mark.fault(34)
+def test_what_reads_back_otherwise_is_refused_and_rolled_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: Callable[[str], None]
+) -> None:
+    path = tmp_path / "load.src"
+    write_whole(path, b"what was there")
+    data = b"LOAD_DATA[1]={M 4.2,CM {X 1.0,Y 2.0,Z 30.0}}"
+    bits = random.Random(5).sample(range(8 * len(data)), 200)
+    waiting, sync = iter(bits), os.fsync
+
+    def sync_badly(descriptor: int) -> None:
+        bit = next(waiting)
+        with open(f"/proc/self/fd/{descriptor}", "r+b") as file:
+            file.seek(bit // 8)
+            file.write(bytes([data[bit // 8] ^ 1 << bit % 8]))
+        sync(descriptor)
+
+    monkeypatch.setattr("config.formats.whole_file.os.fsync", sync_badly)
+    for _ in bits:
+        with pytest.raises(RecordingError, match="reads back otherwise"):
+            write_whole(path, data)
+        assert path.read_bytes() == b"what was there"
+    assert [item.name for item in tmp_path.iterdir()] == ["load.src"]
+    measured(f"{len(bits)} of {len(bits)} changed bits detected, the old file kept")

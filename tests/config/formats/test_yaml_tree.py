@@ -1,0 +1,127 @@
+"""YAML files mean what they look like; everything else is refused with its position."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from config.errors import ConfigError
+from config.formats.yaml_tree import MAX_BYTES, dump_yaml, parse_yaml
+
+
+def test_plain_values_are_read_by_the_core_schema_of_yaml_1_2() -> None:
+    tree = parse_yaml(
+        b"a: 1\nb: -2.5\nc: 1e3\nd: true\ne: ~\nf: word\ng: '010'\nh: [1, .5]\ni: 2026-11-21\n", "f"
+    )
+    assert tree.data == {
+        "a": 1,
+        "b": -2.5,
+        "c": 1000.0,
+        "d": True,
+        "e": None,
+        "f": "word",
+        "g": "010",
+        "h": [1, 0.5],
+        "i": "2026-11-21",
+    }
+
+
+def test_every_value_knows_its_line_and_column() -> None:
+    tree = parse_yaml(b"a: 1\nb:\n  - x: 2\n    y: 3\n", "cell.yaml")
+    assert tree.where(("b", 0, "y")) == "cell.yaml:4:5"
+    assert tree.where(("b", 0, "not there")) == "cell.yaml:3:5"
+
+
+@pytest.mark.parametrize(
+    ("text", "position", "says"),
+    [
+        (b"node_id: 010", "1:10", "octal"),
+        (b"time: 1:30", "1:7", "base 60"),
+        (b"enabled: no", "1:10", "boolean"),
+        (b"enabled: On", "1:10", "boolean"),
+        (b"count: 0x10", "1:8", "decimal"),
+        (b"count: 1_000", "1:8", "decimal"),
+        (b"limit: .inf", "1:8", "finite"),
+        (b"limit: 1e999", "1:8", "too large"),
+        (b"a: 1\nb: 2\na: 3", "3:1", "second time"),
+        (b"a: !!python/object/apply:os.system ['ls']", "1:4", "tag"),
+        (b"a: !!python/name:os.system", "1:4", "tag"),
+        (b"a: !secret x", "1:4", "tag"),
+        (b"a: !!set {x, y}", "1:4", "tag"),
+        (b"? [a, b]\n: 1", "1:3", "plain word"),
+        (b"a: [1, 2", "1:9", "not valid YAML"),
+        (b"a: 1\n\tb: 2", "2:1", "not valid YAML"),
+        (b"", "1:1", "empty"),
+    ],
+)
+def test_a_trap_is_refused_where_it_stands(text: bytes, position: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says) as caught:
+        parse_yaml(text, "cell.yaml")
+    assert str(caught.value).startswith(f"cell.yaml:{position}: ")
+
+
+def test_an_alias_bomb_is_refused_before_it_unfolds() -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{n}: &a{n} [" + ", ".join([f"*a{n - 1}"] * 10) + "]" for n in range(1, 10)]
+    with pytest.raises(ConfigError, match="expanding aliases"):
+        parse_yaml("\n".join(lines).encode(), "bomb.yaml")
+
+
+def test_an_alias_to_itself_is_refused() -> None:
+    with pytest.raises(ConfigError, match="deep"):
+        parse_yaml(b"a: &a [*a]", "loop.yaml")
+
+
+def test_deep_nesting_and_size_are_refused() -> None:
+    with pytest.raises(ConfigError, match="deep"):
+        parse_yaml(b"a: " + b"[" * 100 + b"]" * 100, "deep.yaml")
+    with pytest.raises(ConfigError, match="deeply"):
+        parse_yaml(b"[" * 100_000, "deep.yaml")
+    with pytest.raises(ConfigError, match="at most"):
+        parse_yaml(b" " * (MAX_BYTES + 1), "large.yaml")
+
+
+def test_text_that_is_not_utf8_is_refused() -> None:
+    with pytest.raises(ConfigError, match="UTF-8"):
+        parse_yaml(b"a: \xff\xfe", "latin.yaml")
+
+
+@given(st.binary(max_size=200))
+@settings(deadline=None)
+def test_any_bytes_are_read_or_refused_with_a_config_error(text: bytes) -> None:
+    try:
+        parse_yaml(text, "any")
+    except ConfigError:
+        return
+
+
+_SCALARS = (
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**15), 10**15)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(st.characters(codec="utf-8", exclude_categories=("Cs", "Cc")), max_size=20)
+)
+
+
+@given(
+    st.dictionaries(
+        st.from_regex(r"[a-z][a-z0-9_]{0,12}", fullmatch=True),
+        st.recursive(_SCALARS, lambda inner: st.lists(inner, max_size=4), max_leaves=10),
+        min_size=1,
+        max_size=6,
+    )
+)
+@settings(deadline=None)
+def test_what_is_written_reads_back_equal(data: dict[str, object]) -> None:
+    assert parse_yaml(dump_yaml(data, "a comment\n\nof two lines").encode(), "f").data == data
+
+
+def test_small_floats_survive_the_round_trip() -> None:
+    data = {"a": 1e-5, "b": 5e-324, "c": -0.0, "d": 1e22}
+    read = parse_yaml(dump_yaml(data).encode(), "f").data
+    assert read == data
+    assert math.copysign(1.0, read["c"]) == -1.0

@@ -1,0 +1,71 @@
+"""Import maps: refused where two columns, units or constants cannot be meant together."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from config.load import bundled_names, load_bundled_or_path, load_robot
+from config.motion.import_map import ImportMap
+
+JOINT = {"joint": "a", "position": 1, "torque": 2}
+
+
+def read(**changes: Any) -> ImportMap:
+    base = {"name": "m", "robot": "r", "columns": 4, "time": {"column": 0}, "joints": [JOINT]}
+    return ImportMap.model_validate_json(json.dumps(base | changes))
+
+
+def test_a_minimal_map_is_enough() -> None:
+    import_map = read()
+    assert import_map.joint_names == ("a",)
+    assert import_map.delimiter == ","
+    assert import_map.period_s is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"joints": [JOINT | {"torque": None}]}, "either a torque column or a current column"),
+        ({"joints": [JOINT | {"current": 3}]}, "either a torque column or a current column"),
+        ({"joints": [JOINT | {"torque_constant_nm_per_a": 1.0}]}, "belongs to a current column"),
+        ({"joints": [JOINT | {"torque": 1}]}, "column 1 is both position of a and torque of a"),
+        ({"joints": [JOINT | {"position": 4}]}, "rows have columns 0 to 3"),
+        ({"joints": [JOINT | {"gear_ratio": 0.0}]}, "gear_ratio must not be 0"),
+        ({"joints": [JOINT, JOINT]}, "two joints have the same name"),
+        ({"decimal": ","}, "decimal and delimiter"),
+        ({"rows": {"first": 9, "last": 9}}, "last 9 must be after first 9"),
+        ({"joints": [JOINT | {"temperature": 2}]}, "both torque of a and temperature of a"),
+        ({"side": "load"}, "'link' or 'motor'"),
+        ({"units": {"position": "grad"}}, "'rad', 'deg', 'rev', 'm' or 'mm'"),
+    ],
+)
+def test_contradictions_are_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        read(**change)
+
+
+@pytest.mark.parametrize("name", bundled_names("maps"))
+def test_bundled_maps_fit_their_robot(name: str) -> None:
+    import_map = load_bundled_or_path(name, "maps", ImportMap)
+    robot = load_robot(import_map.robot)
+    assert import_map.name == name
+    assert import_map.joint_names == robot.joint_names
+    for column, joint in zip(import_map.joints, robot.joints, strict=True):
+        assert column.torque_constant_nm_per_a == joint.torque_constant_nm_per_a
+        assert joint.limits.velocity < import_map.plausible.speed
+
+
+def test_maps_are_bundled_for_both_layouts() -> None:
+    assert {"ur10e_19", "ur10e_31"} <= set(bundled_names("maps"))
+
+
+def test_temperatures_are_there_for_every_joint_or_for_none() -> None:
+    joints = [{"joint": "a", "position": 1, "torque": 2, "temperature": 3}]
+    assert read(joints=joints).joints[0].temperature == 3
+    joints.append({"joint": "b", "position": 4, "torque": 5})
+    with pytest.raises(ValidationError, match="b has no temperature column, other joints have"):
+        read(joints=joints, columns=6)

@@ -1,0 +1,134 @@
+"""A lock file has one holder, whom the kernel names; looking at it touches nothing."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from config.errors import RecordingError
+from config.process import file_locks
+from config.process.file_locks import file_holder, held_file
+
+HOLDER = """
+import sys
+from pathlib import Path
+from config.process.file_locks import held_file
+with held_file(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_second_is_refused_the_first_is_named_and_the_file_goes_with_it(tmp_path: Path) -> None:
+    path = tmp_path / "lock"
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDER, str(path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        assert file_holder(path) == other.pid
+        with pytest.raises(BlockingIOError), held_file(path):
+            pass
+        other.communicate("")
+    assert file_holder(path) is None
+    assert not path.exists()
+    with held_file(path):
+        assert file_holder(path) == os.getpid()
+
+
+def test_processes_that_are_started_meanwhile_do_not_inherit_it(tmp_path: Path) -> None:
+    path = tmp_path / "lock"
+    with held_file(path):
+        child = subprocess.Popen(
+            [sys.executable, "-c", "input()"], stdin=subprocess.PIPE, close_fds=False
+        )
+    with child, held_file(path):
+        child.communicate(b"\n")
+
+
+def test_a_file_that_its_holder_removes_at_the_last_moment_is_no_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, real = tmp_path / "lock", fcntl.flock
+
+    def removed_first(descriptor: int, mode: int) -> None:
+        monkeypatch.setattr(fcntl, "flock", real)
+        path.unlink()
+        real(descriptor, mode)
+
+    monkeypatch.setattr(fcntl, "flock", removed_first)
+    with held_file(path):
+        assert file_holder(path) == os.getpid(), "what is held is what the path leads to"
+
+
+def test_other_users_can_lock_it_too_whatever_the_umask(tmp_path: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        with held_file(tmp_path / "lock"):
+            assert (tmp_path / "lock").stat().st_mode & 0o777 == 0o644
+    finally:
+        os.umask(before)
+
+
+def test_a_symbolic_link_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "lock").symlink_to(tmp_path / "victim")
+    with pytest.raises(OSError, match="symbolic"), held_file(tmp_path / "lock"):
+        pass
+    assert not (tmp_path / "victim").exists()
+
+
+@pytest.mark.parametrize("kind", ["fifo", "folder", "link", "nothing", "closed"])
+def test_looking_at_anything_neither_waits_nor_fails(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "lock"
+    if kind == "fifo":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "link":
+        path.symlink_to("nowhere")
+    elif kind == "closed":
+        path.touch(mode=0)
+    assert file_holder(path) is None
+
+
+def test_the_kernels_own_name_of_the_file_is_meant(tmp_path: Path) -> None:
+    with (tmp_path / "lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        info = Path(f"/proc/self/fdinfo/{file.fileno()}").read_text()
+        assert f" {os.getpid()} {file_locks._inode(file.fileno())} 0 EOF" in info
+        fcntl.flock(file, fcntl.LOCK_SH)
+        assert file_holder(tmp_path / "lock") is None, "somebody who only looks is no holder"
+
+
+def test_a_lock_that_moved_while_a_long_list_was_read_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Pages:
+        """A list of which the first reading has missed a line."""
+
+        read = 0
+
+        def read_text(self, encoding: str) -> str:
+            self.read += 1
+            return "" if self.read == 1 else Path("/proc/locks").read_text(encoding)
+
+    monkeypatch.setattr(file_locks, "LOCKS", Pages())
+    with held_file(tmp_path / "lock"):
+        assert file_holder(tmp_path / "lock") == os.getpid()
+
+
+def test_a_computer_that_does_not_tell_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(file_locks, "LOCKS", tmp_path / "missing")
+    (tmp_path / "lock").touch()
+    with pytest.raises(RecordingError, match=r"nobody can say who holds.*is /proc mounted"):
+        file_holder(tmp_path / "lock")

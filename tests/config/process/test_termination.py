@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from config.process.termination import TERMINATION, termination_calls, termination_held
+
+
+@pytest.mark.parametrize("number", TERMINATION)
+def test_five_signals_are_five_requests_and_no_exception(number: signal.Signals) -> None:
+    calls: list[int] = []
+    before = signal.getsignal(number)
+    with termination_calls(lambda: calls.append(1)) as interruption:
+        for _ in range(5):
+            os.kill(os.getpid(), number)
+    assert len(calls) == 5
+    assert interruption.signal is number
+    assert signal.getsignal(number) is before
+
+
+def test_signals_stay_ignored_where_something_is_left_to_be_written() -> None:
+    with termination_calls(lambda: None, then_ignored=True):
+        pass
+    assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN, "none came"
+    with termination_calls(lambda: None, then_ignored=True):
+        os.kill(os.getpid(), signal.SIGTERM)
+    assert {signal.getsignal(number) for number in TERMINATION} == {signal.SIG_IGN}
+
+
+def test_a_process_started_meanwhile_is_deaf_from_its_first_instruction() -> None:
+    script = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
+    with termination_held():
+        child = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    assert child.stdout == b"alive\n"
+
+
+def test_so_is_the_first_process_of_a_program(tmp_path: Path) -> None:
+    script = tmp_path / "program.py"
+    script.write_text(
+        "import os, signal\n"
+        "from multiprocessing import get_context\n"
+        "from config.process.termination import termination_held\n"
+        "if __name__ == '__mp_main__':\n"
+        "    os.kill(os.getpid(), signal.SIGINT)\n"
+        "elif __name__ == '__main__':\n"
+        "    process = get_context('spawn').Process(target=print, args=('alive',))\n"
+        "    with termination_held():\n"
+        "        process.start()\n"
+        "    process.join()\n"
+    )
+    child = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert (child.stdout, child.stderr) == ("alive\n", "")
+
+
+@pytest.mark.parametrize("by_another_thread", [False, True])
+def test_what_is_started_is_noted_before_a_signal_is_heard(by_another_thread: bool) -> None:
+    told: list[object] = []
+    signal.signal(signal.SIGHUP, lambda number, _frame: told.append(number))
+
+    def start_something() -> None:
+        with termination_held():
+            for number in (signal.SIGINT, signal.SIGHUP):
+                if by_another_thread:
+                    other.submit(signal.raise_signal, number).result()
+                else:
+                    signal.raise_signal(number)
+            told.append("noted")
+
+    with ThreadPoolExecutor(1) as other:
+        other.submit(int).result()  # it runs, and takes signals
+        with pytest.raises(KeyboardInterrupt):
+            start_something()
+    assert told == ["noted", signal.SIGHUP], "heard, though the other one raised an exception"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_outside_the_main_thread_which_alone_has_handlers_they_wait_too() -> None:
+    def started_there() -> bool:
+        with termination_held():
+            return set(TERMINATION) <= signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+    with ThreadPoolExecutor(1) as other:
+        assert other.submit(started_there).result()

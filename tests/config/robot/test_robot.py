@@ -1,0 +1,154 @@
+"""Robot files: every term of the model can be chosen, contradictions are named where they stand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from config.errors import ConfigError
+from config.formats.yaml_tree import parse_yaml
+from config.load import bundled_names, load_robot, to_yaml, validate
+from config.robot.robot import KinematicRow, Kinematics, RobotDescription
+
+ROBOT = """\
+name: two
+kinematics:
+  convention: modified_dh
+  rows: [{}, {a_m: 0.4}]
+joints:
+  - name: a
+    limits: {position_min: -1.0, position_max: 1.0, velocity: 2.0, acceleration: 9.0, torque: 50.0}
+    ##a
+  - name: b
+    limits: {position_min: -1.0, position_max: 1.0, velocity: 2.0, acceleration: 9.0, torque: 50.0}
+##
+"""
+
+
+def read(addition: str = "", *, joint: str = "") -> RobotDescription:
+    text = ROBOT.replace("##a", joint or "gear_ratio: 1.0").replace("##", addition)
+    return validate(parse_yaml(text.encode(), "robot.yaml"), RobotDescription)
+
+
+def refusal(*args: Any, **kwargs: Any) -> str:
+    with pytest.raises(ConfigError) as caught:
+        read(*args, **kwargs)
+    return str(caught.value)
+
+
+class TestFriction:
+    def test_has_all_terms_to_choose_from(self) -> None:
+        terms = "asymmetric, viscous, cubic, cube_root, stribeck, temperature, load"
+        starts = "stribeck_velocity: 0.1\n    reference_temperature_k: 300.0"
+        robot = read(joint=f"friction: [{terms}]\n    {starts}")
+        assert len(robot.joints[0].friction) == 7
+        assert robot.joints[1].friction == ("coulomb", "viscous")
+
+    @pytest.mark.parametrize("twice", ["coulomb", "offset"])
+    def test_asymmetric_stands_for_coulomb_and_offset(self, twice: str) -> None:
+        message = refusal(joint=f"friction: [asymmetric, {twice}]")
+        assert message.startswith("robot.yaml:6:")
+        assert f"joints.0: friction names asymmetric and {twice}" in message
+
+    def test_names_a_term_once(self) -> None:
+        assert "twice" in refusal(joint="friction: [viscous, viscous]")
+
+    def test_lists_what_there_is(self) -> None:
+        message = refusal(joint="friction: [coulomb, stribek]")
+        assert message.startswith("robot.yaml:8:")
+        assert "'stribeck'" in message
+
+
+class TestDrive:
+    def test_armature_and_rotor_are_one_inertia(self) -> None:
+        message = refusal(joint="armature: true\n    rotor: {link: 0, axis: [0.0, 0.0, 1.0]}")
+        assert "joints.0: armature and rotor say the same inertia twice" in message
+
+    def test_efficiency_and_load_friction_are_one_loss(self) -> None:
+        message = refusal(joint="efficiency: 0.8\n    friction: [coulomb, load]")
+        assert "efficiency and the friction term load say the same" in message
+
+    @pytest.mark.parametrize("efficiency", ["0.0", "1.1", "true"])
+    def test_efficiency_is_a_share(self, efficiency: str) -> None:
+        assert refusal(joint=f"efficiency: {efficiency}").startswith("robot.yaml:8:5: joints.0.eff")
+
+
+class TestSpring:
+    def test_a_physical_one_needs_its_distances(self) -> None:
+        assert "fourier does without" in refusal("spring: {joint: a, l_m: 0.4}")
+        assert read("spring: {joint: a, l_m: 0.4, r_m: 0.1}").spring is not None
+
+    def test_a_fourier_series_does_not(self) -> None:
+        spring = read("spring: {joint: b, form: fourier}").spring
+        assert spring is not None
+        assert spring.form == "fourier"
+
+    def test_sits_on_a_joint(self) -> None:
+        assert "joints are a, b" in refusal("spring: {joint: c, form: fourier}")
+
+
+class TestCoupling:
+    def test_is_a_matrix_of_joints_by_actuators(self) -> None:
+        assert read("coupling: [[1.0, 0.0], [-0.2, 1.0]]").coupling == ((1.0, 0.0), (-0.2, 1.0))
+
+    @pytest.mark.parametrize("matrix", ["[[1.0, 0.0]]", "[[1.0, 0.0], [1.0]]"])
+    def test_has_a_row_and_a_column_a_joint(self, matrix: str) -> None:
+        message = refusal(f"coupling: {matrix}")
+        assert message.startswith("robot.yaml:11:1: coupling: ")
+        assert "2 rows of 2 numbers" in message
+
+    def test_can_be_inverted(self) -> None:
+        assert "cannot be inverted" in refusal("coupling: [[1.0, 1.0], [1.0, 1.0]]")
+
+
+class TestDrawings:
+    def test_say_mass_centre_and_inertia_of_every_link(self) -> None:
+        robot = read("cad: [{mass_kg: 3.0}, {mass_kg: 2.0, uncertainty: 0.3}]")
+        assert robot.cad is not None
+        assert [link.uncertainty for link in robot.cad] == [0.1, 0.3]
+
+    def test_are_there_for_every_link(self) -> None:
+        message = refusal("cad: [{mass_kg: 3.0}]")
+        assert message.startswith("robot.yaml:11:1: cad: cad has 1 links for 2 joints")
+
+    @pytest.mark.parametrize(
+        "inertia",
+        ["1.0, 0.0, 0.0, 1.0, 0.0, 2.1", "1.0, 2.0, 0.0, 1.0, 0.0, 1.0"],
+        ids=["triangle", "negative"],
+    )
+    def test_state_an_inertia_that_a_body_can_have(self, inertia: str) -> None:
+        message = refusal(f"cad: [{{mass_kg: 3.0}}, {{mass_kg: 3.0, inertia_kg_m2: [{inertia}]}}]")
+        assert "cad.1" in message
+        assert "principal moments" in message
+
+    def test_a_thin_rod_is_a_body(self) -> None:
+        read("cad: [{mass_kg: 1.0, inertia_kg_m2: [0.0, 0.0, 0.0, 0.1, 0.0, 0.1]}, {mass_kg: 1.0}]")
+
+
+class TestCalibration:
+    OFFSETS = (KinematicRow(theta_rad=0.01, d_m=-0.002), KinematicRow(beta_rad=0.003, a_m=0.001))
+    NOMINAL = (KinematicRow(theta_rad=1.0, d_m=0.5), KinematicRow(alpha_rad=1.5, a_m=0.4))
+
+    def test_is_added_row_by_row(self) -> None:
+        table = Kinematics(convention="modified_dh", rows=self.NOMINAL, calibration=self.OFFSETS)
+        assert table.modified_rows() == (
+            KinematicRow(theta_rad=1.01, d_m=0.498),
+            KinematicRow(alpha_rad=1.5, beta_rad=0.003, a_m=0.401),
+        )
+
+    def test_has_a_row_a_joint_and_hayatis_angle_in_the_modified_convention_only(self) -> None:
+        rows = "kinematics:\n  convention: standard_dh\n  rows: [{}, {}]\n  calibration: "
+        for calibration, says in (("[{}]", "1 rows of offsets"), ("[{beta_rad: 0.1}, {}]", "beta")):
+            text = ROBOT.replace("##a", "gear_ratio: 1.0").replace("##", "")
+            start, end = text.index("kinematics:"), text.index("joints:")
+            text = f"{text[:start]}{rows}{calibration}\n{text[end:]}"
+            with pytest.raises(ConfigError, match=says):
+                validate(parse_yaml(text.encode(), "robot.yaml"), RobotDescription)
+
+
+@pytest.mark.parametrize("name", bundled_names("robots"))
+def test_a_robot_written_out_loads_back_the_same(name: str) -> None:
+    robot = load_robot(name)
+    text = to_yaml(robot).encode()
+    assert validate(parse_yaml(text, "robot.yaml"), RobotDescription) == robot

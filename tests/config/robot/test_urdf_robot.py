@@ -1,0 +1,324 @@
+"""Robots from URDFs: Pinocchio reads the same files and is the judge."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from config.errors import ConfigError
+from config.formats.urdf import read_urdf, rotation_of_rpy, rpy_of_rotation
+from config.formats.yaml_tree import parse_yaml
+from config.load import to_yaml, validate
+from config.robot.robot import RobotDescription
+from config.robot.urdf_robot import robot_of_urdf
+from dynamics.geometry.kinematics import Chain, forward, jacobian, link_transforms
+from dynamics.model.cad import cad_parameters
+from dynamics.model.robot_model import RobotModel, torque
+
+LIMIT = '<limit lower="-2" upper="2" effort="50" velocity="2"/>'
+
+
+def words(values) -> str:
+    return " ".join(f"{value:.17g}" for value in values)
+
+
+def link(name: str, rng: np.random.Generator | None = None) -> str:
+    if rng is None:
+        return f'<link name="{name}"/>'
+    root = rng.normal(0.0, 0.2, (3, 3))
+    inertia = np.trace(root @ root.T) * np.eye(3) - root @ root.T + 0.01 * np.eye(3)
+    xx, xy, xz, yy, yz, zz = inertia[np.triu_indices(3)]
+    return (
+        f'<link name="{name}"><inertial>'
+        f'<origin xyz="{words(rng.normal(0, 0.3, 3))}" rpy="{words(rng.uniform(-3, 3, 3))}"/>'
+        f'<mass value="{rng.uniform(0.5, 9.0)}"/>'
+        f'<inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/>'
+        "</inertial></link>"
+    )
+
+
+def joint(name: str, kind: str, parent: str, child: str, **more: str) -> str:
+    axis = f'<axis xyz="{more["axis"]}"/>' if "axis" in more else ""
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{more.get("xyz", "0 0 0")}" rpy="{more.get("rpy", "0 0 0")}"/>{axis}'
+        f"{more.get('limit', LIMIT if kind != 'fixed' else '')}</joint>"
+    )
+
+
+def robot(*parts: str) -> bytes:
+    return f'<robot name="r">{"".join(parts)}</robot>'.encode()
+
+
+# What makes chains hard: parallel, coincident, intersecting, nearly parallel, skew, along x.
+AXES = ("1 0 0", "0 1 0", "0 0 1", "0 0 -1", "0 -1 0", "skew", "near")
+PLACES = ("0 0 0", "0 0 0.4", "0.3 0 0", "0 -0.2 0", "skew")
+TURNS = ("0 0 0", "1.5707963267948966 0 0", "0 -1.5707963267948966 0", "0 0 3.141592653589793")
+JOINTS = st.tuples(
+    st.sampled_from(["revolute", "prismatic", "continuous", "fixed"]),
+    st.sampled_from(AXES),
+    st.sampled_from(PLACES),
+    st.sampled_from((*TURNS, "skew")),
+    st.integers(0, 10_000),
+)
+
+
+def chain(joints: list[tuple[str, str, str, str, int]]) -> tuple[bytes, str]:
+    parts = [link("l0")]
+    for i, (kind, axis, place, turn, seed) in enumerate(joints, start=1):
+        rng = np.random.default_rng(seed)
+        chosen = {
+            "axis": {"skew": words(rng.normal(0, 1, 3)), "near": "1e-4 -2e-4 1"}.get(axis, axis),
+            "xyz": words(rng.normal(0, 0.4, 3)) if place == "skew" else place,
+            "rpy": words(rng.uniform(-3, 3, 3)) if turn == "skew" else turn,
+        }
+        parts += [link(f"l{i}", rng), joint(f"j{i}", kind, f"l{i - 1}", f"l{i}", **chosen)]
+    return robot(*parts), f"l{len(joints)}"
+
+
+class Judge:
+    """Pinocchio's own reading of a URDF; it turns continuous joints by cosine and sine."""
+
+    def __init__(self, data: bytes) -> None:
+        self.model: Any = pin.buildModelFromXML(data.decode())
+        self.data = self.model.createData()
+
+    def configuration(self, q: np.ndarray) -> np.ndarray:
+        parts = [
+            [np.cos(x), np.sin(x)] if self.model.joints[i].nq == 2 else [x]
+            for i, x in enumerate(q, start=1)
+        ]
+        return np.concatenate(parts)
+
+    def place(self, q: np.ndarray, frame: str) -> Any:
+        pin.framesForwardKinematics(self.model, self.data, self.configuration(q))
+        return self.data.oMf[self.model.getFrameId(frame)].copy()
+
+    def torque(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        return pin.rnea(self.model, self.data, self.configuration(q), v, a).copy()
+
+    def jacobian(self, q: np.ndarray, frame: str) -> np.ndarray:
+        reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        number = self.model.getFrameId(frame)
+        position = self.configuration(q)
+        return pin.computeFrameJacobian(self.model, self.data, position, number, reference).copy()
+
+
+@settings(deadline=None, max_examples=120)
+@given(st.lists(JOINTS, min_size=1, max_size=7).filter(lambda js: any(j[0] != "fixed" for j in js)))
+def test_kinematics_and_dynamics_of_any_chain_are_pinocchios(joints) -> None:
+    data, tip = chain(joints)
+    judge = Judge(data)
+    made = robot_of_urdf(read_urdf(data, "r.urdf", right_angle_tolerance_rad=0.0), tip=tip).robot
+    geometry = Chain.from_description(made)
+    rng = np.random.default_rng(0)
+    q, v, a = rng.uniform(-2, 2, (3, 4, geometry.n))
+
+    places = [judge.place(x, tip) for x in q]
+    tool = forward(geometry, q) + np.array(made.base_offset_m)
+    np.testing.assert_allclose(tool, [place.translation for place in places], atol=1e-9)
+    turned = link_transforms(geometry, q)[:, -1, :3, :3] @ rotation_of_rpy(*made.tool_rpy_rad)
+    np.testing.assert_allclose(turned, [place.rotation for place in places], atol=1e-9)
+    expected = [judge.jacobian(x, tip) for x in q]
+    np.testing.assert_allclose(
+        jacobian(geometry, q), np.reshape(expected, (4, 6, geometry.n)), atol=1e-9
+    )
+
+    if made.cad is None:
+        assert joints[-1][0] == "fixed" or any(j[0] == "fixed" for j in joints)
+        return
+    model = RobotModel.from_description(made, rotors=False, friction=False)
+    values, _ = cad_parameters(model, made)
+    expected = [judge.torque(*sample) for sample in zip(q, v, a, strict=True)]
+    np.testing.assert_allclose(torque(model, q, v, a, values), expected, atol=1e-9, rtol=1e-9)
+
+
+@given(st.tuples(*[st.floats(-7.0, 7.0)] * 3))
+def test_every_rotation_has_its_angles(angles) -> None:
+    rotation = rotation_of_rpy(*angles)
+    np.testing.assert_allclose(rotation, pin.rpy.rpyToMatrix(*angles), atol=1e-15)
+    np.testing.assert_allclose(rotation_of_rpy(*rpy_of_rotation(rotation)), rotation, atol=1e-14)
+
+
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-9])
+def test_angles_are_exact_where_pitch_is_a_right_angle(pitch: float) -> None:
+    rotation = pin.rpy.rpyToMatrix(0.3, pitch, -1.1)
+    np.testing.assert_allclose(rotation_of_rpy(*rpy_of_rotation(rotation)), rotation, atol=1e-14)
+
+
+def arm(*more: str, tool: str = "") -> bytes:
+    """Return an upright arm of two parallel axes, angles rounded as files round them."""
+    return robot(
+        link("base"),
+        link("column"),
+        link("upper"),
+        link("fore"),
+        joint("turn", "revolute", "base", "column", xyz="0 0 0.5", axis="0 0 1"),
+        joint("lift", "revolute", "column", "upper", xyz="0.1 0 0", rpy="1.5708 0 0", axis="0 0 1"),
+        joint("bend", "revolute", "upper", "fore", xyz="0.4 0 0", axis="0 0 1"),
+        *more,
+        tool,
+    )
+
+
+def test_rows_of_a_plain_arm_are_as_a_person_writes_them() -> None:
+    made = robot_of_urdf(read_urdf(arm(), "arm.urdf"))
+    rows = made.robot.kinematics.rows
+    assert [row.alpha_rad for row in rows] == [0.0, np.pi / 2, 0.0]
+    assert [row.a_m for row in rows] == pytest.approx([0.0, 0.1, 0.4])
+    assert [row.d_m for row in rows] == pytest.approx([0.5, 0.0, 0.0])
+    assert [row.beta_rad for row in rows] == [0.0] * 3
+    assert made.robot.base_offset_m == (0.0, 0.0, 0.0)
+    assert any("1 angles within 1e-5 rad" in note for note in made.notes)
+
+
+def test_limits_and_gear_ratios_are_taken_over() -> None:
+    transmission = (
+        '<transmission name="t"><joint name="lift"/><actuator name="m">'
+        "<mechanicalReduction>101.5</mechanicalReduction></actuator></transmission>"
+    )
+    made = robot_of_urdf(read_urdf(arm(transmission), "arm.urdf")).robot
+    limits = made.joints[1].limits
+    assert (limits.position_min, limits.position_max) == (-2.0, 2.0)
+    assert (limits.velocity, limits.torque, limits.acceleration) == (2.0, 50.0, 10.0)
+    assert [joint.gear_ratio for joint in made.joints] == [1.0, 101.5, 1.0]
+
+
+def test_a_robot_of_a_urdf_is_a_complete_robot_file() -> None:
+    made = robot_of_urdf(read_urdf(arm(), "arm.urdf")).robot
+    again = validate(parse_yaml(to_yaml(made).encode(), "robot.yaml"), RobotDescription)
+    assert again == made
+
+
+def test_collision_shapes_become_bodies_and_meshes_a_note() -> None:
+    shapes = (
+        '<link name="tool"><collision><origin xyz="0 0 0.1"/><geometry><sphere radius="0.05"/>'
+        '</geometry></collision><collision><geometry><box size="0.2 0.4 0.6"/></geometry>'
+        '</collision><collision><geometry><cylinder radius="0.1" length="0.3"/></geometry>'
+        '</collision><collision><geometry><mesh filename="tool.stl"/></geometry></collision></link>'
+    )
+    data = arm(shapes, tool=joint("mount", "fixed", "fore", "tool", xyz="0.3 0 0"))
+    made = robot_of_urdf(read_urdf(data, "arm.urdf"), tip="tool")
+    ball, box, cylinder = made.robot.bodies
+    assert ball.kind == "capsule"
+    assert ball.start_m == pytest.approx((0.3, 0.0, 0.1))
+    assert box.kind == "hull"
+    np.testing.assert_allclose(np.ptp(box.points_m, axis=0), (0.2, 0.4, 0.6))
+    assert cylinder.kind == "hull"
+    xs = np.array(cylinder.points_m)[:16, :2] - (0.3, 0.0)
+    middles = [0.5 * (p + q) for p, q in pairwise(xs)]
+    assert np.linalg.norm(middles, axis=1) == pytest.approx(0.1)  # it encloses the cylinder
+    assert {body.link for body in made.robot.bodies} == {3}
+    assert any("tool.stl" in note for note in made.notes)
+
+
+def test_a_branch_that_moves_is_held_at_zero_and_said() -> None:
+    finger = link("finger", np.random.default_rng(1))
+    data = arm(finger, tool=joint("grip", "prismatic", "fore", "finger", axis="0 1 0"))
+    other = arm(
+        finger,
+        link("cup"),
+        joint("grip", "prismatic", "fore", "finger", axis="0 1 0"),
+        tool=joint("suck", "revolute", "fore", "cup", axis="0 0 1"),
+    )
+    assert len(robot_of_urdf(read_urdf(data, "arm.urdf")).robot.joints) == 4
+    made = robot_of_urdf(read_urdf(data, "arm.urdf"), tip="fore")
+    assert len(made.robot.joints) == 3
+    assert any("'grip' is held at zero" in note for note in made.notes)
+    with pytest.raises(ConfigError, match=r"end at finger, cup: say which with --tip"):
+        robot_of_urdf(read_urdf(other, "arm.urdf"))
+
+
+def test_gravity_is_written_in_the_axes_of_the_base() -> None:
+    data = robot(
+        link("world"),
+        link("wall"),
+        link("arm"),
+        joint("mount", "fixed", "world", "wall", rpy="0 1.57079632679 0"),
+        joint("turn", "revolute", "wall", "arm", axis="0 0 1"),
+    )
+    upright = robot_of_urdf(read_urdf(data, "wall.urdf"))
+    on_wall = robot_of_urdf(read_urdf(data, "wall.urdf"), base="wall")
+    assert upright.robot.gravity_m_s2 == (0.0, 0.0, -9.81)
+    assert on_wall.robot.gravity_m_s2 == pytest.approx((9.81, 0.0, 0.0), abs=1e-12)
+
+
+def test_a_link_that_cannot_exist_gives_no_cad_and_a_reason() -> None:
+    bad = (
+        '<link name="tool"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="9" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    )
+    data = robot(link("base"), bad, joint("turn", "revolute", "base", "tool", axis="0 0 1"))
+    made = robot_of_urdf(read_urdf(data, "bad.urdf"))
+    assert made.robot.cad is None
+    assert any("link 1 (tool) cannot exist" in note for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"not xml", r"bad.urdf:1:1: not XML"),
+        (b"<sdf/>", r"bad.urdf:1: the root is <sdf>"),
+        (b'<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>', "document type or entity"),
+        (b"<r>" * 90, "nested deeper than 60"),
+        (b" " * 20_000_001, "at most 20000000"),
+        (robot(link("a"), link("a")), "a second link is called 'a'"),
+        (robot(link("a"), link("b")), "2 links hang on no joint"),
+        (robot(link("a")), "no joint moves below 'a'"),
+        (robot(link("a"), link("b"), joint("j", "revolute", "a", "c")), "names no link 'c'"),
+        (robot(link("a"), link("b"), joint("j", "ball", "a", "b")), "joint type 'ball'"),
+        (
+            robot(link("a"), link("b"), joint("j", "revolute", "a", "b", axis="0 0 0")),
+            "axis has no direction",
+        ),
+        (
+            robot(link("a"), link("b"), joint("j", "revolute", "a", "b", xyz="0 nan 0")),
+            "xyz of <origin> is '0 nan 0', not 3 finite numbers",
+        ),
+        (
+            robot(
+                link("a"),
+                link("b"),
+                joint(
+                    "j", "revolute", "a", "b", limit='<limit lower="-1" upper="1" effort="0"'
+                    ' velocity="1"/>'
+                ),
+            ),
+            "needs <limit effort=...> above 0",
+        ),
+        (
+            robot(
+                link("a"),
+                link("b"),
+                joint("j", "revolute", "a", "b", limit=LIMIT + '<mimic joint="x"/>'),
+            ),
+            "mimics 'x'",
+        ),
+        (
+            robot(link("a"), link("b"), joint("j", "planar", "a", "b")),
+            "no joint moves",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant_is_refused_with_file_and_line(data: bytes, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        robot_of_urdf(read_urdf(data, "bad.urdf"))
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.data())
+def test_a_damaged_file_is_read_or_refused_but_never_crashes(data: Any) -> None:
+    whole = bytearray(arm())
+    for _ in range(data.draw(st.integers(1, 6))):
+        at = data.draw(st.integers(0, len(whole) - 1))
+        whole[at : at + data.draw(st.integers(0, 30))] = data.draw(st.binary(max_size=8))
+    try:
+        robot_of_urdf(read_urdf(bytes(whole), "damaged.urdf"))
+    except ConfigError as error:
+        assert "damaged.urdf" in str(error)  # noqa: PT017

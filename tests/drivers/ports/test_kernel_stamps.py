@@ -1,0 +1,82 @@
+"""A kernel stamps frames with the date; the date may leap (faults: row 26)."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.ports.kernel_stamps import KernelStamps, both_clocks
+
+CYCLE_NS = 8_000_000
+NOW_NS = 10**15
+AHEAD_NS = 1_800_000_000 * 10**9
+HOUR_NS = 3600 * 10**9
+LEAPS_NS = st.integers(-HOUR_NS, HOUR_NS).filter(lambda step_ns: abs(step_ns) > CYCLE_NS)
+WAITED_NS = st.integers(0, CYCLE_NS)
+
+
+def stamps() -> KernelStamps:
+    """Return stamps whose last look, when all was read, was a cycle ago."""
+    return KernelStamps(NOW_NS - CYCLE_NS + AHEAD_NS, NOW_NS - CYCLE_NS)
+
+
+@given(waited_ns=WAITED_NS, step_ns=LEAPS_NS | st.just(0), stamped_before=st.booleans())
+def test_a_frame_arrived_when_it_did_whether_or_not_the_date_was_set(
+    waited_ns: int, step_ns: int, stamped_before: bool
+) -> None:
+    waiting = stamps()
+    waiting.look(NOW_NS + AHEAD_NS + step_ns, NOW_NS)
+    stamp_ns = NOW_NS - waited_ns + AHEAD_NS + (0 if stamped_before else step_ns)
+    assert waiting.arrival_s(stamp_ns) == pytest.approx((NOW_NS - waited_ns) * 1e-9, abs=1e-6)
+
+
+@given(waited_ns=WAITED_NS, step_ns=st.integers(-CYCLE_NS, CYCLE_NS), stamped_before=st.booleans())
+def test_a_small_step_of_the_date_is_the_most_that_a_frame_may_be_wrong_by(
+    waited_ns: int, step_ns: int, stamped_before: bool
+) -> None:
+    waiting = stamps()
+    waiting.look(NOW_NS + AHEAD_NS + step_ns, NOW_NS)
+    found_s = waiting.arrival_s(NOW_NS - waited_ns + AHEAD_NS + (0 if stamped_before else step_ns))
+    assert abs(found_s - (NOW_NS - waited_ns) * 1e-9) <= abs(step_ns) * 1e-9 + 1e-6
+
+
+@given(waited_ns=WAITED_NS, step_ns=LEAPS_NS)
+def test_a_date_that_is_set_while_frames_are_read_moves_them_by_a_cycle_at_most(
+    waited_ns: int, step_ns: int
+) -> None:
+    waiting = stamps()
+    waiting.look(NOW_NS + AHEAD_NS, NOW_NS)
+    found_s = waiting.arrival_s(NOW_NS - waited_ns + AHEAD_NS + step_ns)
+    assert abs(found_s - (NOW_NS - waited_ns) * 1e-9) <= CYCLE_NS * 1e-9 + 1e-6
+
+
+@given(waited_ns=st.integers(0, 20 * CYCLE_NS))
+def test_a_frame_that_was_left_waiting_is_as_old_as_it_is(waited_ns: int) -> None:
+    waiting = KernelStamps(NOW_NS - 20 * CYCLE_NS + AHEAD_NS, NOW_NS - 20 * CYCLE_NS)
+    for ago in range(10, -1, -1):
+        now_ns = NOW_NS - ago * CYCLE_NS
+        waiting.look(now_ns + AHEAD_NS, now_ns)
+    found_s = waiting.arrival_s(NOW_NS - waited_ns + AHEAD_NS)
+    assert found_s == pytest.approx((NOW_NS - waited_ns) * 1e-9, abs=1e-6)
+
+
+@given(step_ns=LEAPS_NS)
+def test_the_cycle_after_the_date_was_set_has_true_times(step_ns: int) -> None:
+    waiting = stamps()
+    waiting.look(NOW_NS + AHEAD_NS + step_ns, NOW_NS)
+    waiting.all_read()
+    later_ns = NOW_NS + CYCLE_NS
+    waiting.look(later_ns + AHEAD_NS + step_ns, later_ns)
+    found_s = waiting.arrival_s(later_ns - 100_000 + AHEAD_NS + step_ns)
+    assert found_s == pytest.approx((later_ns - 100_000) * 1e-9, abs=1e-6)
+
+
+def test_both_clocks_are_read_again_where_the_computer_stood_still_between(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    readings = iter([0, 1_000_000, 1_000_100, 1_000_300])
+    monkeypatch.setattr("time.monotonic_ns", lambda: next(readings))
+    dates = iter([AHEAD_NS, AHEAD_NS + 1_000_200])
+    monkeypatch.setattr("time.time_ns", lambda: next(dates))
+    assert both_clocks() == (AHEAD_NS + 1_000_200, 1_000_300)

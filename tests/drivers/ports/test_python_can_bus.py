@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+import pytest
+
+from config.cell.cell import CanBusConfig
+from config.errors import ConfigError, TransportError
+from drivers.ports.transport import open_can
+
+
+def test_an_interface_that_nobody_knows_is_told_with_those_that_are_known() -> None:
+    said = "knows no 'socketcann'; did you mean socketcan.* It knows: .*, pcan, rid_sim, "
+    with pytest.raises(ConfigError, match=said):
+        open_can(CanBusConfig(interface="socketcann", channel="can0"))
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel"),
+    [
+        ("pcan", "PCAN_USBBUS1"),  # its driver is not there
+        ("slcan", "/nowhere/ttyACM0"),
+        ("socketcan", "nocan9"),
+        ("socketcan", "a name that is too long"),
+        ("socketcan", "with\0null"),
+        ("udp_multicast", "239.0.0.1@port"),
+    ],
+)
+def test_a_bus_that_is_not_there_is_named_with_what_to_check(interface: str, channel: str) -> None:
+    with pytest.raises(TransportError, match=r"check can\.interface and can\.channel") as caught:
+        open_can(CanBusConfig(interface=interface, channel=channel))
+    assert f"CAN bus {interface}:{channel} cannot be opened" in str(caught.value)

@@ -1,0 +1,107 @@
+"""`CanLink` over python-can: deadlines, typed errors, and what is not a data frame."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+import can
+import pytest
+
+from config.cell.cell import CanBusConfig, CellConfig, DriveSafety
+from config.errors import TransportError
+from drivers.canopen.frames import SYNC, Frame
+from drivers.ports.clock import MonotonicClock
+from drivers.ports.transport import CanLink, open_can
+from drivers.servo.cyclic_exchange import CyclicExchange
+from drivers.servo.supervision import DriveWatch
+
+
+@pytest.fixture
+def link() -> Iterator[CanLink]:
+    with open_can(CanBusConfig(interface="virtual", channel="transport")) as opened:
+        yield opened
+
+
+@pytest.fixture
+def peer() -> Iterator[can.BusABC]:
+    with can.Bus(interface="virtual", channel="transport") as bus:
+        yield bus
+
+
+def message(cob_id: int, data: bytes = b"", **kwargs: Any) -> can.Message:
+    return can.Message(arbitration_id=cob_id, data=data, **({"is_extended_id": False} | kwargs))
+
+
+def test_frames_go_both_ways(link: CanLink, peer: can.BusABC) -> None:
+    link.send(Frame(0x201, b"\x06\x00"))
+    arrived = peer.recv(1.0)
+    assert arrived is not None
+    assert (arrived.arbitration_id, bytes(arrived.data)) == (0x201, b"\x06\x00")
+    assert not arrived.is_extended_id
+    peer.send(message(0x181, b"\x37"))
+    before_s = link.clock.now_s()
+    assert link.receive(before_s + 1.0) == Frame(0x181, b"\x37")
+    assert before_s <= link.last_time_s <= link.clock.now_s()
+
+
+def test_a_deadline_that_has_passed_still_takes_what_waits(link: CanLink, peer: can.BusABC) -> None:
+    assert link.receive(float("-inf")) is None
+    peer.send(message(0x181))
+    assert link.receive(link.clock.now_s() - 5.0) == Frame(0x181, b"")
+
+
+def test_only_classic_data_frames_are_handed_on(link: CanLink, peer: can.BusABC) -> None:
+    peer.send(message(0x181, is_extended_id=True))
+    peer.send(message(0x181, is_remote_frame=True))
+    peer.send(message(0x004, bytes(8), is_error_frame=True))
+    peer.send(message(0x182))
+    assert link.receive(link.clock.now_s() + 1.0) == Frame(0x182, b"")
+
+
+def test_bus_off_is_an_error(link: CanLink, peer: can.BusABC) -> None:
+    peer.send(message(0x040, bytes(8), is_error_frame=True))
+    with pytest.raises(TransportError, match="bus-off; check bit rate"):
+        link.receive(link.clock.now_s() + 1.0)
+
+
+def test_a_closed_bus_is_an_error() -> None:
+    link = open_can(CanBusConfig(interface="virtual", channel="gone"))
+    link.close()
+    with pytest.raises(TransportError, match="sending failed"):
+        link.send(SYNC)
+    with pytest.raises(TransportError, match="receiving failed"):
+        link.receive(0.0)
+
+
+def test_the_clock_is_the_computers_unless_the_bus_brings_one(link: CanLink, bench: Any) -> None:
+    assert isinstance(link.clock, MonotonicClock)
+    assert not link.simulated
+    assert bench.link.simulated
+    bench.link.clock.sleep_until(50.0)
+    assert bench.link.clock.now_s() == 50.0
+
+
+def test_a_simulation_that_is_gone_is_a_transport_error(bench: Any) -> None:
+    def gone(time_s: float) -> None:
+        raise can.CanOperationError("the hub is gone")
+
+    bench.bus.run_until = gone
+    with pytest.raises(TransportError, match="the hub is gone"):
+        bench.link.clock.sleep_until(50.0)
+
+
+def test_answers_left_from_the_cycle_before_are_read_before_sync(
+    link: CanLink, peer: can.BusABC, cell: CellConfig
+) -> None:
+    """In real time a frame carries no stamp of this clock: what waits at SYNC is late."""
+    safety: DriveSafety = cell.drive_safety
+    watch = DriveWatch(("base",), (1,), safety)
+    exchange = CyclicExchange(link, (1,), watch)
+    peer.send(message(0x181, struct.pack("<Hih", 0x27, 111, 0)))
+    exchange.sync()
+    peer.send(message(0x181, struct.pack("<Hih", 0x27, 222, 0)))
+    exchange.collect(link.clock.now_s() + 1.0)
+    assert exchange.late_frames == 1
+    assert exchange.position_counts.tolist() == [222]

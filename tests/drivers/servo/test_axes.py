@@ -1,0 +1,370 @@
+"""The cyclic exchange, enabling, and everything that ends it, on scripted drives."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from config.errors import (
+    DeviceFaultError,
+    DeviceTimeoutError,
+    DriverError,
+    SafetyStop,
+    TransportError,
+)
+from drivers.canopen.frames import Frame
+from drivers.canopen.heartbeat import heartbeat_frame
+from drivers.canopen.nmt import NmtState
+from drivers.interfaces import EventKind, ServoAxes
+from drivers.servo.cia402 import PowerState
+
+STILL = (0.0, 0.0, 0.0)
+
+
+def commands(bench: Any, node: int) -> list[tuple[int, int, int]]:
+    """Return (controlword, velocity, torque offset) of every RPDO sent to a node."""
+    return [struct.unpack("<Hih", data) for data in bench.bus.sent_to(0x200 + node)]
+
+
+def kinds(bench: Any) -> list[EventKind]:
+    return [event.kind for event in bench.axes.take_events()]
+
+
+def test_it_is_a_servo_axes(bench: Any) -> None:
+    axes: ServoAxes = bench.axes
+    assert axes.joint_names == ("base", "shoulder", "elbow")
+
+
+class TestEnabling:
+    def test_the_way_there(self, bench: Any) -> None:
+        bench.enabled()
+        words = [word for word, _, _ in commands(bench, 1)]
+        assert sorted(set(words), key=words.index) == [0x0000, 0x0006, 0x0007, 0x000F]
+        assert all(drive.state is PowerState.OPERATION_ENABLED for drive in bench.drives)
+
+    def test_every_set_point_until_then_is_zero(self, bench: Any) -> None:
+        bench.enabled()
+        for node in (1, 2, 3):
+            assert {(v, t) for _, v, t in commands(bench, node)} == {(0, 0)}
+
+    def test_heartbeat_is_on_before_the_drives_are_started(self, bench: Any) -> None:
+        bench.axes.bring_up()
+        bench.bus.sent.clear()
+        bench.axes.start()
+        frames = [frame for _, frame in bench.bus.sent]
+        assert frames[:4] == [
+            heartbeat_frame(127, NmtState.OPERATIONAL),
+            Frame(0x000, b"\x01\x01"),
+            Frame(0x000, b"\x01\x02"),
+            Frame(0x000, b"\x01\x03"),
+        ]
+
+    def test_sync_comes_every_cycle_and_heartbeat_when_due(self, bench: Any) -> None:
+        bench.enabled()
+        for _ in range(50):
+            bench.cycle(STILL)
+        syncs = [t for t, frame in bench.bus.sent if frame.cob_id == 0x080]
+        assert np.diff(syncs) == pytest.approx(0.008, abs=1e-9)
+        beats = [t for t, frame in bench.bus.sent if frame.cob_id == 0x77F]
+        assert max(np.diff(beats)) <= 0.025 + 0.008
+
+    def test_a_drive_that_does_not_answer_sync(self, bench: Any) -> None:
+        bench.axes.bring_up()
+        bench.drives[1].answers_sync = False
+        with pytest.raises(DeviceTimeoutError, match="could not start in time: shoulder is silent"):
+            bench.axes.start()
+
+    def test_a_drive_that_stays_where_it_is(self, bench: Any) -> None:
+        bench.axes.bring_up()
+        bench.drives[2].obey = lambda word: None
+        bench.axes.start()
+        with pytest.raises(
+            DeviceTimeoutError, match=r"elbow is switch on disabled \(6041h=0040h\); check supply"
+        ):
+            bench.axes.enable()
+
+    def test_a_drive_that_does_not_follow_its_command(self, bench: Any) -> None:
+        bench.drives[0].follows = 0
+        bench.axes.bring_up()
+        bench.axes.start()
+        with pytest.raises(DeviceTimeoutError, match=r"base is operation enabled \(6041h=0027h\)"):
+            bench.axes.enable()
+
+    def test_a_fault_on_the_way_is_not_reset(self, bench: Any) -> None:
+        bench.axes.bring_up()
+        bench.axes.start()
+        bench.drives[1].state = PowerState.FAULT
+        with pytest.raises(DeviceFaultError, match="shoulder: the drive is fault"):
+            bench.axes.enable()
+        assert 0x0080 not in [word for word, _, _ in commands(bench, 2)]
+
+    def test_an_emergency_on_the_way(self, bench: Any) -> None:
+        bench.axes.bring_up()
+        bench.axes.start()
+        bench.drives[1].emergency(0x3220)
+        with pytest.raises(DeviceFaultError, match=r"shoulder.*DC link under-voltage \(EMCY 3220h"):
+            bench.axes.enable()
+
+    def test_an_axis_that_is_lost_while_the_others_are_enabled(self, bench: Any) -> None:
+        bench.axes.bring_up()
+        bench.axes.start()
+        slow, lost = bench.drives[1], bench.drives[0]
+        obey = slow.obey
+        slow.obey = lambda word: obey(word) if word != 0x000F else None
+
+        def press_emergency_stop() -> None:
+            lost.state = PowerState.SWITCH_ON_DISABLED
+
+        bench.bus.at(bench.bus.now_s + 0.1, press_emergency_stop)
+        with pytest.raises(DeviceFaultError, match="base: the drive is switch on disabled"):
+            bench.axes.enable()
+
+    def test_nothing_is_enabled_without_preflight(self, bench: Any) -> None:
+        with pytest.raises(DriverError, match="run start first"):
+            bench.axes.enable()
+        with pytest.raises(DriverError, match="run bring_up first"):
+            bench.axes.start()
+        assert bench.bus.sent == []
+
+
+class TestCycle:
+    def test_measurements_are_at_the_joint(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.cycle(STILL)
+        assert axes.received.all()
+        assert axes.position_counts.tolist() == [1000, 1000, 1000]
+        one = 1000 * 2 * math.pi / 4096 / 100
+        assert axes.position == pytest.approx([0.0, -one, one])
+        # 50 permille of 2 N m behind a gear of 100
+        assert axes.torque_raw.tolist() == [50, 50, 50]
+        assert axes.torque_nm == pytest.approx([10.0, -10.0, 10.0])
+        assert axes.statusword.tolist() == [0x1027] * 3
+
+    def test_set_points_act_at_the_next_sync(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.cycle((0.5, 0.5, 0.0))
+        assert axes.position_counts[0] == 1000
+        bench.cycle(STILL)
+        assert axes.position_counts[0] == 1000 + round(32595 * 0.008)
+        bench.cycle(STILL)
+        assert axes.position[:2] == pytest.approx([0.004, 0.004 - 0.01534], abs=1e-5)
+
+    def test_velocities_go_out_in_the_drives_units(self, bench: Any) -> None:
+        bench.enabled()
+        assert bench.cycle((1.0, 1.0, -1.0))
+        assert commands(bench, 1)[-1] == (0x000F, 65190, 0)
+        assert commands(bench, 2)[-1] == (0x000F, -65190, 0)
+        assert commands(bench, 3)[-1] == (0x000F, -9549, 0)
+
+    def test_a_missing_answer_is_flagged_and_the_rest_is_used(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.cycle(STILL)
+        bench.drives[1].answers_sync = False
+        bench.drives[0].objects[0x6064, 0] = (2000).to_bytes(4, "little")
+        before_s = bench.bus.now_s
+        assert bench.cycle(STILL)
+        assert axes.received.tolist() == [True, False, True]
+        assert axes.position_counts.tolist() == [2000, 1000, 1000]
+        assert bench.bus.now_s - before_s <= 0.008 + 0.6 * 0.008 + 1e-9
+
+    def test_an_answer_of_the_wrong_length_is_not_used(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.drives[2].tpdo_bytes = 6
+        bench.cycle(STILL)
+        assert not axes.received[2]
+        (event,) = axes.take_events()
+        assert event.kind is EventKind.WRONG_LENGTH
+        assert event.kind.is_fault
+        assert event.text == (
+            "elbow: the drive sent a TPDO of 6 bytes where 8 are mapped; the frame was not used"
+        )
+
+    def test_a_late_answer_is_not_taken_for_the_next_one(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.drives[0].answers_sync = False
+        late = Frame(0x181, struct.pack("<Hih", 0x1027, 77, 0))
+        bench.arrives(late, 0.007)
+        bench.cycle(STILL)
+        assert not axes.received[0]
+        bench.cycle(STILL)
+        assert not axes.received[0]
+        assert axes.late_frames == 1
+        assert axes.position_counts[0] == 1000
+
+    def test_unknown_identifiers_are_told_once_and_counted(self, bench: Any) -> None:
+        axes = bench.enabled()
+        for _ in range(5):
+            bench.arrives(Frame(0x3AA, b"\x1b"), 50e-6)
+            bench.cycle(STILL)
+        (event,) = axes.take_events()
+        assert event.kind is EventKind.UNEXPECTED_FRAME
+        assert not event.kind.is_fault
+        assert axes.unexpected_frames == 5
+
+    def test_another_master_in_mid_motion(self, bench: Any) -> None:
+        bench.enabled()
+        bench.arrives(Frame(0x000, b"\x01\x00"), 50e-6)
+        bench.cycle(STILL)
+        assert kinds(bench) == [EventKind.FOREIGN_MASTER]
+
+
+class TestEvents:
+    def test_emergency(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.drives[1].emergency(0x8611, 0x21)
+        bench.cycle(STILL)
+        (event,) = axes.take_events()
+        assert (event.kind, event.joint, event.code) == (EventKind.EMERGENCY, "shoulder", 0x8611)
+        assert event.text == (
+            "shoulder: the drive reported: following error (EMCY 8611h, 1001h=21h)"
+        )
+        assert axes.take_events() == ()
+
+    def test_emergency_withdrawn_is_no_fault(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.drives[1].emergency(0, 0)
+        bench.cycle(STILL)
+        (event,) = axes.take_events()
+        assert event.kind is EventKind.EMERGENCY_CLEARED
+        assert not event.kind.is_fault
+
+    def test_a_flood_of_emergencies_stays_bounded(self, bench: Any) -> None:
+        axes = bench.enabled()
+        for _ in range(500):
+            bench.drives[1].emergency(0x7121)
+        bench.cycle(STILL)
+        assert axes.received.all()
+        assert len(axes.take_events()) == 64
+
+    def test_a_drive_that_boots_in_mid_motion(self, bench: Any) -> None:
+        bench.enabled()
+        bench.arrives(heartbeat_frame(3, NmtState.INITIALISING), 0.0)
+        bench.cycle(STILL)
+        (event,) = bench.axes.take_events()
+        assert (event.kind, event.joint) == (EventKind.BOOT_UP, "elbow")
+
+    def test_a_heartbeat_that_stops(self, bench: Any) -> None:
+        bench.enabled()
+        bench.drives[2].beat_generation += 1
+        stopped_s = bench.bus.now_s
+        while not (events := bench.axes.take_events()):
+            bench.cycle(STILL)
+        assert [(e.kind, e.joint) for e in events] == [(EventKind.HEARTBEAT_LOST, "elbow")]
+        assert bench.bus.now_s - stopped_s <= 0.1 + 2 * 0.008
+        for _ in range(20):
+            bench.cycle(STILL)
+        assert bench.axes.take_events() == (), "a loss is told once"
+
+    def test_a_drive_that_leaves_the_exchange(self, bench: Any) -> None:
+        bench.enabled()
+        bench.drives[0].nmt = NmtState.STOPPED
+        found: list[EventKind] = []
+        for _ in range(10):
+            bench.cycle(STILL)
+            found += kinds(bench)
+        assert set(found) == {EventKind.NOT_OPERATIONAL}
+
+
+class TestStopping:
+    def test_a_lost_axis_ends_motion_for_all(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.cycle((0.5, 0.5, 0.5))
+        bench.drives[1].state = PowerState.SWITCH_ON_DISABLED
+        bench.bus.sent.clear()
+        assert not bench.cycle((0.5, 0.5, 0.5))
+        for node in (1, 2, 3):
+            assert commands(bench, node) == [(0x0002, 0, 0)]
+        bench.drives[1].state = PowerState.OPERATION_ENABLED
+        assert not bench.cycle((0.5, 0.5, 0.5)), "power that comes back moves nothing"
+        with pytest.raises(DriverError, match="run start first"):
+            axes.enable()
+
+    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e6])
+    def test_a_set_point_that_is_no_number_is_never_sent(self, bench: Any, value: float) -> None:
+        bench.enabled()
+        bench.bus.sent.clear()
+        with pytest.raises(SafetyStop, match="cannot be sent"):
+            bench.cycle((0.1, 0.1, value))
+        for node in (1, 2, 3):
+            assert commands(bench, node) == [(0x0002, 0, 0)]
+
+    def test_quick_stop_is_one_raw_frame_an_axis(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.bus.sent.clear()
+        axes.quick_stop()
+        assert [frame.cob_id for _, frame in bench.bus.sent] == [0x201, 0x202, 0x203]
+        assert not bench.cycle((0.5, 0.5, 0.5))
+
+    def test_quick_stop_tries_every_axis_even_on_a_failing_bus(self, bench: Any) -> None:
+        axes = bench.enabled()
+        send, tried = bench.bus.send, []
+
+        def failing(message: Any, timeout: float | None = None) -> None:
+            tried.append(message.arbitration_id)
+            if message.arbitration_id == 0x201:
+                raise can.CanOperationError("no buffer space")
+            send(message)
+
+        bench.bus.send = failing
+        with pytest.raises(TransportError, match="sending failed"):
+            axes.quick_stop()
+        assert tried == [0x201, 0x202, 0x203]
+
+    def test_halt_waits_until_the_drives_have_stopped(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.cycle((0.5, 0.5, 0.5))
+        assert axes.halt()
+        assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
+        assert all(drive.velocity == 0 for drive in bench.drives)
+
+    def test_halt_with_drives_that_stay_in_quick_stop(self, bench: Any) -> None:
+        axes = bench.enabled()
+        for drive in bench.drives:
+            drive.quick_stop_syncs = 10**6
+        bench.cycle((0.5, 0.5, 0.5))
+        assert axes.halt(), "they stand still, under power: 605Ah = 5 or 6"
+
+    def test_halt_gives_up_on_a_silent_drive(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.drives[0].answers_sync = False
+        began_s = bench.bus.now_s
+        assert not axes.halt()
+        assert bench.bus.now_s - began_s < 2.0 / 10.0 + 0.5 + 0.02
+
+    def test_no_sdo_on_the_way_out(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.bus.sent.clear()
+        axes.halt()
+        axes.disable()
+        assert not any(0x600 <= frame.cob_id < 0x680 for _, frame in bench.bus.sent)
+
+    def test_disable_takes_power_and_then_the_exchange_away(self, bench: Any) -> None:
+        axes = bench.enabled()
+        bench.bus.sent.clear()
+        assert axes.disable() == ()
+        assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
+        assert {word for word, _, _ in commands(bench, 1)} == {0x0000}
+        assert bench.bus.sent_to(0x000) == [
+            b"\x80\x01", b"\x80\x02", b"\x80\x03", b"\x82\x01", b"\x82\x02", b"\x82\x03",
+        ]  # fmt: skip
+        assert bench.drives[0].nmt is NmtState.PRE_OPERATIONAL
+
+    def test_a_drive_that_does_not_confirm_keeps_its_watch_on_this_computer(
+        self, bench: Any
+    ) -> None:
+        axes = bench.enabled()
+        bench.drives[1].answers_sync = False
+        bench.bus.sent.clear()
+        assert axes.disable() == ("shoulder",)
+        assert bench.bus.sent_to(0x000) == [b"\x80\x01", b"\x80\x02", b"\x80\x03"]
+
+    def test_after_disabling_everything_begins_anew(self, bench: Any) -> None:
+        bench.enabled().disable()
+        assert bench.axes.disable() == ()
+        bench.enabled()
+        assert bench.cycle((0.1, 0.0, 0.0))

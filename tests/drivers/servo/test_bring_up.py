@@ -1,0 +1,346 @@
+"""Bring-up: what is sent in which order, and every drive that must be refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from config.cell.cell import CellConfig, DeviceIdentity
+from config.errors import (
+    ConfigError,
+    DeviceTimeoutError,
+    DriverError,
+    LockedError,
+    PreflightError,
+    ProtocolError,
+)
+from config.robot.robot import RobotDescription
+from drivers.canopen.emcy import Emergency, emcy_frame
+from drivers.canopen.frames import SYNC, Frame
+from drivers.canopen.heartbeat import heartbeat_frame
+from drivers.canopen.nmt import NmtState
+from drivers.ports.transport import CanLink
+from drivers.servo.axes import CanServoAxes
+from drivers.servo.bring_up import check_bus_load
+from drivers.servo.cia402 import PowerState
+
+
+def test_nothing_is_sent_before_it_is_known_that_nobody_else_is_master(bench: Any) -> None:
+    began_s = bench.bus.now_s
+    bench.axes.bring_up()
+    first_s, first = bench.bus.sent[0]
+    assert first_s - began_s >= 0.08
+    assert first == Frame(0x000, b"\x82\x01")
+
+
+def test_every_drive_is_reset_by_itself_and_waited_for(bench: Any) -> None:
+    bench.axes.bring_up()
+    assert bench.bus.sent_to(0x000) == [b"\x82\x01", b"\x82\x02", b"\x82\x03"]
+
+
+def test_the_order_of_what_a_drive_is_told(bench: Any) -> None:
+    bench.axes.bring_up()
+    written = [f"{index:04X}:{sub}={value:X}" for index, sub, value in bench.drives[0].writes]
+    # 0.05 rad and 10 rad/s2 of a joint behind 4096 increments and a gear of 100
+    assert written == [
+        "1017:0=32", "1016:1=7F0050", "1029:1=0", "6007:0=3", "605A:0=2", "605E:0=2",
+        "6085:0=9F27B", "6065:0=CBB", "6066:0=14", "6072:0=BB8", "6060:0=9", "60C2:1=8",
+        "60C2:2=FD", "1400:5=50",
+        "1400:1=80000201", "1600:0=0", "1600:1=60400010", "1600:2=60FF0020", "1600:3=60B20010",
+        "1600:0=3", "1400:2=1", "1400:1=201",
+        "1800:1=C0000181", "1A00:0=0", "1A00:1=60410010", "1A00:2=60640020", "1A00:3=60770010",
+        "1A00:0=3", "1800:2=1", "1800:1=40000181",
+        "1401:1=80000300", "1801:1=80000280",
+    ]  # fmt: skip
+
+
+def test_no_power_and_no_cyclic_frame_during_bring_up(bench: Any) -> None:
+    bench.axes.bring_up()
+    assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
+    assert bench.bus.sent_to(0x080) == []
+    assert bench.bus.sent_to(0x201) == []
+
+
+def test_everything_read_back_is_listed(bench: Any) -> None:
+    bench.axes.bring_up()
+    settings = bench.axes.settings()
+    assert {s.node_id for s in settings} == {1, 2, 3}
+    assert {s.verdict for s in settings} == {"ok", "shown"}
+    watch = bench.found("1016h:01")
+    assert (watch.joint, watch.required, watch.found) == ("base", "7F0050h", "7F0050h")
+    assert bench.found("6007h:00").found == "3"
+    assert bench.found("60C2h:02").found == "-3"
+    assert bench.found("1000h:00").found == "402"
+    assert bench.found("605Bh:00").found == "not in this drive"
+    assert bench.found("1A00h:02").found == "60640020h"
+
+
+def test_what_a_drive_calls_itself_cannot_write_to_the_terminal(bench: Any) -> None:
+    bench.axes.bring_up()
+    assert bench.found("1008h:00").found == r"drive \x1b[31mred"
+
+
+def test_axes_are_in_the_robots_order_whatever_the_cell_files(bench: Any) -> None:
+    bench.axes.bring_up()
+    joints = {s.node_id: s.joint for s in bench.axes.settings()}
+    assert joints == {1: "base", 2: "shoulder", 3: "elbow"}
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("index", "subindex", "name"),
+        [
+            (0x1016, 1, "watch on this computer's heartbeat"),
+            (0x1017, 0, "heartbeat period"),
+            (0x6007, 0, "abort connection"),
+            (0x605E, 0, "fault reaction"),
+            (0x6060, 0, "mode"),
+            (0x6065, 0, "following-error window"),
+            (0x6072, 0, "torque limit"),
+            (0x6085, 0, "quick-stop deceleration"),
+            (0x60C2, 1, "cycle time"),
+            (0x1400, 2, "RPDO 1 transmission type"),
+            (0x1600, 3, "RPDO 1 object 3"),
+            (0x1A00, 2, "TPDO 1 object 2"),
+            (0x1800, 1, "TPDO 1 identifier"),
+            (0x1801, 1, "unused PDO"),
+        ],
+    )
+    def test_a_write_that_is_ignored(
+        self, bench: Any, index: int, subindex: int, name: str
+    ) -> None:
+        drive = bench.drives[1]
+        drive.objects[0x605E, 0] = b"\x00\x00"
+        drive.ignored = {(index, subindex)}
+        if index == 0x1800:
+            drive.objects[index, subindex] = b"\x82\x01\x00\x80"
+        with pytest.raises(PreflightError, match=rf"shoulder \(node 2\): {name}.*{index:04X}h"):
+            bench.axes.bring_up()
+
+    @pytest.mark.fault(18)
+    def test_a_drive_without_heartbeat_consumer(
+        self, bench: Any, measured: Callable[[str], None]
+    ) -> None:
+        """What would keep running when the laptop dies cannot be enabled."""
+        del bench.drives[2].objects[0x1016, 1]
+        with pytest.raises(
+            PreflightError, match=r"elbow \(node 3\).*1016h:01 is not in this drive"
+        ):
+            bench.axes.bring_up()
+        with pytest.raises(DriverError, match="bring_up"):
+            bench.axes.start()
+        with pytest.raises(DriverError, match="start first"):
+            bench.axes.enable()
+        measured("a drive without 1016h: cannot be started, cannot be enabled")
+
+    def test_unless_the_cell_file_names_it(
+        self, make_bench: Callable[[CellConfig], Any], cell: CellConfig
+    ) -> None:
+        safety = cell.drive_safety.model_copy(update={"allow_drive_without_watchdog": (3,)})
+        bench = make_bench(cell.model_copy(update={"drive_safety": safety}))
+        del bench.drives[2].objects[0x1016, 1]
+        bench.drives[2].ignored = {(0x6007, 0)}
+        bench.axes.bring_up()
+        assert bench.found("1016h:01", 3).verdict == "allowed"
+        assert bench.found("6007h:00", 3).verdict == "allowed"
+
+    def test_the_exception_is_for_that_drive_alone(
+        self, make_bench: Callable[[CellConfig], Any], cell: CellConfig
+    ) -> None:
+        safety = cell.drive_safety.model_copy(update={"allow_drive_without_watchdog": (3,)})
+        bench = make_bench(cell.model_copy(update={"drive_safety": safety}))
+        bench.drives[0].ignored = {(0x6007, 0)}
+        with pytest.raises(PreflightError, match=r"base \(node 1\): abort connection"):
+            bench.axes.bring_up()
+
+    def test_one_run_names_everything_that_is_wrong(self, bench: Any) -> None:
+        bench.drives[0].ignored = {(0x6007, 0), (0x1017, 0)}
+        bench.drives[2].ignored = {(0x6060, 0)}
+        with pytest.raises(PreflightError) as caught:
+            bench.axes.bring_up()
+        for part in (
+            "6007h:00 is 0, required: 3",
+            "1017h:00",
+            "elbow (node 3)",
+            "Nothing is moved",
+        ):
+            assert part in str(caught.value)
+        assert [s.verdict for s in bench.axes.settings()].count("red") == 3
+
+    def test_a_refused_write_says_why(self, bench: Any) -> None:
+        bench.drives[0].objects[0x6072, 0] = bytes(4)
+        with pytest.raises(PreflightError, match=r"write refused: data type or length"):
+            bench.axes.bring_up()
+
+    def test_a_gear_other_than_the_robot_files(self, bench: Any) -> None:
+        bench.drives[0].objects[0x6091, 1] = (101).to_bytes(4, "little")
+        with pytest.raises(PreflightError, match=r"gear ratio 6091h:00 is 101:1, required: 100"):
+            bench.axes.bring_up()
+
+    def test_a_drive_that_does_not_know_the_gear(self, bench: Any) -> None:
+        bench.drives[0].objects[0x6091, 1] = (1).to_bytes(4, "little")
+        bench.axes.bring_up()
+        assert bench.found("6091h:00").verdict == "shown"
+        assert bench.found("6065h:00").found == "3259", "the robot file's gear is used"
+
+    def test_units_that_make_no_sense(self, bench: Any) -> None:
+        bench.drives[0].objects[0x608F, 2] = bytes(4)
+        with pytest.raises(PreflightError, match="per motor revolutions 608Fh:02 is 0"):
+            bench.axes.bring_up()
+
+    def test_a_drive_without_cyclic_synchronous_velocity(self, bench: Any) -> None:
+        bench.drives[0].objects[0x6502, 0] = (0x2ED).to_bytes(4, "little")
+        with pytest.raises(
+            PreflightError, match="cyclic synchronous velocity 6502h:00 is 0h, required: 100h"
+        ):
+            bench.axes.bring_up()
+
+    def test_a_device_that_is_no_drive(self, bench: Any) -> None:
+        bench.drives[0].objects[0x1000, 0] = (0x191).to_bytes(4, "little")
+        with pytest.raises(PreflightError, match="device profile"):
+            bench.axes.bring_up()
+
+    def test_a_drive_that_sends_sync_itself(self, bench: Any) -> None:
+        bench.drives[0].objects[0x1005, 0] = (0x4000_0080).to_bytes(4, "little")
+        with pytest.raises(PreflightError, match="SYNC identifier"):
+            bench.axes.bring_up()
+
+    def test_a_drive_in_fault_is_not_reset_but_named(self, bench: Any) -> None:
+        bench.drives[0].state = PowerState.FAULT
+        bench.drives[0].objects[0x603F, 0] = (0x7305).to_bytes(2, "little")
+        with pytest.raises(PreflightError, match=r"base.*fault: encoder error \(7305h\)"):
+            bench.axes.bring_up()
+        assert bench.drives[0].state is PowerState.FAULT
+
+
+class TestDevicesThatAreNotThere:
+    def test_a_drive_that_does_not_boot(self, bench: Any) -> None:
+        bench.drives[1].mute = True
+        with pytest.raises(DeviceTimeoutError, match=r"no boot-up.*shoulder \(node 2\); check"):
+            bench.axes.bring_up()
+
+    def test_a_drive_that_falls_silent(self, bench: Any) -> None:
+        drive = bench.drives[1]
+        write = drive.server._write
+
+        def die(index: int, subindex: int, data: bytes) -> None:
+            drive.mute = True
+            write(index, subindex, data)
+
+        drive.server._write = die
+        with pytest.raises(DeviceTimeoutError, match="node 2 did not answer"):
+            bench.axes.bring_up()
+        assert {s.node_id for s in bench.axes.settings()} == {1}
+
+    def test_two_devices_with_one_node_id(self, bench: Any) -> None:
+        bench.drives[2].boots = 2
+        with pytest.raises(ProtocolError, match=r"elbow \(node 3\); two devices may share"):
+            bench.axes.bring_up()
+
+    @pytest.mark.parametrize(
+        ("frame", "what"),
+        [
+            (SYNC, "SYNC"),
+            (Frame(0x000, b"\x01\x00"), "NMT"),
+            (heartbeat_frame(127, NmtState.OPERATIONAL), "node 127's heartbeat"),
+            (Frame(0x602, bytes(8)), "SDO requests to node 2"),
+            (Frame(0x203, bytes(8)), "commands to node 3"),
+            (Frame(0x655, bytes(8)), "SDO requests to node 85"),
+            (Frame(0x7E5, bytes(8)), "layer settings"),
+        ],
+    )
+    def test_another_master(self, bench: Any, frame: Frame, what: str) -> None:
+        bench.bus.transmit(frame, 0.05)
+        with pytest.raises(LockedError, match=f"it sends {what}"):
+            bench.axes.bring_up()
+        assert bench.bus.sent == []
+
+    @pytest.mark.parametrize("delay_s", [0.082, 0.095, 0.108, 0.112])
+    def test_another_master_in_the_middle_of_the_bring_up(self, bench: Any, delay_s: float) -> None:
+        bench.bus.transmit(Frame(0x602, bytes(8)), delay_s)
+        with pytest.raises(LockedError, match="it sends SDO requests to node 2"):
+            bench.axes.bring_up()
+        assert bench.bus.sent != []
+        assert bench.bus.sent_to(0x201) == []
+
+    def test_other_devices_on_the_bus_do_not_disturb(self, bench: Any) -> None:
+        for delay_s in (0.02, 0.1, 0.2):
+            bench.bus.transmit(heartbeat_frame(55, NmtState.OPERATIONAL), delay_s)
+            bench.bus.transmit(emcy_frame(55, Emergency(0x1000, 1)), delay_s)
+            bench.bus.transmit(Frame(0x582, bytes(8)), delay_s)
+        bench.axes.bring_up()
+
+
+class TestConfiguration:
+    def test_cell_and_robot_must_name_the_same_joints(
+        self, cell: CellConfig, robot: RobotDescription, bench: Any
+    ) -> None:
+        axes = (*cell.axes[:2], cell.axes[2].model_copy(update={"joint": "wrist"}))
+        with pytest.raises(ConfigError, match=r"without a drive: elbow; .*unknown joints: wrist"):
+            CanServoAxes(bench.link, cell.model_copy(update={"axes": axes}), robot)
+
+    def test_a_bus_that_would_be_too_full_is_refused(self, cell: CellConfig) -> None:
+        fast = cell.model_copy(update={"cycle_time_ms": 1})
+        assert check_bus_load(fast) == pytest.approx(0.769, abs=0.001)
+        slow_bus = fast.can.model_copy(update={"bitrate": 500_000})
+        with pytest.raises(ConfigError, match="3 axes every 1 ms would fill 154 % of the CAN bus"):
+            check_bus_load(fast.model_copy(update={"can": slow_bus}))
+
+    def test_a_constructor_does_no_io(
+        self, cell: CellConfig, robot: RobotDescription, bench: Any
+    ) -> None:
+        CanServoAxes(CanLink(bench.bus), cell, robot)
+        assert bench.bus.sent == []
+
+
+class TestWhoADriveIs:
+    """1018h of the scripted drives: vendor 1234h, nothing else."""
+
+    def bring_up(
+        self, make_bench: Callable[[CellConfig], Any], cell: CellConfig, **said: int
+    ) -> Any:
+        axis = cell.axes[1].model_copy(update={"identity": DeviceIdentity(**said)})
+        bench = make_bench(cell.model_copy(update={"axes": (cell.axes[0], axis, cell.axes[2])}))
+        bench.drive = bench.drives[axis.node_id - 1]
+        bench.drive.objects[0x1018, 3] = (0x0002_0005).to_bytes(4, "little")
+        return bench
+
+    def test_the_drive_that_is_expected(
+        self, make_bench: Callable[[CellConfig], Any], cell: CellConfig
+    ) -> None:
+        bench = self.bring_up(make_bench, cell, vendor=0x1234, revision=0x0002_0000)
+        bench.axes.bring_up()
+        own = [s for s in bench.axes.settings() if s.node_id == bench.drive.node_id]
+        said = {s.name: (s.required, s.found, s.verdict) for s in own if "1018h" in s.object_name}
+        assert said["vendor"] == ("1234h", "1234h", "ok")
+        assert said["product"] == ("", "not in this drive", "shown")
+        assert said["revision"] == ("", "20005h", "shown")
+        assert said["revision, upper 16 bits"] == ("20000h", "20000h", "ok")
+
+    @pytest.mark.parametrize(
+        ("said", "told"),
+        [
+            ({"vendor": 0x1235}, "vendor 1018h:01 is 1234h, required: 1235h"),
+            (
+                {"vendor": 0x1234, "product": 7},
+                "product 1018h:02 is not in this drive, required: 7h",
+            ),
+            ({"revision": 0x0001_0005}, "upper 16 bits 1018h:03 is 20000h, required: 10000h"),
+        ],
+    )
+    def test_nothing_is_written_to_another_one(
+        self,
+        make_bench: Callable[[CellConfig], Any],
+        cell: CellConfig,
+        said: dict[str, int],
+        told: str,
+    ) -> None:
+        bench = self.bring_up(make_bench, cell, **said)
+        with pytest.raises(PreflightError, match=rf"\(node {bench.drive.node_id}\): .*{told}"):
+            bench.axes.bring_up()
+        assert bench.drive.writes == []
+        assert all(drive.writes for drive in bench.drives if drive is not bench.drive)
+        with pytest.raises(DriverError, match="bring_up"):
+            bench.axes.start()

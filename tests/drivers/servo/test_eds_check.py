@@ -1,0 +1,146 @@
+"""What a drive's data sheet must say, and what is told where it does not."""
+
+from __future__ import annotations
+
+import pytest
+
+from config.cell.cell import CellConfig
+from config.formats.eds import parse_eds
+from drivers.servo.eds_check import SheetFinding, sheet_findings
+
+COMMUNICATION = {
+    "1000": "7 ro 0", "1001": "5 ro 1", "1005": "7 rw 0", "1017": "6 rw 0", "1016sub1": "7 rw 0",
+    "1029sub1": "5 rw 0",
+    **{f"{i}sub1": "7 rw 0" for i in (1400, 1401, 1800, 1801)},
+    **{f"{i}sub2": "5 rw 0" for i in (1400, 1401, 1800, 1801)},
+    "1801sub5": "6 rw 0",
+    **{f"{i}sub0": "5 rw 0" for i in ("1600", "1601", "1A00", "1A01")},
+    **{f"{i}sub{k}": "7 rw 0" for i in ("1600", "1601", "1A00", "1A01") for k in (1, 2, 3)},
+}  # fmt: skip
+PROFILE = {
+    "6007": "3 rw 0", "6040": "6 rww 1", "6041": "6 ro 1", "605A": "3 rw 0", "605E": "3 rw 0",
+    "6060": "2 rw 0", "6064": "4 ro 1", "6065": "7 rw 0", "6066": "6 rw 0", "6072": "6 rw 0",
+    "6076": "7 ro 0", "6077": "3 ro 1", "6085": "7 rw 0", "608Fsub1": "7 ro 0",
+    "608Fsub2": "7 ro 0", "60B2": "3 rw 1", "60C2sub1": "5 rw 0", "60C2sub2": "2 rw 0",
+    "60FF": "4 rww 1", "6502": "7 ro 0",
+}  # fmt: skip
+
+
+def found(
+    cell: CellConfig,
+    objects: dict[str, str | None] | None = None,
+    more: str = "",
+) -> tuple[SheetFinding, ...]:
+    """Return the findings on a small sheet that has what is needed, with some objects changed."""
+    lines = ["[DeviceInfo]", "VendorNumber=1"]
+    for title, said in (COMMUNICATION | PROFILE | (objects or {})).items():
+        if said is not None:
+            data_type, access, mapping, *limits = said.split()
+            lines += [f"[{title}]", f"DataType={data_type}", f"AccessType={access}"]
+            lines += [f"PDOMapping={mapping}", f"ParameterName=the\x1b[31m {title}"]
+            lines += [
+                f"{key}={text}"
+                for key, text in zip(("LowLimit", "HighLimit"), limits, strict=False)
+            ]
+    sheet = parse_eds(f"{chr(10).join(lines)}\n{more}".encode(), "drive.eds")
+    return sheet_findings(sheet, cell, cell.axes[0])
+
+
+def test_a_sheet_that_has_everything_is_told_nothing_of(cell: CellConfig) -> None:
+    assert found(cell) == ()
+    assert found(cell.model_copy(update={"exchange": "trimmed"})) == ()
+
+
+def test_objects_that_a_drive_may_lack_may_be_missing(cell: CellConfig) -> None:
+    assert found(cell, {"1029sub1": None, "1401sub1": None, "1601sub0": None}) == ()
+
+
+@pytest.mark.parametrize(
+    ("title", "said", "address", "name", "required", "is_found"),
+    [
+        ("6077", None, "6077h:00", "in TPDO 1", "16 bit, mappable", "not in the sheet"),
+        ("6077", "3 ro 0", "6077h:00", "in TPDO 1", "16 bit, mappable", "PDOMapping 0"),
+        ("6077", "4 ro 1", "6077h:00", "in TPDO 1", "16 bit, mappable", "INTEGER32"),
+        ("6077", "0x40 ro 1", "6077h:00", "in TPDO 1", "16 bit, mappable", "DataType 0x0040"),
+        ("6077", "3 wo 1", "6077h:00", "in TPDO 1", "16 bit, mappable", "AccessType wo"),
+        ("60FF", "4 ro 1", "60FFh:00", "in RPDO 1", "32 bit, mappable", "AccessType ro"),
+        ("60FF", "4 rwr 1", "60FFh:00", "in RPDO 1", "32 bit, mappable", "AccessType rwr"),
+        ("60B2", None, "60B2h:00", "in RPDO 1", "16 bit, mappable", "not in the sheet"),
+        ("1016sub1", None, "1016h:01", "watch on this", "32 bit, writable", "not in the sheet"),
+        ("6007", "3 ro 0", "6007h:00", "abort connection", "16 bit, writable", "AccessType ro"),
+        ("6072", "7 rw 0", "6072h:00", "torque limit", "16 bit, writable", "UNSIGNED32"),
+        ("1029sub1", "5 ro 0", "1029h:01", "reaction to", "8 bit, writable", "AccessType ro"),
+        ("6502", None, "6502h:00", "supported modes", "32 bit", "not in the sheet"),
+        ("1400sub1", "7 ro 0", "1400h:01", "RPDO 1 conf", "32 bit, writable", "AccessType ro"),
+        ("1A00sub3", None, "1A00h:03", "TPDO 1 conf", "32 bit, writable", "not in the sheet"),
+        ("6077", "3 ro 1 low", "6077h:00", "in TPDO 1", "16 bit, mappable", "line LINE: LowLimit"),
+        ("6072", "6 rw 0 low", "6072h:00", "torque", "16 bit, writable", "line LINE: LowLimit"),
+        ("6065", "6 rw 0", "6065h:00", "following-error", "32 bit, writable", "UNSIGNED16"),
+    ],
+)
+def test_what_it_lacks_is_told_by_index_and_name(
+    cell: CellConfig,
+    title: str,
+    said: str | None,
+    address: str,
+    name: str,
+    required: str,
+    is_found: str,
+) -> None:
+    (finding,) = found(cell, {title: said})
+    assert (finding.object_name, finding.required) == (address, required)
+    assert finding.found.startswith(is_found.replace("LINE", str(finding.line + 5)))
+    assert name in finding.name
+    assert finding.verdict == "red"
+    assert (finding.line > 0) == (said is not None)
+    if said is not None:
+        assert finding.name.endswith(rf"(the\x1b[31m {title})")
+
+
+@pytest.mark.parametrize(
+    ("title", "said", "address", "required", "is_found"),
+    [
+        ("6060", "2 rw 0 1 7", "6060h:00", "takes 9", "limits 1 to 7"),
+        ("605A", "3 rw 0 5 8", "605Ah:00", "takes 2", "limits 5 to 8"),
+        ("60C2sub2", "2 rw 0 0xFC 0xFC", "60C2h:02", "takes -3", "limits -4 to -4"),
+        ("1016sub1", "7 rw 0 0 65535", "1016h:01", "takes 8323152", "limits 0 to 65535"),
+    ],
+)
+def test_limits_are_shown_and_no_more(
+    cell: CellConfig, title: str, said: str, address: str, required: str, is_found: str
+) -> None:
+    (finding,) = found(cell, {title: said})
+    assert (finding.object_name, finding.required, finding.found) == (address, required, is_found)
+    assert finding.verdict == "shown"
+
+
+def test_limits_that_depend_on_the_encoder_are_left_to_the_drive(cell: CellConfig) -> None:
+    assert found(cell, {"6065": "7 rw 0 0 1", "6085": "7 rw 0 0 1"}) == ()
+
+
+def test_in_the_trimmed_exchange_the_second_pdos_are_needed(cell: CellConfig) -> None:
+    trimmed = cell.model_copy(update={"exchange": "trimmed"})
+    changed = {"60B2": None, "1401sub2": None, "1801sub5": "7 rw 0", "1601sub1": "7 const 0"}
+    assert [finding.object_name for finding in found(trimmed, changed)] == [
+        "1601h:01", "1401h:02", "1801h:05",
+    ]  # fmt: skip
+
+
+def test_a_drive_that_may_lack_the_watchdog_may_lack_it_in_its_sheet(cell: CellConfig) -> None:
+    safety = cell.drive_safety.model_copy(
+        update={"allow_drive_without_watchdog": (cell.axes[0].node_id,)}
+    )
+    findings = found(
+        cell.model_copy(update={"drive_safety": safety}),
+        {"1016sub1": None, "6007": None, "1017": None},
+    )
+    assert {finding.object_name: finding.verdict for finding in findings} == {
+        "1017h:00": "red", "1016h:01": "allowed", "6007h:00": "allowed",
+    }  # fmt: skip
+
+
+def test_a_dcf_of_another_node(cell: CellConfig) -> None:
+    (finding,) = found(cell, more="[DeviceComissioning]\nNodeID=77\n")
+    assert (finding.name, finding.found) == ("node id", "77")
+    node = cell.axes[0].node_id
+    assert found(cell, more=f"[DeviceComissioning]\nNodeID={node}\n") == ()

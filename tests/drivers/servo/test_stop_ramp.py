@@ -1,0 +1,129 @@
+"""How far an axis gets until it rests, by what its drive holds, and which numbers are refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from config.cell.cell import CellConfig, DriveSafety, Supervision
+from config.errors import PreflightError
+from drivers.servo.stop_ramp import LONGEST_STOP_S, StopRamp
+
+MakeBench = Callable[[CellConfig], Any]
+
+
+def with_numbers(cell: CellConfig, **numbers: Any) -> CellConfig:
+    """Return a simulated cell with other numbers for safety and supervision."""
+    safety = cell.drive_safety.model_dump()
+    rules = cell.supervision.model_dump()
+    safety |= {name: value for name, value in numbers.items() if name in safety}
+    rules |= {name: value for name, value in numbers.items() if name in rules}
+    return cell.model_copy(
+        update={
+            "simulated": True,
+            "drive_safety": DriveSafety(**safety),
+            "supervision": Supervision(**rules),
+        }
+    )
+
+
+def setting(bench: Any, name: str, joint: str = "base") -> Any:
+    (found,) = (s for s in bench.axes.settings() if s.name == name and s.joint == joint)
+    return found
+
+
+def test_time_and_distance_of_a_ramp() -> None:
+    ramp = StopRamp(velocity=2.0, deceleration=4.0)
+    assert ramp.time_s == 0.5
+    assert ramp.distance == 0.5
+    assert math.isinf(StopRamp(velocity=2.0, deceleration=0.0).time_s)
+
+
+def test_a_stop_is_told_with_its_time_and_distance(bench: Any) -> None:
+    """2 rad/s and 10 % more, at 10 rad/s², from the SYNC after the next."""
+    bench.axes.bring_up()
+    stop = setting(bench, "stop from top speed")
+    assert stop.verdict == "ok"
+    assert stop.found == "0.236 s, 0.277 rad from 2.2 rad/s"
+    assert stop.required == "≤ 2 s, ≤ 6 rad"
+    rest = setting(bench, "rest after a fault")
+    assert rest.verdict == "ok"
+    assert rest.found == "0.236 s, 0.517 rad (following error)"
+
+
+@pytest.mark.parametrize("deceleration", [1e-30, 1e-3, 1.0])
+def test_a_ramp_that_takes_too_long_is_refused(
+    make_bench: MakeBench, cell: CellConfig, deceleration: float
+) -> None:
+    bench = make_bench(with_numbers(cell, quick_stop_deceleration_rad_s2=deceleration))
+    with pytest.raises(PreflightError, match="stop from top speed") as refused:
+        bench.axes.bring_up()
+    assert "raise drive_safety.quick_stop_deceleration_rad_s2" in str(refused.value)
+    assert f"required: ≤ {LONGEST_STOP_S:g} s" in str(refused.value)
+
+
+def test_what_counts_is_what_the_drive_holds(make_bench: MakeBench, cell: CellConfig) -> None:
+    """A drive that takes every write and keeps a deceleration of its own."""
+    bench = make_bench(cell)
+    bench.drives[0].ignored = {(0x6085, 0)}
+    bench.drives[0].objects[0x6085, 0] = (100).to_bytes(4, "little")
+    with pytest.raises(PreflightError):
+        bench.axes.bring_up()
+    assert setting(bench, "stop from top speed").verdict == "red"
+    assert setting(bench, "stop from top speed", "elbow").verdict == "ok"
+
+
+@pytest.mark.parametrize("options", [{"quick_stop_option": 5}, {"fault_reaction_option": 1}])
+def test_the_profile_deceleration_is_set_and_judged_where_a_stop_takes_it(
+    make_bench: MakeBench, cell: CellConfig, options: dict[str, int]
+) -> None:
+    bench = make_bench(with_numbers(cell, **options))
+    with pytest.raises(PreflightError, match="profile deceleration 6084h:00 is not in this drive"):
+        bench.axes.bring_up()
+    bench = make_bench(with_numbers(cell, **options))
+    for drive in bench.drives:
+        drive.objects[0x6084, 0] = bytes(4)
+    bench.axes.bring_up()
+    assert bench.drives[0].objects[0x6084, 0] == bench.drives[0].objects[0x6085, 0] != bytes(4)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "told"),
+    [
+        ({"master_heartbeat_timeout_ms": 5000}, "this computer dies"),
+        ({"drive_heartbeat_timeout_ms": 5000}, "another drive dies"),
+        ({"missed_frames_limit": 1000}, "answers are lost"),
+        ({"late_by_cycles_limit": 1e6}, "this computer is late"),
+        ({"stuck_encoder_cycles": 1000}, "an encoder is stuck"),
+        ({"following_error_min_rad": 6.0}, "following error"),
+        ({"following_error_per_velocity_s": 100.0}, "following error"),
+        ({"following_error_rad": 7.0}, "following error, by the drive"),
+        ({"following_error_timeout_ms": 65535}, "following error, by the drive"),
+    ],
+)
+def test_a_fault_that_is_noticed_too_late_is_refused_with_the_number_to_lower(
+    make_bench: MakeBench, cell: CellConfig, numbers: dict[str, Any], told: str
+) -> None:
+    bench = make_bench(with_numbers(cell, **numbers))
+    with pytest.raises(PreflightError, match="rest after a fault") as refused:
+        bench.axes.bring_up()
+    (name,) = numbers
+    assert f"({told})" in str(refused.value)
+    assert f".{name}" in str(refused.value)
+
+
+def test_a_window_that_is_off_in_the_drive_is_none(make_bench: MakeBench, cell: CellConfig) -> None:
+    counts_per_rad = 4096 * 100 / (2.0 * math.pi)
+    off = 0xFFFF_FFFF / counts_per_rad
+    bench = make_bench(with_numbers(cell, following_error_rad=off))
+    with pytest.raises(PreflightError, match="never: the drive's window is off"):
+        bench.axes.bring_up()
+
+
+def test_less_torque_than_motions_take_is_refused(make_bench: MakeBench, cell: CellConfig) -> None:
+    bench = make_bench(with_numbers(cell, torque_limit_fraction=2.0))
+    with pytest.raises(PreflightError, match=r"torque for a stop .* is 400 N m, required: ≥ 450"):
+        bench.axes.bring_up()

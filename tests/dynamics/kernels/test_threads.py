@@ -1,0 +1,137 @@
+"""Sharing samples between cores changes nothing but the time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dynamics.kernels.threads import SHARE, share_out
+from dynamics.model.inverse_dynamics import regressor_gradient, torque_derivatives
+from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor
+
+SAMPLES = 4 * SHARE + 3
+PIECE = SHARE - 5  # too small to be shared out, and not a multiple of eight
+
+
+@pytest.fixture(autouse=True)
+def _three_cores(monkeypatch) -> None:
+    monkeypatch.setattr("dynamics.kernels.threads._cores", lambda: 3)
+
+
+@pytest.fixture
+def model(random_arm) -> RobotModel:
+    return RobotModel.from_description(random_arm(6, seed=1))
+
+
+@pytest.fixture
+def motion() -> np.ndarray:
+    return np.random.default_rng(0).uniform(-2.0, 2.0, (3, SAMPLES, 6))
+
+
+def in_pieces(function, motion: np.ndarray, *rest: np.ndarray) -> list[np.ndarray]:
+    """Call a function of q, v, a (and more arrays) on small pieces, one after another."""
+    results = []
+    for start in range(0, SAMPLES, PIECE):
+        piece = slice(start, start + PIECE)
+        results.append(function(*motion[:, piece], *(array[piece] for array in rest)))
+    if isinstance(results[0], tuple):
+        return [np.concatenate(parts) for parts in zip(*results, strict=True)]
+    return [np.concatenate(results)]
+
+
+def test_regressors_are_the_same_to_the_last_bit(model, motion) -> None:
+    for function in (regressor, base_wrench_regressor):
+        pieces = in_pieces(lambda *m, f=function: f(model, *m), motion)
+        np.testing.assert_array_equal(function(model, *motion), pieces[0])
+
+
+def test_gradients_are_the_same_to_the_last_bit(model, motion) -> None:
+    rng = np.random.default_rng(1)
+    theta = rng.standard_normal(len(model.parameter_names))
+    weights = rng.standard_normal((SAMPLES, 6, len(theta)))
+    whole = torque_derivatives(model, *motion, theta)
+    pieces = in_pieces(lambda *m: torque_derivatives(model, *m, theta), motion)
+    np.testing.assert_array_equal(whole, pieces)
+    whole = regressor_gradient(model, *motion, weights)
+    pieces = in_pieces(lambda q, v, a, w: regressor_gradient(model, q, v, a, w), motion, weights)
+    np.testing.assert_array_equal(whole, pieces)
+
+
+def test_callers_do_not_disturb_one_another(model, motion) -> None:
+    expected = regressor(model, *motion)
+    with ThreadPoolExecutor(4) as callers:
+        calls = [callers.submit(regressor, model, *motion) for _ in range(8)]
+        for call in calls:
+            np.testing.assert_array_equal(call.result(), expected)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10 * SHARE))
+def test_every_sample_belongs_to_one_share(samples) -> None:
+    seen = np.zeros(samples, dtype=int)
+
+    def fill(first: int, last: int) -> None:
+        seen[first:last] += 1
+
+    share_out(samples, fill)
+    assert (seen == 1).all()
+
+
+def test_a_core_that_is_busy_is_not_waited_for(monkeypatch) -> None:
+    """The caller does all shares that no helper has begun."""
+    busy, idle = threading.Event(), ThreadPoolExecutor(1)
+    monkeypatch.setattr("dynamics.kernels.threads._pool", lambda: idle)
+    idle.submit(busy.wait, 60.0)
+    seen = []
+    share_out(SAMPLES, lambda first, _: seen.append(first))
+    busy.set()
+    idle.shutdown()
+    assert seen == list(range(0, SAMPLES, SHARE))
+
+
+def test_few_samples_stay_in_the_callers_thread() -> None:
+    threads = set()
+    share_out(2 * SHARE - 1, lambda *_: threads.add(threading.current_thread()))
+    assert threads == {threading.current_thread()}
+
+
+@pytest.mark.parametrize("where", ["first", "last"])
+def test_a_share_that_fails_is_heard_of(where) -> None:
+    def fill(first: int, last: int) -> None:
+        if (first == 0) == (where == "first"):
+            raise ValueError(f"from {first}")
+
+    with pytest.raises(ValueError, match="from"):
+        share_out(SAMPLES, fill)
+
+
+FORK = """
+import os, sys
+import dynamics.kernels.threads as threads
+threads._cores = lambda: 3
+seen = []
+threads.share_out(8192, lambda first, last: seen.append(first))  # now the threads are there
+child = os.fork()
+seen.clear()
+threads.share_out(8192, lambda first, last: seen.append(first))
+if child == 0:
+    os._exit(0 if sorted(seen) == list(range(0, 8192, threads.SHARE)) else 1)
+_, status = os.waitpid(child, 0)
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+def test_a_forked_process_has_threads_of_its_own() -> None:
+    run = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", FORK], timeout=60, capture_output=True, check=False
+    )
+    assert run.returncode == 0, run.stderr.decode()

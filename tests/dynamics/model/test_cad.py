@@ -1,0 +1,69 @@
+"""Drawings become standard parameters, by Pinocchio's parallel axes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from config.errors import ConfigError
+from config.load import load_robot
+from config.robot.robot import LinkCad
+from dynamics.model.cad import cad_parameters
+from dynamics.model.robot_model import RobotModel
+
+PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
+LINK = LinkCad(
+    mass_kg=4.0,
+    centre_m=(0.1, -0.2, 0.3),
+    inertia_kg_m2=(0.5, 0.02, -0.03, 0.6, 0.04, 0.4),
+    uncertainty=0.2,
+)
+WEIGHTLESS = LinkCad(mass_kg=0.0)
+
+
+@pytest.fixture
+def robot(ir361):
+    return ir361.model_copy(update={"cad": (WEIGHTLESS, LINK, LINK)})
+
+
+def test_values_are_pinocchios_about_the_frames_origin(robot) -> None:
+    xx, xy, xz, yy, yz, zz = LINK.inertia_kg_m2
+    body = pin.Inertia(
+        LINK.mass_kg,
+        np.array(LINK.centre_m),
+        np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+    )
+    values, _ = cad_parameters(RobotModel.from_description(robot), robot)
+    expected = body.toDynamicParameters()[PINOCCHIO_ORDER]
+    np.testing.assert_allclose(values[10:20], expected)
+    np.testing.assert_allclose(values[20:30], expected)
+    assert not values[:10].any()
+    assert not values[30:].any()
+
+
+def test_uncertainty_is_a_share_of_mass_moment_and_inertia_as_a_whole(robot) -> None:
+    """An element that happens to be zero is not known exactly."""
+    values, sigmas = cad_parameters(RobotModel.from_description(robot), robot)
+    link, sigma = values[10:20], sigmas[10:20]
+    assert sigma[0] == pytest.approx(0.2 * 4.0)
+    np.testing.assert_allclose(sigma[1:4], 0.2 * 4.0 * np.linalg.norm(LINK.centre_m))
+    np.testing.assert_allclose(sigma[4:], 0.2 * (link[4] + link[7] + link[9]) / 3.0)
+    assert np.all(sigmas[:10] > 0.0)
+
+
+def test_nothing_is_known_of_friction_rotors_and_spring(robot) -> None:
+    _, sigmas = cad_parameters(RobotModel.from_description(robot), robot)
+    assert np.isfinite(sigmas[:30]).all()
+    assert np.isinf(sigmas[30:]).all()
+
+
+def test_the_bundled_ur10e_weighs_what_its_maker_says() -> None:
+    robot = load_robot("ur10e")
+    values, _ = cad_parameters(RobotModel.from_description(robot), robot)
+    assert values[:60:10].sum() == pytest.approx(29.1, abs=0.1)
+
+
+def test_a_robot_without_drawings_is_refused(ir361) -> None:
+    with pytest.raises(ConfigError, match="state mass, centre and inertia"):
+        cad_parameters(RobotModel.from_description(ir361), ir361)

@@ -1,0 +1,237 @@
+"""Derivatives and inertia against Pinocchio's own algorithms, and against small differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from config.errors import EstimationError
+from config.load import load_robot
+from dynamics.model.inverse_dynamics import mass_matrix, regressor_gradient, torque_derivatives
+from dynamics.model.robot_model import RobotModel, regressor, torque
+from dynamics.terms.conditions import Conditions
+
+ARMS = [(n, seed, None) for n in range(1, 8) for seed in range(2)]
+ARMS += [(1, 0, "P"), (3, 0, "PPP"), (4, 0, "RPRP"), (7, 0, "R" * 7)]
+STEP = 1e-5
+WRIST = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -0.2], [0.0, 0.3, 0.9]])
+EVERY_FRICTION = ("coulomb", "viscous", "offset", "cubic", "cube_root", "stribeck")
+
+
+def links_only(robot) -> RobotModel:
+    return RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
+
+
+def all_terms(ir361, coupling: np.ndarray | None = None) -> RobotModel:
+    """An arm with every term that a robot can have."""
+    joints = [
+        joint.model_copy(update={"friction": EVERY_FRICTION, "armature": joint.name == "joint3"})
+        for joint in ir361.joints
+    ]
+    robot = ir361.model_copy(update={"joints": tuple(joints)})
+    model = RobotModel.from_description(robot, payload=True, sign_smoothing_rad_s=0.3)
+    return replace(model, coupling=coupling)
+
+
+@pytest.fixture
+def moving(random_motion):
+    """Motions away from standstill, where cube root and sign have no small differences."""
+
+    def make(n: int, seed: int) -> np.ndarray:
+        motion = random_motion(n, seed)
+        motion[1] += np.sign(motion[1])
+        return motion
+
+    return make
+
+
+def differences(function, motion: np.ndarray) -> np.ndarray:
+    """Central differences by q, v, a of every joint, the last two axes of (..., 3, n)."""
+    out = []
+    for kind in range(3):
+        for joint in range(motion.shape[2]):
+            ahead, behind = motion.copy(), motion.copy()
+            ahead[kind, :, joint] += STEP
+            behind[kind, :, joint] -= STEP
+            out.append((function(*ahead) - function(*behind)) / (2.0 * STEP))
+    return np.stack(out, axis=-1).reshape(*out[0].shape, 3, motion.shape[2])
+
+
+@pytest.mark.parametrize(("n", "seed", "kinds"), ARMS)
+def test_derivatives_of_the_torque_are_pinocchios(
+    n, seed, kinds, random_arm, judge, random_links, random_motion
+) -> None:
+    robot, links = random_arm(n, seed, kinds), random_links(n, seed)
+    reference = judge(robot, links).model
+    q, v, a = random_motion(n, seed)
+
+    derivatives = torque_derivatives(links_only(robot), q, v, a, links.ravel())
+
+    data = reference.createData()
+    for k, sample in enumerate(zip(q, v, a, strict=True)):
+        pin.computeRNEADerivatives(reference, data, *sample)
+        inertia = np.triu(data.M) + np.triu(data.M, 1).T
+        expected = data.dtau_dq, data.dtau_dv, inertia
+        for ours, theirs in zip(derivatives, expected, strict=True):
+            np.testing.assert_allclose(ours[k], theirs, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("n", "seed", "kinds"), ARMS)
+def test_the_mass_matrix_is_pinocchios(n, seed, kinds, random_arm, judge, random_links) -> None:
+    robot, links = random_arm(n, seed, kinds), random_links(n, seed)
+    reference = judge(robot, links).model
+    q = np.random.default_rng(seed).uniform(-2.0, 2.0, (4, n))
+    expected = []
+    for sample in q:
+        upper = np.triu(pin.crba(reference, reference.createData(), sample))
+        expected.append(upper + np.triu(upper, 1).T)
+    inertia = mass_matrix(links_only(robot), q, links.ravel())
+    np.testing.assert_allclose(inertia, expected, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("coupling", [None, WRIST], ids=["plain", "coupled"])
+def test_the_mass_matrix_has_the_rotors_and_armatures_but_no_payload(ir361, coupling) -> None:
+    """Kinetic energy is half v M v, whatever moves the joints; friction and spring have none."""
+    model = all_terms(ir361, coupling)
+    rng = np.random.default_rng(2)
+    theta, q, v = rng.standard_normal(len(model.parameter_names)), *rng.standard_normal((2, 4, 3))
+    inertia = mass_matrix(model, q, theta)
+    np.testing.assert_allclose(inertia, inertia.transpose(0, 2, 1), rtol=0, atol=1e-9)
+    rest = np.zeros_like(q)
+    accelerating = torque(model, q, rest, v, theta) - torque(model, q, rest, rest, theta)
+    to_actuators = np.eye(3) if coupling is None else coupling.T
+    expected = np.einsum("ij,sjk,sk->si", to_actuators, inertia, v)
+    np.testing.assert_allclose(accelerating, expected, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("payload", [False, True])
+@pytest.mark.parametrize("coupling", [None, WRIST], ids=["plain", "coupled"])
+def test_derivatives_hold_for_every_term(ir361, coupling, payload, moving) -> None:
+    model, conditions = all_terms(ir361, coupling), Conditions(payload=payload)
+    motion = moving(3, 4)
+    theta = np.random.default_rng(4).standard_normal(len(model.parameter_names))
+
+    def tau(*moved: np.ndarray) -> np.ndarray:
+        return torque(model, *moved, theta, conditions)
+
+    derivatives = torque_derivatives(model, *motion, theta, conditions)
+    expected = differences(tau, motion)
+    for kind, ours in enumerate(derivatives):
+        size = np.abs(expected[:, :, kind]).max()
+        np.testing.assert_allclose(ours, expected[:, :, kind], rtol=0, atol=1e-7 * size)
+
+
+def test_derivatives_hold_behind_gears_that_lose_torque(ir361, moving) -> None:
+    joints = tuple(joint.model_copy(update={"efficiency": 0.8}) for joint in ir361.joints)
+    model = RobotModel.from_description(ir361.model_copy(update={"joints": joints}))
+    assert model.transmission.losses
+    motion = moving(3, 5)
+    theta = np.random.default_rng(5).uniform(0.5, 1.0, len(model.parameter_names))
+    expected = differences(lambda *moved: torque(model, *moved, theta), motion)
+    for kind, ours in enumerate(torque_derivatives(model, *motion, theta)):
+        size = np.abs(expected[:, :, kind]).max()
+        np.testing.assert_allclose(ours, expected[:, :, kind], rtol=0, atol=1e-7 * size)
+
+
+@pytest.mark.parametrize("coupling", [None, WRIST], ids=["plain", "coupled"])
+def test_the_gradient_through_the_regressor_holds_for_every_term(ir361, coupling, moving) -> None:
+    model, conditions = all_terms(ir361, coupling), Conditions(payload=True)
+    motion = moving(3, 6)
+    weights = np.random.default_rng(6).standard_normal((8, 3, len(model.parameter_names)))
+
+    def weighed(*moved: np.ndarray) -> np.ndarray:
+        return np.einsum("snp,snp->s", weights, regressor(model, *moved, conditions))
+
+    gradient = regressor_gradient(model, *motion, weights, conditions)
+    expected = differences(weighed, motion)
+    for kind, ours in enumerate(gradient):
+        size = np.abs(expected[:, kind]).max()
+        np.testing.assert_allclose(ours, expected[:, kind], rtol=0, atol=1e-7 * size)
+
+
+def test_the_gradient_knows_the_losses_of_the_gears(ir361, moving) -> None:
+    joints = tuple(joint.model_copy(update={"efficiency": 0.8}) for joint in ir361.joints)
+    model = RobotModel.from_description(ir361.model_copy(update={"joints": joints}))
+    motion = moving(3, 7)
+    rng = np.random.default_rng(7)
+    weights = rng.standard_normal((8, 3, len(model.parameter_names)))
+    conditions = Conditions(load_nm=rng.standard_normal((8, 3)))
+
+    def weighed(*moved: np.ndarray) -> np.ndarray:
+        return np.einsum("snp,snp->s", weights, regressor(model, *moved, conditions))
+
+    expected = differences(weighed, motion)
+    for kind, ours in enumerate(regressor_gradient(model, *motion, weights, conditions)):
+        size = np.abs(expected[:, kind]).max()
+        np.testing.assert_allclose(ours, expected[:, kind], rtol=0, atol=1e-7 * size)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    n=st.integers(1, 7),
+    seed=st.integers(0, 2**32 - 1),
+    samples=st.integers(1, 20),
+    kind=st.integers(0, 2),
+)
+def test_the_gradient_is_the_slope_along_any_line(n, seed, samples, kind, random_arm_once) -> None:
+    robot = random_arm_once(n, seed)
+    model = RobotModel.from_description(robot, friction=False, spring=False)
+    rng = np.random.default_rng(seed)
+    motion = rng.uniform(-2.0, 2.0, (3, samples, n))
+    weights = rng.standard_normal((samples, n, len(model.parameter_names)))
+    line = rng.standard_normal((samples, n))
+
+    def value(step: float) -> float:
+        moved = motion.copy()
+        moved[kind] += step * line
+        return float(np.sum(weights * regressor(model, *moved)))
+
+    slope = float(np.sum(regressor_gradient(model, *motion, weights)[kind] * line))
+    expected = (value(STEP) - value(-STEP)) / (2.0 * STEP)
+    size = np.abs(weights).sum() * max(1.0, np.abs(regressor(model, *motion)).max())
+    assert slope == pytest.approx(expected, rel=1e-5, abs=1e-8 * size)
+
+
+@pytest.fixture(scope="module")
+def random_arm_once():
+    """The bundled arm's joints on a chain of any length; hypothesis wants no fixture anew."""
+    pattern = load_robot("ir361")
+
+    def make(n: int, seed: int):
+        rng = np.random.default_rng(seed)
+        row = pattern.kinematics.rows[0]
+        keys = ("alpha_rad", "beta_rad", "theta_rad", "a_m", "d_m")
+        rows = [
+            row.model_copy(update=dict(zip(keys, rng.uniform(-0.9, 0.9, 5).tolist(), strict=True)))
+            for _ in range(n)
+        ]
+        joints = []
+        for i in range(n):
+            joint = pattern.joints[0]
+            link = int(rng.integers(0, i + 2))
+            axis = rng.standard_normal(3)
+            axis = tuple((axis / np.linalg.norm(axis)).tolist())
+            rotor = joint.rotor.model_copy(update={"link": link, "axis": axis})
+            kind = str(rng.choice(["revolute", "prismatic"]))
+            update = {"name": f"j{i}", "type": kind, "rotor": rotor}
+            joints.append(joint.model_copy(update=update))
+        kinematics = pattern.kinematics.model_copy(update={"rows": tuple(rows)})
+        update = {"kinematics": kinematics, "joints": tuple(joints), "spring": None}
+        return pattern.model_copy(update=update)
+
+    return make
+
+
+def test_sums_of_wrong_shapes_are_refused(ir361, random_motion) -> None:
+    model, motion = links_only(ir361), random_motion(3, 0)
+    with pytest.raises(EstimationError, match=r"shape \(8, 3, 30\)"):
+        regressor_gradient(model, *motion, np.zeros((8, 3, 29)))
+    with pytest.raises(EstimationError, match="30 parameters"):
+        torque_derivatives(model, *motion, np.zeros(29))
+    with pytest.raises(EstimationError, match="30 parameters"):
+        mass_matrix(model, motion[0], np.zeros(29))

@@ -1,0 +1,80 @@
+"""The torque of one sample, held against the regressor's kernels, term by term."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from config.errors import EstimationError
+from config.load import load_robot
+from config.robot.robot import RobotDescription
+from dynamics.model.one_sample import SampleTorque
+from dynamics.model.robot_model import RobotModel, torque
+
+Motions = Callable[[int, int], np.ndarray]
+
+
+def same(model: RobotModel, motion: np.ndarray, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    theta = rng.standard_normal(len(model.parameter_names))
+    one = SampleTorque.of(model, theta)
+    expected = torque(model, *motion, theta)
+    found = np.array([one(*sample) for sample in motion.transpose(1, 0, 2)])
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["ir361", "kr15", "ur10e"])
+def test_bundled_robots(name: str, random_motion: Motions) -> None:
+    """Rotors on links, a spring, a coupled wrist."""
+    robot = load_robot(name)
+    same(RobotModel.from_description(robot), random_motion(len(robot.joints), 3), 4)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_any_chain(
+    seed: int, random_arm: Callable[..., RobotDescription], random_motion: Motions
+) -> None:
+    """Turning and sliding joints, rotors anywhere."""
+    robot = random_arm(1 + seed, seed)
+    same(RobotModel.from_description(robot), random_motion(1 + seed, seed), seed)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.05])
+def test_every_kind_of_friction_and_loss(
+    smoothing: float, ir361: RobotDescription, random_motion: Motions
+) -> None:
+    kinds = ("coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck", "load")
+    changes = ({}, {"efficiency": 0.8}, {"armature": True, "rotor": None})
+    joints = tuple(
+        joint.model_copy(update={"friction": kinds, **change})
+        for joint, change in zip(ir361.joints, changes, strict=True)
+    )
+    robot = ir361.model_copy(update={"joints": joints})
+    model = RobotModel.from_description(robot, sign_smoothing_rad_s=smoothing)
+    same(model, random_motion(3, 7), 8)
+    motion = random_motion(3, 9)
+    motion[1, :4] = 0.0  # at rest
+    same(model, motion, 10)
+
+
+def test_a_spring_as_a_fourier_series(ir361: RobotDescription, random_motion: Motions) -> None:
+    assert ir361.spring is not None
+    spring = ir361.spring.model_copy(update={"form": "fourier"})
+    robot = ir361.model_copy(update={"spring": spring})
+    same(RobotModel.from_description(robot), random_motion(3, 1), 2)
+
+
+def test_friction_by_temperature_is_refused(ir361: RobotDescription) -> None:
+    joints = tuple(j.model_copy(update={"friction": ("temperature",)}) for j in ir361.joints)
+    model = RobotModel.from_description(ir361.model_copy(update={"joints": joints}))
+    with pytest.raises(EstimationError, match="not known ahead of the motion"):
+        SampleTorque.of(model, np.ones(len(model.parameter_names)))
+
+
+def test_parameters_of_another_model_are_refused(ir361: RobotDescription) -> None:
+    model = RobotModel.from_description(ir361)
+    with pytest.raises(EstimationError, match="30 parameters, got"):
+        SampleTorque.of(replace(model, terms=model.terms[:1]), np.ones(41))

@@ -1,0 +1,130 @@
+"""Gear losses (5.16, 5.17): closed forms of a weight on a winch, and no power out of nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from config.errors import EstimationError
+from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from dynamics.model.robot_model import RobotModel, load_torque, regressor, torque
+from dynamics.terms.conditions import Conditions
+
+LIMITS = JointLimits(
+    position_min=-3.0, position_max=3.0, velocity=3.0, acceleration=9.0, torque=99.0
+)
+MOMENT = 4.0  # kg m
+GRAVITY = 9.81
+
+
+def pendulum(**joint: object) -> RobotDescription:
+    """One horizontal axis; at zero its arm points sideways, and positive lifts it."""
+    return RobotDescription(
+        name="pendulum",
+        kinematics=Kinematics(
+            convention="modified_dh", rows=(KinematicRow(alpha_rad=np.pi / 2.0),)
+        ),
+        joints=(Joint.model_validate({"name": "j", "limits": LIMITS, "friction": ()} | joint),),
+    )
+
+
+def weigh(model: RobotModel, v: list[float], parameters: dict[str, float]) -> np.ndarray:
+    """The motor's torque at angle zero and some speeds."""
+    theta = np.array([parameters.get(name, 0.0) for name in model.parameter_names])
+    speed = np.array(v)[:, np.newaxis]
+    return torque(model, 0 * speed, speed, 0 * speed, theta)[:, 0]
+
+
+def test_an_efficient_gear_takes_its_share_in_either_direction() -> None:
+    """Lifting, the motor gives load / eta (5.16); lowering, it holds eta load (5.17)."""
+    model = RobotModel.from_description(pendulum(efficiency=0.8))
+    load = MOMENT * GRAVITY
+    np.testing.assert_allclose(
+        weigh(model, [1.0, -1.0, 0.0], {"sx1": MOMENT}), [load / 0.8, load * 0.8, load]
+    )
+
+
+def test_load_friction_grows_with_what_the_gear_carries() -> None:
+    model = RobotModel.from_description(pendulum(friction=("coulomb", "load"))).with_shape([0.1])
+    load = MOMENT * GRAVITY
+    np.testing.assert_allclose(
+        weigh(model, [1.0, -1.0], {"sx1": MOMENT, "fc_j": 5.0}),
+        [load + 0.1 * load + 5.0, load - 0.1 * load - 5.0],
+    )
+
+
+def test_the_motors_own_side_is_not_behind_the_gear() -> None:
+    """Net torque (5.15): armature and friction are paid before the gear takes its share."""
+    model = RobotModel.from_description(
+        pendulum(efficiency=0.5, armature=True, friction=("coulomb", "viscous"))
+    )
+    names = model.parameter_names
+    phi = regressor(model, [[0.0]], [[2.0]], [[3.0]], Conditions(load_nm=np.array([[1.0]])))[0, 0]
+    assert phi[names.index("Ia1")] == 3.0
+    assert phi[names.index("fc_j")] == 1.0
+    assert phi[names.index("fv_j")] == 2.0
+    assert phi[names.index("Izz1")] == pytest.approx(3.0 / 0.5)
+
+
+def test_torque_finds_the_load_by_itself(ir361, random_motion) -> None:
+    """Rotors and friction do not pass the gears; links and spring do."""
+    first, *others = ir361.joints
+    joints = (first.model_copy(update={"efficiency": 0.7}), *others)
+    robot = ir361.model_copy(update={"joints": joints})
+    lossy, lossless = map(RobotModel.from_description, (robot, ir361))
+    q, v, a = random_motion(3, 0)
+    theta = np.random.default_rng(0).standard_normal(41)
+    load = load_torque(lossy, q, v, a, theta)
+    np.testing.assert_allclose(load, load_torque(lossless, q, v, a, theta))
+    expected = torque(lossless, q, v, a, theta)
+    drives = load[:, 0] * v[:, 0] > 0.0
+    expected[:, 0] += np.where(drives, 1 / 0.7 - 1.0, 0.7 - 1.0) * load[:, 0]
+    np.testing.assert_allclose(torque(lossy, q, v, a, theta), expected)
+    phi = regressor(lossy, q, v, a, Conditions(load_nm=load))
+    np.testing.assert_allclose(phi @ theta, expected)
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    efficiency=st.floats(0.2, 1.0),
+    share=st.floats(0.0, 0.5),
+    seed=st.integers(0, 1000),
+)
+def test_a_gear_never_gives_more_power_than_it_gets(efficiency, share, seed) -> None:
+    rng = np.random.default_rng(seed)
+    q, v, a = rng.uniform(-2.0, 2.0, (3, 6, 1))
+    theta = rng.standard_normal(10)
+    for joint, loss in (
+        ({"efficiency": 1.0}, efficiency),
+        ({"friction": ("load",)}, share),
+    ):
+        model = RobotModel.from_description(pendulum(**joint)).with_shape([loss])
+        behind = load_torque(model, q, v, a, theta)
+        assert np.all((torque(model, q, v, a, theta) - behind) * v >= -1e-9)
+
+
+def test_losses_need_the_load() -> None:
+    model = RobotModel.from_description(pendulum(efficiency=0.8))
+    with pytest.raises(EstimationError, match=r"eta_j depend on the torque .*load_torque"):
+        regressor(model, *np.ones((3, 2, 1)))
+
+
+def test_a_load_of_another_shape_is_refused() -> None:
+    model = RobotModel.from_description(pendulum(efficiency=0.8))
+    with pytest.raises(EstimationError, match=r"load_nm has the shape \(1,\), the motion \(2, 1\)"):
+        regressor(model, *np.ones((3, 2, 1)), Conditions(load_nm=np.ones(1)))
+
+
+def test_losses_are_shape_parameters_with_ranges() -> None:
+    model = RobotModel.from_description(pendulum(efficiency=0.8))
+    assert model.shape_names == ("eta_j",)
+    assert model.shape_units == ("1",)
+    np.testing.assert_array_equal(model.shape_bounds, [[0.2, 1.0]])
+    model = RobotModel.from_description(pendulum(friction=("load",)))
+    assert model.shape_names == ("cl_j",)
+    assert model.parameter_names[10:] == ()
+    assert (
+        RobotModel.from_description(pendulum(friction=("load",)), friction=False).shape_names == ()
+    )

@@ -1,0 +1,244 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from config.errors import EstimationError
+from config.load import load_robot
+from dynamics.model.inverse_dynamics import torque_derivatives
+from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor, torque
+from dynamics.terms.conditions import Conditions
+from dynamics.terms.friction import Friction
+
+ALL_TERMS = ("coulomb", "viscous", "offset", "cubic", "cube_root")
+
+
+@pytest.fixture
+def robot(ir361):
+    """Axis 1 with every term, axis 2 with one and sliding, axis 3 with none."""
+    chosen = (ALL_TERMS, ("viscous",), ())
+    kinds = ("revolute", "prismatic", "revolute")
+    joints = tuple(
+        joint.model_copy(update={"friction": terms, "type": kind})
+        for joint, terms, kind in zip(ir361.joints, chosen, kinds, strict=True)
+    )
+    return ir361.model_copy(update={"joints": joints, "spring": None})
+
+
+def columns(robot, v, **options):
+    model = RobotModel.from_description(robot, **options)
+    phi = regressor(model, np.zeros_like(v), v, np.zeros_like(v))
+    return phi[:, :, model.parameter_groups["friction"]]
+
+
+def test_each_joint_has_the_terms_it_chose(robot) -> None:
+    friction = Friction.from_description(robot)
+    assert friction.parameter_names == (
+        "fc_axis1", "fv_axis1", "fo_axis1", "f3_axis1", "fcr_axis1", "fv_axis2",
+    )  # fmt: skip
+    assert friction.parameter_units == (
+        "N m", "N m s/rad", "N m", "N m (s/rad)^3", "N m (s/rad)^(1/3)", "N s/m",
+    )  # fmt: skip
+
+
+def test_columns_are_the_terms_of_that_joints_speed(robot) -> None:
+    v = np.array([[-8.0, 3.0, 1.0], [0.0, 0.0, 0.0], [0.125, -1.0, 2.0]])
+    phi = columns(robot, v)
+    np.testing.assert_allclose(
+        phi[:, 0, :5],
+        [[-1.0, -8.0, 1.0, -512.0, -2.0], [0, 0, 1, 0, 0], [1.0, 0.125, 1.0, 0.125**3, 0.5]],
+    )
+    np.testing.assert_array_equal(phi[:, 1, 5], v[:, 1])
+    assert not phi[:, 0, 5].any()
+    assert not phi[:, 1, :5].any()
+    assert not phi[:, 2].any()
+
+
+def test_a_smoothed_sign_is_a_sign_at_speed_and_linear_through_zero(robot) -> None:
+    v = np.array([[-1.0, 0, 0], [-1e-4, 0, 0], [1e-4, 0, 0], [1.0, 0, 0]])
+    coulomb = columns(robot, v, sign_smoothing_rad_s=0.01)[:, 0, 0]
+    np.testing.assert_allclose(coulomb, [-1.0, -0.01, 0.01, 1.0], rtol=1e-4)
+
+
+@pytest.mark.parametrize("smoothing", [-0.1, np.nan, np.inf])
+def test_a_smoothing_that_cannot_be_meant_is_refused(robot, smoothing) -> None:
+    with pytest.raises(EstimationError, match="sign_smoothing_rad_s"):
+        RobotModel.from_description(robot, sign_smoothing_rad_s=smoothing)
+
+
+def test_the_base_does_not_feel_friction(robot) -> None:
+    model = RobotModel.from_description(robot)
+    phi = base_wrench_regressor(model, *np.ones((3, 4, 3)))
+    assert not phi[:, :, model.parameter_groups["friction"]].any()
+
+
+def one_axis(ir361, *terms, kind: str = "revolute"):
+    """The arm with friction on its first axis alone."""
+    first, *others = ir361.joints
+    joints = (
+        first.model_copy(
+            update={"friction": terms, "type": kind, "stribeck_velocity": 0.2, "rotor": None}
+        ),
+        *(joint.model_copy(update={"friction": (), "rotor": None}) for joint in others),
+    )
+    return ir361.model_copy(update={"joints": joints, "spring": None})
+
+
+def friction_torque(robot, coefficients, speed, conditions=None, **options) -> np.ndarray:
+    model = RobotModel.from_description(robot, **options)
+    assert len(model.parameter_names) == 30 + len(coefficients)
+    v = np.zeros((len(speed), 3))
+    v[:, 0] = speed
+    theta = np.array([*(0.0,) * 30, *coefficients])
+    tau = torque(model, 0.0 * v, v, 0.0 * v, theta, conditions)
+    assert not tau[:, 1:].any()
+    return tau[:, 0]
+
+
+class TestAsymmetric:
+    def test_each_direction_has_its_own_size(self, ir361) -> None:
+        robot = one_axis(ir361, "asymmetric", "viscous")
+        tau = friction_torque(robot, [5.0, 3.0, 2.0], [2.0, 0.0, -2.0])
+        np.testing.assert_allclose(tau, [5.0 + 4.0, 0.0, -3.0 - 4.0])
+        names = RobotModel.from_description(robot).parameter_names[30:]
+        assert names == ("fcp_axis1", "fcn_axis1", "fv_axis1")
+
+    def test_is_coulomb_friction_with_an_offset(self, ir361) -> None:
+        """Equivalently (physics: section 4), smoothed or not."""
+        speed = np.array([-1.0, -0.01, -1e-3, 1e-3, 0.02, 1.0])
+        for smoothing in (0.0, 0.02):
+            options = {"sign_smoothing_rad_s": smoothing}
+            asymmetric = friction_torque(
+                one_axis(ir361, "asymmetric"), [5.0, 3.0], speed, **options
+            )
+            robot = one_axis(ir361, "coulomb", "offset")
+            np.testing.assert_allclose(
+                asymmetric, friction_torque(robot, [4.0, 1.0], speed, **options)
+            )
+
+    def test_goes_through_zero_without_a_jump_where_it_is_smoothed(self, ir361) -> None:
+        speed = [-1e-9, 0.0, 1e-9]
+        tau = friction_torque(
+            one_axis(ir361, "asymmetric"), [5.0, 3.0], speed, sign_smoothing_rad_s=0.01
+        )
+        np.testing.assert_allclose(tau, 1.0, atol=1e-5)
+
+
+class TestStribeck:
+    SPEED = np.array([-0.6, -0.2, -0.01, 0.0, 0.01, 0.2, 0.6])
+
+    def test_falls_to_one_e_th_at_its_speed(self, ir361) -> None:
+        """(2.10)"""
+        robot = one_axis(ir361, "coulomb", "stribeck")
+        tau = friction_torque(robot, [10.0, 4.0], self.SPEED)
+        v = self.SPEED
+        np.testing.assert_allclose(tau, np.sign(v) * (10.0 + 4.0 * np.exp(-np.abs(v) / 0.2)))
+        assert tau[5] == pytest.approx(10.0 + 4.0 / np.e)
+
+    def test_its_speed_is_a_shape_parameter_that_starts_where_the_file_says(self, ir361) -> None:
+        model = RobotModel.from_description(one_axis(ir361, "stribeck"))
+        assert model.shape_names == ("vs_axis1",)
+        assert model.shape_units == ("rad/s",)
+        np.testing.assert_array_equal(model.shape_values, [0.2])
+        assert np.all(model.shape_bounds[:, 0] < 0.2)
+        assert np.all(model.shape_bounds[:, 1] > 0.2)
+        v = np.array([[0.3, 0.0, 0.0]])
+        column = regressor(model.with_shape([0.1]), 0 * v, v, 0 * v)[0, 0, 30]
+        assert column == pytest.approx(np.exp(-3.0))
+        np.testing.assert_array_equal(model.shape_values, [0.2])
+
+    def test_each_joint_has_its_own(self, ir361) -> None:
+        joints = [
+            joint.model_copy(update={"friction": ("stribeck",), "stribeck_velocity": speed})
+            for joint, speed in zip(ir361.joints, (0.1, 0.2, 0.4), strict=True)
+        ]
+        model = RobotModel.from_description(ir361.model_copy(update={"joints": tuple(joints)}))
+        v = np.full((1, 3), 0.2)
+        phi = regressor(model, 0 * v, v, 0 * v)[0][:, model.parameter_groups["friction"]]
+        np.testing.assert_allclose(phi, np.diag(np.exp([-2.0, -1.0, -0.5])))
+        phi = regressor(model.with_shape([0.2, 0.4, 0.1]), 0 * v, v, 0 * v)[0]
+        phi = phi[:, model.parameter_groups["friction"]]
+        np.testing.assert_allclose(phi, np.diag(np.exp([-1.0, -0.5, -2.0])))
+
+
+class TestTemperature:
+    def robot(self, ir361):
+        robot = one_axis(ir361, "coulomb", "viscous", "temperature")
+        first, *others = robot.joints
+        first = first.model_copy(update={"reference_temperature_k": 300.0})
+        return robot.model_copy(update={"joints": (first, *others)})
+
+    def test_changes_friction_in_proportion_to_the_warmth(self, ir361) -> None:
+        warm = np.full((3, 3), 1.0) * np.array([[300.0], [310.0], [290.0]])
+        speed = np.array([2.0, -2.0, 2.0])
+        coefficients = fc, fv, fc_t, fv_t = [5.0, 3.0, -0.02, -0.1]
+        tau = friction_torque(
+            self.robot(ir361), coefficients, speed, Conditions(temperature_k=warm)
+        )
+        delta = np.array([0.0, 10.0, -10.0])
+        expected = (fc + fc_t * delta) * np.sign(speed) + (fv + fv_t * delta) * speed
+        np.testing.assert_allclose(tau, expected)
+
+    def test_may_be_one_for_the_whole_motion(self, ir361) -> None:
+        coefficients, speed = [5.0, 3.0, -0.02, -0.1], np.array([2.0, -2.0])
+        mean = Conditions(temperature_k=np.array([310.0, 0.0, 0.0]))
+        row = Conditions(temperature_k=np.full((2, 3), 310.0))
+        np.testing.assert_array_equal(
+            friction_torque(self.robot(ir361), coefficients, speed, mean),
+            friction_torque(self.robot(ir361), coefficients, speed, row),
+        )
+
+    def test_must_be_known(self, ir361) -> None:
+        with pytest.raises(EstimationError, match="fcT_axis1 depends on the drive's temperature"):
+            friction_torque(self.robot(ir361), np.ones(4), [1.0])
+        wrong = Conditions(temperature_k=np.full((4, 3), 300.0))
+        with pytest.raises(EstimationError, match=r"temperature_k has the shape \(4, 3\)"):
+            friction_torque(self.robot(ir361), np.ones(4), [1.0], wrong)
+
+
+@pytest.mark.parametrize(
+    ("kind", "units"),
+    [
+        ("revolute", ["N m", "N m", "N m", "N m/K", "N m s/(rad K)"]),
+        ("prismatic", ["N", "N", "N", "N/K", "N s/(m K)"]),
+    ],
+)
+def test_units_are_those_of_the_joint(ir361, kind, units) -> None:
+    robot = one_axis(ir361, "asymmetric", "stribeck", "temperature", "load", kind=kind)
+    model = RobotModel.from_description(robot)
+    assert list(model.parameter_units[30:]) == units
+    assert model.shape_names == ("vs_axis1", "cl_axis1")
+    assert model.shape_units == ("rad/s" if kind == "revolute" else "m/s", "1")
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    speed=st.floats(-3.0, 3.0),
+    sizes=st.lists(st.floats(0.0, 50.0), min_size=6, max_size=6),
+    smoothing=st.sampled_from([0.0, 0.05]),
+)
+def test_friction_of_positive_coefficients_only_brakes(speed, sizes, smoothing) -> None:
+    robot = one_axis(load_robot("ir361"), "coulomb", "viscous", "cubic", "cube_root", "stribeck")
+    tau = friction_torque(robot, sizes[:5], [speed], sign_smoothing_rad_s=smoothing)
+    assert tau[0] * speed >= 0.0
+    robot = one_axis(load_robot("ir361"), "asymmetric")
+    assert friction_torque(robot, sizes[4:], [speed])[0] * speed >= 0.0
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.1])
+def test_slopes_are_small_differences(ir361, smoothing) -> None:
+    terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
+    model = RobotModel.from_description(one_axis(ir361, *terms), sign_smoothing_rad_s=smoothing)
+    warm = Conditions(temperature_k=np.full(3, 320.0))
+    theta = np.array([*(0.0,) * 30, 5.0, 3.0, 2.0, 0.5, 1.5, 4.0, -0.02, -0.1])
+    v, step = np.zeros((6, 3)), np.array([1e-6, 0.0, 0.0])
+    v[:, 0] = [-1.5, -0.3, -0.02, 0.02, 0.3, 1.5]
+    ahead, behind = v + step, v - step
+    rest = np.zeros_like(v)
+    slope = torque_derivatives(model, rest, v, rest, theta, warm)[1][:, 0, 0]
+    difference = torque(model, rest, ahead, rest, theta, warm) - torque(
+        model, rest, behind, rest, theta, warm
+    )
+    np.testing.assert_allclose(slope, difference[:, 0] / 2e-6, rtol=1e-6)

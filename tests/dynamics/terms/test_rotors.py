@@ -1,0 +1,123 @@
+"""The rotors' columns against rotors that are real bodies, and against the thesis's appendix D."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from config.errors import EstimationError
+from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor, torque
+from dynamics.terms.rotors import Rotors
+
+PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
+
+
+def with_rotors(robot) -> RobotModel:
+    return RobotModel.from_description(robot, friction=False, spring=False)
+
+
+@pytest.mark.parametrize("n", range(1, 8))
+@pytest.mark.parametrize("seed", range(4))
+def test_rotors_weigh_what_bodies_of_their_own_do(
+    n, seed, random_arm, judge, random_links, random_motion
+) -> None:
+    """Rotors with mass and transverse inertia, on any link from the base to the one they move."""
+    rng = np.random.default_rng(seed)
+    robot = random_arm(n, 10 * n + seed)
+    links = random_links(n, seed)
+    polar = rng.uniform(0.01, 0.2, n)
+
+    bodies, lumped = [], links.copy()
+    on_base = pin.Inertia.Zero()
+    for joint, inertia in zip(robot.joints, polar, strict=True):
+        axis = np.array(joint.rotor.axis)
+        along = np.outer(axis, axis)
+        body = pin.Inertia(0.5, np.zeros(3), inertia * along + 0.6 * inertia * (np.eye(3) - along))
+        placement = pin.SE3(np.eye(3), rng.uniform(-0.2, 0.2, 3))
+        bodies.append((placement, body))
+        if joint.rotor.link:
+            ten = placement.act(body).toDynamicParameters()[PINOCCHIO_ORDER]
+            lumped[joint.rotor.link - 1] += ten
+        else:
+            on_base += placement.act(body)
+
+    reference = judge(robot, links, bodies)
+    model, theta = with_rotors(robot), np.concatenate([lumped.ravel(), polar])
+    q, v, a = random_motion(n, seed)
+    samples = list(zip(q, v, a, strict=True))
+
+    expected = np.array([reference.torque(*s) for s in samples])
+    np.testing.assert_allclose(torque(model, q, v, a, theta), expected, rtol=0, atol=1e-10)
+
+    gravity = pin.Motion(np.array(robot.gravity_m_s2), np.zeros(3))
+    resting_on_base = -(on_base * gravity).vector
+    expected = np.array([reference.base_wrench(*s) for s in samples]) - resting_on_base
+    wrench = base_wrench_regressor(model, q, v, a) @ theta
+    np.testing.assert_allclose(wrench, expected, rtol=0, atol=1e-10)
+
+
+class TestAppendixD:
+    """IR 361: motor 1 on the base, motors 2 (+Y) and 3 (-Y) both on link 2."""
+
+    @pytest.fixture
+    def motion(self, random_motion):
+        return random_motion(3, 7)
+
+    @pytest.fixture
+    def column(self, ir361, motion):
+        model = with_rotors(ir361)
+        phi, names = regressor(model, *motion), model.parameter_names
+        return lambda name: phi[:, :, names.index(name)]
+
+    @pytest.fixture
+    def ratios(self, ir361):
+        return [joint.gear_ratio for joint in ir361.joints]
+
+    def test_torque_of_actuator_2(self, column, motion, ratios) -> None:
+        """(D.29), the rotors' lumped part I_M e e^T, a piece of Izz2, added back."""
+        _, mu2, mu3 = ratios
+        _, a2, a3 = motion[2].T
+        np.testing.assert_allclose((column("Im2") + column("Izz2"))[:, 1], (1 + mu2) ** 2 * a2)
+        np.testing.assert_allclose((column("Im3") + column("Izz2"))[:, 1], a2 - mu3 * a3)
+
+    def test_torque_of_actuator_3(self, column, motion, ratios) -> None:
+        *_, mu3 = ratios
+        _, a2, a3 = motion[2].T
+        np.testing.assert_allclose(column("Im3")[:, 2], mu3**2 * a3 - mu3 * a2)
+        np.testing.assert_array_equal(column("Im2")[:, 2], 0.0)
+
+    def test_torque_of_actuator_1_knows_its_own_rotor_only(self, column, motion, ratios) -> None:
+        """(D.33), (D.34)."""
+        mu1, *_ = ratios
+        np.testing.assert_allclose(column("Im1")[:, 0], mu1**2 * motion[2, :, 0])
+        for name in ("Im2", "Im3"):
+            rotor, lumped = column(name)[:, 0], column("Izz2")[:, 0]
+            np.testing.assert_allclose(rotor, 0.0, atol=1e-10)
+            np.testing.assert_allclose(lumped, 0.0, atol=1e-10)
+
+
+def test_the_base_feels_a_motor_that_stands_on_it_without_its_gear(ir361, random_motion) -> None:
+    """Rotor 1 spins about -z of the base at mu q.: the base gives it that momentum, and no more."""
+    q, v, a = random_motion(3, 1)
+    model = with_rotors(ir361)
+    wrench = base_wrench_regressor(model, q, v, a)[:, :, model.parameter_names.index("Im1")]
+    expected = np.zeros((8, 6))
+    expected[:, 5] = -ir361.joints[0].gear_ratio * a[:, 0]
+    np.testing.assert_allclose(wrench, expected, atol=1e-12)
+
+
+def test_joints_without_a_rotor_have_no_column(ir361) -> None:
+    first, second, third = ir361.joints
+    second = second.model_copy(update={"rotor": None})
+    model = with_rotors(ir361.model_copy(update={"joints": (first, second, third)}))
+    assert model.parameter_names[30:] == ("Im1", "Im3")
+    assert model.parameter_units[30:] == ("kg m^2",) * 2
+
+
+def test_a_rotor_beyond_the_link_it_moves_is_refused(ir361) -> None:
+    chain = with_rotors(ir361).chain
+    with pytest.raises(EstimationError, match="up to the one that it moves"):
+        Rotors(chain, np.array([0]), np.array([2]), np.array([[0.0, 0.0, 1.0]]), np.ones(1))
+    with pytest.raises(EstimationError, match="one entry a rotor"):
+        Rotors(chain, np.array([0]), np.array([0]), np.ones((2, 3)), np.ones(1))

@@ -1,0 +1,71 @@
+"""Parameters hardly seen, and the motion that would show them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.load import load_robot
+from dynamics.model.robot_model import RobotModel, torque
+from identification.accuracy.identifiability import weak_parameters
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_smoothed
+
+
+def measured(amplitude: tuple[float, float, float]) -> Estimate:
+    """An arm identified from sines whose sizes are given joint by joint."""
+    robot = load_robot("ir361")
+    model = RobotModel.from_description(robot)
+    random = np.random.default_rng(0)
+    time_s = 0.01 * np.arange(3000)
+    omega = 2.0 * np.pi / 10.0 * np.arange(1, 6)
+    sine, cosine = random.normal(size=(2, 5, 3)) * np.array(amplitude)
+    s, c = np.sin(np.outer(time_s, omega)), np.cos(np.outer(time_s, omega))
+    q, v = s @ sine + c @ cosine, (c * omega) @ sine - (s * omega) @ cosine
+    a = -(s * omega**2) @ sine - (c * omega**2) @ cosine
+    values = random.uniform(0.5, 1.0, len(model.parameter_names))
+    signals = SmoothedSignals(
+        joint_names=robot.joint_names,
+        time_s=time_s,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        torque_nm=torque(model, q, v, a, values) + 20.0 * random.normal(size=q.shape),
+        segment=np.zeros(len(q), dtype=np.int64),
+        sample_period_s=0.01,
+        cutoff_hz=10.0,
+    )
+    return estimate_smoothed(robot, [signals])
+
+
+@pytest.fixture(scope="module")
+def shy() -> Estimate:
+    """The third axis hardly moves."""
+    return measured((0.3, 0.3, 0.02))
+
+
+def test_the_joint_that_did_not_move_is_the_one_to_move(shy: Estimate) -> None:
+    found = weak_parameters(shy)
+    assert found
+    of_link_3 = [weak for weak in found if weak.words.split()[0].endswith("3")]
+    assert of_link_3
+    assert all("axis3" in weak.motion for weak in of_link_3)
+    assert max(weak.gain for weak in found) > 2.0
+
+
+def test_they_are_those_that_cannot_be_told_from_zero(shy: Estimate) -> None:
+    for weak in weak_parameters(shy, most=100):
+        assert abs(weak.value) < 2.0 * weak.sigma
+        assert weak.words in shy.base.words
+
+
+def test_the_sentence_says_what_to_do(shy: Estimate) -> None:
+    weak = next(weak for weak in weak_parameters(shy) if weak.motion)
+    assert weak.motion in weak.sentence
+    assert "hardly seen" in weak.sentence
+
+
+def test_a_motion_of_all_joints_leaves_less_to_wish_for(shy: Estimate) -> None:
+    lively = measured((0.4, 0.4, 0.4))
+    assert len(weak_parameters(lively, most=100)) < len(weak_parameters(shy, most=100))

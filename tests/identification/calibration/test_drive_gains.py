@@ -1,0 +1,136 @@
+"""Drive gains by a weighed load: where least squares and total least squares fail."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.processing.smoothing import SmoothedSignals
+from config.errors import EstimationError
+from dynamics.model.robot_model import torque
+from dynamics.terms.conditions import Conditions
+from identification.calibration.drive_gains import drive_gains
+from identification.equations.time_domain import TimeRun, joint_equations, time_runs
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_smoothed
+from identification.model.options import ModelOptions
+
+OPTIONS = ModelOptions(payload=True)
+TRUE_GAINS = np.array([1.15, 0.9, 1.05])
+LOAD = {"mL": 15.0, "sxL": 3.0, "IzzL": 1.5, "IxxL": 1.0, "IyyL": 1.2}
+STEP_S = 0.01
+
+
+def measured(arm: Any, payload: bool, seed: int) -> SmoothedSignals:
+    """Return 30 s of a run: torques over gains, with noise and a ripple that the model lacks."""
+    trajectory = FourierTrajectory.from_motion(arm.motion, arm.robot, STEP_S)
+    times = np.arange(3000) * STEP_S
+    q, v, a = (
+        f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
+    )
+    model = OPTIONS.build(arm.robot)
+    known = dict(zip(arm.model.parameter_names, arm.standard, strict=True)) | LOAD
+    theta = np.array([known.get(name, 0.0) for name in model.parameter_names])
+    tau = torque(model, q, v, a, theta, Conditions(payload=payload))
+    random = np.random.default_rng(seed)
+    size = np.sqrt(np.mean(tau**2, axis=0))
+    noise = 0.15 * size * random.standard_normal(q.shape)
+    ripple = 0.02 * size * np.sin(11.0 * q + random.uniform(0.0, 6.0, 3))
+    return SmoothedSignals(
+        joint_names=arm.robot.joint_names,
+        time_s=times,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        torque_nm=(tau + noise + ripple) / TRUE_GAINS,
+        segment=np.zeros(len(times), dtype=np.int64),
+        sample_period_s=STEP_S,
+        cutoff_hz=50.0,
+        temperature_k=None,
+    )
+
+
+@pytest.fixture(scope="module")
+def loaded(arm: Any) -> tuple[Estimate, tuple[TimeRun, ...]]:
+    signals = [measured(arm, False, 1), measured(arm, True, 2)]
+    carried = [False, True]
+    estimate = estimate_smoothed(arm.robot, signals, options=OPTIONS, payload=carried)
+    return estimate, time_runs(estimate.model, signals, carried)
+
+
+def usual_equations(
+    estimate: Estimate, runs: tuple[TimeRun, ...]
+) -> tuple[NDArray[np.float64], int]:
+    """Return [-tau_j ... Phi], rows over each joint's noise, and where the load's mass is."""
+    n, parts = estimate.model.chain.n, []
+    for rows in joint_equations(estimate.model, estimate.base, runs, estimate.standstill_rad_s):
+        for j, (matrix, rhs) in enumerate(rows):
+            gains = np.zeros((len(rhs), n))
+            gains[:, j] = -rhs
+            parts.append(np.hstack([gains, matrix]) / estimate.residual_nm[j])
+    return np.vstack(parts), n + estimate.base.names.index("mL")
+
+
+def test_the_weighed_load_tells_what_the_drives_make(
+    loaded: tuple[Estimate, tuple[TimeRun, ...]],
+) -> None:
+    estimate, runs = loaded
+    gains = drive_gains(estimate, runs, LOAD["mL"], 0.01)
+    assert np.abs((gains.values - TRUE_GAINS) / gains.sigma).max() < 2.5
+    assert gains.sigma.max() < 0.05
+    assert gains.wrong[:2] == (True, True)
+    assert "multiply its torque constant by it" in gains.sentences()[0]
+
+
+def test_least_squares_and_total_least_squares_do_not(
+    loaded: tuple[Estimate, tuple[TimeRun, ...]],
+) -> None:
+    """On the very same rows; the peers are as Gautier and Briot (2014) describe them."""
+    estimate, runs = loaded
+    ours = np.abs(drive_gains(estimate, runs, LOAD["mL"], 0.01).values - TRUE_GAINS).max()
+    equations, mass = usual_equations(estimate, runs)
+    others = [k for k in range(equations.shape[1]) if k != mass]
+    rhs = -equations[:, mass] * LOAD["mL"]
+    least_squares = np.linalg.lstsq(equations[:, others], rhs, rcond=None)[0][:3]
+    assert np.all(least_squares < TRUE_GAINS), "noise among the regressors makes them small"
+    last = np.linalg.svd(equations, full_matrices=False)[2][-1]
+    total = last[:3] / last[mass] * LOAD["mL"]
+    for peer in (least_squares, total):
+        assert np.abs(peer - TRUE_GAINS).max() > 5.0 * ours
+
+
+def test_all_torques_times_a_factor_is_a_gain(
+    loaded: tuple[Estimate, tuple[TimeRun, ...]],
+) -> None:
+    estimate, runs = loaded
+    factor = np.array([2.0, 0.5, 1.3])
+    scaled = tuple(
+        replace(run, signals=replace(run.signals, torque_nm=run.signals.torque_nm * factor))
+        for run in runs
+    )
+    before = drive_gains(estimate, runs, LOAD["mL"], 0.01)
+    after = drive_gains(estimate, scaled, LOAD["mL"], 0.01)
+    np.testing.assert_allclose(after.values * factor, before.values, rtol=1e-5)
+
+
+def test_the_scales_error_is_in_every_gain(loaded: tuple[Estimate, tuple[TimeRun, ...]]) -> None:
+    estimate, runs = loaded
+    fine, coarse = (drive_gains(estimate, runs, LOAD["mL"], sigma) for sigma in (0.001, 1.5))
+    more = np.sqrt(coarse.sigma**2 - fine.sigma**2) / coarse.values
+    np.testing.assert_allclose(more, 0.1, rtol=0.1)  # 1.5 kg of 15 kg
+
+
+def test_what_cannot_tell_a_gain_is_refused(
+    arm: Any, loaded: tuple[Estimate, tuple[TimeRun, ...]]
+) -> None:
+    estimate, runs = loaded
+    empty = estimate_smoothed(arm.robot, [runs[0].signals])
+    with pytest.raises(EstimationError, match="with and without the weighed load"):
+        drive_gains(empty, runs[:1], 15.0, 0.01)
+    with pytest.raises(EstimationError, match="positive mass"):
+        drive_gains(estimate, runs, 0.0, 0.01)

@@ -1,0 +1,102 @@
+"""Energies, joint after joint, Kalman filter: they find the truth, and where an estimate errs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.recording.recording import Recording
+from dynamics.terms.conditions import Conditions
+from identification.cross_checks.agreement import Method, check, cross_checks
+from identification.equations.segments import single_periods
+from identification.equations.time_domain import TimeRun
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_smoothed
+
+Measure = Callable[..., Recording]
+
+
+def runs_of(signals: list[SmoothedSignals]) -> tuple[TimeRun, ...]:
+    return tuple(TimeRun(part, Conditions(temperature_k=None)) for part in signals)
+
+
+def measured(
+    arm: Any,
+    measure: Measure,
+    seed: int = 0,
+    change: Callable[..., Any] | None = None,
+    noise_nm: float = 0.2,
+) -> tuple[Estimate, tuple[TimeRun, ...]]:
+    """Return the estimate from two periods, changed before they are used, and the periods."""
+    parts = list(single_periods(measure(seed, periods=2, noise_nm=noise_nm), 10.0).values())
+    if change is not None:
+        parts = [change(part) for part in parts]
+    return estimate_smoothed(arm.robot, parts), runs_of(parts)
+
+
+@pytest.mark.parametrize(("method", "seeds"), [*zip(Method, (12, 12, 3), strict=True)])
+def test_its_intervals_hold_the_truth(
+    arm: Any, measure: Measure, method: Method, seeds: int
+) -> None:
+    errors = []
+    for seed in range(seeds):
+        estimate, runs = measured(arm, measure, seed, noise_nm=2.0)
+        other = check(method, estimate, runs)
+        assert other.agrees, other.sentence
+        errors.append((other.values - arm.base) / other.sigma)
+    assert np.mean(np.abs(errors) < 2.0) >= 0.85
+    assert np.sqrt(np.mean(np.square(errors))) > 0.25, "not bought with width"
+
+
+def test_energies_need_no_accelerations(arm: Any, measure: Measure) -> None:
+    """Accelerations of a filter that takes a tenth of them off: inertias come out too large."""
+
+    def damped(part: SmoothedSignals) -> SmoothedSignals:
+        return replace(part, acceleration=0.9 * part.acceleration)
+
+    estimate, runs = measured(arm, measure, change=damped)
+    energies = check(Method.ENERGY, estimate, runs)
+    assert not energies.agrees
+    assert "accelerations" in energies.sentence
+    inertia = int(np.argmax(np.abs(energies.difference)))
+    own = abs(energies.values[inertia] - arm.base[inertia])
+    assert own < 0.3 * abs(estimate.values[inertia] - arm.base[inertia])
+    kalman = check(Method.KALMAN, estimate, runs)
+    assert not kalman.agrees
+    assert np.abs((kalman.values - arm.base) / kalman.sigma).max() < 4.0
+
+
+def test_joint_after_joint_shows_a_wrong_torque_constant(arm: Any, measure: Measure) -> None:
+    def scaled(part: SmoothedSignals) -> SmoothedSignals:
+        return replace(part, torque_nm=part.torque_nm * [1.0, 1.0, 1.15])
+
+    estimate, runs = measured(arm, measure, change=scaled)
+    other = check(Method.LINK_BY_LINK, estimate, runs)
+    assert not other.agrees
+    assert "torque constants" in other.sentence
+
+
+def test_what_cannot_be_checked_says_why(arm: Any, measure: Measure) -> None:
+    joint = arm.robot.joints[0].model_copy(update={"efficiency": 0.9})
+    robot = arm.robot.model_copy(update={"joints": (joint, *arm.robot.joints[1:])})
+    parts = list(single_periods(measure(periods=2), 10.0).values())
+    estimate = estimate_smoothed(robot, parts)
+    energies, _, kalman = cross_checks(estimate, runs_of(parts))
+    for other in (energies, kalman):
+        assert other.agrees is None
+        assert other.largest == 0.0
+        assert "not checked" in other.sentence
+        assert "efficiencies" in other.sentence
+
+
+def test_a_robot_that_runs_away_is_no_number(arm: Any, measure: Measure) -> None:
+    estimate, runs = measured(arm, measure)
+    weightless = replace(estimate, values=1e-4 * estimate.values)
+    kalman = check(Method.KALMAN, weightless, runs)
+    assert kalman.agrees is None
+    assert "runs away" in kalman.trouble

@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.plan import plan_motion
+from config.errors import ConfigError
+from config.load import load_robot
+from config.motion.motion import FourierMotion
+from config.robot.bodies import Plane, Workspace
+from config.robot.robot import RobotDescription
+from dynamics.geometry.clearances import Clearances
+from identification.design.two_harmonic import condition_number, design_two_harmonic
+
+
+@pytest.fixture(scope="module")
+def robot() -> RobotDescription:
+    return load_robot("ir361")
+
+
+def designed(robot: RobotDescription, *, tries: int = 20, seed: int = 0) -> FourierMotion:
+    return design_two_harmonic(robot, 10.0, 0.008, highest_harmonic=8, tries=tries, seed=seed)
+
+
+def test_each_axis_has_one_low_and_one_high_harmonic(robot: RobotDescription) -> None:
+    for joint in designed(robot).joints:
+        amplitude = np.hypot(joint.sine, joint.cosine)
+        low, high = (int(k) + 1 for k in np.flatnonzero(amplitude))
+        assert low <= 2
+        assert 5 <= high <= 8
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_limit_holds_with_room(robot: RobotDescription, seed: int) -> None:
+    trajectory = FourierTrajectory.from_motion(designed(robot, tries=1, seed=seed), robot, 0.008)
+    times = np.linspace(0.0, 10.0, 20_000)
+    for values, limit in (
+        (trajectory.velocity(times), "velocity"),
+        (trajectory.acceleration(times), "acceleration"),
+    ):
+        share = np.abs(values).max(axis=0) / [getattr(j.limits, limit) for j in robot.joints]
+        assert (share <= 0.85 + 1e-4).all()
+    q = trajectory.position(times)
+    for j, joint in enumerate(robot.joints):
+        middle = (joint.limits.position_max + joint.limits.position_min) / 2.0
+        half = (joint.limits.position_max - joint.limits.position_min) / 2.0
+        assert np.abs(q[:, j] - middle).max() <= 0.85 * half + 1e-4
+
+
+def test_the_same_seed_gives_the_same_motion_and_another_seed_another(
+    robot: RobotDescription,
+) -> None:
+    assert designed(robot, seed=1) == designed(robot, seed=1)
+    assert designed(robot, seed=1) != designed(robot, seed=2)
+
+
+def test_more_tries_never_make_it_worse(robot: RobotDescription) -> None:
+    numbers = [condition_number(robot, designed(robot, tries=tries)) for tries in (1, 5, 40)]
+    assert numbers[0] >= numbers[1] >= numbers[2]
+    assert numbers[2] < 60.0
+
+
+def test_six_axes_are_designed_as_well() -> None:
+    robot = load_robot("ur10e").model_copy(update={"bodies": ()})
+    motion = design_two_harmonic(robot, 20.0, 0.01, highest_harmonic=10, tries=10)
+    assert condition_number(robot, motion) < 15.0
+
+
+def test_draws_that_hit_the_robot_itself_are_left_out() -> None:
+    robot = load_robot("ur10e")
+    with pytest.raises(ConfigError, match="keeps clear of the robot's own bodies"):
+        design_two_harmonic(robot, 20.0, 0.01, tries=3)
+
+
+def test_the_best_draw_that_keeps_clear_is_taken(robot: RobotDescription) -> None:
+    wall = Plane(name="wall", normal=(0.0, 0.0, -1.0), offset_m=0.5)
+    workspace = Workspace(planes=(wall,), clearance_m=0.02)
+    motion = design_two_harmonic(robot, 10.0, 0.008, tries=50, workspace=workspace)
+    samples = plan_motion(motion, robot, 0.008)
+    assert Clearances.of(robot, workspace).nearest(samples.position).min() >= 0.02
+    free = design_two_harmonic(robot, 10.0, 0.008, tries=50)
+    path = plan_motion(free, robot, 0.008).position
+    assert Clearances.of(robot, workspace).nearest(path).min() < 0.02
+
+
+def test_an_axis_at_rest_has_no_finite_condition_number(robot: RobotDescription) -> None:
+    motion = designed(robot)
+    still = motion.joints[0].model_copy(update={"sine": (0.0,), "cosine": (0.0,)})
+    stopped = motion.model_copy(update={"joints": (still, *motion.joints[1:])})
+    assert condition_number(robot, stopped) == np.inf
+
+
+def test_a_period_that_is_no_whole_number_of_cycles_is_refused(robot: RobotDescription) -> None:
+    with pytest.raises(ConfigError, match="nearest"):
+        design_two_harmonic(robot, 10.001, 0.008, tries=1)
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"highest_harmonic": 1}, {"tries": 0}, {"limit_fraction": 1.5}]
+)
+def test_arguments_that_cannot_be_meant_are_refused(
+    robot: RobotDescription, arguments: dict[str, float]
+) -> None:
+    with pytest.raises(ConfigError, match="two-harmonic design"):
+        design_two_harmonic(robot, 10.0, 0.008, **arguments)  # type: ignore[arg-type]

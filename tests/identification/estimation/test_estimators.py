@@ -1,0 +1,216 @@
+"""Simulate, then recover: known parameters must lie inside the intervals as often as these say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.plan import plan_motion
+from acquisition.processing.periods import average_periods
+from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.recording.recording import Recording
+from config.cell.cell import ButterworthFilter
+from config.errors import EstimationError
+from config.motion.motion import FourierMotion
+from dynamics.model.robot_model import torque
+from identification.design.two_harmonic import design_two_harmonic
+from identification.equations import time_domain as time_equations
+from identification.estimation.estimate import Estimate, predict
+from identification.estimation.estimators import estimate_periodic, estimate_smoothed
+from identification.model.options import ModelOptions
+
+Measure = Callable[..., Recording]
+Run = Callable[..., Recording]
+FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
+
+
+def deviations(estimates: list[Estimate], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return errors over the standard deviations by the measured noise, (estimates, b)."""
+    for estimate in estimates:
+        assert estimate.sigma_noise is not None
+    return np.array([(e.values - truth) / e.sigma_noise for e in estimates])
+
+
+class TestPeriodic:
+    def test_without_noise_the_truth_comes_back(self, arm: Any, measure: Measure) -> None:
+        recording = measure(noise_nm=0.0, encoder_step_rad=0.0, torque_filter=FILTER)
+        estimate = estimate_periodic(arm.robot, [average_periods(recording)])
+        scale = np.abs(arm.base) + 0.1
+        np.testing.assert_allclose(estimate.values / scale, arm.base / scale, atol=2e-4)
+
+    @pytest.mark.parametrize("standstill_rad_s", [0.0, 0.02])
+    def test_two_sigma_hold_the_truth_through_filter_noise_and_rounding(
+        self, arm: Any, measure: Measure, standstill_rad_s: float
+    ) -> None:
+        """Friction changes sign between samples, and the 40 Hz filter delays it by 20 ms."""
+        estimates = [
+            estimate_periodic(
+                arm.robot,
+                [average_periods(measure(seed, torque_filter=FILTER))],
+                standstill_rad_s=standstill_rad_s,
+            )
+            for seed in range(8)
+        ]
+        z = deviations(estimates, arm.base)
+        assert np.mean(np.abs(z) < 2.0) >= 0.92
+        assert 0.7 < np.sqrt(np.mean(z**2)) < 1.15  # neither too narrow nor bought with width
+
+    def test_the_intervals_by_residuals_agree_where_the_model_is_true(
+        self, arm: Any, measure: Measure
+    ) -> None:
+        estimate = estimate_periodic(arm.robot, [average_periods(measure(1, torque_filter=FILTER))])
+        assert estimate.sigma_noise is not None
+        assert estimate.noise_nm is not None
+        ratio = estimate.sigma_residual / estimate.sigma_noise
+        assert np.median(ratio) == pytest.approx(1.0, abs=0.25)
+        np.testing.assert_allclose(estimate.residual_nm, estimate.noise_nm, rtol=0.3)
+
+    def test_the_intervals_by_residuals_widen_where_it_is_not(
+        self, arm: Any, measure: Measure
+    ) -> None:
+        """A robot measured with its spring, identified without: noise alone would be believed."""
+        average = average_periods(measure(1))
+        estimate = estimate_periodic(arm.robot, [average], options=ModelOptions(spring=False))
+        assert estimate.sigma_noise is not None
+        assert np.median(estimate.sigma_residual / estimate.sigma_noise) > 2.0
+        assert np.median(estimate.sigma / estimate.sigma_noise) > 10.0
+
+    def test_two_sigma_hold_the_truth_of_a_robot_that_sticks_at_every_reversal(
+        self, arm: Any, run: Run
+    ) -> None:
+        """The simulated robot with its servo loops: Pinocchio's equations, stiction, encoders."""
+        motion = design_two_harmonic(
+            arm.robot, 5.0, 0.008, highest_harmonic=6, tries=50, seed=3, periods=8
+        )
+        samples = plan_motion(motion, arm.robot, 0.008)
+        estimates = [
+            estimate_periodic(arm.robot, [average_periods(run(samples, seed))]) for seed in range(4)
+        ]
+        z = deviations(estimates, arm.base)
+        assert np.mean(np.abs(z) < 2.0) >= 0.9
+        for estimate in estimates:
+            assert np.mean(np.abs(estimate.values - arm.base) < 2.0 * estimate.sigma) >= 0.9
+
+    def test_trusting_sign_at_reversals_that_stick_is_what_spoils_the_intervals(
+        self, arm: Any, run: Run
+    ) -> None:
+        samples = plan_motion(arm.motion, arm.robot, 0.008)
+        average = average_periods(run(samples, 0))
+        trusting, careful = (
+            deviations([estimate_periodic(arm.robot, [average], standstill_rad_s=speed)], arm.base)
+            for speed in (0.0, 0.02)
+        )
+        assert np.sqrt(np.mean(trusting**2)) > 4.0 * np.sqrt(np.mean(careful**2))
+
+    def test_two_runs_together_are_more_certain_than_one(self, arm: Any, measure: Measure) -> None:
+        averages = [average_periods(measure(seed)) for seed in (1, 2)]
+        one = estimate_periodic(arm.robot, averages[:1])
+        both = estimate_periodic(arm.robot, averages)
+        assert both.sigma_noise is not None
+        assert one.sigma_noise is not None
+        assert np.median(both.sigma_noise / one.sigma_noise) == pytest.approx(
+            np.sqrt(0.5), abs=0.08
+        )
+        assert both.periods == 2 * one.periods
+        assert both.equations > 1.9 * one.equations
+
+    def test_friction_that_drifts_from_period_to_period_widens_the_intervals(
+        self, arm: Any, measure: Measure
+    ) -> None:
+        steady = measure(1)
+        drift = np.linspace(-1.0, 1.0, len(steady))[:, np.newaxis]
+        velocity = np.gradient(steady.position, steady.time_s, axis=0)
+        drifting = replace(steady, torque_nm=steady.torque_nm + 2.0 * drift * np.sign(velocity))
+        sigma = {}
+        for name, recording in (("steady", steady), ("drifting", drifting)):
+            estimate = estimate_periodic(arm.robot, [average_periods(recording)])
+            assert estimate.sigma_noise is not None
+            sigma[name] = dict(zip(estimate.base.names, estimate.sigma_noise, strict=True))
+        assert sigma["drifting"]["fc_axis2"] > 1.5 * sigma["steady"]["fc_axis2"]
+
+    def test_an_axis_at_rest_is_told(self, arm: Any, measure: Measure) -> None:
+        still = arm.motion.joints[0].model_copy(
+            update={"sine": (0.0,), "cosine": (0.0,), "offset": 0.1}
+        )
+        motion = FourierMotion(
+            kind="fourier", robot="ir361", period_s=5.0, joints=(still, *arm.motion.joints[1:])
+        )
+        average = average_periods(measure(motion=motion))
+        with pytest.raises(EstimationError, match=r"does not show .*fc_axis1"):
+            estimate_periodic(arm.robot, [average])
+
+
+class TestSmoothed:
+    @pytest.fixture
+    def signals(self, arm: Any) -> SmoothedSignals:
+        trajectory = FourierTrajectory.from_motion(arm.motion, arm.robot, 0.01)
+        times = np.arange(3000) * 0.01
+        q, v, a = (
+            f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
+        )
+        noise = np.random.default_rng(0).normal(size=q.shape) * np.array([1.0, 2.0, 0.3])
+        return SmoothedSignals(
+            joint_names=arm.robot.joint_names,
+            time_s=times,
+            position=q,
+            velocity=v,
+            acceleration=a,
+            torque_nm=torque(arm.model, q, v, a, arm.standard) + noise,
+            segment=np.zeros(len(times), dtype=np.int64),
+            sample_period_s=0.01,
+            cutoff_hz=50.0,
+        )
+
+    def test_the_truth_lies_within_the_intervals(self, arm: Any, signals: SmoothedSignals) -> None:
+        estimate = estimate_smoothed(arm.robot, [signals])
+        z = (estimate.values - arm.base) / estimate.sigma
+        assert np.mean(np.abs(z) < 2.5) >= 0.9
+        assert estimate.covariance_noise is None
+        np.testing.assert_allclose(estimate.residual_nm, [1.0, 2.0, 0.3], rtol=0.05)
+
+    def test_slow_samples_are_left_out_and_counted(
+        self, arm: Any, signals: SmoothedSignals
+    ) -> None:
+        """What a joint does while it stands still must not matter at all."""
+        slow = np.abs(signals.velocity) < 0.05
+        spoilt = replace(signals, torque_nm=np.where(slow, 1000.0, signals.torque_nm))
+        clean, other = (
+            estimate_smoothed(arm.robot, [s], standstill_rad_s=0.05) for s in (signals, spoilt)
+        )
+        np.testing.assert_array_equal(clean.values, other.values)
+        np.testing.assert_allclose(clean.left_out_fraction, slow.mean(axis=0))
+
+    def test_small_blocks_give_the_same_estimate(
+        self, arm: Any, signals: SmoothedSignals, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        whole = estimate_smoothed(arm.robot, [signals, signals])
+        monkeypatch.setattr(time_equations, "BLOCK_ROWS", 137)
+        blocks = estimate_smoothed(arm.robot, [signals, signals])
+        np.testing.assert_allclose(blocks.values, whole.values, rtol=1e-7)
+        np.testing.assert_allclose(blocks.sigma_residual, whole.sigma_residual, rtol=1e-7)
+
+    def test_another_robot_s_recording_is_refused(self, arm: Any, signals: SmoothedSignals) -> None:
+        renamed = replace(signals, joint_names=("a", "b", "c"))
+        with pytest.raises(EstimationError, match="has joints a, b, c"):
+            estimate_smoothed(arm.robot, [renamed])
+
+
+def test_a_prediction_is_the_model_s_torque(arm: Any, measure: Measure) -> None:
+    estimate = estimate_periodic(arm.robot, [average_periods(measure())])
+    exact = replace(estimate, values=arm.base)
+    q, v, a = np.random.default_rng(0).normal(size=(3, 5000, 3))  # more rows than one block
+    np.testing.assert_allclose(
+        predict(exact, q, v, a), torque(arm.model, q, v, a, arm.standard), atol=1e-8
+    )
+
+
+def test_an_estimate_with_the_wrong_number_of_values_is_refused(arm: Any, measure: Measure) -> None:
+    estimate = estimate_periodic(arm.robot, [average_periods(measure())])
+    with pytest.raises(EstimationError, match="estimate values"):
+        replace(estimate, values=np.zeros(3))

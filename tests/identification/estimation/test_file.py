@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.processing.periods import average_periods
+from acquisition.recording.recording import Recording
+from config.errors import ConfigError, RecordingError
+from identification.estimation.estimate import Estimate, predict
+from identification.estimation.estimators import estimate_periodic
+from identification.estimation.file import read_estimate, write_estimate
+from identification.model.options import ModelOptions
+from tests.fuzz.changed_json import changed
+
+
+@pytest.fixture(scope="module")
+def estimate(arm: Any, measure: Callable[..., Recording]) -> Estimate:
+    return estimate_periodic(
+        arm.robot,
+        [average_periods(measure())],
+        options=ModelOptions(sign_smoothing_rad_s=0.01),
+        cell_name="ir361",
+        run_ids=("01ABC",),
+    )
+
+
+@pytest.fixture
+def path(tmp_path: Path, estimate: Estimate) -> Path:
+    write_estimate(tmp_path / "model.json", estimate)
+    return tmp_path / "model.json"
+
+
+def test_what_is_read_is_what_was_written(path: Path, estimate: Estimate) -> None:
+    found = read_estimate(path)
+    for field in fields(Estimate):
+        old, new = getattr(estimate, field.name), getattr(found, field.name)
+        if field.name == "base":
+            assert (new.words, new.kept, new.unseen) == (old.words, old.kept, old.unseen)
+            np.testing.assert_array_equal(new.combination, old.combination)
+        elif isinstance(old, np.ndarray):
+            np.testing.assert_array_equal(new, old)
+        else:
+            assert new == old, field.name
+
+
+def test_a_file_of_the_first_format_is_read(path: Path, estimate: Estimate) -> None:
+    document = json.loads(path.read_text())
+    document["format"] = 1
+    for new in ("weighting", "shape_parameters", "covariance_honest", "shape_covariance"):
+        del document[new]
+    for new in ("friction_terms", "payload"):
+        del document["model"][new]
+    path.write_text(json.dumps(document))
+    found = read_estimate(path)
+    np.testing.assert_array_equal(found.values, estimate.values)
+    np.testing.assert_array_equal(found.covariance_honest, estimate.covariance_residual)
+
+
+def test_a_file_alone_is_enough_to_predict(path: Path, estimate: Estimate) -> None:
+    q, v, a = np.random.default_rng(0).normal(size=(3, 10, 3))
+    np.testing.assert_array_equal(predict(read_estimate(path), q, v, a), predict(estimate, q, v, a))
+
+
+def test_an_estimate_from_residuals_alone_keeps_that(tmp_path: Path, estimate: Estimate) -> None:
+    bare = replace(estimate, covariance_noise=None, noise_nm=None, method="smoothed", periods=0)
+    write_estimate(tmp_path / "model.json", bare)
+    found = read_estimate(tmp_path / "model.json")
+    assert found.covariance_noise is None
+    assert found.noise_nm is None
+    np.testing.assert_array_equal(found.sigma, bare.sigma)
+
+
+def test_the_same_estimate_gives_the_same_bytes(path: Path, tmp_path: Path) -> None:
+    write_estimate(tmp_path / "again.json", read_estimate(path))
+    assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
+
+
+def test_a_person_finds_names_words_units_and_both_deviations(path: Path) -> None:
+    document = json.loads(path.read_text())
+    first = document["parameters"][0]
+    assert first["words"] == "Izz1 + Iyy2 + 0.2304 m3 + Iyy3 + 14641 Im1"
+    assert first["unit"] == "kg m^2"
+    assert first["sigma"] >= first["sigma_noise"] > 0.0
+    assert first["sigma_residual"] > 0.0
+    assert document["cell"] == "ir361"
+    assert document["software"].startswith("rid-daq ")
+    assert document["robot"]["name"] == "ir361"
+
+
+def edited(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d.update(kind="something else"), "kind"),
+        (lambda d: d.pop("robot"), "robot: Field required"),
+        (lambda d: d["parameters"][0].update(value="12"), r"parameters\.0\.value"),
+        (lambda d: d["parameters"][0].update(name="Izz9"), "Izz9"),
+        (lambda d: d["standard_parameters"].reverse(), "not those of the robot"),
+        (lambda d: d.update(covariance_residual=[[1.0]]), "covariance_residual"),
+        (lambda d: d.update(combination=[[1.0, 2.0], [3.0]]), "not an estimate that fits itself"),
+    ],
+)
+def test_a_changed_file_is_refused_with_its_place(
+    path: Path, change: Callable[[dict[str, Any]], None], message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        read_estimate(edited(path, change))
+
+
+def test_not_json_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "text.json").write_text("Izz1 = 3")
+    with pytest.raises(ConfigError, match="not an estimate"):
+        read_estimate(tmp_path / "text.json")
+    with pytest.raises(ConfigError, match="No such file"):
+        read_estimate(tmp_path / "none.json")
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_estimate(tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, estimate: Estimate) -> None:
+    with pytest.raises(RecordingError, match="cannot be written"):
+        write_estimate(tmp_path / "nowhere" / "model.json", estimate)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(data=st.data())
+def test_nothing_but_our_errors_comes_of_a_changed_model(
+    data: st.DataObject, estimate: Estimate, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("changed") / "model.json"
+    write_estimate(path, estimate)
+    path.write_bytes(data.draw(changed(json.loads(path.read_text()))))
+    said = str(path)
+    try:
+        read_estimate(path)
+    except ConfigError as error:
+        said = str(error)
+    assert said.startswith(str(path))

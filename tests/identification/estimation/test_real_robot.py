@@ -1,0 +1,65 @@
+"""Identification on recordings of a real robot (UR10e): nothing here was simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.csv.read import import_csv
+from acquisition.processing.smoothing import smooth_nonperiodic
+from acquisition.recording.recording import Recording
+from config.load import load_bundled_or_path, load_robot
+from config.motion.import_map import ImportMap, RowRange
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_smoothed
+from identification.validation.torque_prediction import validate
+
+CUTOFF_HZ = 9.4
+LIMITS_PERCENT = (9.6, 3.8, 4.0, 4.4, 7.0, 7.0)
+
+Read = Callable[[str, int, int], Recording]
+
+
+@pytest.fixture(scope="module")
+def read(real_robot: Path) -> Read:
+    layout = load_bundled_or_path("ur10e_31", "maps", ImportMap)
+
+    def of(name: str, first: int, last: int) -> Recording:
+        rows = layout.model_copy(update={"rows": RowRange(first=first, last=last)})
+        return import_csv(real_robot / f"ur-{name}.csv", rows)[0]
+
+    return of
+
+
+@pytest.fixture(scope="module")
+def long_run(read: Read) -> Estimate:
+    recording = read("20_02_12-50sec_12harm", 355, 5090)
+    return estimate_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, CUTOFF_HZ)])
+
+
+@pytest.fixture(scope="module")
+def short_run(read: Read) -> Estimate:
+    recording = read("20_02_10-30sec_12harm", 635, 3510)
+    return estimate_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, CUTOFF_HZ)])
+
+
+def test_a_model_of_one_motion_predicts_another(long_run: Estimate, read: Read) -> None:
+    other = read("20_01_17-ptp_10_points", 700, 4200)
+    result = validate(long_run, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)
+    assert result.passed, result.relative_percent
+    # Joint 6 stands still half of the time, in stiction: counted in, its error is no error of the
+    # model.
+    assert result.moving_fraction[5] < 0.6
+    assert result.all_samples_percent[5] > 30.0
+
+
+def test_two_motions_agree_on_the_robot_within_their_intervals(
+    long_run: Estimate, short_run: Estimate
+) -> None:
+    rigid = np.array(long_run.base.rigid_body)
+    assert rigid.sum() == 36
+    z = (long_run.values - short_run.values) / np.hypot(long_run.sigma, short_run.sigma)
+    assert np.mean(np.abs(z[rigid]) < 2.0) >= 0.9

@@ -1,0 +1,76 @@
+"""The running estimate: that of all rows at once, whenever it is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.recording.recording import Recording
+from config.errors import EstimationError
+from config.load import load_robot
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.conditions import Conditions
+from identification.equations.segments import cut, single_periods
+from identification.equations.time_domain import TimeRun
+from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.running import RunningEstimate
+
+Measure = Callable[..., Recording]
+STANDSTILL_RAD_S = 0.02
+
+
+def run(signals: SmoothedSignals) -> TimeRun:
+    return TimeRun(signals, Conditions(temperature_k=None))
+
+
+def test_it_is_the_estimate_of_all_rows_at_once(arm: Any, measure: Measure) -> None:
+    periods = list(single_periods(measure(periods=3), 10.0).values())
+    running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
+    for signals in periods:
+        running = running.add(run(signals))
+    now = running.look()
+    whole = estimate_smoothed(arm.robot, periods, standstill_rad_s=STANDSTILL_RAD_S)
+    np.testing.assert_allclose(now.values, whole.values, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(now.residual_nm, whole.residual_nm, rtol=1e-6)
+
+
+def test_parts_of_a_recording_give_its_honest_intervals(arm: Any, measure: Measure) -> None:
+    period = single_periods(measure(periods=2), 10.0)[0]
+    running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
+    for part in cut(period, 7):
+        running = running.add(run(part))
+    now = running.look()
+    whole = estimate_smoothed(arm.robot, [period], standstill_rad_s=STANDSTILL_RAD_S)
+    np.testing.assert_allclose(now.values, whole.values, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(now.sigma, whole.sigma, rtol=1e-6)
+
+
+def test_more_periods_come_closer_to_the_truth(arm: Any, measure: Measure) -> None:
+    running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
+    sigma, error = [], []
+    for signals in single_periods(measure(periods=16, noise_nm=5.0), 10.0).values():
+        running = running.add(run(signals))
+        now = running.look()
+        sigma.append(np.median(now.sigma))
+        error.append(np.sqrt(np.mean(((now.values - arm.base) / now.sigma) ** 2)))
+    assert len(running.stretches) == 5, "a second of the period each: it does not grow"
+    assert sigma[15] < 0.5 * sigma[0]
+    assert max(error[1:]) < 3.0
+
+
+def test_what_was_not_shown_is_said(arm: Any, measure: Measure) -> None:
+    running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
+    with pytest.raises(EstimationError, match="equations are left"):
+        running.look()
+
+
+def test_a_model_that_is_not_linear_is_refused() -> None:
+    robot = load_robot("ir361")
+    joints = (robot.joints[0].model_copy(update={"efficiency": 0.9}), *robot.joints[1:])
+    model = RobotModel.from_description(robot.model_copy(update={"joints": joints}))
+    with pytest.raises(EstimationError, match="identify after the measurement"):
+        RunningEstimate.begin(model, STANDSTILL_RAD_S)

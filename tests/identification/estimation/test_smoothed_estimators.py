@@ -1,0 +1,239 @@
+"""Estimators in the time domain: simulate, then recover, against independent solvers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.errors import EstimationError
+from config.load import load_robot
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel, regressor, torque
+from identification.estimation.estimate import predict
+from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.prior import held
+from identification.model.base_parameters import base_parameters
+from identification.model.options import ModelOptions
+
+STEP_S = 0.01
+Run = Callable[..., SmoothedSignals]
+
+
+def friction(robot: RobotDescription, terms: tuple[str, ...], **more: Any) -> RobotDescription:
+    joints = tuple(j.model_copy(update={"friction": terms, **more}) for j in robot.joints)
+    return robot.model_copy(update={"joints": joints})
+
+
+@pytest.fixture(scope="module")
+def robot() -> RobotDescription:
+    return load_robot("ir361")
+
+
+@pytest.fixture(scope="module")
+def truth(robot: RobotDescription) -> Callable[[RobotModel], np.ndarray]:
+    """Standard parameters of a plausible arm, by name."""
+    known = {"m1": 50.0, "m2": 30.0, "m3": 15.0, "k_spring": 8e3, "P0_spring": 3e3}
+
+    def of(model: RobotModel) -> np.ndarray:
+        random = np.random.default_rng(3)
+        values = []
+        for name in model.parameter_names:
+            size = 20.0 if name.startswith(("fc", "fv", "fs")) else 1.0
+            value = known.get(name, size * random.uniform(0.5, 1.0))
+            values.append(1e-3 * value if name.startswith("Im") else value)
+        return np.array(values)
+
+    return of
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    def make(
+        model: RobotModel,
+        values: np.ndarray,
+        *,
+        seed: int = 0,
+        samples: int = 3000,
+        noise: float = 0.5,
+        payload: bool = False,
+    ) -> SmoothedSignals:
+        from dynamics.terms.conditions import Conditions
+
+        random = np.random.default_rng(seed)
+        n = model.chain.n
+        time_s = STEP_S * np.arange(samples)
+        omega = 2.0 * np.pi / 10.0 * np.arange(1, 6)
+        sine, cosine = 0.25 * random.normal(size=(2, 5, n))
+        s, c = np.sin(np.outer(time_s, omega)), np.cos(np.outer(time_s, omega))
+        q, v = s @ sine + c @ cosine, (c * omega) @ sine - (s * omega) @ cosine
+        a = -(s * omega**2) @ sine - (c * omega**2) @ cosine
+        tau = torque(model, q, v, a, values, Conditions(payload=payload))
+        return SmoothedSignals(
+            joint_names=model.joint_names,
+            time_s=time_s,
+            position=q,
+            velocity=v,
+            acceleration=a,
+            torque_nm=tau + noise * random.normal(size=tau.shape),
+            segment=np.zeros(samples, dtype=np.int64),
+            sample_period_s=STEP_S,
+            cutoff_hz=10.0,
+        )
+
+    return make
+
+
+def test_ordinary_least_squares_is_that_of_all_rows_stacked(robot, truth, run) -> None:
+    model = RobotModel.from_description(robot)
+    signals = run(model, truth(model))
+    found = estimate_smoothed(robot, [signals], weighting="ls", standstill_rad_s=0.0)
+    phi = found.base.columns(
+        regressor(model, signals.position, signals.velocity, signals.acceleration)
+    )
+    expected = np.linalg.lstsq(
+        phi.reshape(-1, len(found.base)), signals.torque_nm.ravel(), rcond=None
+    )[0]
+    np.testing.assert_allclose(found.values, expected, rtol=1e-6, atol=1e-8)
+
+
+def test_weighting_takes_the_quieter_joints_word(robot, truth, run) -> None:
+    model = RobotModel.from_description(robot)
+    signals = run(model, truth(model), noise=0.1)
+    loud = np.array([1.0, 100.0, 1.0]) * np.random.default_rng(5).normal(size=(3000, 3))
+    noisy = replace(signals, torque_nm=signals.torque_nm + loud)
+    expected = base_parameters(model).from_standard(truth(model))
+    errors = {
+        weighting: np.abs(estimate_smoothed(robot, [noisy], weighting=weighting).values - expected)
+        for weighting in ("ml", "ls")
+    }
+    assert np.median(errors["ml"] / errors["ls"]) < 0.5
+
+
+def test_huber_holds_gross_errors_down(robot, truth, run) -> None:
+    model = RobotModel.from_description(robot)
+    signals = run(model, truth(model))
+    random = np.random.default_rng(1)
+    hit = random.random(signals.torque_nm.shape) < 0.03
+    knocked = replace(signals, torque_nm=signals.torque_nm + np.where(hit, 300.0, 0.0))
+    clean = estimate_smoothed(robot, [signals])
+    robust = estimate_smoothed(robot, [knocked], weighting="huber")
+    plain = estimate_smoothed(robot, [knocked])
+    off = [np.abs(e.values - clean.values) / clean.sigma for e in (robust, plain)]
+    assert np.median(off[0]) < 3.0
+    assert np.median(off[1]) > 3.0 * np.median(off[0])
+
+
+class TestNonlinearParameters:
+    def test_a_stribeck_speed_is_found_as_by_a_solver_of_the_whole_problem(
+        self, robot, truth, run
+    ) -> None:
+        arm = friction(robot, ("coulomb", "viscous", "stribeck"))
+        model = RobotModel.from_description(arm).with_shape([0.08, 0.15, 0.1])
+        signals = run(model, truth(model), samples=1500)
+        found = estimate_smoothed(arm, [signals], standstill_rad_s=0.0, weighting="ls")
+        base = found.base
+        q, v, a = signals.position, signals.velocity, signals.acceleration
+
+        def residual(x: np.ndarray) -> np.ndarray:
+            phi = base.columns(regressor(model.with_shape(x[-3:]), q, v, a))
+            return (phi @ x[:-3] - signals.torque_nm).ravel()
+
+        start = np.concatenate([found.values * 1.05, [0.09, 0.12, 0.09]])
+        size = np.maximum(np.abs(start), 1e-3)
+        judge = least_squares(residual, start, x_scale=size, xtol=1e-12, ftol=1e-12)
+        assert found.options.shape is not None
+        np.testing.assert_allclose(found.options.shape, judge.x[-3:], rtol=2e-3)
+        inside = np.abs(np.array(found.options.shape) - [0.08, 0.15, 0.1]) < 3.0 * found.shape_sigma
+        assert inside.all()
+
+    def test_efficiencies_and_load_friction_are_found(self, robot, truth, run) -> None:
+        for change, shape in (
+            ({"terms": ("coulomb", "viscous"), "efficiency": 0.95}, [0.9, 0.8, 0.85]),
+            ({"terms": ("coulomb", "viscous", "load")}, [0.05, 0.1, 0.08]),
+        ):
+            arm = friction(robot, change.pop("terms"), **change)
+            # Without rotors: their inertia merges with the links', and gears do not transmit it.
+            options = ModelOptions(rotors=False)
+            model = options.build(arm).with_shape(shape)
+            signals = run(model, truth(model), samples=6000)
+            found = estimate_smoothed(arm, [signals], options=options)
+            assert found.options.shape is not None
+            off = np.abs(np.array(found.options.shape) - shape) / found.shape_sigma
+            # The first axis is vertical: it carries no gravity and tells little.
+            assert (off[1:] < 3.0).all()
+            assert np.abs(np.array(found.options.shape) - shape)[1:].max() < 0.02
+
+    def test_a_term_that_is_not_there_leaves_the_rest_alone(self, robot, truth, run) -> None:
+        plain = RobotModel.from_description(friction(robot, ("coulomb", "viscous")))
+        signals = run(plain, truth(plain))
+        arm = friction(robot, ("coulomb", "viscous", "stribeck"))
+        found = estimate_smoothed(arm, [signals])
+        q, v, a = signals.position, signals.velocity, signals.acceleration
+        error = predict(found, q, v, a) - torque(plain, q, v, a, truth(plain))
+        assert np.sqrt(np.mean(error[np.abs(v) >= 0.02] ** 2)) < 0.1
+
+
+class TestPrior:
+    def test_knowing_nothing_changes_nothing(self, robot, truth, run) -> None:
+        model = RobotModel.from_description(robot)
+        signals = [run(model, truth(model))]
+        nothing = held(base_parameters(model), {})
+        np.testing.assert_allclose(
+            estimate_smoothed(robot, signals, prior=nothing).values,
+            estimate_smoothed(robot, signals).values,
+        )
+
+    def test_a_parameter_can_be_held(self, robot, truth, run) -> None:
+        model = RobotModel.from_description(robot)
+        signals = [run(model, truth(model))]
+        known = held(base_parameters(model), {"fc_axis1": (33.0, 0.0)})
+        found = estimate_smoothed(robot, signals, prior=known)
+        index = found.base.names.index("fc_axis1")
+        assert found.values[index] == pytest.approx(33.0, abs=1e-6)
+        assert np.sqrt(found.covariance_residual[index, index]) < 1e-6
+
+    def test_it_is_the_mean_of_knowledge_and_measurement(self, robot, truth, run) -> None:
+        model = RobotModel.from_description(robot)
+        signals = [run(model, truth(model))]
+        free = estimate_smoothed(robot, signals)
+        index = free.base.names.index("fv_axis2")
+        sigma = float(np.sqrt(free.covariance_residual[index, index]))
+        value = float(free.values[index])
+        prior = held(free.base, {"fv_axis2": (value + 2.0 * sigma, sigma)})
+        found = estimate_smoothed(robot, signals, prior=prior)
+        assert found.values[index] == pytest.approx(value + sigma, abs=0.02 * sigma)
+
+    def test_an_unknown_name_is_told(self, robot) -> None:
+        base = base_parameters(RobotModel.from_description(robot))
+        with pytest.raises(EstimationError, match="'m9' is no parameter"):
+            held(base, {"m9": (1.0, 0.1)})
+
+
+def test_runs_with_and_without_show_the_payload(robot, truth, run) -> None:
+    options = ModelOptions(payload=True)
+    model = options.build(robot)
+    values = truth(model)
+    load = model.parameter_groups["payload"]
+    values[load] = [5.0, 0.5, 0.1, 1.0, 0.4, 0.0, -0.1, 0.5, 0.0, 0.2]
+    signals = [
+        run(model, values, seed=seed, payload=loaded) for seed, loaded in ((1, False), (2, True))
+    ]
+    found = estimate_smoothed(robot, signals, options=options, payload=[False, True])
+    expected = found.base.from_standard(values)
+    off = np.abs(found.values - expected) / found.sigma
+    payload = [name.endswith("L") for name in found.base.names]
+    assert sum(payload) >= 4
+    assert (off[payload] < 3.5).all()
+
+
+def test_the_model_file_s_words_hold_for_every_term(robot, truth, run) -> None:
+    arm = friction(robot, ("coulomb", "viscous", "stribeck"))
+    model = RobotModel.from_description(arm)
+    found = estimate_smoothed(arm, [run(model, truth(model))])
+    assert found.options.build(arm).shape_values == pytest.approx(found.options.shape)

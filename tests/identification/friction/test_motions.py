@@ -1,0 +1,77 @@
+"""Motions for friction that fit a robot and what stands around it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.motion.constant_velocity import constant_velocity_runs
+from acquisition.motion.plan import plan_motion
+from config.errors import ConfigError
+from config.load import load_robot
+from config.motion.motion import FourierJoint, FourierMotion
+from config.robot.bodies import Capsule, Plane, Workspace
+from dynamics.geometry.kinematics import Chain, forward
+from identification.friction.motions import constant_velocity_motion, reversed_motion
+
+CYCLE_S = 0.008
+
+
+@pytest.mark.parametrize("name", ["ir361", "ur10e"])
+def test_every_joint_runs_slow_and_fast_within_its_limits(name: str) -> None:
+    robot = load_robot(name)
+    motion = constant_velocity_motion(robot, speeds=6, repeats=2)
+    samples = plan_motion(motion, robot, CYCLE_S)
+    _, runs = constant_velocity_runs(motion, robot, CYCLE_S)
+    assert len(runs) == len(robot.joints) * 6 * 4
+    for spec, joint in zip(motion.joints, robot.joints, strict=True):
+        assert spec.joint == joint.name
+        assert spec.speeds[0] == pytest.approx(0.01 * joint.limits.velocity, rel=0.01)
+        assert 0.25 * joint.limits.velocity < spec.speeds[-1] <= 0.81 * joint.limits.velocity
+        ratios = np.diff(np.log(spec.speeds))
+        np.testing.assert_allclose(ratios, ratios[0], rtol=0.02)
+    fastest = max(runs, key=lambda run: abs(run.speed))
+    assert (fastest.end - fastest.first) * CYCLE_S >= 0.3
+    assert samples.duration_s < 1800.0
+
+
+def test_walls_shorten_the_runs() -> None:
+    robot = load_robot("ir361")
+    wall = Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=-0.8)  # x stays below 0.8 m
+    free = constant_velocity_motion(robot)
+    walled = constant_velocity_motion(robot, Workspace(planes=(wall,)))
+    path = plan_motion(walled, robot, CYCLE_S).position
+    assert forward(Chain.from_description(robot), path)[:, 0].max() < 0.8
+    free_path = plan_motion(free, robot, CYCLE_S).position
+    assert forward(Chain.from_description(robot), free_path)[:, 0].max() > 0.8
+
+
+def test_where_nothing_is_free_the_reason_is_said() -> None:
+    robot = load_robot("ir361")
+    wall = Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=5.0)  # x below -5 m: nowhere
+    with pytest.raises(ConfigError, match="none of 2000 poses keeps clear"):
+        constant_velocity_motion(robot, Workspace(planes=(wall,)))
+
+
+def test_a_robot_that_can_touch_itself_holds_a_pose_in_which_it_does_not() -> None:
+    robot = load_robot("ur10e")
+    bodies = tuple(
+        Capsule(kind="capsule", link=link, start_m=(0, 0, 0), end_m=end, radius_m=0.06)
+        for link, end in ((1, (0.0, 0.0, 0.1)), (3, (-0.5, 0.0, 0.0)), (6, (0.0, 0.0, 0.05)))
+    )
+    motion = constant_velocity_motion(robot.model_copy(update={"bodies": bodies}))
+    assert len(motion.joints) == 6
+
+
+def test_a_periodic_motion_becomes_one_there_and_back() -> None:
+    there = FourierMotion(
+        kind="fourier",
+        robot="r",
+        period_s=4.0,
+        periods=5,
+        joints=(FourierJoint(joint="a", offset=0.1, sine=(0.2, 0.3), cosine=(0.4, -0.1)),),
+    )
+    both = reversed_motion(there)
+    assert both.there() == there
+    back = both.back().joints[0]
+    assert (back.offset, back.sine, back.cosine) == (0.1, (-0.2, -0.3), (0.4, -0.1))

@@ -1,0 +1,197 @@
+"""Coupling, temperature, payload and gear losses through the estimators: simulated, recovered."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.recording.recording import Recording
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel, torque
+from dynamics.terms.conditions import Conditions
+from identification.estimation.estimators import estimate_smoothed
+from identification.model.base_parameters import base_parameters
+from identification.model.options import ModelOptions
+from identification.validation.torque_prediction import validate
+
+NOISE_NM = np.array([1.0, 2.0, 0.3])
+COUPLING = ((1.0, 0.0, 0.0), (0.1, 1.0, 0.0), (-0.2, -0.4, 1.0))
+WARM = ("coulomb", "viscous", "temperature")
+
+
+def with_joints(robot: RobotDescription, **changes: Any) -> RobotDescription:
+    joints = tuple(joint.model_copy(update=changes) for joint in robot.joints)
+    return robot.model_copy(update={"joints": joints})
+
+
+def truth(arm: Any, model: RobotModel, **others: float) -> np.ndarray:
+    """The known arm's parameters, and those that it does not have."""
+    known = dict(zip(arm.model.parameter_names, arm.standard, strict=True)) | others
+    return np.array([known[name] for name in model.parameter_names])
+
+
+def measured(
+    arm: Any, model: RobotModel, theta: np.ndarray, conditions: Conditions | None = None, seed=0
+) -> SmoothedSignals:
+    trajectory = FourierTrajectory.from_motion(arm.motion, arm.robot, 0.01)
+    times = np.arange(3000) * 0.01
+    q, v, a = (
+        f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
+    )
+    noise = NOISE_NM * np.random.default_rng(seed).standard_normal(q.shape)
+    return SmoothedSignals(
+        joint_names=arm.robot.joint_names,
+        time_s=times,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        torque_nm=torque(model, q, v, a, theta, conditions) + noise,
+        segment=np.zeros(len(times), dtype=np.int64),
+        sample_period_s=0.01,
+        cutoff_hz=50.0,
+        temperature_k=None if conditions is None else conditions.temperature_k,
+    )
+
+
+def deviations(estimate: Any, theta: np.ndarray) -> np.ndarray:
+    return (estimate.values - estimate.base.from_standard(theta)) / estimate.sigma
+
+
+def test_a_coupled_robot_is_identified_from_actuator_torques(arm: Any) -> None:
+    robot = arm.robot.model_copy(update={"coupling": COUPLING})
+    model = RobotModel.from_description(robot)
+    theta = truth(arm, model)
+    signals = measured(arm, model, theta)
+    estimate = estimate_smoothed(robot, [signals])
+    assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
+    np.testing.assert_allclose(estimate.residual_nm, NOISE_NM, rtol=0.06)
+    blind = estimate_smoothed(arm.robot, [signals])
+    assert np.all(blind.residual_nm > 3.0 * NOISE_NM)
+
+
+def test_a_coupled_actuator_stands_still_where_its_own_speed_is_zero(arm: Any) -> None:
+    """Spoiling torque there, and nowhere else, must not matter."""
+    robot = arm.robot.model_copy(update={"coupling": COUPLING})
+    model = RobotModel.from_description(robot)
+    signals = measured(arm, model, truth(arm, model))
+    speed = np.linalg.solve(np.array(COUPLING), signals.velocity.T).T
+    slow = np.abs(speed) < 0.05
+    spoilt = replace(signals, torque_nm=np.where(slow, 1000.0, signals.torque_nm))
+    clean, other = (estimate_smoothed(robot, [s], standstill_rad_s=0.05) for s in (signals, spoilt))
+    np.testing.assert_allclose(clean.left_out_fraction, slow.mean(axis=0))
+    np.testing.assert_array_equal(clean.values, other.values)
+
+
+class TestTemperature:
+    @pytest.fixture
+    def robot(self, arm: Any) -> RobotDescription:
+        return with_joints(arm.robot, friction=WARM, reference_temperature_k=300.0)
+
+    @pytest.fixture
+    def theta(self, arm: Any, robot: RobotDescription) -> np.ndarray:
+        slopes = {
+            f"{s}_axis{j}": -size / j for j in (1, 2, 3) for s, size in (("fcT", 0.3), ("fvT", 0.8))
+        }
+        return truth(arm, RobotModel.from_description(robot), **slopes)
+
+    @pytest.fixture
+    def signals(self, arm: Any, robot: RobotDescription, theta: np.ndarray) -> SmoothedSignals:
+        warming = np.linspace(295.0, 320.0, 3000)[:, np.newaxis] + np.array([0.0, 2.0, 5.0])
+        conditions = Conditions(temperature_k=warming)
+        return measured(arm, RobotModel.from_description(robot), theta, conditions)
+
+    def test_friction_that_falls_with_warmth_is_recovered(
+        self, robot: RobotDescription, theta: np.ndarray, signals: SmoothedSignals
+    ) -> None:
+        estimate = estimate_smoothed(robot, [signals])
+        assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
+        np.testing.assert_allclose(estimate.residual_nm, NOISE_NM, rtol=0.06)
+
+    def test_validation_predicts_at_the_recorded_temperature(
+        self, robot: RobotDescription, theta: np.ndarray, signals: SmoothedSignals
+    ) -> None:
+        estimate = estimate_smoothed(robot, [signals])
+        recording = Recording(
+            joint_names=signals.joint_names,
+            time_s=signals.time_s,
+            position=signals.position,
+            torque_nm=signals.torque_nm,
+            temperature_k=signals.temperature_k,
+            valid=np.ones(len(signals), dtype=np.bool_),
+            phase=np.zeros(len(signals), dtype=np.uint8),
+            sample_index=np.full(len(signals), -1),
+            source="import",
+        )
+        validation = validate(estimate, recording)
+        assert np.all(validation.rms_nm < NOISE_NM)
+        with pytest.raises(EstimationError, match="depends on the drive's temperature"):
+            validate(estimate, replace(recording, temperature_k=None))
+
+
+def test_a_payload_is_told_from_the_last_link_by_runs_with_and_without(arm: Any) -> None:
+    options = ModelOptions(payload=True)
+    model = options.build(arm.robot)
+    body = dict.fromkeys(model.parameter_names[-10:], 0.0) | {"mL": 5.0, "sxL": 3.0, "IzzL": 2.5}
+    theta = truth(arm, model, **body)
+    carried = Conditions(payload=True)
+    signals = [measured(arm, model, theta), measured(arm, model, theta, carried, seed=1)]
+    estimate = estimate_smoothed(arm.robot, signals, options=options, payload=[False, True])
+    assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
+    found = dict(zip(estimate.base.names, deviations(estimate, theta), strict=True))
+    assert any(name.endswith("L") for name in found)
+
+
+def test_a_gears_efficiency_is_recovered(arm: Any) -> None:
+    """Behind the gear are the arm's links and spring; its friction is not."""
+    robot = with_joints(arm.robot, efficiency=0.95, rotor=None)
+    model = RobotModel.from_description(robot).with_shape([0.7, 0.8, 0.75])
+    theta = truth(arm, model)
+    estimate = estimate_smoothed(robot, [measured(arm, model, theta)])
+    assert estimate.options.shape is not None
+    np.testing.assert_allclose(estimate.options.shape, [0.7, 0.8, 0.75], atol=0.02)
+    assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
+
+
+class TestBaseParameters:
+    def test_a_coupling_hides_no_link_parameter_and_shows_none(self, arm: Any) -> None:
+        """C can be inverted: the actuators' torques say what the joints' do."""
+        coupled = arm.robot.model_copy(update={"coupling": COUPLING})
+        words = [
+            base_parameters(
+                RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
+            ).words
+            for robot in (arm.robot, coupled)
+        ]
+        assert words[0] == words[1]
+        assert len(words[0]) == 15
+
+    def test_a_fourier_springs_first_harmonic_takes_link_2s_gravity(self, arm: Any) -> None:
+        """(3.37) merges as the physical spring does: the cosine with sy2, the sine with sx2."""
+        spring = arm.robot.spring.model_copy(update={"form": "fourier"})
+        robot = arm.robot.model_copy(update={"spring": spring})
+        base = base_parameters(RobotModel.from_description(robot, rotors=False, friction=False))
+        assert len(base) == 15 - 2 + 6
+        assert "A1_spring - 9.81 sy2" in base.words
+        assert "B1_spring - 9.81 sx2 - 4.7088 m3" in base.words  # 9.81 x 0.480
+
+    def test_all_of_a_payload_and_of_every_friction_are_seen(self, arm: Any) -> None:
+        terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
+        model = ModelOptions(payload=True, friction_terms=terms).build(arm.robot)
+        base = base_parameters(model)
+        groups = model.parameter_groups
+        for group in ("payload", "friction"):
+            assert set(model.parameter_names[groups[group]]) <= set(base.words)
+
+    def test_a_plain_armature_merges_as_a_rotor_does(self, arm: Any) -> None:
+        robot = with_joints(arm.robot, rotor=None, armature=True)
+        model = RobotModel.from_description(robot, friction=False, spring=False)
+        base = base_parameters(model)
+        assert "Izz1 + Iyy2 + 0.2304 m3 + Iyy3 + Ia1" in base.words
+        assert "Izz2 + 0.2304 m3 + Ia2" in base.words
+        assert "Ia3" in base.words

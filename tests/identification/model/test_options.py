@@ -1,0 +1,50 @@
+"""Which terms an estimate's model has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.errors import EstimationError
+from config.load import load_robot
+from dynamics.model.robot_model import RobotModel
+from identification.model.options import ModelOptions
+
+
+@pytest.fixture
+def robot():
+    return load_robot("ir361")
+
+
+def test_by_default_the_robot_file_chooses(robot) -> None:
+    model = ModelOptions().build(robot)
+    assert model.parameter_names == RobotModel.from_description(robot).parameter_names
+
+
+def test_friction_terms_replace_those_of_every_joint(robot) -> None:
+    model = ModelOptions(friction_terms=("asymmetric", "stribeck")).build(robot)
+    names = model.parameter_names[model.parameter_groups["friction"]]
+    assert names == tuple(f"{symbol}_axis{j}" for j in (1, 2, 3) for symbol in ("fcp", "fcn", "fs"))
+    assert model.shape_names == ("vs_axis1", "vs_axis2", "vs_axis3")
+    assert robot.joints[0].friction == ("coulomb", "viscous")
+
+
+def test_no_friction_terms_are_no_friction(robot) -> None:
+    assert "friction" not in ModelOptions(friction_terms=()).build(robot).parameter_groups
+
+
+def test_a_payload_is_added_behind(robot) -> None:
+    model = ModelOptions(payload=True).build(robot)
+    assert model.parameter_groups["payload"].stop == len(model.parameter_names)
+
+
+def test_shape_sets_the_nonlinear_parameters(robot) -> None:
+    options = ModelOptions(friction_terms=("stribeck",), shape=(0.1, 0.2, 0.3))
+    np.testing.assert_array_equal(options.build(robot).shape_values, [0.1, 0.2, 0.3])
+    with pytest.raises(EstimationError, match=r"3 shape parameters \(vs_axis1, vs_axis2, vs_axis3"):
+        ModelOptions(friction_terms=("stribeck",), shape=(0.1,)).build(robot)
+
+
+def test_terms_of_contradicting_kinds_are_refused(robot) -> None:
+    with pytest.raises(EstimationError, match="asymmetric and coulomb"):
+        ModelOptions(friction_terms=("asymmetric", "coulomb")).build(robot)

@@ -1,0 +1,107 @@
+"""The motion that is searched for payload sessions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.motion.plan import plan_motion
+from config.errors import ConfigError
+from config.load import load_cell, load_robot
+from config.motion.motion import FourierMotion
+from config.robot.bodies import Plane, Workspace
+from dynamics.geometry.clearances import Clearances
+from dynamics.model.cad import cad_parameters
+from dynamics.model.robot_model import torque
+from identification.design.two_harmonic import design_two_harmonic
+from identification.payload.motion import LASTING_SHARE, PayloadSearch, design_payload_motion
+
+CYCLE_S = 0.012
+PERIOD_S = 7.2
+
+
+@pytest.fixture(scope="module")
+def search() -> PayloadSearch:
+    return PayloadSearch(load_robot("kr15"), PERIOD_S, CYCLE_S)
+
+
+@pytest.fixture(scope="module")
+def found(search: PayloadSearch) -> FourierMotion:
+    return design_payload_motion(search, seed=1, periods=3, draws=100, steps=1000)
+
+
+def worth(search: PayloadSearch, motion: FourierMotion) -> float:
+    return search.worth(search.coefficients_of(motion))
+
+
+def test_it_shows_payloads_much_better_than_a_motion_made_for_the_robot(
+    search: PayloadSearch, found: FourierMotion
+) -> None:
+    general = design_two_harmonic(
+        search.robot, PERIOD_S, CYCLE_S, highest_harmonic=6, limit_fraction=0.4, tries=20, seed=1
+    )
+    # The worth is the log of a variance: a tenth of it is a third of the deviation.
+    assert worth(search, found) < worth(search, general) - 1.0
+
+
+def test_it_stays_within_its_shares_of_the_limits(
+    search: PayloadSearch, found: FourierMotion
+) -> None:
+    samples = plan_motion(found, search.robot, CYCLE_S)
+    for j, joint in enumerate(search.robot.joints):
+        limits = joint.limits
+        middle = 0.5 * (limits.position_max + limits.position_min)
+        half = 0.5 * (limits.position_max - limits.position_min)
+        assert np.abs(samples.position[:, j] - middle).max() <= search.position_share * half + 1e-4
+        assert np.abs(samples.velocity[:, j]).max() <= search.speed_share * limits.velocity + 1e-4
+
+
+def test_no_motor_bears_more_for_long_than_it_can(
+    search: PayloadSearch, found: FourierMotion
+) -> None:
+    model = search.model.model
+    samples = plan_motion(found, search.robot, CYCLE_S)
+    nm = torque(
+        model,
+        samples.position,
+        samples.velocity,
+        samples.acceleration,
+        cad_parameters(model, search.robot)[0],
+        search.conditions,
+    )
+    lasting = np.sqrt(np.mean(nm**2, axis=0))
+    limits = np.array([joint.limits.torque for joint in search.robot.joints])
+    assert (lasting <= 1.25 * LASTING_SHARE * limits).all()
+
+
+def test_it_keeps_clear_of_what_the_cell_file_tells() -> None:
+    robot = load_robot("kr15")
+    floor = Plane(name="floor", normal=(0.0, 0.0, 1.0), offset_m=0.3)
+    low = PayloadSearch(robot, PERIOD_S, CYCLE_S, workspace=Workspace(planes=(floor,)))
+    motion = design_payload_motion(low, seed=2, periods=2, draws=60, steps=150)
+    path = plan_motion(motion, robot, CYCLE_S).position
+    clearances = Clearances.of(robot, low.workspace)
+    assert (clearances.nearest(path) >= clearances.margin_m).all()
+
+
+def test_the_same_seed_gives_the_same_motion(search: PayloadSearch) -> None:
+    one, again, other = (
+        design_payload_motion(search, seed=seed, periods=2, draws=20, steps=20)
+        for seed in (5, 5, 6)
+    )
+    assert one == again
+    assert one != other
+
+
+def test_where_there_is_no_room_it_says_so() -> None:
+    wall = Plane(name="ceiling", normal=(0.0, 0.0, -1.0), offset_m=-0.4)
+    with pytest.raises(ConfigError, match="none of 20 motions shows a payload and keeps clear"):
+        design_payload_motion(
+            PayloadSearch(
+                load_robot("kr15"), PERIOD_S, CYCLE_S, workspace=Workspace(planes=(wall,))
+            ),
+            draws=20,
+            steps=5,
+        )
+    with pytest.raises(ConfigError, match="harmonics 1 must be at least 2"):
+        PayloadSearch(load_cell("kr15").robot, PERIOD_S, CYCLE_S, harmonics=1)

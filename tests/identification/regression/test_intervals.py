@@ -1,0 +1,70 @@
+"""Intervals from clusters of residuals, judged by leaving clusters out for real."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.errors import EstimationError
+from identification.regression.intervals import Cluster, jackknife
+
+
+@pytest.fixture
+def lumps() -> tuple[np.ndarray, np.ndarray, list[slice]]:
+    """Three parameters, 30 clusters of 8 rows that share an error."""
+    random = np.random.default_rng(4)
+    matrix = random.normal(size=(240, 3))
+    error = np.repeat(random.normal(size=30), 8) + 0.1 * random.normal(size=240)
+    return (
+        matrix,
+        matrix @ np.array([1.0, -2.0, 0.5]) + error,
+        [slice(8 * c, 8 * c + 8) for c in range(30)],
+    )
+
+
+def test_it_is_what_leaving_out_each_cluster_gives(lumps) -> None:
+    matrix, rhs, clusters = lumps
+    values = np.linalg.lstsq(matrix, rhs, rcond=None)[0]
+    changes = []
+    for rows in clusters:
+        keep = np.ones(len(rhs), bool)
+        keep[rows] = False
+        changes.append(np.linalg.lstsq(matrix[keep], rhs[keep], rcond=None)[0] - values)
+    expected = 29.0 / 30.0 * np.transpose(changes) @ np.array(changes)
+    residual = rhs - matrix @ values
+    found = jackknife(
+        matrix.T @ matrix, (Cluster.of(matrix[rows], residual[rows]) for rows in clusters)
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_it_tells_lumps_from_independent_rows() -> None:
+    """A mean of 400 lumps of ten equal errors is as uncertain as 400 values are."""
+    random = np.random.default_rng(2)
+    error = np.repeat(random.normal(size=400), 10)
+    ones = np.ones((len(error), 1))
+    residual = error - error.mean()
+    clusters = (Cluster.of(ones[k : k + 10], residual[k : k + 10]) for k in range(0, 4000, 10))
+    sigma = np.sqrt(jackknife(ones.T @ ones, clusters)[0, 0])
+    assert sigma == pytest.approx(1.0 / np.sqrt(400), rel=0.1)
+    assert sigma > 2.5 * np.sqrt(error.var() / len(error))
+
+
+def test_parameters_of_any_size_are_served_alike(lumps) -> None:
+    matrix, rhs, clusters = lumps
+    size = np.array([1e-6, 1.0, 1e6])
+
+    def covariance(columns: np.ndarray) -> np.ndarray:
+        values = np.linalg.lstsq(columns, rhs, rcond=None)[0]
+        residual = rhs - columns @ values
+        parts = (Cluster.of(columns[rows], residual[rows]) for rows in clusters)
+        return jackknife(columns.T @ columns, parts)
+
+    np.testing.assert_allclose(
+        covariance(matrix * size) * np.outer(size, size), covariance(matrix), rtol=1e-6
+    )
+
+
+def test_a_single_stretch_says_nothing() -> None:
+    with pytest.raises(EstimationError, match="at least two stretches"):
+        jackknife(np.eye(1), [Cluster(np.eye(1), np.ones(1))])

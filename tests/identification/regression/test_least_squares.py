@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from config.errors import EstimationError
+from identification.regression.least_squares import Triangle, solve
+
+NAMES = ("a", "b", "c")
+
+
+@pytest.fixture
+def equations() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    random = np.random.default_rng(0)
+    matrix = random.normal(size=(200, 3))
+    return matrix, matrix @ np.array([1.0, -2.0, 3.0]) + 0.1 * random.normal(size=200)
+
+
+def test_blocks_give_what_all_rows_at_once_do(
+    equations: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> None:
+    matrix, rhs = equations
+    triangle = Triangle.empty(3)
+    for start in range(0, 200, 7):
+        triangle = triangle.add(matrix[start : start + 7], rhs[start : start + 7])
+    solution = solve([triangle], [1.0], NAMES)
+    expected = np.linalg.lstsq(matrix, rhs, rcond=None)[0]
+    np.testing.assert_allclose(solution.values, expected, rtol=1e-12)
+    np.testing.assert_allclose(solution.covariance, np.linalg.inv(matrix.T @ matrix), rtol=1e-10)
+    assert solution.rows == 200
+    assert triangle.residual_sum(expected) == pytest.approx(np.sum((rhs - matrix @ expected) ** 2))
+
+
+def test_a_channel_weighs_by_one_over_its_noise() -> None:
+    random = np.random.default_rng(1)
+    matrix = random.normal(size=(2, 30, 3))
+    rhs = random.normal(size=(2, 30))
+    triangles = [Triangle.empty(3).add(m, r) for m, r in zip(matrix, rhs, strict=True)]
+    solution = solve(triangles, [1.0, 10.0], NAMES)
+    weight = np.array([1.0, 10.0])
+    expected = np.linalg.lstsq(
+        (matrix * weight[:, None, None]).reshape(-1, 3), (rhs * weight[:, None]).ravel(), rcond=None
+    )[0]
+    np.testing.assert_allclose(solution.values, expected, rtol=1e-12)
+
+
+def test_digits_survive_where_normal_equations_lose_them_all() -> None:
+    # Laeuchli's matrix: A^T A is exactly singular in double precision.
+    small = 1e-9
+    matrix = np.vstack([np.ones((1, 3)), small * np.eye(3)])
+    truth = np.array([1.0, 2.0, 3.0])
+    normal = matrix.T @ matrix
+    assert np.linalg.matrix_rank(normal) == 1
+    values = solve([Triangle.empty(3).add(matrix, matrix @ truth)], [1.0], NAMES).values
+    np.testing.assert_allclose(values, truth, rtol=1e-5)
+
+
+def test_the_condition_number_is_of_the_columns_at_length_one() -> None:
+    matrix = np.eye(4)[:, :3] * np.array([1.0, 1e6, 1e-6])
+    triangle = Triangle.empty(3).add(matrix, np.ones(4))
+    assert solve([triangle], [1.0], NAMES).condition_number == pytest.approx(1.0)
+
+
+def test_too_few_equations_are_refused() -> None:
+    triangle = Triangle.empty(3).add(np.eye(3), np.ones(3))
+    with pytest.raises(EstimationError, match="3 equations are left for 3 parameters"):
+        solve([triangle], [1.0], NAMES)
+
+
+def test_a_parameter_that_never_shows_is_named() -> None:
+    matrix = np.random.default_rng(0).normal(size=(9, 3)) * np.array([1.0, 0.0, 1.0])
+    with pytest.raises(EstimationError, match="does not show b"):
+        solve([Triangle.empty(3).add(matrix, np.ones(9))], [1.0], NAMES)
+
+
+def test_two_that_look_alike_are_named() -> None:
+    matrix = np.random.default_rng(0).normal(size=(9, 3))
+    matrix[:, 2] = 2.0 * matrix[:, 0]
+    with pytest.raises(EstimationError, match=r"does not tell .*(a, c|c, a)"):
+        solve([Triangle.empty(3).add(matrix, np.ones(9))], [1.0], NAMES)
+
+
+def test_columns_that_a_channel_does_not_depend_on_may_be_left_out(equations) -> None:
+    matrix, rhs = equations
+    other = np.zeros((50, 3))
+    other[:, 1] = np.linspace(1.0, 2.0, 50)
+    whole = [Triangle.empty(3).add(matrix, rhs), Triangle.empty(3).add(other, np.ones(50))]
+    narrow = Triangle.empty(3, np.array([1])).add(other[:, [1]], np.ones(50))
+    expected = solve(whole, [1.0, 2.0], NAMES)
+    solution = solve([whole[0], narrow], [1.0, 2.0], NAMES)
+    np.testing.assert_allclose(solution.values, expected.values, rtol=1e-12)
+    assert narrow.residual_sum(solution.values) == pytest.approx(
+        whole[1].residual_sum(solution.values)
+    )
+
+
+def test_the_first_parameters_can_be_solved_for_alone(equations) -> None:
+    matrix, rhs = equations
+    solution = solve([Triangle.empty(3).add(matrix, rhs)], [1.0], NAMES)
+    values, cost = solution.leading(2)
+    expected, residual, *_ = np.linalg.lstsq(matrix[:, :2], rhs, rcond=None)
+    np.testing.assert_allclose(values, expected, rtol=1e-10)
+    assert cost == pytest.approx(residual[0])
+
+
+def test_equations_that_are_not_finite_are_refused(equations) -> None:
+    matrix, rhs = equations
+    with pytest.raises(EstimationError, match="not finite"):
+        Triangle.empty(3).add(matrix, np.where(rhs > 0.0, np.nan, rhs))

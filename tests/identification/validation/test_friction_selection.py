@@ -1,0 +1,105 @@
+"""Choosing friction terms by cross-validation, on arms whose friction is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.errors import EstimationError
+from config.load import load_robot
+from dynamics.model.robot_model import RobotModel, torque
+from identification.equations.segments import cut
+from identification.validation.friction_selection import (
+    CLASSICAL,
+    Comparison,
+    choose_friction,
+    with_friction,
+)
+
+TRUTH = (CLASSICAL, (*CLASSICAL, "offset", "cubic"), (*CLASSICAL, "offset", "cube_root"))
+CANDIDATES = (
+    CLASSICAL,
+    (*CLASSICAL, "offset"),
+    (*CLASSICAL, "offset", "cubic"),
+    (*CLASSICAL, "offset", "cube_root"),
+    (*CLASSICAL, "offset", "cube_root", "cubic"),
+)
+
+
+@pytest.fixture(scope="module")
+def signals() -> SmoothedSignals:
+    robot = with_friction(load_robot("ir361"), TRUTH)
+    model = RobotModel.from_description(robot)
+    random = np.random.default_rng(1)
+    values = random.uniform(0.5, 1.0, len(model.parameter_names))
+    friction = model.parameter_groups["friction"]
+    values[friction] *= 20.0
+    time_s = 0.01 * np.arange(6000)
+    omega = 2.0 * np.pi / 20.0 * np.arange(1, 8)
+    sine, cosine = 0.3 * random.normal(size=(2, 7, 3))
+    s, c = np.sin(np.outer(time_s, omega)), np.cos(np.outer(time_s, omega))
+    q, v = s @ sine + c @ cosine, (c * omega) @ sine - (s * omega) @ cosine
+    a = -(s * omega**2) @ sine - (c * omega**2) @ cosine
+    return SmoothedSignals(
+        joint_names=robot.joint_names,
+        time_s=time_s,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        torque_nm=torque(model, q, v, a, values) + random.normal(size=q.shape),
+        segment=np.zeros(len(q), dtype=np.int64),
+        sample_period_s=0.01,
+        cutoff_hz=10.0,
+    )
+
+
+@pytest.fixture(scope="module")
+def comparison(signals: SmoothedSignals) -> Comparison:
+    return choose_friction(load_robot("ir361"), [signals], candidates=CANDIDATES)
+
+
+def test_each_joint_gets_the_terms_that_it_has(comparison: Comparison) -> None:
+    assert comparison.chosen == TRUTH
+
+
+def test_the_error_on_parts_left_out_is_the_noise(comparison: Comparison) -> None:
+    np.testing.assert_allclose(comparison.together.error_nm, 1.0, atol=0.05)
+    assert comparison.trials[0].error_nm[1] > 1.2
+
+
+def test_the_criteria_prefer_each_joint_s_own(comparison: Comparison) -> None:
+    assert comparison.together.bic == min(t.bic for t in (*comparison.trials, comparison.together))
+
+
+def test_the_robot_carries_the_choice(comparison: Comparison) -> None:
+    robot = comparison.robot(load_robot("ir361"))
+    assert tuple(joint.friction for joint in robot.joints) == TRUTH
+
+
+def test_the_watcher_hears_of_every_model(signals: SmoothedSignals) -> None:
+    heard: list[tuple[int, int]] = []
+    choose_friction(
+        load_robot("ir361"),
+        cut(signals, 2),
+        candidates=CANDIDATES[:2],
+        folds=2,
+        watch=lambda done, total, _: heard.append((done, total)),
+    )
+    assert heard[:2] == [(0, 3), (1, 3)]
+    assert set(heard[2:]) <= {(2, 3)}
+
+
+def test_nothing_to_leave_out_is_told(signals: SmoothedSignals) -> None:
+    with pytest.raises(EstimationError, match="two parts"):
+        choose_friction(load_robot("ir361"), [signals], folds=1)
+    with pytest.raises(EstimationError, match="and candidates"):
+        choose_friction(load_robot("ir361"), [signals], candidates=())
+
+
+def test_parts_are_the_recording(signals: SmoothedSignals) -> None:
+    parts = cut(signals, 7)
+    np.testing.assert_array_equal(np.concatenate([p.time_s for p in parts]), signals.time_s)
+    assert replace(parts[0]).cutoff_hz == signals.cutoff_hz

@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from acquisition.processing.periods import average_periods
+from acquisition.recording.recording import Recording
+from config.cell.cell import ButterworthFilter
+from identification.estimation.estimators import estimate_periodic
+from identification.validation.period_comparison import compare_period
+
+
+def test_a_true_model_leaves_noise_and_no_more(arm: Any, measure: Callable[..., Recording]) -> None:
+    average = average_periods(measure(torque_filter=ButterworthFilter(order=8, cutoff_hz=40.0)))
+    comparison = compare_period(estimate_periodic(arm.robot, [average]), average)
+    samples, bins = average.samples_per_period, len(comparison.frequency_hz)
+    assert comparison.frequency_hz[-1] == 10.0
+    assert comparison.measured_nm.shape == comparison.predicted_nm.shape == (samples, 3)
+    assert comparison.residual_spectrum_nm.shape == (bins, 3)
+
+    error = comparison.measured_nm - comparison.predicted_nm
+    # The spectrum holds the same energy as the signal over time.
+    for signal, spectrum in (
+        (error, comparison.residual_spectrum_nm),
+        (comparison.measured_nm, comparison.measured_spectrum_nm),
+    ):
+        np.testing.assert_allclose(
+            np.mean(signal**2, axis=0), np.sum(spectrum**2, axis=0), rtol=1e-9
+        )
+    residual, noise, measured = (
+        np.sqrt(np.sum(spectrum**2, axis=0))
+        for spectrum in (
+            comparison.residual_spectrum_nm,
+            comparison.noise_spectrum_nm,
+            comparison.measured_spectrum_nm,
+        )
+    )
+    assert (residual < 1.2 * noise).all()
+    assert (residual > 0.6 * noise).all()
+    assert (measured > 30.0 * noise).all()

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.processing.periods import average_periods
+from acquisition.recording.recording import Recording
+from config.cell.cell import ButterworthFilter
+from config.errors import DataQualityError, EstimationError
+from identification.design.two_harmonic import design_two_harmonic
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_periodic
+from identification.model.options import ModelOptions
+from identification.validation.reaction_prediction import validate_reaction
+from rid_daq.jobs.truth import true_parameters
+
+Weigh = Callable[..., Recording]
+FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
+
+
+@pytest.fixture(scope="module")
+def estimate(arm: Any, weigh: Weigh) -> Estimate:
+    average = average_periods(weigh(0, torque_filter=FILTER))
+    return estimate_periodic(arm.robot, [average], options=ModelOptions(kind="combined"))
+
+
+@pytest.fixture(scope="module")
+def other(arm: Any, weigh: Weigh) -> Recording:
+    """Another motion on a plate with offset, drift and a delay."""
+    motion = design_two_harmonic(
+        arm.robot, 7.0, 0.008, highest_harmonic=5, tries=50, seed=5, periods=4
+    )
+    plate = {"offset_n": 20.0, "drift_n_s": 0.05, "delay_s": 0.002}
+    return weigh(3, torque_filter=FILTER, periods=4, motion=motion, plate=plate)
+
+
+def test_the_reaction_is_predicted_as_well_as_the_truth_can(
+    cell: Any, estimate: Estimate, other: Recording
+) -> None:
+    """Within 1.3 times the floor (issue 4), for the noise and for the true parameters."""
+    found = validate_reaction(estimate, other)
+    truth = estimate.base.from_standard(true_parameters(estimate.model, cell.robot, cell.plant))
+    floor = validate_reaction(replace(estimate, values=truth), other)
+    assert (found.rms <= 1.3 * floor.rms).all()
+    assert found.noise is not None
+    assert (found.rms <= 1.3 * found.noise).all()
+    assert (found.relative_percent < 1.0).all()
+    assert found.delay_s == pytest.approx(0.002, abs=100e-6)
+    assert "2.0" in found.sentence
+
+
+def test_a_wrong_model_is_seen(estimate: Estimate, other: Recording) -> None:
+    wrong = estimate.values.copy()
+    wrong[estimate.base.names.index("sx2")] *= 1.05
+    found = validate_reaction(replace(estimate, values=wrong), other)
+    right = validate_reaction(estimate, other)
+    assert found.rms[4] > 3.0 * right.rms[4]
+
+
+def test_overloads_do_not_count(estimate: Estimate, other: Recording) -> None:
+    reaction = other.reaction
+    assert reaction is not None
+    valid, channels = reaction.valid.copy(), reaction.channels_n.copy()
+    valid[1000:1100, 2], channels[1000:1100, 2] = False, 9999.0
+    holed = replace(reaction, valid=valid, channels_n=channels)
+    found = validate_reaction(estimate, replace(other, reaction=holed))
+    plain = validate_reaction(estimate, other)
+    assert 0.8 < found.counted.mean() < 1.0
+    np.testing.assert_allclose(found.rms, plain.rms, rtol=0.1)
+
+
+def test_a_plate_that_was_mostly_in_overload_is_refused(
+    estimate: Estimate, other: Recording
+) -> None:
+    reaction = other.reaction
+    assert reaction is not None
+    valid = reaction.valid.copy()
+    valid[:, 5] = False
+    with pytest.raises(DataQualityError, match="channel fz2"):
+        validate_reaction(estimate, replace(other, reaction=replace(reaction, valid=valid)))
+
+
+def test_needs_a_plate_and_a_model_that_knows_it(
+    arm: Any, estimate: Estimate, other: Recording
+) -> None:
+    with pytest.raises(DataQualityError, match="nothing of a force plate"):
+        validate_reaction(estimate, replace(other, reaction=None))
+    internal = estimate_periodic(arm.robot, [average_periods(other)])
+    with pytest.raises(EstimationError, match="combined model"):
+        validate_reaction(internal, other)

@@ -1,0 +1,296 @@
+"""The amplifier behind a real serial port: line time, baud rates and every fault of the line.
+
+Bytes come out of a pseudo-terminal and are judged by the driver's parser.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import serial
+
+from config.cell.amplifier_profile import AmplifierProfile
+from config.cell.plate import PlateConfig
+from config.load import load_bundled_or_path, load_cell
+from config.simulation.plant import SimulatedPlate
+from drivers.amplifier.simulated_arrivals import ArrivalReader, arrivals_path
+from drivers.amplifier.stream import AmplifierStream, PlateBlock
+from mock_hw.amplifier.line_faults import FaultKind, LineFault, LineFaults
+from mock_hw.amplifier.port import AmplifierPort, PlateSettings
+
+PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
+REST = np.array([0.0, 0.0, -900.0, 0.0, 0.0, 0.0])
+SET_UP = b"RG5000\rSE-7.5\rLP200\rSR1000\rSF1\rRO1\rST1\r"
+
+
+@pytest.fixture(scope="module")
+def plate() -> PlateConfig:
+    plate = load_cell("ir361").config.plate
+    assert plate is not None
+    return plate
+
+
+class Bench:
+    """A port, the computer's end of it, and a clock that the test turns."""
+
+    def __init__(self, path: Path, plate: PlateConfig, **options: Any) -> None:
+        realtime = options.pop("realtime", False)
+        truth = SimulatedPlate(
+            sensitivity_pc_n=plate.amplifier.sensitivity_pc_n,
+            line_jitter_s=options.pop("jitter", 0.0),
+        )
+        self.path = path
+        self.port = AmplifierPort(
+            PlateSettings(plate, PROFILE, truth, path, **options), realtime=realtime
+        )
+        self.plug()
+
+    def say(self, command: bytes) -> bytes:
+        self.computer.write(command)
+        self.port.receive(self.port.read(), REST)
+        return self.heard()
+
+    def start(self) -> None:
+        assert self.say(SET_UP) == b"OK\r" * 7
+
+    def plug(self, baud_rate: int = 460800) -> None:
+        """Open the port at the computer's end."""
+        self.computer = serial.Serial(str(self.path), baud_rate, timeout=0.0)
+        self._seen = self.port.passed_bytes
+
+    def run(self, duration_s: float, step_s: float = 0.008) -> bytes:
+        """Let time pass; return what the computer has heard meanwhile."""
+        heard = b""
+        for step in range(round(duration_s / step_s)):
+            end_s = self.port.time_s + step_s
+            self.port.advance(end_s, [end_s], [REST])
+            heard += self.heard() if step % 8 == 7 else b""
+        return heard + self.heard()
+
+    def heard(self) -> bytes:
+        """Return all that the port has handed over since."""
+        data = b""
+        while self._seen < self.port.passed_bytes:
+            assert select.select([self.computer.fileno()], [], [], 20.0)[0]
+            try:
+                more = os.read(self.computer.fileno(), 65536)
+            except OSError:
+                more = b""
+            if not more:  # hung up: the rest is lost
+                self._seen = self.port.passed_bytes
+            self._seen += len(more)
+            data += more
+        return data
+
+    def close(self) -> None:
+        self.computer.close()
+        self.port.close()
+
+
+@pytest.fixture
+def make(tmp_path: Path, plate: PlateConfig) -> Iterator[Any]:
+    benches = []
+
+    def one(**options: Any) -> Bench:
+        benches.append(Bench(tmp_path / f"port{len(benches)}", plate, **options))
+        return benches[-1]
+
+    yield one
+    for bench in benches:
+        bench.close()
+    assert [*tmp_path.iterdir()] == []
+
+
+def parsed(data: bytes) -> tuple[PlateBlock, AmplifierStream]:
+    stream = AmplifierStream(PROFILE, "binary", 1000.0)
+    return stream.feed(data), stream
+
+
+def with_fault(make: Any, *faults: LineFault, seed: int = 3) -> tuple[PlateBlock, AmplifierStream]:
+    bench = make(faults=LineFaults(faults, seed))
+    bench.start()
+    return parsed(bench.run(0.4))
+
+
+def test_a_healthy_line_brings_every_row(make: Any) -> None:
+    bench = make()
+    assert bench.say(b"ID?\r").startswith(b"rid-daq,")
+    bench.start()
+    assert bench.port.watches
+    assert bench.port.works
+    block, stream = parsed(bench.run(0.4))
+    assert block.rows["sequence"].tolist() == list(range(400))
+    assert stream.counts.garbage_bytes == stream.counts.bad_frames == 0
+    assert abs(block.rows["counts"]).max() == 0, "zero is what it felt at operate"
+
+
+def test_a_rows_arrival_is_its_time_on_the_line_after_its_time(make: Any) -> None:
+    bench = make()
+    bench.start()
+    rows = parsed(bench.run(0.2))[0].rows
+    with ArrivalReader(arrivals_path(str(bench.path))) as arrivals:
+        arrived_s = arrivals.time_s(rows["sequence"])
+    np.testing.assert_allclose(arrived_s - rows["ticks"] * 1e-6, 28 * 10 / 460800, atol=1e-6)
+
+
+def test_arrivals_do_not_depend_on_how_time_was_cut_or_on_who_asked_the_time(make: Any) -> None:
+    one, two = make(jitter=0.005), make(jitter=0.005)
+    for bench in (one, two):
+        bench.start()
+    one_rows = parsed(one.run(0.24))[0].rows
+    data = two.run(0.12, 0.003)
+    two.say(b"")
+    data += two.say(b"TM?\r") + two.run(0.12, 0.012)
+    two_rows = parsed(data)[0].rows
+    assert (one_rows == two_rows).all()
+    with (
+        ArrivalReader(arrivals_path(str(one.path))) as first,
+        ArrivalReader(arrivals_path(str(two.path))) as second,
+    ):
+        sequence = one_rows["sequence"]
+        assert (first.time_s(sequence) == second.time_s(sequence)).all()
+
+
+def test_in_real_time_bytes_are_held_until_they_have_arrived(make: Any) -> None:
+    bench = make(realtime=True)
+    assert not arrivals_path(str(bench.path)).exists()
+    assert bench.say(b"RO?\r") == b"", "two bytes take 43 us"
+    assert bench.port.next_s < 0.002
+    bench.port.pass_on(0.0005)
+    assert bench.heard() == b"0\r"
+    bench.computer.write(b"RO?\r")
+    bench.port.receive(bench.port.read(), REST, 0.5)
+    bench.port.pass_on(0.50001)
+    assert bench.heard() == b""
+    bench.port.pass_on(0.6)
+    assert bench.heard() == b"0\r"
+    assert bench.port.next_s == np.inf
+
+
+def test_another_baud_rate_is_garbage_both_ways(make: Any) -> None:
+    bench = make()
+    bench.computer.baudrate = 9600
+    assert b"rid-daq" not in bench.say(b"ID?\r\r\r")
+    bench.computer.baudrate = 460800
+    bench.say(b"\r")
+    bench.start()
+    bench.computer.baudrate = 115200
+    data = bench.run(0.2)
+    assert len(data) == 200 * 28
+    assert len(parsed(data)[0].rows) == 0
+    bench.computer.baudrate = 460800
+    assert len(parsed(bench.run(0.2))[0].rows) == 200
+
+
+def test_an_amplifier_that_is_set_otherwise_answers_at_its_own_rate(make: Any) -> None:
+    bench = make(baud_rate=115200)
+    assert bench.say(b"RO?\r") != b"0\r"
+    bench.computer.baudrate = 115200
+    bench.say(b"\r")
+    assert bench.say(b"RO?\r") == b"0\r"
+
+
+@pytest.mark.parametrize("kind", [FaultKind.GARBAGE, FaultKind.NULS])
+def test_garbage_between_rows_costs_no_row(make: Any, kind: FaultKind) -> None:
+    block, stream = with_fault(make, LineFault(kind, 100, 5000))
+    assert block.rows["sequence"].tolist() == list(range(400))
+    assert stream.counts.garbage_bytes == 5000
+
+
+@pytest.mark.parametrize("kind", [FaultKind.LOST_BYTES, FaultKind.TORN_ROW, FaultKind.BAD_CHECKSUM])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_damaged_row_costs_itself_and_at_most_one_more(
+    make: Any, kind: FaultKind, seed: int
+) -> None:
+    block, _ = with_fault(
+        make, LineFault(kind, 100, 3 if kind is FaultKind.LOST_BYTES else 1), seed=seed
+    )
+    missing = set(range(400)) - set(block.rows["sequence"].tolist())
+    assert 100 in missing
+    assert missing <= {100, 101}
+
+
+def test_a_gap_is_as_long_as_it_was_said(make: Any) -> None:
+    block, stream = with_fault(make, LineFault(FaultKind.GAP, 100, 7))
+    assert (np.diff(block.rows["sequence"]) > 1).sum() == 1
+    assert len(block.rows) == 393
+    assert (stream.counts.gaps, stream.counts.rows_lost) == (1, 7)
+
+
+def test_a_stall_delays_and_loses_nothing(make: Any) -> None:
+    bench = make(faults=LineFaults((LineFault(FaultKind.STALL, 100, duration_s=0.1),)))
+    bench.start()
+    rows = parsed(bench.run(0.4))[0].rows
+    assert len(rows) == 400
+    with ArrivalReader(arrivals_path(str(bench.path))) as arrivals:
+        late_s = arrivals.time_s(rows["sequence"]) - rows["ticks"] * 1e-6
+    assert late_s[99] < 0.001
+    assert late_s[100] == pytest.approx(0.1, abs=1e-6)
+    assert (np.diff(late_s[100:200]) < 0.0).all()
+    assert late_s[205] < 0.001
+
+
+def test_an_unplugged_amplifier_goes_on_and_comes_back_at_its_path(make: Any) -> None:
+    bench = make(faults=LineFaults((LineFault(FaultKind.UNPLUG, 100, duration_s=0.1),)))
+    bench.start()
+    before = parsed(bench.run(0.15))[0].rows
+    assert 64 <= len(before) <= 100, "what had not been read is lost with the port"
+    assert not bench.path.exists()
+    bench.run(0.072)
+    bench.computer.close()
+    bench.plug()
+    after = parsed(bench.run(0.1))[0].rows
+    assert len(after) >= 90
+    assert after["sequence"][0] > 200
+
+
+def test_an_overload_lasts_and_is_told(make: Any) -> None:
+    faults = LineFaults((LineFault(FaultKind.OVERLOAD, 100, duration_s=0.05, channel=6),))
+    bench = make(faults=faults)
+    bench.start()
+    block, _ = parsed(bench.run(0.4))
+    full = block.rows["counts"][:, 6] == 2**15 - 1
+    flagged = (block.rows["status"] & 1 << 6) != 0
+    assert 30 <= full.sum() <= 60
+    assert flagged[full].all()
+    assert not flagged[:100].any()
+    assert PROFILE.events.overload in block.events["kind"]
+
+
+def test_a_line_slower_than_the_rows_overruns_and_says_how_many_are_lost(make: Any) -> None:
+    bench = make(baud_rate=115200)
+    bench.computer.baudrate = 115200
+    bench.say(b"\r")
+    bench.start()
+    rows, stream = parsed(bench.run(4.0, 0.1))
+    assert stream.counts.rows_lost > 1000
+    kinds = rows.events["kind"] == PROFILE.events.overrun
+    assert rows.events["detail"][kinds].sum() >= 0.8 * stream.counts.rows_lost
+    assert (rows.rows["status"] & 1 << PROFILE.status_bits.overrun).any()
+
+
+def test_faults_are_the_same_every_time(make: Any) -> None:
+    faults = LineFaults(
+        (LineFault(FaultKind.GARBAGE, 20, 33), LineFault(FaultKind.BAD_CHECKSUM, 50, 4)), seed=9
+    )
+    heard = []
+    for _ in range(2):
+        bench = make(faults=faults)
+        bench.start()
+        heard.append(bench.run(0.2))
+    assert heard[0] == heard[1]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"row": -1}, {"row": 0, "count": 0}, {"row": 0, "duration_s": -1.0}, {"row": 0, "channel": 8}],
+)
+def test_impossible_faults_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="must"):
+        LineFault(FaultKind.GAP, **wrong)

@@ -1,0 +1,50 @@
+"""Packets survive the way there and back; damaged ones are refused."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from config.errors import ProtocolError
+from mock_hw.bus.arbitration import WireFrame
+from mock_hw.bus.hub_protocol import (
+    FRAME,
+    HEADER,
+    PacketKind,
+    Role,
+    pack,
+    pack_identifiers,
+    unpack_frames,
+    unpack_header,
+    unpack_identifiers,
+)
+
+
+def test_frames_come_out_as_they_went_in() -> None:
+    frames = [WireFrame(-1, 0x181, 3, 2, b"abc"), WireFrame(2**61, 0x9FFF_FFFF, 8, 0, b"12345678")]
+    packet = pack(PacketKind.IDLE, 1, 7, 12) + b"".join(FRAME.pack(*f) for f in frames)
+    assert unpack_header(packet) == (PacketKind.IDLE, 1, 7, 12)
+    assert [f._replace(data=f.data[: f.length]) for f in unpack_frames(packet)] == frames
+
+
+def test_a_hello_names_the_identifiers_that_are_urgent() -> None:
+    packet = pack(PacketKind.HELLO, Role.DEVICE) + pack_identifiers([0x000, 0x080, 0x601])
+    assert unpack_identifiers(packet[HEADER.size :]) == {0x000, 0x080, 0x601}
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=200))
+def test_garbage_is_either_frames_or_a_protocol_error(packet: bytes) -> None:
+    try:
+        unpack_header(packet)
+        frames = unpack_frames(packet)
+    except ProtocolError:
+        return
+    assert all(frame.length <= 8 for frame in frames)
+
+
+@pytest.mark.parametrize("can_id", [0x800, 0x2000_0040, 0xC000_0000 | 1 << 29])
+def test_identifiers_that_can_does_not_have_are_refused(can_id: int) -> None:
+    with pytest.raises(ProtocolError):
+        unpack_frames(pack(PacketKind.SEND) + FRAME.pack(0, can_id, 0, 0, b""))

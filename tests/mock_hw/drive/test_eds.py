@@ -1,0 +1,220 @@
+"""The simulated drives' data sheets, and our reader of such files; the `canopen` package judges."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from datetime import datetime
+from fractions import Fraction
+from pathlib import Path
+
+import canopen
+import pytest
+from canopen.objectdictionary import ODVariable
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from config.formats.eds import ElectronicDataSheet, parse_eds
+from config.formats.eds_object import INTEGER_BITS, Access, DataType, EdsObject, EdsValue
+from config.load import load_cell
+from drivers.servo.eds_check import sheet_findings
+from mock_hw.drive.eds import drive_sheet
+from mock_hw.drive.object_dictionary import ObjectDictionary
+from mock_hw.drive.objects import DriveIdentity, drive_entries
+
+CREATED = datetime(2026, 1, 2, 15, 4)
+NODE = 5
+
+identities = st.builds(
+    DriveIdentity,
+    node_id=st.integers(1, 126),
+    encoder_increments=st.integers(1, 2**32 - 1),
+    gear=st.fractions(min_value=Fraction(1, 1000), max_value=1000, max_denominator=1000),
+    rated_torque_mnm=st.integers(1, 2**32 - 1),
+    counts_per_velocity_unit=st.just(1.0),
+)
+integers = st.sampled_from(sorted(INTEGER_BITS.keys() - {DataType.BOOLEAN}))
+names = st.text(
+    st.characters(min_codepoint=33, max_codepoint=126, exclude_characters=";"), max_size=30
+)
+
+
+@st.composite
+def values(draw: st.DrawFn, data_type: int) -> EdsValue:
+    bits = INTEGER_BITS[data_type]
+    signed = DataType(data_type).name.startswith("INTEGER")
+    low = -(1 << bits - 1) if signed else 0
+    number = draw(st.integers(low, low + (1 << bits) - 1))
+    return EdsValue(number, adds_node_id=draw(st.booleans()) and not signed)
+
+
+@st.composite
+def objects(draw: st.DrawFn) -> EdsObject:
+    data_type = draw(integers)
+    # of its signed types canopen knows the limits of 8, 16, 32 and 64 bits
+    limited = data_type in (2, 3, 4, 5, 6, 7) and draw(st.booleans())
+    low, high = sorted((draw(values(data_type)).content, draw(values(data_type)).content))
+    return EdsObject(
+        index=draw(st.integers(0x1000, 0x9FFF)),
+        subindex=draw(st.integers(0, 0xFE)),
+        name=draw(names),
+        line=0,
+        data_type=data_type,
+        access=draw(st.sampled_from(Access.__args__)),  # type: ignore[attr-defined]
+        mappable=draw(st.booleans()),
+        default=draw(st.none() | values(data_type)),
+        value=draw(st.none() | values(data_type)),
+        low=low if limited else None,  # type: ignore[arg-type]
+        high=high if limited else None,  # type: ignore[arg-type]
+    )
+
+
+def judged_equal(sheet: ElectronicDataSheet, text: str) -> int:
+    """Compare every object with canopen's reading of the same text; return how many there are."""
+    dictionary = canopen.import_od(_named(text), node_id=NODE)
+    compared = 0
+    for item in sheet.objects:
+        judged = dictionary[item.index]
+        if not isinstance(judged, ODVariable):
+            judged = judged[item.subindex]
+        default, value = (
+            None if said is None else said.of_node(NODE) for said in (item.default, item.value)
+        )
+        assert (judged.name, judged.data_type) == (item.name, item.data_type)
+        assert (judged.access_type, judged.pdo_mappable) == (item.access, item.mappable)
+        assert (judged.default, judged.value) == (default, value)
+        assert (judged.min, judged.max) == (item.low, item.high)
+        assert len(judged) == item.bits or item.bits in (None, 24, 40, 48, 56)
+        compared += 1
+    members = [1 if isinstance(item, ODVariable) else len(item) for item in dictionary.values()]
+    assert sum(members) == compared
+    return compared
+
+
+def _named(text: str) -> io.StringIO:
+    file = io.StringIO(text)
+    file.name = "sheet.eds"  # it tells the format by the name
+    return file
+
+
+@pytest.mark.parametrize("cell", ["ir361", "kr15"])
+def test_every_object_of_a_simulated_drive_is_in_its_sheet_and_canopen_agrees(cell: str) -> None:
+    loaded = load_cell(cell)
+    assert loaded.plant is not None
+    for axis, joint, simulated in zip(
+        loaded.config.axes, loaded.robot.joints, loaded.plant.axes, strict=True
+    ):
+        identity = DriveIdentity.of_axis(axis, joint, simulated)
+        text = drive_sheet(identity, "node.eds", CREATED)
+        sheet = parse_eds(text.encode(), "node.eds")
+        entries = list(drive_entries(identity))
+        assert judged_equal(sheet, text) == len(entries) == len(sheet.objects)
+        for entry in entries:
+            item = sheet.get(*entry.key)
+            assert item is not None
+            assert item.writable == (entry.access == "rw")
+            assert item.receivable == ("r" in entry.mapping)
+            assert item.sendable == ("t" in entry.mapping)
+            if entry.code != "s":
+                assert item.bits == entry.bits
+            if item.default is not None:
+                said = item.default.of_node(axis.node_id)
+                held = entry.default
+                assert said == (held.decode() if isinstance(held, bytes) else held)
+        assert sheet_findings(sheet, loaded.config, axis) == ()
+        exchange = loaded.config.model_copy(update={"exchange": "trimmed"})
+        assert sheet_findings(sheet, exchange, axis) == ()
+
+
+@settings(deadline=None, max_examples=20)
+@given(identity=identities)
+def test_any_simulated_drive_has_a_sheet_that_both_read(identity: DriveIdentity) -> None:
+    text = drive_sheet(identity, "node.eds", CREATED)
+    sheet = parse_eds(text.encode(), "node.eds")
+    answers = ObjectDictionary(drive_entries(identity))
+    assert (sheet.vendor, sheet.product, sheet.revision) == tuple(
+        answers[0x1018, subindex] for subindex in (1, 2, 3)
+    )
+    assert judged_equal(sheet, text) == len(sheet.objects) > 150
+
+
+def test_drives_that_differ_in_their_node_id_alone_have_one_sheet() -> None:
+    sheets = {
+        drive_sheet(DriveIdentity(node, 4096, Fraction(100), 1500), "drive.eds", CREATED)
+        for node in (1, 2, 126)
+    }
+    assert len(sheets) == 1
+
+
+def test_a_sheet_that_canopen_has_written_again_says_the_same(tmp_path: Path) -> None:
+    text = drive_sheet(DriveIdentity(NODE, 4096, Fraction(100), 1500), "drive.eds", CREATED)
+    path = tmp_path / "again.eds"
+    with path.open("w") as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # it reads the clock in the old way
+        canopen.export_od(canopen.import_od(_named(text), node_id=NODE), file, "eds")
+    again = parse_eds(path.read_bytes(), "again.eds")
+    first = parse_eds(text.encode(), "drive.eds")
+    assert again.product == first.product
+
+    def said(sheet: ElectronicDataSheet) -> list[object]:
+        return [(i.index, i.subindex, i.data_type, i.access, i.mappable, i.default, i.limits)
+                for i in sheet.objects]  # fmt: skip
+
+    assert said(again) == said(first)
+
+
+def written(
+    items: list[EdsObject], number: str, equals: str, comment: str, newline: str, case: str
+) -> str:
+    """Write objects as a data sheet, in one of the ways that there are."""
+
+    def spelt(value: EdsValue) -> str:
+        content = value.content
+        assert isinstance(content, int)
+        text = format(content, number) if content >= 0 else str(content)
+        return f"$NODEID+{text}" if value.adds_node_id else text
+
+    lines = ["[DeviceInfo]", f"VendorNumber{equals}0x1F"]
+    for index in dict.fromkeys(item.index for item in items):
+        lines += [f"[{index:04{case}}]", f"ParameterName{equals}parent", f"ObjectType{equals}0x9"]
+    for item in items:
+        keys = {
+            "ParameterName": item.name,
+            "DataType": f"{item.data_type:#06x}",
+            "AccessType": item.access,
+            "PDOMapping": int(item.mappable),
+            "DefaultValue": "" if item.default is None else spelt(item.default),
+            "ParameterValue": None if item.value is None else spelt(item.value),
+            "LowLimit": item.low,
+            "HighLimit": item.high,
+        }
+        lines.append(f"[{item.index:04{case}}sub{item.subindex:{case}}]")
+        lines += [f"{key}{equals}{said}{comment}" for key, said in keys.items() if said is not None]
+    return newline.join([*lines, ""])
+
+
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    items=st.lists(
+        objects(), min_size=1, max_size=12, unique_by=lambda item: (item.index, item.subindex)
+    ),
+    number=st.sampled_from(["d", "#x", "#X"]),
+    equals=st.sampled_from(["=", " = ", "\t=  "]),
+    comment=st.sampled_from(["", " ", " ; a comment", "\t;"]),
+    newline=st.sampled_from(["\n", "\r\n", "\r"]),
+    case=st.sampled_from("xX"),
+)
+def test_what_is_written_is_read_back_and_canopen_agrees(
+    items: list[EdsObject], number: str, equals: str, comment: str, newline: str, case: str
+) -> None:
+    text = written(items, number, equals, comment, newline, case)
+    sheet = parse_eds(text.encode(), "sheet.eds")
+    assert sheet.vendor == 31
+    wanted = sorted(items, key=lambda item: (item.index, item.subindex))
+    for found, item in zip(sheet.objects, wanted, strict=True):
+        for field in ("index", "subindex", "name", "data_type", "access", "mappable"):
+            assert getattr(found, field) == getattr(item, field)
+        assert (found.default, found.value) == (item.default, item.value)
+        assert (found.low, found.high) == (item.low, item.high)
+        assert text.splitlines()[found.line - 1].startswith("[")
+    assert judged_equal(sheet, "\n".join(text.splitlines())) == len(items)

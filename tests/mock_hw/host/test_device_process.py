@@ -1,0 +1,138 @@
+"""What reaches all processes of a program does not end its hardware; the program's end does."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from config.errors import TransportError
+from mock_hw.host.device_process import DeviceProcess, wait_until_ready
+
+ENOUGH_S = 20.0
+PROGRAM = """
+import multiprocessing, signal, sys
+from pathlib import Path
+from config.load import load_cell
+from drivers.amplifier.amplifier import open_amplifier
+from drivers.cell import open_cell
+from mock_hw.amplifier.port import PlateSettings
+from mock_hw.amplifier.process import ServedAmplifier
+from mock_hw.cell import SimulatedCell
+
+loaded, folder = load_cell("ir361"), Path(sys.argv[2])
+cell, robot, plant, profile = loaded.config, loaded.robot, loaded.plant, loaded.amplifier_profile
+
+def wait_for_the_signal():
+    ending = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    signal.pthread_sigmask(signal.SIG_BLOCK, ending)
+    print("served", flush=True)
+    signal.sigwait(ending)
+
+def use_the_cell():
+    with SimulatedCell(cell, robot, plant, realtime=False, seed=1, directory=folder) as simulated:
+        wait_for_the_signal()
+        with open_cell(simulated.cell, robot) as opened:
+            opened.axes.bring_up()
+
+def use_the_amplifier():
+    settings = PlateSettings(cell.plate, profile, plant.plate, folder / "amplifier")
+    with ServedAmplifier(settings) as address:
+        wait_for_the_signal()
+        config = cell.plate.amplifier.model_copy(update={"address": address})
+        with open_amplifier(config, profile) as amplifier:
+            amplifier.connect()
+
+{"cell": use_the_cell, "amplifier": use_the_amplifier}[sys.argv[1]]()
+print("wound up,", len(multiprocessing.active_children()), "left", flush=True)
+"""
+
+Start = Callable[[str], subprocess.Popen[str]]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Start a program that leads a process group, and return once its hardware is served."""
+    programs: list[subprocess.Popen[str]] = []
+
+    def begin(what: str) -> subprocess.Popen[str]:
+        program = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, what, str(tmp_path)],
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        programs.append(program)
+        assert program.stdout is not None
+        assert program.stdout.readline() == "served\n"
+        return program
+
+    yield begin
+    for program in programs:
+        with program:
+            program.kill()
+
+
+@pytest.mark.parametrize("what", ["cell", "amplifier"])
+def test_signals_to_the_whole_group_leave_the_hardware_to_the_program(
+    start: Start, tmp_path: Path, what: str
+) -> None:
+    program = start(what)
+    for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
+        os.killpg(program.pid, number)
+    said, _ = program.communicate(timeout=60.0)
+    assert said == "wound up, 0 left\n"
+    assert program.returncode == 0
+    assert [*tmp_path.iterdir()] == []
+
+
+@pytest.mark.parametrize("what", ["cell", "amplifier"])
+def test_a_killed_group_takes_the_hardware_with_it_in_the_end(
+    start: Start, tmp_path: Path, what: str
+) -> None:
+    program = start(what)
+    assert [*tmp_path.iterdir()] != []
+    os.killpg(program.pid, signal.SIGKILL)
+    assert program.wait(60.0) == -signal.SIGKILL
+    tick, deadline_s = threading.Event(), time.monotonic() + ENOUGH_S
+    while [*tmp_path.iterdir()] and time.monotonic() < deadline_s:
+        tick.wait(0.01)
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_a_process_that_ends_without_a_word_did_not_start() -> None:
+    process = DeviceProcess(os._exit)  # which takes no pipe for an argument
+    try:
+        with pytest.raises(TransportError, match="amplifier did not start: the process ended"):
+            wait_until_ready("amplifier", process.pipe)
+    finally:
+        process.end()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_process_that_is_still_starting_leaves_signals_to_the_program_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    (tmp_path / f"hardware_{number.name}.py").write_text(
+        "import multiprocessing, os\n"
+        "if multiprocessing.current_process().name != 'MainProcess':\n"
+        f"    os.kill(os.getpid(), {number:d})\n"
+        "from mock_hw.host.device_process import leave_signals_to_parent\n"
+        "def serve(pipe):\n"
+        "    leave_signals_to_parent()\n"
+        "    pipe.send(None)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    process = DeviceProcess(importlib.import_module(f"hardware_{number.name}").serve)
+    try:
+        assert wait_until_ready("hardware", process.pipe) is None
+    finally:
+        process.end()

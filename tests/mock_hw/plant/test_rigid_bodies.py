@@ -1,0 +1,196 @@
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from config.errors import ConfigError
+from config.load import load_cell
+from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription, Rotor
+from config.simulation.plant import LinkInertia, PlantConfig, SimulatedAxis
+from mock_hw.plant.rigid_bodies import build_rigid_bodies
+
+LIMITS = JointLimits(
+    position_min=-3.0, position_max=3.0, velocity=3.0, acceleration=9.0, torque=99.0
+)
+
+
+def random_arm(seed: int, joints: int) -> tuple[RobotDescription, PlantConfig]:
+    random = np.random.default_rng(seed)
+    described, links, axes, rows = [], [], [], []
+    for number in range(1, joints + 1):
+        spin = random.normal(size=3)
+        spin /= np.linalg.norm(spin)
+        root = random.normal(size=(3, 3))
+        inertia = root @ root.T + np.eye(3)
+        alpha, beta, theta, a_m, d_m = random.normal(size=5).tolist()
+        rows.append(KinematicRow(alpha_rad=alpha, beta_rad=beta, theta_rad=theta, a_m=a_m, d_m=d_m))
+        described.append(
+            Joint(
+                name=f"j{number}",
+                type="prismatic" if random.random() < 0.25 else "revolute",
+                limits=LIMITS,
+                gear_ratio=float(random.uniform(-150, 150)),
+                rotor=Rotor(link=int(random.integers(0, number + 1)), axis=tuple(spin.tolist())),
+            )
+        )
+        picked = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+        links.append(
+            LinkInertia(
+                mass_kg=float(random.uniform(1, 20)),
+                centre_m=tuple(random.normal(size=3).tolist()),
+                inertia_kg_m2=tuple(float(inertia[i, j]) for i, j in picked),
+            )
+        )
+        axes.append(
+            SimulatedAxis(
+                rotor_inertia_kg_m2=float(random.uniform(1e-4, 1e-3)),
+                coulomb_nm=0.0,
+                viscous_nm_s=0.0,
+                velocity_gain_nm_s=1.0,
+                velocity_integral_time_s=1.0,
+                rated_motor_torque_nm=1.0,
+                peak_motor_torque_nm=3.0,
+                encoder_increments_per_motor_rev=1000,
+                brake_torque_nm=1.0,
+            )
+        )
+    robot = RobotDescription(
+        name="arm",
+        kinematics=Kinematics(convention="modified_dh", rows=tuple(rows)),
+        joints=tuple(described),
+    )
+    return robot, PlantConfig(name="arm", links=tuple(links), axes=tuple(axes))
+
+
+def without_rotors(
+    robot: RobotDescription, plant: PlantConfig
+) -> tuple[RobotDescription, PlantConfig]:
+    joints = tuple(joint.model_copy(update={"rotor": None}) for joint in robot.joints)
+    axes = tuple(axis.model_copy(update={"rotor_inertia_kg_m2": 0.0}) for axis in plant.axes)
+    return robot.model_copy(update={"joints": joints}), plant.model_copy(update={"axes": axes})
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10_000), joints=st.integers(1, 7))
+def test_a_rotor_adds_the_energy_of_its_spin_in_space(seed: int, joints: int) -> None:
+    """½ I (e·ω + mu q̇)², ω of the link that carries it, the link that it moves included."""
+    robot, plant = random_arm(seed, joints)
+    bodies = build_rigid_bodies(robot, plant)
+    coupling = bodies.coupling()
+    bare = build_rigid_bodies(*without_rotors(robot, plant))
+    random = np.random.default_rng(seed + 1)
+    position = random.normal(size=joints)
+    full = pin.crba(bodies.model, bodies.model.createData(), coupling @ position)
+    data = bare.model.createData()
+    expected = np.array(pin.crba(bare.model, data, position))
+    pin.computeJointJacobians(bare.model, data, position)
+    for i, (joint, axis) in enumerate(zip(robot.joints, plant.axes, strict=True)):
+        assert joint.rotor is not None
+        spin = joint.gear_ratio * np.eye(joints)[i]
+        if joint.rotor.link > 0:
+            turning = pin.getJointJacobian(
+                bare.model, data, joint.rotor.link, pin.ReferenceFrame.LOCAL
+            )[3:]
+            spin = spin + np.array(joint.rotor.axis) @ turning
+        expected += axis.rotor_inertia_kg_m2 * np.outer(spin, spin)
+    np.testing.assert_allclose(coupling.T @ full @ coupling, expected, rtol=1e-11, atol=1e-11)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10_000), joints=st.integers(1, 7))
+def test_the_mass_matrix_and_the_bias_are_those_of_inverse_dynamics(seed: int, joints: int) -> None:
+    """Pinocchio's mass matrix is wrong, silently, when a subtree is not in one piece."""
+    bodies = build_rigid_bodies(*random_arm(seed, joints))
+    coupling = bodies.coupling()
+    data = bodies.model.createData()
+    random = np.random.default_rng(seed + 2)
+    q, v, a = (coupling @ row for row in random.normal(size=(3, joints)))
+    inverse = np.array(pin.rnea(bodies.model, data, q, v, a))
+    forward = pin.crba(bodies.model, data, q) @ a + pin.nonLinearEffects(bodies.model, data, q, v)
+    np.testing.assert_allclose(forward, inverse, rtol=1e-10, atol=1e-10 * abs(inverse).max())
+
+
+def test_the_bundled_arm_has_the_rotor_terms_of_appendix_d() -> None:
+    """(D.27)-(D.29): motors 2 (+) and 3 (-) both ride on link 2."""
+    cell = load_cell("ir361")
+    assert cell.plant is not None
+    plant = cell.plant.without_unmodelled()
+    bodies = build_rigid_bodies(cell.robot, plant)
+    coupling = bodies.coupling()
+    bare = build_rigid_bodies(*without_rotors(cell.robot, plant))
+    position = np.array([0.3, -0.7, 1.1])
+    with_rotors = pin.crba(bodies.model, bodies.model.createData(), coupling @ position)
+    added = coupling.T @ with_rotors @ coupling - pin.crba(
+        bare.model, bare.model.createData(), position
+    )
+    one, two, three = (axis.rotor_inertia_kg_m2 for axis in plant.axes)
+    mu1, mu2, mu3 = (joint.gear_ratio for joint in cell.robot.joints)
+    expected = [
+        [one * mu1**2, 0.0, 0.0],
+        [0.0, two * (1 + mu2) ** 2 + three, -three * mu3],
+        [0.0, -three * mu3, three * mu3**2],
+    ]
+    np.testing.assert_allclose(added, expected, atol=1e-12)
+
+
+def test_the_bundled_upper_arm_stands_at_zero_and_turns_against_gravity_as_its_sine() -> None:
+    cell = load_cell("ir361")
+    assert cell.plant is not None
+    plant = cell.plant.without_unmodelled()
+    on_the_arm = plant.links[1].model_copy(update={"centre_m": (0.2, 0.0, 0.05)})
+    at_the_elbow = plant.links[2].model_copy(update={"centre_m": (0.0, 0.0, 0.0)})
+    plant = plant.model_copy(update={"links": (plant.links[0], on_the_arm, at_the_elbow)})
+    bodies = build_rigid_bodies(*without_rotors(cell.robot, plant))
+    data = bodies.model.createData()
+    for angle in (-1.3, -0.4, 0.0, 0.9):
+        torque = pin.computeGeneralizedGravity(bodies.model, data, np.array([0.4, angle, 0.7]))
+        moment = 9.81 * (on_the_arm.mass_kg * 0.2 + at_the_elbow.mass_kg * 0.480)
+        np.testing.assert_allclose(torque, [0.0, -moment * np.sin(angle), 0.0], atol=1e-10)
+
+
+def test_the_bundled_spring_roughly_balances_the_arm() -> None:
+    cell = load_cell("ir361")
+    plant, spring = cell.plant, cell.robot.spring
+    assert plant is not None
+    assert plant.spring is not None
+    assert spring is not None
+    bodies = build_rigid_bodies(cell.robot, plant)
+    data = bodies.model.createData()
+    for angle in (-1.2, -0.8, 0.6):
+        position = bodies.coupling() @ np.array([0.0, angle, -angle - 1.5])  # forearm hangs down
+        gravity = pin.computeGeneralizedGravity(bodies.model, data, position)
+        torque = (bodies.coupling().T @ gravity)[1]
+        length = np.sqrt(
+            spring.l_m**2 + spring.r_m**2 - 2 * spring.l_m * spring.r_m * np.cos(angle)
+        )
+        force = plant.spring.stiffness_n_per_m * (length - plant.spring.free_length_m)
+        balanced = torque + force * spring.l_m * spring.r_m * np.sin(angle) / length
+        assert abs(balanced) < 0.3 * abs(torque)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"links": ()}, "links has 0 entries"),
+        ({"axes": ()}, "axes has 0 entries"),
+        ({"spring": None}, "`spring` must stand in both"),
+    ],
+)
+def test_a_plant_that_does_not_fit_its_robot_is_refused(
+    change: dict[str, object], words: str
+) -> None:
+    cell = load_cell("ir361")
+    assert cell.plant is not None
+    with pytest.raises(ConfigError, match=words):
+        build_rigid_bodies(cell.robot, cell.plant.model_copy(update=change))
+
+
+def test_a_rotor_inertia_without_a_place_for_the_rotor_is_refused() -> None:
+    cell = load_cell("ir361")
+    assert cell.plant is not None
+    joints = (cell.robot.joints[0].model_copy(update={"rotor": None}), *cell.robot.joints[1:])
+    with pytest.raises(ConfigError, match="'axis1' a rotor inertia"):
+        build_rigid_bodies(cell.robot.model_copy(update={"joints": joints}), cell.plant)

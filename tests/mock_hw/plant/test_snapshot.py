@@ -1,0 +1,69 @@
+"""A reader sees a snapshot whole or not at all: it is what tells that the axes are at rest."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from config.errors import TransportError
+from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    writer = SnapshotWriter(tmp_path / "axes", 2)
+    writer.write(1.5, [1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [True, False], [300.0, 310.0])
+    with SnapshotReader(tmp_path / "axes") as reader:
+        snapshot = reader.read()
+    assert snapshot.time_s == 1.5
+    np.testing.assert_array_equal(snapshot.position, [1.0, 2.0])
+    np.testing.assert_array_equal(snapshot.velocity, [3.0, 4.0])
+    np.testing.assert_array_equal(snapshot.torque, [5.0, 6.0])
+    np.testing.assert_array_equal(snapshot.enabled, [True, False])
+    np.testing.assert_array_equal(snapshot.temperature_k, [300.0, 310.0])
+
+
+def test_a_payload_is_asked_for_from_outside(tmp_path: Path) -> None:
+    writer = SnapshotWriter(tmp_path / "axes", 2)
+    assert writer.payload == 0
+    with SnapshotReader(tmp_path / "axes") as reader:
+        reader.ask_for_payload(3)
+    assert writer.payload == 3
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from mock_hw.plant.snapshot import SnapshotWriter
+writer = SnapshotWriter(Path(sys.argv[1]), 3)
+print("ready", flush=True)
+number = 0.0
+while True:
+    number += 1.0
+    writer.write(number, *([number] * 3 for _ in range(3)), [True] * 3, [number] * 3)
+"""
+
+
+def test_no_snapshot_is_ever_a_mixture_of_two(tmp_path: Path) -> None:
+    path = tmp_path / "axes"
+    words = [sys.executable, "-c", WRITER, str(path)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE) as writer:
+        try:
+            assert writer.stdout is not None
+            assert writer.stdout.readline() == b"ready\n"
+            with SnapshotReader(path) as reader:
+                for _ in range(100_000):
+                    snapshot = reader.read()
+                    rows = (snapshot.position, snapshot.velocity, snapshot.torque)
+                    assert {len(row) for row in rows} == {3}
+                    assert {snapshot.time_s, *rows[0], *rows[1], *rows[2]} == {snapshot.time_s}
+        finally:
+            writer.kill()
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TransportError, match="nothing-here"):
+        SnapshotReader(tmp_path / "nothing-here")

@@ -1,0 +1,395 @@
+"""Simulated registers on real sockets and serial ports, read by the driver and by mbpoll.
+
+The simulated side is written from the specification, the driver stands on pymodbus, mbpoll on
+libmodbus: three implementations that know nothing of one another.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import serial
+
+from config.cell.drive_profile import POLLED, DriveProfile
+from config.cell.monitor import ModbusRtu, ModbusTcp, ModbusTls, MonitorConfig
+from config.errors import DeviceTimeoutError, ProtocolError, TransportError
+from config.load import load_bundled_or_path
+from drivers.modbus.codec import encode, plan_reads
+from drivers.modbus.drive_monitor import ModbusDriveMonitor
+from drivers.modbus.link import ModbusLink, open_modbus
+from mock_hw.registers.registers import RegisterFaults, SimulatedRegisters
+from mock_hw.registers.server import RegisterService, RegisterSettings, ServerCertificates
+
+PROFILE = load_bundled_or_path("servo_registers", "profiles", DriveProfile)
+UNITS = (1, 2, 9)
+TIMEOUT_S = 2.0
+Measured = Callable[[str], None]
+
+
+def registers(unit: int) -> dict[int, int] | None:
+    """Three drives at 20, 30 and 100 °C."""
+    if unit not in UNITS:
+        return None
+    return encode(
+        PROFILE,
+        {
+            "motor_temperature_k": 283.15 + 10.0 * unit,
+            "operating_time_s": 7200.0 + unit,
+            "torque_constant_nm_per_a": 0.9,
+            "torque_constant_per_k": -0.001,
+            "reference_temperature_k": 298.15,
+            "rated_torque_nm": 4.6,
+            "rated_current_a": 5.111,
+            "rotor_inertia_kg_m2": 0.0015,
+        },
+    )
+
+
+class Workshop:
+    """Starts services, and ends them with the test."""
+
+    def __init__(self, path: Path, stack: ExitStack) -> None:
+        self._path = path
+        self._stack = stack
+        self.service: RegisterService | None = None
+        self.link: ModbusLink | None = None
+        self.late = False
+        self.drives: SimulatedRegisters | None = None
+
+    def serve(
+        self,
+        kind: str,
+        *,
+        faults: RegisterFaults | None = None,
+        tls: ModbusTls | None = None,
+        certificates: ServerCertificates | None = None,
+    ) -> MonitorConfig:
+        link: Any = ModbusTcp(kind="tcp", host="127.0.0.1", port=0, tls=tls)
+        if kind == "rtu":
+            link = ModbusRtu(kind="rtu", address=str(self._path / "line"), parity="none")
+        config = MonitorConfig(link=link, units=UNITS, timeout_s=TIMEOUT_S)
+        settings = RegisterSettings(config, PROFILE, self._path / "line", certificates)
+        self.drives = SimulatedRegisters(registers, faults or RegisterFaults())
+        self.service = self._stack.enter_context(
+            RegisterService(self.drives, settings, realtime=False)
+        )
+        if kind == "tcp":
+            link = link.model_copy(update={"port": self.service.port})
+        return config.model_copy(update={"link": link})
+
+    def pause(self, duration_s: float) -> None:
+        """Be the driver's pause, in which a late answer comes, if there is one."""
+        assert self.service is not None
+        if not self.late:
+            time.sleep(duration_s)
+            return
+        self.late = False
+        self.service.send_late_answers()
+        port = self.link._client.socket if self.link is not None else None
+        if isinstance(port, serial.Serial):  # a pseudo-terminal passes bytes on when it pleases
+            give_up_s = time.monotonic() + 10.0
+            while not port.in_waiting and time.monotonic() < give_up_s:
+                os.sched_yield()
+
+
+@pytest.fixture
+def workshop(tmp_path: Path) -> Iterator[Workshop]:
+    with ExitStack() as stack:
+        yield Workshop(tmp_path, stack)
+
+
+def monitor(config: MonitorConfig, workshop: Workshop, **changes: Any) -> ModbusDriveMonitor:
+    link = workshop._stack.enter_context(open_modbus(config, workshop.pause))
+    workshop.link = link
+    return ModbusDriveMonitor(link, changes.get("units", UNITS), PROFILE)
+
+
+@pytest.mark.parametrize("kind", ["tcp", "rtu"])
+class TestTheDriverReadsThem:
+    def test_temperatures_and_operating_times(self, workshop: Workshop, kind: str) -> None:
+        reading = monitor(workshop.serve(kind), workshop).read()
+        assert reading.temperature_k.tolist() == pytest.approx([293.15, 303.15, 373.15])
+        assert reading.operating_time_s.tolist() == pytest.approx([7201.0, 7202.0, 7209.0])
+        assert reading.problems == ()
+
+    def test_nominal_data(self, workshop: Workshop, kind: str) -> None:
+        (motor, *others) = monitor(workshop.serve(kind), workshop).motors()
+        assert motor.torque_constant_nm_per_a == pytest.approx(0.9)
+        assert motor.torque_constant_per_k == pytest.approx(-0.001)
+        assert motor.rated_torque_nm == pytest.approx(4.6)
+        assert motor.rotor_inertia_kg_m2 == pytest.approx(0.0015)
+        assert others == [motor, motor]
+
+    def test_a_drive_that_is_not_there_does_not_keep_the_others_away(
+        self, workshop: Workshop, kind: str
+    ) -> None:
+        reading = monitor(workshop.serve(kind), workshop, units=(1, 77, 9)).read()
+        assert reading.temperature_k[[0, 2]].tolist() == pytest.approx([293.15, 373.15])
+        (problem,) = reading.problems
+        why = "exception 11: it does not answer its gateway" if kind == "tcp" else "no answer"
+        assert "unit 77" in problem
+        assert why in problem
+
+    @pytest.mark.fault(31)
+    def test_a_refusal_names_registers_and_reason(
+        self, workshop: Workshop, kind: str, measured: Measured
+    ) -> None:
+        config = workshop.serve(kind, faults=RegisterFaults(at={0: "exception"}, exception=2))
+        with open_modbus(config) as link:
+            (read,) = plan_reads(PROFILE, POLLED)
+            with pytest.raises(ProtocolError, match=r"registers 100 to 103 .*exception 2: it has"):
+                link.read(1, read)
+        assert workshop.drives.requests == 1
+        measured(f"{kind}, a refusal: one request, the exception in words")
+
+    @pytest.mark.fault(31)
+    def test_silence_is_a_timeout(self, workshop: Workshop, kind: str, measured: Measured) -> None:
+        config = workshop.serve(kind, faults=RegisterFaults(at={0: "silent"}))
+        line = monitor(config, workshop)
+        (read,) = plan_reads(PROFILE, POLLED)
+        with pytest.raises(DeviceTimeoutError, match=r"unit 1: no answer within 2 s; check"):
+            line._link.read(1, read)
+        assert workshop.drives.requests == 1
+        assert line.read().problems == ()
+        measured(f"{kind}, silence: one request, and the next one is answered")
+
+    @pytest.mark.fault(31)
+    @pytest.mark.parametrize("fault", ["short", "wrong_unit", "garbage"])
+    def test_a_damaged_answer_is_an_error_and_the_next_request_is_answered(
+        self, workshop: Workshop, kind: str, fault: Any, measured: Measured
+    ) -> None:
+        line = monitor(workshop.serve(kind, faults=RegisterFaults(at={0: fault})), workshop)
+        first, second = line.read(), line.read()
+        assert len(first.problems) == 1
+        assert first.temperature_k[1:].tolist() == pytest.approx([303.15, 373.15])
+        assert second.problems == ()
+        assert workshop.drives.requests == 2 * len(UNITS)
+        measured(f"{kind}, {fault}: 1 of 6 values missing, 6 requests for 6")
+
+    @pytest.mark.fault(31)
+    def test_a_late_answer_is_not_taken_for_the_next_ones(
+        self, workshop: Workshop, kind: str, measured: Measured
+    ) -> None:
+        """Unit 1 twice: only the second answer may count, and the first was of other registers."""
+        line = monitor(workshop.serve(kind, faults=RegisterFaults(at={0: "late"})), workshop)
+        workshop.late = True
+        first = line.read()
+        assert len(first.problems) == 1
+        assert first.temperature_k[1:].tolist() == pytest.approx([303.15, 373.15])
+        assert line.read().temperature_k.tolist() == pytest.approx([293.15, 303.15, 373.15])
+        assert workshop.drives.requests == 2 * len(UNITS)
+        measured(f"{kind}, late: 1 of 6 values missing, 0 wrong, 6 requests for 6")
+
+
+def test_a_temperature_that_no_motor_has_is_not_believed(workshop: Workshop) -> None:
+    config = workshop.serve("tcp")
+    scaled = PROFILE.registers["motor_temperature_k"].model_copy(update={"scale": 1.0})
+    wrong = PROFILE.model_copy(
+        update={"registers": PROFILE.registers | {"motor_temperature_k": scaled}}
+    )
+    with open_modbus(config) as link:
+        reading = ModbusDriveMonitor(link, (9,), wrong).read()
+    assert "1000.0 °C: check register, type and scale" in reading.problems[0]
+
+
+def test_a_gateway_that_is_switched_off_is_told_from_drives_that_are_silent(
+    workshop: Workshop,
+) -> None:
+    line = monitor(workshop.serve("tcp"), workshop)
+    assert line.read().problems == ()
+    assert workshop.service is not None
+    workshop.service.close()
+    with pytest.raises(TransportError, match="cannot be reached; check address"):
+        line.read()
+
+
+def test_nobody_there(workshop: Workshop, tmp_path: Path) -> None:
+    config = workshop.serve("tcp")
+    assert workshop.service is not None
+    workshop.service.close()
+    with pytest.raises(TransportError, match=r"Modbus 127\.0\.0\.1:\d+ cannot be opened"):
+        open_modbus(config)
+    line = ModbusRtu(kind="rtu", address=str(tmp_path / "nothing"))
+    with pytest.raises(TransportError, match=r"nothing cannot be opened; check monitor\.link"):
+        open_modbus(config.model_copy(update={"link": line}))
+
+
+@pytest.fixture(scope="module")
+def authority(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with an authority and certificates of a drive and of a computer."""
+    if shutil.which("openssl") is None:
+        pytest.skip("openssl is not installed")
+    folder = tmp_path_factory.mktemp("tls")
+
+    def openssl(*words: str) -> None:
+        command = ["openssl", *words]
+        subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=60)
+
+    key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes")
+    for name in ("ca", "other"):
+        openssl(
+            "req", "-x509", *key, "-keyout", f"{name}.key", "-out", f"{name}.pem",
+            "-days", "3650", "-subj", f"/CN={name}",
+        )  # fmt: skip
+    for name in ("drive", "computer"):
+        (folder / f"{name}.ext").write_text(f"subjectAltName=DNS:{name}.cell\n")
+        openssl(
+            "req", "-new", *key, "-keyout", f"{name}.key", "-out", f"{name}.csr",
+            "-subj", f"/CN={name}.cell",
+        )  # fmt: skip
+        openssl(
+            "x509", "-req", "-in", f"{name}.csr", "-CA", "ca.pem", "-CAkey", "ca.key",
+            "-CAcreateserial", "-out", f"{name}.pem", "-days", "3650",
+            "-extfile", f"{name}.ext",
+        )  # fmt: skip
+    return folder
+
+
+class TestTls:
+    def serve(self, workshop: Workshop, authority: Path, **changes: Any) -> MonitorConfig:
+        tls = ModbusTls(
+            ca_file=str(authority / changes.get("ca", "ca.pem")),
+            certificate_file=changes.get("own", str(authority / "computer.pem")),
+            key_file=None if "own" in changes else str(authority / "computer.key"),
+            server_name=changes.get("name", "drive.cell"),
+        )
+        files = ServerCertificates(
+            authority / "drive.pem", authority / "drive.key", authority / "ca.pem"
+        )
+        return workshop.serve("tcp", tls=tls, certificates=files)
+
+    def test_both_sides_show_their_certificates(self, workshop: Workshop, authority: Path) -> None:
+        reading = monitor(self.serve(workshop, authority), workshop).read()
+        assert reading.temperature_k.tolist() == pytest.approx([293.15, 303.15, 373.15])
+
+    def test_a_drive_of_another_authority_is_not_believed(
+        self, workshop: Workshop, authority: Path
+    ) -> None:
+        with pytest.raises(TransportError, match=r"cannot be opened .*certificate verify failed"):
+            open_modbus(self.serve(workshop, authority, ca="other.pem"))
+
+    def test_a_drive_of_another_name_is_not_believed(
+        self, workshop: Workshop, authority: Path
+    ) -> None:
+        with pytest.raises(TransportError, match=r"not valid for 'robot\.cell'"):
+            open_modbus(self.serve(workshop, authority, name="robot.cell"))
+
+    def test_a_computer_without_certificate_gets_no_answer(
+        self, workshop: Workshop, authority: Path
+    ) -> None:
+        config = self.serve(workshop, authority, own=None)
+        try:
+            reading = monitor(config, workshop).read()
+        except TransportError:
+            return  # refused as early as in the handshake
+        assert reading.problems
+        assert np.isnan(reading.temperature_k).all()
+
+    def test_files_that_are_not_there_are_named(self, workshop: Workshop, authority: Path) -> None:
+        with pytest.raises(TransportError, match="a certificate cannot be used"):
+            open_modbus(self.serve(workshop, authority, ca="nothing.pem"))
+
+
+def test_a_connection_that_speaks_something_else_is_closed(workshop: Workshop) -> None:
+    workshop.serve("tcp")
+    assert workshop.service is not None
+    with socket.create_connection(("127.0.0.1", workshop.service.port), 5.0) as connection:
+        connection.sendall(b"GET / HTTP/1.1\r\n\r\n")
+        assert connection.recv(100) == b""
+
+
+@pytest.mark.skipif(shutil.which("mbpoll") is None, reason="mbpoll is not installed")
+class TestMbpoll:
+    """An independent master; it counts registers from 1."""
+
+    def poll(self, *words: str) -> str:
+        command = ["mbpoll", "-1", "-q", "-t", "4", *words]
+        run = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+        return run.stdout + run.stderr
+
+    def values(self, text: str) -> dict[int, int]:
+        found = re.findall(r"\[(\d+)\]:\s+(-?\d+)", text)
+        return {int(place): int(value) for place, value in found}
+
+    def test_over_tcp(self, workshop: Workshop) -> None:
+        config = workshop.serve("tcp")
+        assert isinstance(config.link, ModbusTcp)
+        port = str(config.link.port)
+        text = self.poll("-a", "9", "-r", "101", "-c", "4", "-p", port, "127.0.0.1")
+        assert self.values(text) == {101: 1000, 102: 0, 103: 7209000 >> 16, 104: 7209000 & 0xFFFF}
+
+    def test_over_a_serial_line(self, workshop: Workshop) -> None:
+        config = workshop.serve("rtu")
+        assert isinstance(config.link, ModbusRtu)
+        words = ["-m", "rtu", "-b", "19200", "-P", "none", "-a", "2", "-r", "101", "-c", "1"]
+        assert self.values(self.poll(*words, config.link.address)) == {101: 300}
+
+    def test_a_register_that_is_not_there(self, workshop: Workshop) -> None:
+        config = workshop.serve("tcp")
+        assert isinstance(config.link, ModbusTcp)
+        text = self.poll("-a", "1", "-r", "501", "-p", str(config.link.port), "127.0.0.1")
+        assert "Illegal data address" in text
+
+
+@pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
+def test_tsharks_modbus_dissector_reads_what_was_said(workshop: Workshop, tmp_path: Path) -> None:
+    workshop.serve("tcp")
+    assert workshop.service is not None
+    asked = [
+        bytes.fromhex("000100000006090300640004"),
+        bytes.fromhex("000200000006010301F40001"),
+    ]
+    said = []
+    with socket.create_connection(("127.0.0.1", workshop.service.port), 5.0) as connection:
+        for request in asked:
+            connection.sendall(request)
+            said += [(True, request), (False, connection.recv(300))]
+    capture = tmp_path / "modbus.pcap"
+    capture.write_bytes(pcap(said))
+    dissected = subprocess.run(
+        [
+            *("tshark", "-r", str(capture), "-T", "fields", "-E", "separator=|"),
+            *("-e", "_ws.col.Protocol", "-e", "modbus.func_code", "-e", "modbus.regval_uint16"),
+            *("-e", "modbus.exception_code", "-e", "_ws.expert.message"),
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60.0,
+    ).stdout.splitlines()
+    values = f"1000,0,{7209000 >> 16},{7209000 & 0xFFFF}"
+    assert dissected == [
+        "Modbus/TCP|3|||",
+        f"Modbus/TCP|3|{values}||",
+        "Modbus/TCP|3|||",
+        "Modbus/TCP|3||2|",
+    ]
+
+
+def pcap(said: list[tuple[bool, bytes]]) -> bytes:
+    """Return a capture of a conversation with port 502: raw IPv4 packets with TCP segments."""
+    packets = [struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 101)]
+    sequence = {True: 1, False: 1}
+    for number, (to_server, payload) in enumerate(said):
+        ports = (40000, 502) if to_server else (502, 40000)
+        numbers = sequence[to_server], sequence[not to_server]
+        tcp = struct.pack(">HHIIBBHHH", *ports, *numbers, 0x50, 0x18, 8192, 0, 0)
+        sequence[to_server] += len(payload)
+        length = 20 + len(tcp) + len(payload)
+        home = bytes((127, 0, 0, 1))
+        ip = struct.pack(">BBHHHBBH4s4s", 0x45, 0, length, number, 0, 64, 6, 0, home, home)
+        packet = ip + tcp + payload
+        packets.append(struct.pack("<IIII", number, 0, len(packet), len(packet)) + packet)
+    return b"".join(packets)

@@ -1,0 +1,369 @@
+"""The commands one after the other, on a simulated cell: what a newcomer does."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from acquisition.journal.cycles import read_journal
+from acquisition.motion.samples import Phase
+from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.session.repair import repair_journal
+from config.errors import ConfigError
+from rid_daq.app import run
+from tests.rid_daq.told import document
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder made by init, with an excitation run and a validation run in it."""
+    folder = tmp_path_factory.mktemp("workshop")
+    assert run(["init", str(folder)]) == 0
+    motion = folder / "motion.yaml"
+    motion.write_text(motion.read_text().replace("periods: 8", "periods: 4"))
+    validation = folder / "validation.yaml"
+    validation.write_text(validation.read_text().replace("points: 20", "points: 6"))
+    runs = ["--runs", str(folder / "runs")]
+    cell = str(folder / "cell.yaml")
+    assert run(["record", cell, str(motion), "--label", "excitation", *runs]) == 0
+    words = ["record", cell, str(validation), "--label", "validation", "--frames", *runs]
+    assert run(words) == 0
+    assert run(["identify", "excitation", "-o", str(folder / "model.json"), *runs]) == 0
+    return folder
+
+
+def test_a_run_folder_holds_everything_and_says_so(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["runs", "--verify", "--json", *runs]) == 0
+    first, second = document(capsys)["runs"]
+    assert (first["label"], second["label"]) == ("excitation", "validation")
+    assert first["status"] == "complete"
+    folder = RunFolder.open(Path(first["folder"]))
+    assert {
+        "cell.yaml", "robot.yaml", "plant.yaml", "motion.yaml", "recording.mcap",
+        "result.json", "report.html",
+    } <= set(folder.manifest().files)  # fmt: skip
+    assert folder.manifest().software["rid-daq"]
+    other = RunFolder.open(Path(second["folder"]))
+    assert set(other.manifest().files) - set(folder.manifest().files) == {"frames.blf"}
+
+
+def test_average_says_what_was_kept_and_the_noise(
+    runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["average", "excitation", "--json", *runs]) == 0
+    average = document(capsys)["average"]
+    assert average["periods_kept"] == 4
+    assert average["samples_per_period"] == 1250
+    assert average["rejected"] == []
+    noise = [axis["torque_noise"] for axis in average["axes"]]
+    assert noise == pytest.approx([1.2, 1.5, 0.5], rel=0.15)
+
+
+def test_identify_writes_a_model_with_intervals(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["identify", "excitation", "--json", *runs]) == 0
+    told = document(capsys)
+    model = json.loads(Path(told["model"]).read_text())
+    assert model["cell"] == "my_cell"
+    parameters = {entry["name"]: entry for entry in told["estimate"]["parameters"]}
+    assert parameters["fv_axis1"]["value"] == pytest.approx(25.0, rel=0.1)
+    assert all(entry["std"] > 0.0 for entry in parameters.values())
+    assert Path(told["report"]).read_text().count("<svg") >= 4
+
+
+def test_a_run_counts_once_its_copy_included_and_not_before_it_has_ended(
+    workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(find_run(workshop / "runs", "excitation").path, tmp_path / "copy")
+    for command in ("identify", "friction"):
+        for twice in ("excitation", str(tmp_path / "copy")):
+            assert run([command, "excitation", twice, *runs]) == 2
+            assert "is named twice, or with its copy" in capsys.readouterr().err
+    with (tmp_path / "copy" / "recording.mcap").open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        assert run(["identify", str(tmp_path / "copy"), *runs]) == 8
+    assert "is still being recorded; wait until it has ended" in capsys.readouterr().err
+
+
+def test_what_a_run_lacks_is_told_wherever_it_is_used(
+    workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = RunFolder.create(tmp_path, "torn")
+    whole = find_run(workshop / "runs", "excitation")
+    for name in ("cell.yaml", "robot.yaml", "motion.yaml"):
+        folder.write(name, whole.read(name))
+    path = folder.file("recording.mcap")
+    repair_journal(whole.file("recording.mcap"), path, folder.run_id)
+    recording = bytearray(path.read_bytes())
+    recording[len(recording) // 2] ^= 1
+    path.write_bytes(recording)
+    folder.finish(RunStatus.STOPPED)
+    for words in (["average"], ["validate", str(workshop / "model.json")]):
+        run([*words, str(folder.path), *runs])
+        said = capsys.readouterr().out
+        assert "note: torn: was stopped before its end\n" in said
+        assert re.search(r"note: torn: rows \d+ to \d+ are lost", said)
+
+
+@pytest.mark.fault(35)
+def test_a_copied_run_gives_the_same_parameters_bit_by_bit_in_another_process(
+    workshop: Path, tmp_path: Path, measured: Callable[[str], None]
+) -> None:
+    folder = find_run(workshop / "runs", "excitation")
+    shutil.copytree(folder.path, tmp_path / "elsewhere")
+    (tmp_path / "elsewhere" / "model.json").unlink(missing_ok=True)
+    words = ["identify", str(tmp_path / "elsewhere"), "-o", str(tmp_path / "again.json")]
+    environment = {**os.environ, "TZ": "Pacific/Auckland", "PYTHONHASHSEED": "7"}
+    subprocess.run(
+        [sys.executable, "-m", "rid_daq", *words], check=True, capture_output=True, env=environment
+    )
+    first = json.loads((workshop / "model.json").read_text())
+    again = json.loads((tmp_path / "again.json").read_text())
+    assert len(first["parameters"]) > 10
+    assert again == first
+    measured("every number of the model file equal, 0 ULP")
+
+
+def test_validate_passes_and_fails_by_its_limits(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["validate", str(workshop / "model.json"), "validation", *runs]
+    assert run([*words, "--limits", "10", "--json"]) == 0
+    passed = document(capsys)
+    assert passed["verdict"]["passed"] is True
+    assert all(axis["relative_error_percent"] < 5.0 for axis in passed["validation"]["axes"])
+    assert run([*words, "--limits", "10,0.01,10"]) == 1
+    assert "Failed: axis2 beyond the limit" in capsys.readouterr().out
+    assert run(words) == 0
+    assert "no limits were given" in capsys.readouterr().out
+
+
+def test_report_is_written_again_from_the_results_alone(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = RunFolder.open(next((workshop / "runs").iterdir()))
+    before = (folder.path / "report.html").read_bytes()
+    (folder.path / "report.html").unlink()
+    assert run(["report", str(folder.path)]) == 0
+    assert f"Report: {folder.path / 'report.html'}" in capsys.readouterr().out
+    assert (folder.path / "report.html").read_bytes() == before
+
+
+def test_a_changed_file_is_found(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = RunFolder.open(next((workshop / "runs").iterdir()))
+    motion = folder.path / "motion.yaml"
+    before = motion.read_bytes()
+    motion.write_bytes(before + b"# changed\n")
+    try:
+        assert run(["runs", "--verify", *runs]) == 7
+        assert "motion.yaml" in capsys.readouterr().err
+        assert run(["runs", "--verify", "--json", *runs]) == 7
+        (listed,) = [each for each in document(capsys)["runs"] if each["problems"]]
+        assert "motion.yaml" in listed["problems"][0]
+    finally:
+        motion.write_bytes(before)
+
+
+def test_where_there_are_no_runs_nothing_is_verified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["runs", "--verify", "--runs", str(tmp_path / "rums")]) == 2
+    assert "there are no runs" in capsys.readouterr().err
+
+
+def test_design_writes_a_motion_that_record_takes(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = tmp_path / "designed.yaml"
+    words = ["design", str(workshop / "cell.yaml"), "-o", str(motion), "--json"]
+    words += ["--method", "two-harmonic", "--tries", "5"]
+    assert run(words) == 0
+    told = document(capsys)
+    assert told["condition_number"] > 1.0
+    assert all(axis["velocity_percent"] <= 100.0 for axis in told["axes"])
+    assert motion.read_text().startswith("# Excitation for robot my_robot")
+    assert run(words) == 2  # nothing is overwritten unasked
+
+
+def test_check_reads_every_drive_and_moves_nothing(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["check", str(workshop / "cell.yaml"), "--seconds", "0.5"]
+    assert run([*words, "--json"]) == 0
+    told = document(capsys)
+    assert told["passed"] is True
+    watchdogs = [line for line in told["lines"] if line["what"].startswith("6007h")]
+    assert [line["where"] for line in watchdogs] == [
+        "axis1, node 1", "axis2, node 2", "axis3, node 3",
+    ]  # fmt: skip
+    assert all(line["required"] == line["found"] == "3" for line in watchdogs)
+    whats = {line["what"]: line["verdict"] for line in told["lines"]}
+    assert whats["without this computer it acts after"] == "ok"
+    assert whats["its silence is noticed after"] == "ok"
+    assert whats["writing to disk"] == "ok"
+    assert whats["date"] == "ok"
+    privileges = {"real-time scheduling", "locked memory", "processors kept awake"}
+    assert privileges <= set(whats)
+    assert not list(workshop.glob("**/.rid-daq-speed-*"))
+
+
+@pytest.mark.fault(9)
+def test_a_fault_script_goes_with_a_recording_and_a_reset_is_a_command(
+    workshop: Path,
+    runs: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
+) -> None:
+    faults = tmp_path / "faults.yaml"
+    faults.write_text("drives: [{kind: emergency, joint: axis2, at_cycle: 200, code: 17168}]\n")
+    cell, motion = str(workshop / "cell.yaml"), str(workshop / "validation.yaml")
+    words = ["record", cell, motion, "--label", "spoiled", "--faults", str(faults), *runs]
+    assert run([*words, "--json"]) == 5
+    stop = document(capsys)["stop"]
+    assert stop["code"] == "EMERGENCY"
+    assert "axis2" in stop["text"]
+    folder = find_run(workshop / "runs", "spoiled")
+    assert (folder.path / "faults.yaml").read_bytes() == faults.read_bytes()
+    assert run(["reset", cell, "--json"]) == 0
+    drives = document(capsys)["drives"]
+    assert [drive["after"] for drive in drives] == ["switch on disabled"] * 3
+    words[4] = "twice"
+    assert run([*words, "--rehearse"]) == 5
+    labels = {folder.name for folder in (workshop / "runs").iterdir()}
+    assert "That was the rehearsal; nothing else was driven." in capsys.readouterr().out
+    assert find_run(workshop / "runs", "twice rehearsal").path.name in labels
+    with pytest.raises(ConfigError, match="no run"):
+        find_run(workshop / "runs", "twice")
+    faults.write_text("drives: [{kind: emergency, joint: elbow}]\n")
+    assert run(words) == 2
+    measured("'record': exit 5, the axis named; 'reset': 3 of 3 drives, none switched on")
+
+
+@pytest.mark.fault(19)
+def test_ctrl_c_stops_the_robot_keeps_the_recording_and_is_130(
+    workshop: Path, tmp_path: Path, measured: Callable[[str], None]
+) -> None:
+    text = (workshop / "motion.yaml").read_text()
+    (tmp_path / "long.yaml").write_text(re.sub(r"(?m)^periods: \d+", "periods: 40", text))
+    words = [
+        sys.executable, "-m", "rid_daq", "record", str(workshop / "cell.yaml"),
+        str(tmp_path / "long.yaml"), "--runs", str(tmp_path / "runs"),
+    ]  # fmt: skip
+    with subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    ) as program:
+        assert program.stdout is not None
+        lines = [""]
+        while not lines[-1].startswith("recording:"):
+            lines.append(program.stdout.readline())
+            assert lines[-1], f"the program ended before it moved: {''.join(lines)}"
+        sent_ns = time.time_ns()
+        for _ in range(3):
+            program.send_signal(signal.SIGINT)
+        said = program.stdout.read()
+    assert program.returncode == 130
+    assert "Traceback" not in said
+    assert re.search(r"Stopped by the operator\. .* into the motion", said)
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert RunFolder.open(folder).manifest().status == "stopped"
+    journal = read_journal(folder / "recording.mcap")
+    assert journal.damage.finished
+    closed_s = 1e-9 * ((folder / "recording.mcap").stat().st_mtime_ns - sent_ns)
+    assert 0.0 < closed_s < 60.0
+    measured(f"Ctrl-C: exit 130, file closed {closed_s:.1f} s later by the clock")
+    assert "Stopped before its end" in (folder / "report.html").read_text()
+
+
+def test_frames_that_cannot_be_recorded_are_refused_before_anything_is_made(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (workshop / "cell.yaml").read_text()
+    cell = tmp_path / "cell.yaml"
+    assert text.count("interface: rid_sim") == 1
+    cell.write_text(text.replace("interface: rid_sim", "interface: slcan"))
+    (tmp_path / "robot.yaml").write_text((workshop / "robot.yaml").read_text())
+    runs = tmp_path / "runs"
+    motion = str(workshop / "validation.yaml")
+    assert run(["record", str(cell), motion, "--frames", "--runs", str(runs)]) == 2
+    assert "one program alone can open it" in capsys.readouterr().err
+    assert not runs.exists()
+
+
+def test_a_served_cell_is_joined_and_served_once(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = tmp_path / "cell.yaml"
+    text = (workshop / "cell.yaml").read_text()
+    cell.write_text(text.replace("channel: my_cell", f"channel: test_{tmp_path.name}"[:60]))
+    (tmp_path / "robot.yaml").write_text((workshop / "robot.yaml").read_text())
+    words = [sys.executable, "-m", "rid_daq", "mock", str(cell)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as served:
+        assert served.stdout is not None
+        said = [served.stdout.readline() for _ in range(3)]
+        try:
+            assert any("can_logger -i rid_sim -c test_" in line for line in said)
+            assert run(["mock", str(cell)]) == 8
+            capsys.readouterr()
+            run(["check", str(cell), "--seconds", "0.3", "--json"])
+            lines = document(capsys)["lines"]
+            assert any(line["what"].startswith("6007h") for line in lines)
+            # In real time a machine that stalls may cost an answer; that is no fault of joining.
+            settings = [line for line in lines if re.match(r"[0-9A-F]{4}h", line["what"])]
+            assert {line["verdict"] for line in settings} == {"ok", "shown"}
+        finally:
+            served.send_signal(signal.SIGINT)
+        assert "Ended." in served.stdout.read()
+    assert served.returncode == 0
+
+
+def test_a_run_that_is_not_periodic_is_identified_through_the_anti_alias_filter(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    model = tmp_path / "model.json"
+    assert run(["identify", "validation", "-o", str(model), *runs]) == 0
+    capsys.readouterr()
+    assert run(["validate", str(model), "excitation", "--json", *runs]) == 0
+    for axis in document(capsys)["validation"]["axes"]:
+        assert axis["relative_error_percent"] < 5.0
+
+
+def test_a_recording_ends_when_the_accuracy_is_reached(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = tmp_path / "motion.yaml"
+    text = (workshop / "motion.yaml").read_text()
+    motion.write_text(text.replace("periods: 4", "periods: 6"))
+    words = ["record", str(workshop / "cell.yaml"), str(motion), "--json"]
+    words += ["--runs", str(tmp_path / "runs")]
+    capsys.readouterr()
+    assert run([*words, "--until", "fc_axis1<5Nm", "--until", "torque<50Nm"]) == 0
+    told = document(capsys)
+    assert told["status"] == "complete"
+    assert told["accuracy"]["reached"]
+    assert told["accuracy"]["periods"] == 3
+    assert max(told["accuracy"]["relative_percent"]) < 5.0
+    recording = read_journal(Path(told["folder"]) / "recording.mcap").recording()
+    assert (recording.phase == Phase.MAIN).sum() == 3 * recording.samples_per_period
+    assert run([*words, "--until", "fc_axis1<0.0001Nm"]) == 1
+    told = document(capsys)
+    assert told["status"] == "complete"
+    assert told["accuracy"]["periods"] == 6
+    assert run([*words, "--until", "fc_axis9<1"]) == 2

@@ -1,0 +1,400 @@
+"""The path error cut through the commands: loops, feedforward, refinement, before and after."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+import struct
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from acquisition.journal.cycles import read_journal
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import Phase
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import record_motion
+from acquisition.task.stop_reason import StopCode
+from compensation.feedforward.tracking_error import tracking_error
+from compensation.loops.loop_file import read_loops
+from compensation.online.online import OnlineFeedforward
+from compensation.online.point_codec import PROTOCOL
+from compensation.online.stream import stream_points
+from config.load import load_cell, load_robot, to_yaml
+from config.motion.motion import MultipointMotion
+from config.simulation.faults import FaultScript, FrameFault
+from dynamics.geometry.kinematics import Chain
+from identification.estimation.file import read_estimate
+from mock_hw.cell import SimulatedCell
+from rid_daq.app import run
+from rid_daq.session.cells import reachable_cell
+from tests.rid_daq.told import document
+
+CIRCLE = """
+kind: circle
+robot: ir361
+centre_m: [0.575, -0.078, -1.724]
+radius_m: 0.2
+speed_m_s: 0.6
+near: [0.1, -0.1, 0.4]
+periods: 4
+transient_periods: 1
+ramp_s: 1.0
+"""
+MULTISINE = """
+kind: multisine
+robot: ir361
+period_s: 4.0
+lowest_hz: 0.75
+highest_hz: 15.0
+realisations: 2
+periods: 2
+ramp_s: 1.0
+joints:
+- {joint: axis1, velocity: 0.05, slow_amplitude: 0.1}
+- {joint: axis2, velocity: 0.04, slow_amplitude: 0.1}
+- {joint: axis3, velocity: 0.06, slow_amplitude: 0.1}
+"""
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model of the simulated arm, its velocity loops, and a circle without compensation."""
+    folder = tmp_path_factory.mktemp("compensation")
+    # The bundled cell without its force plate, which takes as long as all the rest.
+    bundled = load_cell("ir361").config
+    arm = bundled.model_copy(update={"plate": None, "name": "arm"})
+    (folder / "arm.yaml").write_text(to_yaml(arm))
+    cell = str(folder / "arm.yaml")
+    runs = ["--runs", str(folder / "runs")]
+    (folder / "circle.yaml").write_text(CIRCLE)
+    (folder / "multisine.yaml").write_text(MULTISINE)
+    excitation = str(folder / "excitation.yaml")
+    words = ["design", cell, "-o", excitation, "--method", "two-harmonic", "--periods", "3"]
+    assert run(words) == 0
+    assert run(["record", cell, excitation, "--label", "excitation", *runs]) == 0
+    assert run(["identify", "excitation", "-o", str(folder / "model.json"), *runs]) == 0
+    for label in ("multisine", "circle"):
+        motion = str(folder / f"{label}.yaml")
+        assert run(["record", cell, motion, "--label", label, *runs]) == 0
+    words = ["loop", "multisine", "-o", str(folder / "loops.json"), *runs]
+    assert run(words) == 0
+    return folder
+
+
+def by(workshop: Path) -> list[str]:
+    """The options that say model and loops."""
+    return ["--model", str(workshop / "model.json"), "--loop", str(workshop / "loops.json")]
+
+
+@pytest.fixture(scope="module")
+def compensated(workshop: Path) -> Path:
+    """The feedforward of the circle, tuned by the plain circle, and a run with it."""
+    cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
+    circle, ahead = str(workshop / "circle.yaml"), str(workshop / "ahead.json")
+    words = ["compensate", cell, circle, *by(workshop), "-o", ahead]
+    assert run([*words, "--reference", "circle", *runs]) == 0
+    words = ["record", cell, circle, "--feedforward", ahead, "--label", "compensated", *runs]
+    assert run(words) == 0
+    return workshop / "ahead.json"
+
+
+def test_the_circle_comes_an_order_of_magnitude_closer(
+    workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing is taken from the plant; the thesis went from 1.42 mm to 0.25 mm."""
+    loops = json.loads((workshop / "loops.json").read_text())["loops"]
+    for axis, gain in zip(loops, (900.0, 1300.0, 250.0), strict=True):
+        assert axis["gain"] == pytest.approx(gain, rel=0.02)
+    tuning = json.loads(compensated.read_text())["origin"]["tuning"]
+    assert tuning["same_motion"]
+    assert tuning["used"] == [True, True, True]
+    assert tuning["scale"] == pytest.approx([1.0, 1.0, 1.0], abs=0.1)
+    runs = ["--runs", str(workshop / "runs")]
+    capsys.readouterr()
+    assert run(["tracking", "compensated", "--against", "circle", "--json", *runs]) == 0
+    found = document(capsys)
+    (motion,) = found["motions"]
+    assert motion["use"] == "tuned on it"
+    assert 1e-3 < motion["against"]["mean_m"] < 3e-3
+    assert motion["mean_ratio"] > 10.0
+    assert motion["max_ratio"] > 6.0
+    page = Path(found["report"]).read_text()
+    assert "deviation drawn 10 times as large" in page
+    assert "times closer than before" in page
+    assert "tuned on it" in page
+
+
+def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_noticed(
+    workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
+    better = str(workshop / "better.json")
+    capsys.readouterr()
+    assert run(["refine", "compensated", *by(workshop), "-o", better, "--json", *runs]) == 0
+    found = document(capsys)
+    assert not found["finished"]
+    assert all(axis["bound"] < 0.5 for axis in found["axes"])
+    circle = str(workshop / "circle.yaml")
+    words = ["record", cell, circle, "--feedforward", better, "--label", "refined", *runs]
+    assert run(words) == 0
+    capsys.readouterr()
+    assert run(["tracking", "refined", "--against", "circle", "--json", *runs]) == 0
+    (motion,) = document(capsys)["motions"]
+    assert motion["use"] == "refined 1 time"
+    assert motion["mean_ratio"] > 20.0
+    assert motion["max_ratio"] > 10.0
+
+    # The same run, once as if it had been as good before, once as if it had been far better.
+    (recorded,) = (
+        path.parent
+        for path in (workshop / "runs").glob("*/feedforward.json")
+        if path.read_text() == (workshop / "better.json").read_text()
+    )
+    for factor, code, words in ((1.0, 0, "no longer shrinks"), (0.5, 6, "has grown since")):
+        changed = tmp_path / str(factor) / recorded.name
+        shutil.copytree(recorded, changed)
+        file = json.loads((changed / "feedforward.json").read_text())
+        capsys.readouterr()
+        again = ["refine", str(recorded), *by(workshop), "--overwrite", "-o"]
+        assert run([*again, str(tmp_path / "x.json"), "--json"]) == 0
+        rms = [factor * axis["rms"] for axis in document(capsys)["axes"]]
+        file["origin"]["refinements"][-1]["rms"] = rms
+        RunFolder.open(changed).write("feedforward.json", json.dumps(file).encode())
+        again[1] = str(changed)
+        assert run([*again, str(tmp_path / "y.json")]) == code
+        output = capsys.readouterr()
+        assert words in output.out + output.err
+    kept = json.loads((tmp_path / "y.json").read_text())
+    assert kept["feedforward"] == json.loads((workshop / "better.json").read_text())["feedforward"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["loop", "circle"], "is of a circle motion"),
+        (["compensate", "arm.yaml", "circle.yaml", "--model", "model.json"], "Missing option"),
+        (
+            ["record", "arm.yaml", "circle.yaml", "--feedforward", "model.json"],
+            "not a feedforward file",
+        ),
+        (["tracking", "circle", "--against", "multisine"], "is of none of the motions given"),
+        (
+            ["refine", "circle", "multisine", "--model", "model.json", "--loop", "loops.json"],
+            "differ in motion or feedforward",
+        ),
+    ],
+)
+def test_what_cannot_be_meant_is_one_clear_message(
+    workshop: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(workshop)
+    capsys.readouterr()
+    more = ["-o", "x.json"] if words[0] in ("compensate", "refine") else []
+    assert run([*words, *more, *(["--runs", "runs"] if words[0] != "compensate" else [])]) == 2
+    assert message in capsys.readouterr().err
+
+
+class TestStream:
+    """On line: from a file, from another program, and from programs that misbehave."""
+
+    def test_the_circle_comes_as_close_on_line(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        words = [
+            "stream",
+            str(workshop / "arm.yaml"),
+            str(workshop / "circle.yaml"),
+            "--label",
+            "live",
+        ]
+        assert run([*words, *model_of(workshop)]) == 0
+        capsys.readouterr()
+        runs = ["--runs", str(workshop / "runs")]
+        assert run(["tracking", "live", "--against", "circle", "--json", *runs]) == 0
+        (motion,) = document(capsys)["motions"]
+        assert motion["mean_ratio"] > 8.0
+        assert motion["max_ratio"] > 5.0
+
+    @pytest.mark.fault(3)
+    def test_a_streamed_path_that_lost_too_much_is_exit_6(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str], measured: Callable[[str], None]
+    ) -> None:
+        arm = load_cell(str(workshop / "arm.yaml"))
+        assert arm.plant is not None
+        script = FaultScript(bus=(FrameFault(kind="drop", joint="axis2", probability=0.04),))
+        with SimulatedCell(
+            arm.config, arm.robot, arm.plant, realtime=False, seed=1, faults=script
+        ) as lossy:
+            served = workshop / "lossy.yaml"
+            served.write_text(to_yaml(lossy.cell))
+            capsys.readouterr()
+            words = ["stream", str(served), str(workshop / "circle.yaml"), "--json"]
+            assert run([*words, *model_of(workshop)]) == 6
+        quality = document(capsys)["quality"]
+        lost, rows = quality["lost_answers"]["axis2"], quality["rows"]
+        assert "joint 'axis2': " in quality["trouble"]
+        measured(f"'stream' that lost {100 * lost / rows:.1f} % of a drive's answers: exit 6")
+
+    def test_another_program_sends_a_path_never_seen(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        path = joint_path()
+        code, answer, told = streamed(workshop, capsys, [path[:100], path[100:]])
+        assert code == 0
+        assert answer == {"points": len(path), "error": None}
+        rows = read_journal(Path(told["folder"]) / "recording.mcap").rows
+        main = rows[rows["phase"] == Phase.MAIN]
+        assert main["sample_index"].max() == len(path) - 1
+        error = tracking_error(CHAIN, main["target_position"], main["position"])
+        assert error.mean_m < 0.25e-3
+        assert error.max_m < 1e-3
+
+    def test_a_client_that_dies_is_a_stop_on_the_path(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        path = joint_path()
+        code, answer, told = streamed(workshop, capsys, [path[:400]], end=False)
+        assert code == 4
+        assert answer is None
+        assert told["stop"]["code"] == "POINTS_LOST"
+        assert "hung up before the end" in told["stop"]["text"]
+        stopped_on(path[:400], told)
+
+    def test_a_bad_point_is_a_stop_before_it_and_the_client_hears_why(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        path = joint_path()
+        path[400, 1] = np.nan
+        code, answer, told = streamed(workshop, capsys, [path])
+        assert code == 5
+        assert answer is not None
+        assert "point 400, joint axis2: the position is not a number" in answer["error"]
+        stopped_on(path[:400], told)
+
+    def test_points_from_an_iterator(self, workshop: Path) -> None:
+        cell = load_cell(str(workshop / "arm.yaml"))
+        forward = OnlineFeedforward.identified(
+            cell.config,
+            cell.robot,
+            read_estimate(workshop / "model.json"),
+            read_loops(workshop / "loops.json")[1],
+        )
+        path = joint_path()
+
+        def points() -> Iterator[NDArray[np.float64]]:
+            yield path[:1]
+            yield from path[1:450]
+            raise ValueError("the planner lost its way")
+
+        folder = RunFolder.create(workshop / "runs", "iterator", software={})
+        with reachable_cell(cell) as reachable:
+            outcome = stream_points(
+                reachable, forward, points(),
+                lambda source: record_motion(reachable, cell.robot, source, folder),
+            )  # fmt: skip
+        assert outcome.stop is not None
+        assert outcome.stop.code is StopCode.POINTS_LOST
+        assert "the planner lost its way" in outcome.stop.text
+
+    def test_what_cannot_be_meant_moves_nothing(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        given = model_of(workshop)
+        arm, circle = str(workshop / "arm.yaml"), str(workshop / "circle.yaml")
+        assert run(["stream", arm, circle, "--socket", "/tmp/x", *given]) == 2
+        assert "give one of them" in capsys.readouterr().err
+        path = str(workshop / "points")
+        assert run(["stream", arm, "--socket", path, "--wait", "0.1", *given]) == 4
+        assert "no client sent points within 0.1 s" in capsys.readouterr().err
+
+
+LIMITS = [joint.limits for joint in load_robot("ir361").joints]
+CHAIN = Chain.from_description(load_robot("ir361"))
+
+
+def joint_path() -> NDArray[np.float64]:
+    """Return a spline through random poses, with which nothing was tuned."""
+    motion = MultipointMotion(kind="multipoint", robot="ir361", points=4, seed=11)
+    return np.array(plan_motion(motion, load_robot("ir361"), 0.008).position)
+
+
+def model_of(workshop: Path) -> list[str]:
+    return [*by(workshop), "--runs", str(workshop / "runs")]
+
+
+def streamed(
+    workshop: Path,
+    capsys: pytest.CaptureFixture[str],
+    batches: list[NDArray[np.float64]],
+    *,
+    end: bool = True,
+) -> tuple[int, dict[str, Any] | None, dict[str, Any]]:
+    """Let a client send batches; return exit code, what it hears, and what the command tells."""
+    path = workshop / "points"
+    heard: list[dict[str, Any]] = []
+
+    def send() -> None:
+        with socket.socket(socket.AF_UNIX) as robot:
+            robot.settimeout(60.0)
+            connect(robot, path)
+            lines = robot.makefile("rb")
+            lines.readline()
+            robot.sendall(json.dumps({"protocol": PROTOCOL}).encode() + b"\n")
+            for batch in batches:
+                robot.sendall(struct.pack("<I", len(batch)) + batch.astype("<f8").tobytes())
+            if not end:
+                lines.close()
+                return
+            robot.sendall(struct.pack("<I", 0))
+            heard.append(json.loads(lines.readline()))
+            lines.close()
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    capsys.readouterr()
+    words = ["stream", str(workshop / "arm.yaml"), "--socket", str(path), "--json"]
+    code = run([*words, *model_of(workshop)])
+    sender.join(60.0)
+    assert not sender.is_alive()
+    return code, heard[0] if heard else None, document(capsys)
+
+
+def connect(client: socket.socket, path: Path) -> None:
+    """Connect as soon as somebody listens."""
+    waiting = threading.Event()
+    for _ in range(6000):
+        try:
+            client.connect(str(path))
+        except OSError:
+            waiting.wait(0.01)
+        else:
+            return
+    raise AssertionError("nobody listens")
+
+
+def stopped_on(path: NDArray[np.float64], told: dict[str, Any]) -> None:
+    """Hold that the robot came to rest on a path, within its limits, without a jump."""
+    rows = read_journal(Path(told["folder"]) / "recording.mcap").rows
+    moving = rows[rows["sample_index"] >= 0]
+    target = moving["target_position"]
+    off = np.abs(target[:, np.newaxis] - path[np.newaxis]).max(axis=2).min(axis=1)
+    assert off.max() < 1.1 * np.abs(np.diff(path, axis=0)).max()
+    bend = np.abs(np.diff(target, n=2, axis=0)) / 0.008**2
+    assert (bend <= 1.02 * np.array([limit.acceleration for limit in LIMITS])).all()
+    assert not np.diff(target[-5:], axis=0).any()
+    speed = np.abs(np.diff(rows["position"], axis=0)) / 0.008
+    assert (speed <= 1.1 * np.array([limit.velocity for limit in LIMITS])).all()
+    assert speed[-5:].max() < 0.01
+    torque = np.abs(moving["torque_nm"])
+    assert (torque <= np.array([limit.torque for limit in LIMITS])).all()

@@ -1,0 +1,175 @@
+"""The drives' data sheets from the command line: written, judged by the preflight, kept in runs."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import canopen
+import pytest
+
+from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RunFolder
+from config.load import load_cell
+from rid_daq.app import run
+from rid_daq.preflight.sheet_check import refuse_unfit_sheets, sheet_lines
+from tests.rid_daq.told import document
+
+AXES = {1: "    node_id: 1\n", 2: "node_id: 2}", 3: "node_id: 3}"}
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder made by init, with the sheets of its simulated drives."""
+    folder = tmp_path_factory.mktemp("workshop")
+    assert run(["init", str(folder)]) == 0
+    assert run(["mock", str(folder / "cell.yaml"), "--eds", str(folder / "sheets")]) == 0
+    validation = folder / "validation.yaml"
+    validation.write_text(validation.read_text().replace("points: 20", "points: 2"))
+    return folder
+
+
+@pytest.fixture
+def cell(workshop: Path, tmp_path: Path) -> Callable[..., str]:
+    """Return what writes a cell whose first two drives have sheets, the second a changed one."""
+
+    def made(old: str = "", new: str = "") -> str:
+        folder = tmp_path / "cell"
+        shutil.copytree(workshop, folder)
+        sheet = folder / "sheets" / "node2.eds"
+        text = sheet.read_text()
+        assert old in text
+        sheet.write_text(text.replace(old, new, 1))
+        cell = (folder / "cell.yaml").read_text()
+        cell = cell.replace(AXES[1], f"{AXES[1]}    eds: sheets/node1.eds\n")
+        cell = cell.replace(AXES[2], "node_id: 2, eds: sheets/node2.eds}")
+        assert cell.count("eds: sheets") == 2
+        (folder / "cell.yaml").write_text(cell)
+        return str(folder / "cell.yaml")
+
+    return made
+
+
+def checked(
+    cell: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], code: int
+) -> list[dict[str, Any]]:
+    """Run a preflight and return its lines."""
+    capsys.readouterr()
+    words = ["check", cell, "--seconds", "0.1", "--json", "--runs", str(tmp_path / "runs")]
+    assert run(words) == code
+    told = document(capsys)
+    assert told["passed"] is (code == 0)
+    lines: list[dict[str, Any]] = told["lines"]
+    return lines
+
+
+def test_the_sheets_are_written_once_and_other_tools_read_them(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = [path.name for path in sorted((workshop / "sheets").iterdir())]
+    assert names == ["node1.eds", "node2.eds", "node3.eds"]
+    dictionary = canopen.import_od(str(workshop / "sheets" / "node2.eds"), node_id=2)
+    assert dictionary[0x1400][1].default == 0x202
+    assert dictionary.device_information.product_number == 0x361
+    assert run(["mock", str(workshop / "cell.yaml"), "--eds", str(workshop / "sheets")]) == 2
+    assert "node1.eds, node2.eds, node3.eds is already there" in capsys.readouterr().err
+
+
+def test_the_preflight_shows_sheets_that_fit(
+    cell: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = cell("[6084]\n", "[6084]\nHighLimit=10LL\n")
+    lines = checked(path, tmp_path, capsys, 0)
+    text = (Path(path).parent / "sheets" / "node2.eds").read_text()
+    line = text.splitlines().index("HighLimit=10LL") + 1
+    sheets = [line for line in lines if line["what"] == "data sheet (EDS)"]
+    assert [(line["where"], line["found"], line["verdict"]) for line in sheets] == [
+        ("axis1, node 1", "as required", "ok"),
+        ("axis2, node 2", f"as required; values that cannot be read in lines {line}", "ok"),
+    ]
+    hashes = {line["where"]: line["found"] for line in lines if line["what"][:4] == "SHA-"}
+    files = [Path(path).parent / "sheets" / f"node{n}.eds" for n in (1, 2)]
+    assert hashes == {str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+    products = [line for line in lines if line["what"] == "1018h:02 product"]
+    assert [line["required"] for line in products] == ["361h", "361h", ""]
+    assert [line["verdict"] for line in products] == ["ok", "ok", "shown"]
+
+
+def test_the_preflight_of_a_cell_without_sheets_says_nothing_of_them() -> None:
+    loaded = load_cell("ir361")
+    assert sheet_lines(loaded) == []
+    refuse_unfit_sheets(loaded)
+
+
+def test_another_drive_than_the_sheets_is_red_and_nothing_is_written_to_it(
+    cell: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = cell("VendorNumber=0x00000000", "VendorNumber=0x000000FB")
+    lines = checked(path, tmp_path, capsys, 3)
+    (red,) = [line for line in lines if line["verdict"] == "red"]
+    assert (red["where"], red["what"]) == ("axis2, node 2", "1018h:01 vendor")
+    assert (red["required"], red["found"]) == ("FBh", "0h")
+    assert "another drive than the data sheet" in red["next_action"]
+    assert "name the sheet of this drive" in red["next_action"]
+    of_second = [line["what"][:5] for line in lines if line["where"] == "axis2, node 2"]
+    assert "1016h" not in of_second
+    assert "1600h" not in of_second
+    assert "1016h" in [line["what"][:5] for line in lines if line["where"] == "axis3, node 3"]
+
+
+def test_a_sheet_that_lacks_an_object_is_told_before_a_drive_is_asked(
+    cell: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = cell("[6077]", "[2077]")
+    lines = checked(path, tmp_path, capsys, 3)
+    reds = [line for line in lines if line["verdict"] == "red"]
+    assert [(line["where"], line["what"], line["found"]) for line in reds] == [
+        ("axis2, node 2", "data sheet (EDS)", "lacks 1 of it"),
+        ("axis2, node 2", "data sheet: 6077h:00 in TPDO 1", "not in the sheet"),
+    ]
+    assert not [line for line in lines if line["what"][:5] in ("1000h", "1018h", "1016h")]
+    capsys.readouterr()
+    motion = str(Path(path).parent / "validation.yaml")
+    assert run(["record", path, motion, "--runs", str(tmp_path / "runs")]) == 3
+    said = capsys.readouterr().err
+    assert "axis2, node 2" in said
+    assert "6077h:00 in TPDO 1 is not in the sheet, required: 16 bit, mappable" in said
+    assert "Nothing was asked of the drives" in said
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_faulty_line_is_a_faulty_configuration(
+    cell: Callable[..., str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = cell("[6077]\nParameterName=torque [0.1 %]\n", "[6077\nParameterName=torque\n")
+    assert run(["check", path]) == 2
+    sheet = Path(path).parent / "sheets" / "node2.eds"
+    line = sheet.read_text().splitlines().index("[6077") + 1
+    assert f"{sheet}:{line}: '[6077' has no closing ]" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_run_keeps_the_sheets_and_its_cell_can_be_used_again(
+    cell: Callable[..., str], tmp_path: Path
+) -> None:
+    path = Path(cell())
+    runs = ["--runs", str(tmp_path / "runs")]
+    words = ["record", str(path), str(path.parent / "validation.yaml"), "--label", "kept", *runs]
+    assert run(words) == 0
+    folder = find_run(tmp_path / "runs", "kept")
+    files = folder.manifest().files
+    for number in (1, 2):
+        original = (path.parent / "sheets" / f"node{number}.eds").read_bytes()
+        assert folder.read(f"drive{number}.eds") == original
+        assert files[f"drive{number}.eds"].sha256 == hashlib.sha256(original).hexdigest()
+    first = load_cell(str(path))
+    shutil.copytree(folder.path, tmp_path / "copy")
+    shutil.rmtree(path.parent)
+    again = load_cell(str(tmp_path / "copy" / "cell.yaml"))
+    plant = {"plant.yaml": folder.read("plant.yaml")}  # as it was in the run: nothing attached
+    assert again.files == first.files | plant
+    assert again.config == first.config
+    assert RunFolder.open(tmp_path / "copy").verify() == ()
+    assert run(["check", str(tmp_path / "copy" / "cell.yaml"), "--seconds", "0.1", *runs]) == 0

@@ -1,0 +1,264 @@
+"""`rid-daq design`: the motion that it writes, what it says of it, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion.plan import plan_motion
+from config.errors import ConfigError
+from config.load import LoadedCell, load_cell, load_motion
+from config.motion.motion import FourierMotion
+from dynamics.model.robot_model import torque
+from identification.design.criteria import Condition, DOptimal, Goals
+from identification.design.model import design_model
+from identification.design.problem import ExcitationProblem
+from identification.design.search import refine
+from identification.design.verification import check_motion
+from identification.estimation.estimate import Estimate
+from identification.estimation.file import write_estimate
+from identification.model.base_parameters import base_parameters
+from identification.model.options import ModelOptions
+from rid_daq.app import run
+from rid_daq.jobs.design_job import chosen_criterion, excitation_problem
+from rid_daq.jobs.truth import true_parameters
+from tests.rid_daq.told import document
+
+
+@pytest.fixture(scope="module")
+def cell() -> LoadedCell:
+    return load_cell("ir361")
+
+
+def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
+    """Return the bundled arm's true values as an estimate, some known worse than by 1 %."""
+    assert cell.plant is not None
+    model = design_model(cell.robot)
+    base = base_parameters(model)
+    values = base.from_standard(true_parameters(model, cell.robot, cell.plant))
+    sigma = 0.01 * np.abs(values) + 1e-3
+    for name, worse in deviations.items():
+        sigma[base.names.index(name)] *= worse
+    return Estimate(
+        robot=cell.robot,
+        options=ModelOptions(),
+        base=base,
+        values=values,
+        covariance_noise=None,
+        covariance_residual=np.diag(sigma**2),
+        covariance_honest=np.diag(sigma**2),
+        condition_number=30.0,
+        equations=600,
+        residual_nm=np.array([6.0, 6.0, 3.0]),
+        noise_nm=None,
+        left_out_fraction=np.zeros(3),
+        method="smoothed",
+        band_hz=10.0,
+        standstill_rad_s=0.02,
+    )
+
+
+def problem(
+    cell: LoadedCell, model: Estimate | None = None, given: Sequence[Estimate] = ()
+) -> ExcitationProblem:
+    """Return the question for a motion of 10 s and three harmonics."""
+    return excitation_problem(
+        cell.config,
+        cell.robot,
+        period_s=10.0,
+        harmonics=3,
+        criterion=DOptimal(),
+        model=model,
+        given=given,
+    )
+
+
+def design(capsys: pytest.CaptureFixture[str], output: Path, *words: str) -> dict[str, Any]:
+    assert run(["design", "ir361", "-o", str(output), "--starts", "2", "--json", *words]) == 0
+    return document(capsys)
+
+
+def test_it_writes_a_motion_within_all_limits(
+    cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "motion.yaml"
+    document = design(capsys, path, "--criterion", "condition")
+    motion = load_motion(path)
+    assert isinstance(motion, FourierMotion)
+    plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    assert document["condition_number"] < 40.0
+    assert [trial["seed"] for trial in document["trials"]] in ([0, 1], [1, 0])
+    assert all(use["held"] for use in document["limits"])
+    assert any(use["active"] for use in document["limits"])
+    assert "of 2 from seed 0 for condition: condition number" in path.read_text()
+
+
+def test_the_same_seed_and_starts_give_the_same_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, again, other = (tmp_path / f"{name}.yaml" for name in "abc")
+    design(capsys, first)
+    design(capsys, again)
+    design(capsys, other, "--seed", "1")
+    assert first.read_bytes() == again.read_bytes()
+    assert first.read_bytes() != other.read_bytes()
+
+
+def test_people_read_what_holds_the_motion_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["design", "ir361", "-o", str(tmp_path / "m.yaml"), "--starts", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "log determinant" in said
+    assert "What holds the motion back: " in said
+    assert "Torque is not checked" in said
+    assert "Collisions are not checked" in said
+
+
+def test_a_model_holds_the_torques_and_a_wall_the_arm(
+    cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "workshop"
+    assert run(["init", str(folder)]) == 0
+    with (folder / "cell.yaml").open("a") as file:
+        file.write(
+            "workspace:\n  planes:\n"
+            "    - {name: the wall, normal: [-1.0, 0.0, 0.0], offset_m: -0.9}\n"
+        )
+    model = tmp_path / "model.json"
+    write_estimate(model, known(cell, {}))
+    capsys.readouterr()
+    words = ["design", str(folder / "cell.yaml"), "-o", str(tmp_path / "m.yaml"), "--starts", "2"]
+    assert run([*words, "--model", str(model), "--json"]) == 0
+    uses = {use["what"]: use for use in json.loads(capsys.readouterr().out)["limits"]}
+    assert uses["distance between the wall and the tool point"]["used"] >= 0.02
+    motion = load_motion(tmp_path / "m.yaml")
+    path = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    estimate = known(cell, {})
+    parameters = np.zeros(len(estimate.base.standard_names))
+    parameters[list(estimate.base.kept)] = estimate.values
+    tau = torque(estimate.model, path.position, path.velocity, path.acceleration, parameters)
+    blocked = tmp_path / "blocked.yaml"
+    freely = ["design", "ir361", "-o", str(blocked), "--method", "two-harmonic", "--tries", "5"]
+    assert run(freely) == 0
+    words = ["record", str(folder / "cell.yaml"), str(blocked), "--runs", str(tmp_path / "runs")]
+    blocked.write_text(blocked.read_text().replace("robot: ir361", f"robot: {motion.robot}"))
+    capsys.readouterr()
+    assert run(words) == 3
+    message = capsys.readouterr().err
+    assert "the motion brings the wall and the tool point" in message
+    assert "Nothing was moved" in message
+    quoted = [uses[f"torque of {name}"]["used"] for name in cell.robot.joint_names]
+    np.testing.assert_allclose(quoted, np.abs(tau).max(axis=0), rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted", "kind"),
+    [("condition", [], Condition), ("d-optimal", [], DOptimal), ("d-optimal", ["torque"], Goals)],
+)
+def test_words_choose_the_criterion(
+    cell: LoadedCell, name: str, wanted: list[str], kind: type
+) -> None:
+    assert isinstance(chosen_criterion(cell.robot, name, wanted), kind)
+
+
+def test_the_next_experiment_serves_what_earlier_runs_know_least(cell: LoadedCell) -> None:
+    weak = {"Ixz3": 100.0, "Iyz3": 100.0}
+    earlier = known(cell, weak)
+    cycle_s = cell.config.cycle_time_s
+    alone = problem(cell, model=earlier)
+    next_one = problem(cell, model=earlier, given=[earlier])
+    for criterion in (DOptimal(), chosen_criterion(cell.robot, "d-optimal", list(weak))):
+        judge = replace(next_one, criterion=criterion)
+        served, plain = (
+            min(
+                check_motion(judge, refine(task, seed, cycle_s).motion, cycle_s).worth
+                for seed in range(8)
+            )
+            for task in (judge, alone)
+        )
+        assert served < plain - 0.01
+
+
+def test_friction_is_never_carried_over(cell: LoadedCell) -> None:
+    earlier = known(cell, {})
+    task = problem(cell, given=[earlier, earlier])
+    assert task.given is not None
+    names = task.base.names
+    friction = [k for k, name in enumerate(names) if name.startswith(("fc_", "fv_"))]
+    rest = [k for k in range(len(names)) if k not in friction]
+    assert not task.given[friction].any()
+    # Two estimates of one variance know twice as much; 600 equations of 3 joints are 200 samples.
+    known_twice = 2.0 / np.diagonal(earlier.covariance_residual)[rest] / 200.0
+    np.testing.assert_allclose(np.diagonal(task.given)[rest], known_twice)
+
+
+def test_a_model_of_another_robot_is_refused(cell: LoadedCell) -> None:
+    ours = known(cell, {})
+    joint = ours.robot.joints[0].model_copy(update={"name": "other"})
+    robot = ours.robot.model_copy(update={"joints": (joint, *ours.robot.joints[1:])})
+    with pytest.raises(ConfigError, match="give models of this robot"):
+        problem(cell, model=replace(ours, robot=robot))
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        ("--for m7", 2, "is not one of the parameters"),
+        ("--period 9.999", 2, "whole number of cycles"),
+        ("--harmonics 40 --period 0.24", 2, "beyond half the sampling frequency"),
+        ("--harmonics 400", 2, "--harmonics"),
+        ("--given nowhere.json", 2, "nowhere.json"),
+        ("--scheduler tcp://127.0.0.1:9", 2, "no Dask scheduler answers"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_at_once(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: str,
+    code: int,
+    told: str,
+) -> None:
+    monkeypatch.setattr("identification.design.search.SCHEDULER_TIMEOUT_S", 0.5)
+    output = tmp_path / "m.yaml"
+    assert run(["design", "ir361", "-o", str(output), *words.split()]) == code
+    assert told in capsys.readouterr().err
+    assert not output.exists()
+
+
+def test_ctrl_c_keeps_the_best_motion_so_far_and_is_130(tmp_path: Path) -> None:
+    output = tmp_path / "m.yaml"
+    words = ["-m", "rid_daq", "design", "ir361", "-o", str(output), "--starts", "100000"]
+    process, terminal = pty.fork()
+    if process == 0:
+        os.execv(sys.executable, [sys.executable, *words])
+    said = b""
+    until_s = time.monotonic() + 120.0
+    pressed = False
+    while time.monotonic() < until_s:
+        try:
+            said += os.read(terminal, 65536)
+        except OSError:
+            break  # the program has closed its terminal
+        if b"best log determinant" in said and not pressed:
+            pressed = True
+            os.write(terminal, b"\x03")
+    else:
+        os.kill(process, signal.SIGKILL)
+    _, status = os.waitpid(process, 0)
+    assert os.waitstatus_to_exitcode(status) == 130
+    assert b"Interrupted: this is the best motion found so far." in said
+    assert b"Traceback" not in said
+    assert isinstance(load_motion(output), FourierMotion)

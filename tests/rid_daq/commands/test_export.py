@@ -1,0 +1,202 @@
+"""`rid-daq export`: files that other programs read, and what is refused."""
+
+from __future__ import annotations
+
+import csv
+import ctypes
+import importlib.util
+import json
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.samples import Phase
+from acquisition.processing.periods import average_periods
+from acquisition.recording.recording import Recording
+from config.load import load_cell
+from dynamics.model.robot_model import RobotModel, torque
+from identification.consistency.closest_robot import consistent
+from identification.design.two_harmonic import design_two_harmonic
+from identification.estimation.estimate import Estimate, predict
+from identification.estimation.estimators import estimate_periodic
+from identification.estimation.file import write_estimate
+from identification.model.options import ModelOptions
+from rid_daq.app import run
+from rid_daq.jobs.truth import true_parameters
+
+CYCLE_S = 0.008
+
+
+@pytest.fixture(scope="module")
+def estimate() -> Estimate:
+    """Return an estimate of the bundled arm from three noisy periods."""
+    cell = load_cell("ir361")
+    model = RobotModel.from_description(cell.robot)
+    motion = design_two_harmonic(cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=20, periods=3)
+    path = FourierTrajectory.from_motion(motion, cell.robot, CYCLE_S)
+    times = path.sample_times_s
+    q, v, a = path.position(times), path.velocity(times), path.acceleration(times)
+    tau = torque(model, q, v, a, true_parameters(model, cell.robot, cell.plant))
+    rows = 3 * len(times)
+    noise = np.random.default_rng(0).standard_normal((rows, 3))
+    recording = Recording(
+        joint_names=cell.robot.joint_names,
+        time_s=np.arange(rows) * CYCLE_S,
+        position=np.tile(q, (3, 1)),
+        torque_nm=np.tile(tau, (3, 1)) + noise,
+        valid=np.ones(rows, dtype=np.bool_),
+        phase=np.full(rows, Phase.MAIN, dtype=np.uint8),
+        sample_index=np.arange(rows),
+        source="cell",
+        sample_period_s=CYCLE_S,
+        samples_per_period=len(times),
+    )
+    return estimate_periodic(cell.robot, [average_periods(recording)], run_ids=("made */ up",))
+
+
+@pytest.fixture
+def model_file(estimate: Estimate, tmp_path: Path) -> Path:
+    write_estimate(tmp_path / "model.json", estimate)
+    return tmp_path / "model.json"
+
+
+@pytest.fixture
+def motion() -> np.ndarray:
+    return np.random.default_rng(2).uniform(-1.5, 1.5, (3, 30, 3))
+
+
+def c_torques(source: Path, motion: np.ndarray) -> list[list[float]]:
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    library = source.with_suffix(".so")
+    strict = ["-std=c99", "-Wall", "-Werror", "-shared", "-fPIC"]
+    subprocess.run([compiler, *strict, "-o", library, source, "-lm"], check=True)
+    function = ctypes.CDLL(str(library)).ir361_inverse_dynamics
+    out, tau = (ctypes.c_double * 3)(), []
+    for sample in motion.transpose(1, 0, 2):
+        function(*((ctypes.c_double * 3)(*row) for row in sample), out)
+        tau.append(list(out))
+    return tau
+
+
+def python_torques(source: Path, motion: np.ndarray) -> np.ndarray:
+    spec = importlib.util.spec_from_file_location("exported", source)
+    module: Any = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.inverse_dynamics(*motion)
+
+
+FUNCTIONS = [("c", "robot.c", c_torques), ("python", "robot.py", python_torques)]
+
+
+@pytest.mark.parametrize(("form", "name", "torques"), FUNCTIONS)
+def test_a_function_as_identified_predicts_what_the_model_file_predicts(
+    form: str,
+    name: str,
+    torques: Any,
+    estimate: Estimate,
+    model_file: Path,
+    motion: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / name
+    words = ["export", str(model_file), "--to", form, "-o", str(out), "--as-identified"]
+    assert run(words) == 0
+    np.testing.assert_allclose(
+        torques(out, motion), predict(estimate, *motion), rtol=1e-9, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(("form", "name", "torques"), FUNCTIONS)
+def test_a_function_is_that_of_the_robot_that_can_exist(
+    form: str,
+    name: str,
+    torques: Any,
+    estimate: Estimate,
+    model_file: Path,
+    motion: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / name
+    assert run(["export", str(model_file), "--to", form, "-o", str(out)]) == 0
+    expected = torque(estimate.model, *motion, consistent(estimate).standard_values)
+    np.testing.assert_allclose(torques(out, motion), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_pinocchio_reads_the_links_of_the_robot_that_can_exist(
+    estimate: Estimate, model_file: Path, motion: np.ndarray, tmp_path: Path
+) -> None:
+    out = tmp_path / "robot.urdf"
+    assert run(["export", str(model_file), "--to", "urdf", "-o", str(out)]) == 0
+    robot = pin.buildModelFromUrdf(str(out))
+    tau = [pin.rnea(robot, robot.createData(), *x) for x in motion.transpose(1, 0, 2)]
+    links = ModelOptions(rotors=False, friction=False, spring=False).build(estimate.robot)
+    values = consistent(estimate).standard_values[: len(links.parameter_names)]
+    np.testing.assert_allclose(tau, torque(links, *motion, values), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.fault(33)
+def test_a_robot_that_the_data_speak_against_is_written_on_demand_only(
+    estimate: Estimate,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
+) -> None:
+    # Much less inertia about axis 1 than the same links have about axis 2.
+    values = np.array(estimate.values)
+    values[estimate.base.names.index("Izz1")] = 2.0
+    write_estimate(tmp_path / "model.json", replace(estimate, values=values))
+    out = tmp_path / "robot.urdf"
+    words = ["export", str(tmp_path / "model.json"), "--to", "urdf", "-o", str(out)]
+    assert run(words) == 6
+    assert "DOES NOT explain the data" in capsys.readouterr().err
+    assert not out.exists()
+    assert run([*words, "--despite-misfit"]) == 0
+    assert "DOES NOT explain the data" in out.read_text().partition("<robot")[0]
+    measured("exit 6, no file")
+
+
+def test_sums_over_links_are_no_description(
+    model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", str(model_file), "--to", "sdf", "-o", str(tmp_path / "x"), "--as-identified"]
+    assert run(words) == 2
+    assert "--as-identified is for c, python, csv, json" in capsys.readouterr().err
+
+
+def test_tables_hold_the_parameters(estimate: Estimate, model_file: Path, tmp_path: Path) -> None:
+    for form in ("csv", "json"):
+        out = tmp_path / f"table.{form}"
+        assert run(["export", str(model_file), "--to", form, "-o", str(out)]) == 0
+    with (tmp_path / "table.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["kind"] == "identified"]
+    np.testing.assert_array_equal([float(row["value"]) for row in rows], estimate.values)
+    document = json.loads((tmp_path / "table.json").read_text())
+    assert document["runs"] == ["made */ up"]
+
+
+def test_a_file_that_is_there_is_kept(model_file: Path, tmp_path: Path) -> None:
+    out = tmp_path / "robot.py"
+    out.write_text("mine")
+    words = ["export", str(model_file), "--to", "python", "-o", str(out)]
+    assert run(words) == 2
+    assert out.read_text() == "mine"
+    assert run([*words, "--overwrite"]) == 0
+    assert "inverse_dynamics" in out.read_text()
+
+
+def test_what_is_no_model_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "no.json").write_text("{}")
+    out = tmp_path / "robot.c"
+    assert run(["export", str(tmp_path / "no.json"), "--to", "c", "-o", str(out)]) == 2
+    assert "not an estimate" in capsys.readouterr().err
+    assert not out.exists()

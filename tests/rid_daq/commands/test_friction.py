@@ -1,0 +1,167 @@
+"""`rid-daq friction` on the lock-step simulated arm, whose friction is known."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion.plan import plan_motion
+from acquisition.runs.folder import RunFolder
+from config.load import load_cell, load_motion, to_yaml
+from config.motion.motion import ConstantVelocityMotion, FourierJoint, ReversedMotion, SpeedRuns
+from rid_daq.app import run
+
+CELL = load_cell("ir361")
+STEADY = ConstantVelocityMotion(
+    kind="constant_velocity",
+    robot="ir361",
+    pose=(0.0, 0.0, 0.3),
+    joints=(
+        SpeedRuns(joint="axis1", low=-1.6, high=1.6, speeds=(0.03, 0.06, 0.1, 0.2, 0.6, 1.3)),
+        SpeedRuns(joint="axis3", low=-1.0, high=2.0, speeds=(0.1, 0.3, 1.0)),
+    ),
+    longest_run_s=2.5,
+)
+THERE_AND_BACK = ReversedMotion(
+    kind="reversed",
+    robot="ir361",
+    period_s=6.0,
+    periods=2,
+    ramp_s=2.0,
+    joints=(
+        FourierJoint(joint="axis1", sine=(0.7, 0.1), cosine=(0.0, 0.2)),
+        FourierJoint(joint="axis2", offset=-0.2, sine=(0.3, 0.2), cosine=(0.4, 0.0)),
+        FourierJoint(joint="axis3", offset=0.5, sine=(-0.4, 0.3), cosine=(0.6, 0.1)),
+    ),
+)
+
+
+def true_friction(joint: int, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the most that the plant's friction can be at a speed."""
+    assert CELL.plant is not None
+    assert CELL.plant.unmodelled is not None
+    axis, extra = CELL.plant.axes[joint], CELL.plant.unmodelled.axes[joint]
+    fall = np.exp(-speed / extra.stribeck_velocity_rad_s)
+    alone = axis.coulomb_nm + extra.stribeck_nm * fall + axis.viscous_nm_s * speed
+    largest = CELL.robot.joints[joint].limits.torque / 4.0  # of what these motions ask for
+    warm = 1.0 + 300.0 * extra.friction_drift_per_s
+    return warm * alone, (alone + extra.load_friction * largest) * 1.01
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs")
+    for name, motion in (("steady", STEADY), ("reversed", THERE_AND_BACK)):
+        path = folder / f"{name}.yaml"
+        path.write_text(to_yaml(motion))
+        assert run(["record", "ir361", str(path), "--label", name, "--runs", str(folder)]) == 0
+    return folder
+
+
+def friction_of(
+    runs: Path, capsys: pytest.CaptureFixture[str], *words: str
+) -> dict[str, dict[str, Any]]:
+    capsys.readouterr()
+    assert run(["friction", *words, "--runs", str(runs), "--json"]) == 0
+    section = json.loads(capsys.readouterr().out)["friction"]
+    return {joint["joint"]: joint for joint in section["joints"]}
+
+
+def test_constant_speeds_show_the_plants_friction(
+    runs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    joints = friction_of(runs, capsys, "steady")
+    assert set(joints) == {"axis1", "axis3"}
+    for name, number in (("axis1", 0), ("axis3", 2)):
+        curve = joints[name]["curve"]
+        low, high = true_friction(number, np.array(curve["speed"]))
+        spread = 3.0 * np.array(curve["odd_std"])
+        assert (np.array(curve["odd"]) > low - spread).all()
+        assert (np.array(curve["odd"]) < high + spread).all()
+
+
+def test_the_plants_friction_law_is_chosen(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fits = friction_of(runs, capsys, "steady")["axis1"]["fits"]
+    assert fits[0]["name"] == "Stribeck"
+    values = {p["name"]: p["value"] for p in fits[0]["parameters"]}
+    assert values["fc_axis1"] == pytest.approx(22.0, rel=0.03)
+    assert values["fv_axis1"] == pytest.approx(25.0, rel=0.03)
+    assert values["fs_axis1"] == pytest.approx(5.0, rel=0.3)
+    assert values["vs_axis1"] == pytest.approx(0.04, rel=0.35)
+
+
+def test_a_path_there_and_back_shows_it_too(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    joints = friction_of(runs, capsys, "reversed")
+    assert set(joints) == {"axis1", "axis2", "axis3"}
+    for number, joint in enumerate(joints.values()):
+        curve = joint["curve"]
+        speed, odd = np.array(curve["speed"]), np.array(curve["odd"])
+        low, high = true_friction(number, speed)
+        fast = speed > 0.1
+        spread = 3.0 * np.array(curve["odd_std"])
+        assert (odd[fast] > (low - spread)[fast]).all()
+        assert (odd[fast] < (high + spread)[fast]).all()
+        assert curve["forward"] is None
+
+
+def test_runs_are_taken_together_and_reported(
+    runs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    assert run(["friction", "steady", "reversed", "--runs", str(runs)]) == 0
+    said = capsys.readouterr().out
+    assert "axis2: " in said
+    assert "in the robot file: friction: [coulomb, viscous, stribeck], stribeck_velocity:" in said
+    report = Path(said.rsplit("Report: ", 1)[1].strip()).read_text()
+    assert "Friction apart" in report
+    assert 'id="friction-' in report
+
+
+def test_a_model_file_is_compared(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = runs / "model.json"
+    assert run(["identify", "reversed", "--runs", str(runs), "-o", str(model)]) == 0
+    joints = friction_of(runs, capsys, "steady", "--model", str(model))
+    assert "The model file is off by" in joints["axis1"]["sentence"]
+    lines = joints["axis1"]["lines"]
+    at = np.searchsorted(lines["speed"], 1.0)
+    assert lines["torque"]["the model file"][at] == pytest.approx(47.0, rel=0.1)
+
+
+def test_another_motion_is_no_measurement_of_friction(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded = next(path for path in runs.glob("*/motion.yaml") if "reversed" in path.read_text())
+    copy = tmp_path / recorded.parent.name
+    shutil.copytree(recorded.parent, copy)
+    RunFolder.open(copy).write("motion.yaml", to_yaml(THERE_AND_BACK.there()).encode())
+    assert run(["friction", str(copy)]) == 2
+    error = capsys.readouterr().err
+    assert "a motion of kind fourier" in error
+    assert "--kind constant-velocity" in error
+
+
+@pytest.mark.parametrize(
+    ("kind", "more"),
+    [
+        ("constant-velocity", []),
+        ("reversed", ["--method", "two-harmonic", "--tries", "3", "--periods", "2"]),
+    ],
+)
+def test_design_makes_both_motions(
+    kind: str, more: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "motion.yaml"
+    words = ["design", "ir361", "--kind", kind, "-o", str(out), *more]
+    assert run(words) == 0
+    said = capsys.readouterr().out
+    assert f"Next: rid-daq record ir361 {out}" in said
+    motion = load_motion(out)
+    assert motion.kind == kind.replace("-", "_")
+    samples = plan_motion(motion, CELL.robot, CELL.config.cycle_time_s)
+    assert f"{samples.duration_s:.0f} s in all" in said
+    assert run(words) == 2  # it is there

@@ -1,0 +1,179 @@
+"""A motion with a live page is the same motion, whatever happens to the page (row 22)."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import re
+import signal
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.journal.cycles import read_journal
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.task.control_block import Progress
+from config.load import LoadedCell, load_cell
+from config.motion.motion import FourierJoint, FourierMotion
+from mock_hw.cell import SimulatedCell
+from rid_daq.app import run
+from rid_daq.live.live_page import LivePage, live_page
+from rid_daq.terminal.console import Console
+
+CLIENTS = 1000
+
+
+class Crowd:
+    """Clients of the page that are no good to it: they ask slowly, or never take what they get."""
+
+    def __init__(self, page: LivePage) -> None:
+        self.lines: list[socket.socket] = []
+        self._page = page
+        self.killed = False
+
+    def __call__(self, progress: Progress) -> None:
+        """Come all at once when the motion begins; kill the page when it is well under way."""
+        if not self.lines and progress.phase >= Phase.RUN_IN:
+            access = self._page.access
+            hanging = (
+                f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{access.port}\r\n"
+                f"Cookie: {access.cookie_name}={access.token}\r\n\r\n"
+            )
+            for number in range(CLIENTS):
+                line = socket.socket()
+                line.setblocking(False)
+                line.connect_ex(("127.0.0.1", access.port))
+                self.lines.append(line)
+                if number < 20:
+                    line.setblocking(True)
+                    line.sendall(hanging.encode())
+        if not self.killed and progress.phase >= Phase.RUN_OUT:
+            self.killed = True
+            for process in multiprocessing.active_children():
+                if process.name == "rid-daq live page" and process.pid is not None:
+                    os.kill(process.pid, signal.SIGKILL)
+
+    def leave(self) -> None:
+        for line in self.lines:
+            line.close()
+
+
+@pytest.fixture(scope="module")
+def loaded() -> LoadedCell:
+    return load_cell("ir361")
+
+
+@pytest.fixture(scope="module")
+def samples(loaded: LoadedCell) -> MotionSamples:
+    joints = tuple(
+        FourierJoint(joint=name, sine=(0.2,), cosine=(0.1,)) for name in loaded.robot.joint_names
+    )
+    motion = FourierMotion(
+        kind="fourier", robot="ir361", period_s=2.0, periods=8, ramp_s=1.0, joints=joints
+    )
+    return plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+
+
+Record = Callable[[SimulatedCell], RecordOutcome]
+
+
+def recorded(loaded: LoadedCell, record: Record) -> tuple[RecordOutcome, np.ndarray]:
+    """Return what a fresh simulated cell's robot did in lock-step."""
+    assert loaded.plant is not None
+    with SimulatedCell(
+        loaded.config, loaded.robot, loaded.plant, realtime=False, seed=1
+    ) as simulated:
+        outcome = record(simulated)
+    assert outcome.complete
+    return outcome, read_journal(outcome.path).rows
+
+
+@pytest.mark.fault(22)
+def test_a_crowd_at_the_page_and_its_death_change_no_bit_of_the_recording(
+    loaded: LoadedCell, samples: MotionSamples, tmp_path: Path, measured: Callable[[str], None]
+) -> None:
+    def plain(simulated: SimulatedCell) -> RecordOutcome:
+        folder = RunFolder.create(tmp_path / "runs", "plain")
+        return record_motion(simulated.cell, loaded.robot, samples, folder)
+
+    def watched(simulated: SimulatedCell) -> RecordOutcome:
+        folder = RunFolder.create(tmp_path / "runs", "watched")
+        with live_page(Console(), True, "127.0.0.1:0") as page:
+            assert page is not None
+            crowd = Crowd(page)
+            outcome = record_motion(
+                simulated.cell,
+                loaded.robot,
+                samples,
+                folder,
+                on_progress=crowd,
+                onlooker=page.onlooker("test", samples, simulated.cell, loaded.robot),
+            )
+            crowd.leave()
+        assert len(crowd.lines) == CLIENTS
+        assert crowd.killed
+        return outcome
+
+    alone, rows = recorded(loaded, plain)
+    beside, rows_beside = recorded(loaded, watched)
+    assert alone.notes == ()
+    assert [note for note in beside.notes if "live page died" in note]
+    assert rows.tobytes() == rows_beside.tobytes()
+    measured(
+        f"{len(rows)} rows bit-identical with {CLIENTS} clients, 20 of them hanging, and the page"
+        " killed"
+    )
+
+
+def test_record_tells_the_pages_address_and_closes_it_in_the_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = tmp_path / "motion.yaml"
+    motion.write_text(
+        "kind: fourier\nrobot: ir361\nperiod_s: 2.0\nperiods: 2\nramp_s: 1.0\njoints:\n"
+        + "".join(f"  - {{joint: axis{i}, sine: [0.2], cosine: [0.1]}}\n" for i in (1, 2, 3))
+    )
+    command = ["record", "ir361", str(motion), "--runs", str(tmp_path / "runs")]
+    assert run([*command, "--live", "--listen", "127.0.0.1:0"]) == 0
+    said = capsys.readouterr().out
+    assert "not an emergency stop" in said
+    found = re.search(r"Live page: http://127\.0\.0\.1:(\d+)/\?t=[\w-]{40,}\n", said)
+    assert found is not None
+    with socket.socket() as line:
+        assert line.connect_ex(("127.0.0.1", int(found[1]))) != 0
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        (["--live", "--listen", "0.0.0.0:8642"], "needs --token FILE and --certificate FILE"),
+        (["--listen", "127.0.0.1:1"], "add --live"),
+        (["--live", "--listen", "nowhere"], "give a literal address and a port"),
+    ],
+)
+def test_a_page_that_must_not_be_is_refused_before_anything_starts(
+    options: list[str], problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = tmp_path / "motion.yaml"
+    motion.write_text("kind: multipoint\nrobot: ir361\npoints: 2\nseed: 1\n")
+    runs = tmp_path / "runs"
+    assert run(["record", "ir361", str(motion), "--runs", str(runs), *options]) == 2
+    assert problem in capsys.readouterr().err
+    assert not runs.exists()
+
+
+def test_a_port_that_is_taken_is_a_usage_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = tmp_path / "motion.yaml"
+    motion.write_text("kind: multipoint\nrobot: ir361\npoints: 2\nseed: 1\n")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        listen = f"127.0.0.1:{taken.getsockname()[1]}"
+        assert run(["record", "ir361", str(motion), "--live", "--listen", listen]) == 2
+    assert "choose another port" in capsys.readouterr().err

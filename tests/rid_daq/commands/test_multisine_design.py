@@ -1,0 +1,104 @@
+"""`rid-daq design --kind multisine`, and what `rid-daq loop` makes of a run of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.motion.plan import plan_motion
+from benchmarks.closed_loop import closed_loop
+from compensation.loops.cascade import advise
+from compensation.loops.loop_measurement import measure_loops
+from compensation.loops.multisine_motion import limit_use, multisine_motion, velocity_loop_band_hz
+from config.errors import ConfigError
+from config.load import load_cell, load_motion
+from config.motion.motion import MultisineMotion
+from rid_daq.app import run
+from rid_daq.report.bode_figure import cascade_figure, controller_figure
+from rid_daq.report.velocity_loop_section import velocity_loop_section
+
+DESIGN = ["design", "ir361", "--kind", "multisine", "--period", "4", "--realisations", "1"]
+
+
+def test_the_motion_has_the_band_asked_for_and_stays_within_the_limits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "motion.yaml"
+    words = ["-o", str(file), "--band", "1:12", "--grid", "odd", "--no-slow", "--json"]
+    assert run([*DESIGN, *words]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["band_hz"] == [1.0, 12.0]
+    motion = load_motion(file)
+    assert isinstance(motion, MultisineMotion)
+    assert (motion.grid, motion.period_s, motion.realisations) == ("odd", 4.0, 1)
+    assert all(joint.slow_amplitude == 0.0 for joint in motion.joints)
+    cell = load_cell("ir361")
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    use = limit_use(samples, cell.robot)
+    for axis, shares in zip(told["axes"], use, strict=True):
+        assert 30.0 < axis["acceleration_percent"] <= 80.0
+        assert axis["velocity_percent"] == pytest.approx(100.0 * shares[0])
+        assert axis["crest_factor"] < 3.0
+        assert axis["torque_percent"] is None
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--band", "5"], "give the lowest and the highest frequency"),
+        (["--band", "1:80"], "below half the cycle's frequency, 62.5 Hz"),
+        (["--band", "0.1:5"], "needs a period of at least 20 s"),
+        (["--phases", "schroeder", "--realisations", "3"], "the same in all 3 realisations"),
+    ],
+)
+def test_what_cannot_be_meant_is_one_clear_message(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    assert run([*DESIGN, "-o", str(tmp_path / "x.yaml"), *words]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "x.yaml").exists()
+
+
+def test_the_band_is_the_cells_or_as_high_as_torque_is_measured() -> None:
+    cell = load_cell("ir361")
+    assert velocity_loop_band_hz(cell.config) == (0.5, 20.0)
+    silent = cell.config.model_copy(update={"velocity_loop_band_hz": None})
+    assert velocity_loop_band_hz(silent) == (0.5, 20.0)
+    open_ended = silent.model_copy(update={"torque_filter": None})
+    assert velocity_loop_band_hz(open_ended) == (0.5, pytest.approx(125.0 / 6.0))
+    with pytest.raises(ConfigError, match="below half the cycle's frequency"):
+        multisine_motion(cell.robot, cell.config, band_hz=(1.0, 70.0))
+
+
+def test_the_section_is_json_and_draws_both_figures() -> None:
+    cell = load_cell("ir361")
+    assert cell.plant is not None
+    motion = multisine_motion(
+        cell.robot, cell.config, period_s=4.0, periods=2, realisations=2, seed=5
+    )
+    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    recording = closed_loop(cell, cell.plant, samples, 5)
+    found = measure_loops(recording, motion, cell.robot, 15.0)
+    section = velocity_loop_section(cell.robot, found, advise(found.cascades))
+    section = json.loads(json.dumps(section, allow_nan=False))
+    assert section["position_gain_per_s"] == 15.0
+    assert 5.0 < section["largest_position_gain_per_s"] < 40.0
+    for number, axis in enumerate(section["axes"]):
+        assert {trial["mdl"] for trial in axis["trials"]}
+        assert 30.0 < axis["position_margins"]["phase_deg"] < 80.0
+        assert 6.0 < axis["position_margins"]["gain_db"] < 25.0
+        measured, drawn = axis["cascade"]["measured"], axis["cascade"]["position"]
+        inside = np.array(measured["frequency_hz"]) > 3.0
+        modelled = np.interp(
+            measured["frequency_hz"], axis["cascade"]["frequency_hz"], drawn["magnitude"]
+        )
+        ratio = np.array(measured["magnitude"])[inside] / modelled[inside]
+        np.testing.assert_allclose(np.median(ratio), 1.0, atol=0.1)
+        controller = controller_figure(axis["response"] | {"unit": axis["unit"]}, f"c{number}")
+        cascade = cascade_figure(axis["cascade"], f"p{number}")
+        for words in ("odd distortion", "even distortion", "frequency [Hz]", "σ by noise"):
+            assert words in controller
+        assert "position loop, measured" in cascade

@@ -1,0 +1,119 @@
+"""Ctrl-C in a payload session, `--resume` after it, `--repeats` and `--until-mass`."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.journal.cycles import read_journal
+from acquisition.runs.folder import RECORDING
+from config.errors import RidDaqError
+from config.load import load_cell, to_yaml
+from config.simulation.faults import FaultScript, FrameFault
+from mock_hw.cell import SimulatedCell
+from rid_daq.app import run
+
+PATIENCE_S = 300.0
+
+
+@pytest.fixture(scope="module")
+def motion(six_axis_motion: Callable[[int], Path]) -> Path:
+    return six_axis_motion(8)
+
+
+def moving(runs: Path) -> bool:
+    """Return whether some run in a folder has recorded a while."""
+    for file in runs.glob(f"*/{RECORDING}"):
+        try:
+            if len(read_journal(file).rows) > 100:
+                return True
+        except RidDaqError:  # nothing readable yet
+            continue
+    return False
+
+
+def interrupt_when_moving(runs: Path) -> threading.Thread:
+    def wait() -> None:
+        until_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until_s and not moving(runs):
+            time.sleep(0.02)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    return thread
+
+
+def test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_sure(
+    motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = tmp_path / "runs"
+    words = [
+        "payload", "kr15", "--motion", str(motion), "--runs", str(runs), "--yes",
+        "--payload", "large", "--rehearsal", "0", "--warm-up", "0", "--centre-limit", "50",
+        "--repeats", "2", "--until-mass", "5",
+    ]  # fmt: skip
+    thread = interrupt_when_moving(runs)
+    code = run(words)
+    thread.join()
+    said = capsys.readouterr().out
+    assert code == 130
+    assert "Stopped in step unloaded" in said
+    (state_file,) = runs.glob("*/session.json")
+    session = state_file.parent.name
+    assert f"--resume {session}" in said
+    assert json.loads(state_file.read_text(encoding="utf-8"))["done"] == {}
+
+    assert run([*words, "--resume", session, "--json"]) in (0, 1)
+    document: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert document["session"] == session
+    assert list(document["done"]) == ["unloaded", "loaded 1", "loaded 2"]
+    lengths = {
+        name: len(read_journal(runs / run_id / RECORDING).rows)
+        for name, run_id in document["done"].items()
+    }
+    # 5 kg are sure after the three periods that are judged first: of eight, half are not driven.
+    assert lengths["loaded 1"] < 0.7 * lengths["unloaded"]
+    assert lengths["loaded 2"] < 0.7 * lengths["unloaded"]
+    repeats = document["payload"]["repeats"]
+    assert repeats["runs"] == 2
+    assert repeats["ratio"] > 0.0
+    assert "Simulated: large was on the flange." in document["payload"]["findings"][-1]
+
+
+@pytest.mark.fault(3)
+def test_a_run_that_lost_too_much_is_not_weighed_and_is_driven_again(
+    motion: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
+) -> None:
+    kr15 = load_cell("kr15")
+    assert kr15.plant is not None
+    lost = [FrameFault(kind="drop", joint="axis2", at_cycle=400 + 10 * k) for k in range(300)]
+    script = FaultScript(bus=tuple(lost))
+    runs = tmp_path / "runs"
+    with SimulatedCell(
+        kr15.config, kr15.robot, kr15.plant, realtime=False, seed=1, faults=script
+    ) as lossy:
+        cell = tmp_path / "cell.yaml"
+        cell.write_text(to_yaml(lossy.cell))
+        words = [
+            "payload", str(cell), "--motion", str(motion), "--runs", str(runs), "--yes",
+            "--rehearsal", "0", "--warm-up", "0",
+        ]  # fmt: skip
+        assert run(words) == 6
+    said = capsys.readouterr().out
+    assert "Step unloaded is not good enough to weigh by: joint 'axis2': " in said
+    (state_file,) = runs.glob("*/session.json")
+    assert f"--resume {state_file.parent.name}" in said
+    assert json.loads(state_file.read_text(encoding="utf-8"))["done"] == {}
+    measured("'payload': a run that lost too much is exit 6 and driven again by --resume")

@@ -1,0 +1,161 @@
+"""The guided payload session on the simulated six-axis cell: unattended, and resumed."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion.samples import Phase
+from acquisition.recording.recording import Recording
+from acquisition.runs.folder import RECORDING, RunFolder
+from identification.payload.periodic_runs import PeriodicRuns
+from rid_daq.app import run
+from rid_daq.jobs.payload_job import Weighing, payload_runs
+from rid_daq.jobs.payload_watch import MassWatch, WarmUpWatch, period_powers
+from rid_daq.runs.run_data import read_run
+
+
+@pytest.fixture(scope="module")
+def motion(six_axis_motion: Callable[[int], Path]) -> Path:
+    return six_axis_motion(3)
+
+
+def session(motion: Path, runs: Path, *words: str) -> list[str]:
+    short = ["--warm-up", "50", "--warm-up-periods", "4", "--rehearsal", "60"]
+    return [
+        "payload", "kr15", "--motion", str(motion), "--runs", str(runs), "--yes", "--json",
+        *short, *words,
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def weighed(
+    motion: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, dict[str, Any], int]:
+    runs = tmp_path_factory.mktemp("session") / "runs"
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        code = run(session(motion, runs, "--payload", "medium", "--centre-limit", "30"))
+    return runs, json.loads(said.getvalue()), code
+
+
+def test_a_session_weighs_the_payload_unattended(
+    weighed: tuple[Path, dict[str, Any], int],
+) -> None:
+    _, document, code = weighed
+    assert code == 0
+    assert list(document["done"]) == ["rehearsal", "warm-up", "unloaded", "loaded 1"]
+    mass, *centre = document["payload"]["parameters"][:4]
+    assert abs(mass["value"] - 9.579) < max(0.1, 2.5 * mass["std"])
+    for entry, truth in zip(centre, (0.024, 0.090, -0.202), strict=True):
+        assert abs(entry["value"] - truth) < max(0.004, 2.5 * entry["std"])
+    assert document["verdict"]["passed"] is True
+    assert "Warm-up: " in document["payload"]["findings"][-1]
+    assert "Simulated: medium was on the flange." in document["payload"]["findings"][-2]
+    report = Path(document["report"]).read_text(encoding="utf-8")
+    assert "Payload session on kr15" in report
+    assert Path(document["file"]).exists()
+
+
+def test_the_mass_that_is_followed_is_the_one_that_is_reported(
+    weighed: tuple[Path, dict[str, Any], int],
+) -> None:
+    runs, document, _ = weighed
+    weighing = Weighing()
+    unloaded = read_run(RunFolder.open(runs / document["done"]["unloaded"]))
+    before = payload_runs([unloaded], [False], weighing.band_hz, weighing.standstill_rad_s)
+    assert isinstance(before, PeriodicRuns)
+    watch = MassWatch(unloaded.robot, before, weighing, None)
+    assert not watch.enough(runs / document["done"]["loaded 1"] / RECORDING, 3)
+    mass = document["payload"]["parameters"][0]["value"]
+    assert watch.line().startswith(f"3 periods: {mass:.3f} \u00b1 ")
+
+
+def test_a_warm_up_is_over_when_no_friction_changes_by_more_than_was_asked(
+    weighed: tuple[Path, dict[str, Any], int],
+) -> None:
+    runs, document, _ = weighed
+    journal = runs / document["done"]["warm-up"] / RECORDING
+    strict = WarmUpWatch(1e-3)
+    assert not strict.enough(journal, 3)
+    assert strict.line() == "warming up"
+    assert not strict.enough(journal, 4)
+    # Motors of one time constant, 60 s, warmed for 19 s: friction falls, by percents a period.
+    assert strict.drift_percent is not None
+    assert 0.1 < strict.drift_percent < 10.0
+    assert strict.line().startswith(f"friction of {strict.worst} changes by ")
+    assert WarmUpWatch(1.01 * strict.drift_percent).enough(journal, 4)
+    assert not WarmUpWatch(0.99 * strict.drift_percent).enough(journal, 4)
+
+
+def test_a_session_that_was_interrupted_goes_on_where_it_was(
+    weighed: tuple[Path, dict[str, Any], int],
+    motion: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    runs, document, _ = weighed
+    state_file = runs / document["session"] / "session.json"
+    state = json.loads(state_file.read_text(encoding="utf-8"))
+    del state["done"]["loaded 1"]
+    RunFolder.open(state_file.parent).write("session.json", json.dumps(state).encode())
+    words = ["--resume", document["session"], "--payload", "medium", "--warm-up", "0"]
+    capsys.readouterr()
+    assert run(session(motion, runs, *words, "--centre-limit", "30")) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["session"] == document["session"]
+    assert again["done"]["unloaded"] == document["done"]["unloaded"]
+    assert again["done"]["loaded 1"] != document["done"]["loaded 1"]
+    mass = again["payload"]["parameters"][0]
+    assert abs(mass["value"] - 9.579) < max(0.1, 2.5 * mass["std"])
+    # All is done: it is weighed again, with other limits, and nothing moves.
+    assert run(session(motion, runs, *words, "--mass-limit", "0.001")) == 1
+
+
+def test_what_cannot_be_resumed_is_refused(
+    weighed: tuple[Path, dict[str, Any], int],
+    motion: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    runs, document, _ = weighed
+    other = document["done"]["unloaded"]
+    assert run(session(motion, runs, "--resume", other)) == 2
+    assert "is not the folder of a payload session" in capsys.readouterr().err
+
+
+def test_friction_that_falls_is_not_settled(tmp_path: Path) -> None:
+    samples, periods = 200, 8
+    time_s = np.arange(samples * periods) * 0.01
+    angle = 2.0 * np.pi * time_s / 2.0
+    position = np.sin(angle)[:, np.newaxis]
+    speed = np.pi * np.cos(angle)
+
+    def recorded(per_period: float) -> Recording:
+        friction = 10.0 * (1.0 - per_period) ** (time_s / 2.0)
+        return Recording(
+            joint_names=("axis1",),
+            time_s=time_s,
+            position=position,
+            torque_nm=(friction * np.sign(speed) + 50.0 * position[:, 0])[:, np.newaxis],
+            valid=np.ones(len(time_s), dtype=np.bool_),
+            phase=np.full(len(time_s), Phase.MAIN, dtype=np.uint8),
+            sample_index=np.arange(len(time_s)),
+            source="cell",
+            sample_period_s=0.01,
+            samples_per_period=samples,
+        )
+
+    powers = period_powers(recorded(0.05))
+    # Gravity's share cancels over a period; what is left is friction times |speed| (mean 2).
+    assert powers[0, 0] == pytest.approx(20.0, rel=0.05)
+    ratios = powers[1:, 0] / powers[:-1, 0]
+    assert ratios == pytest.approx(np.full(periods - 1, 0.95), abs=0.01)
+    watch = WarmUpWatch(1.0)
+    assert not watch.settled
+    assert watch.line() == "warming up"

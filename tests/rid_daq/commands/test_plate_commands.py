@@ -1,0 +1,234 @@
+"""identify and validate on runs with a force plate: Pinocchio's reaction to what was recorded."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from acquisition.journal.cycles import read_journal
+from acquisition.journal.plate_header import PlateHeader
+from acquisition.processing.smoothing import low_pass
+from acquisition.recording.plate_geometry import PlateGeometry
+from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RECORDING, RunFolder
+from acquisition.session.plate_recorder import PlateJournalWriter
+from config.cell.amplifier_profile import AmplifierProfile
+from config.load import load_bundled_or_path, load_cell
+from drivers.amplifier.frames import PLATE_EVENT, PLATE_ROW
+from drivers.interfaces import PlateRead
+from mock_hw.plant.rigid_bodies import build_rigid_bodies
+from rid_daq.app import run
+from tests.rid_daq.told import document
+
+PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
+LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 200.0]}\n"
+
+
+def add_plate(folder: RunFolder, cell: Path) -> None:
+    """Write the plate's journal of a run: what its reaction must have been."""
+    loaded = load_cell(str(cell))
+    assert loaded.plant is not None
+    assert loaded.config.plate is not None
+    plate = loaded.config.plate
+    recording = read_journal(folder.file(RECORDING)).recording()
+    times = np.arange(recording.time_s[0], recording.time_s[-1], 0.002)
+    assert recording.sample_period_s is not None
+    path = CubicSpline(
+        recording.time_s, low_pass(recording.position, recording.sample_period_s, 30.0)
+    )
+    bodies = build_rigid_bodies(loaded.robot, loaded.plant.without_unmodelled())
+    model, data, gear = bodies.model, bodies.model.createData(), bodies.coupling().T
+    on_base = [i for i in range(1, model.njoints) if model.parents[i] == 0]
+    wrench = np.zeros((len(times), 6))
+    motion = (path(times) @ gear, path(times, 1) @ gear, path(times, 2) @ gear)
+    for row, (q, v, a) in enumerate(zip(*motion, strict=True)):
+        pin.rnea(model, data, q, v, a)
+        for i in on_base:
+            wrench[row] += data.liMi[i].act(data.f[i]).vector
+    channels = PlateGeometry.from_config(plate).channels(wrench - wrench[0])
+    write_rows(folder, plate, times, channels)
+
+
+def write_rows(
+    folder: RunFolder, plate: Any, times: NDArray[np.float64], channels: NDArray[np.float64]
+) -> None:
+    random = np.random.default_rng(0)
+    due = np.arange(times[0], times[-1], (1.0 - 1e-4) / plate.amplifier.rate_hz)
+    readings = CubicSpline(times, channels)(due) + 0.3 * random.standard_normal((len(due), 8))
+    rows = np.zeros(len(due), dtype=PLATE_ROW)
+    rows["sequence"] = np.arange(len(due))
+    rows["ticks"] = np.round(np.arange(len(due)) / plate.amplifier.rate_hz * PROFILE.ticks_per_s)
+    rows["status"] = 1 << PROFILE.status_bits.operate
+    rows["counts"] = np.round(readings / np.array(plate.amplifier.newtons_per_count))
+    arrival = np.maximum.accumulate(due + random.uniform(0.0, 0.005, len(due)))
+    header = PlateHeader(plate=plate, profile=PROFILE, simulated_time=True)
+    with PlateJournalWriter(folder.path / "plate.mcap", header) as writer:
+        writer.append(PlateRead(rows, np.zeros(0, PLATE_EVENT), arrival, float(arrival[-1])), 0)
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder made by init, with an excitation and a validation run on a plate."""
+    folder = tmp_path_factory.mktemp("workshop")
+    assert run(["init", str(folder)]) == 0
+    cell = folder / "cell.yaml"
+    bundled = files("config").joinpath("bundled/cells/ir361.yaml").read_text()
+    plate = bundled[bundled.index("\nplate:") :].replace(
+        "  amplifier:\n", LIMITS + "  amplifier:\n"
+    )
+    cell.write_text(cell.read_text() + plate)
+    for name, old, new in (
+        ("motion.yaml", "periods: 8", "periods: 4"),
+        ("validation.yaml", "points: 20", "points: 6"),
+    ):
+        (folder / name).write_text((folder / name).read_text().replace(old, new))
+    runs = ["--runs", str(folder / "runs")]
+    for label, name in (("excitation", "motion.yaml"), ("validation", "validation.yaml")):
+        assert run(["record", str(cell), str(folder / name), "--label", label, *runs]) == 0
+        found = find_run(folder / "runs", label)
+        if not found.file("plate.mcap").exists():
+            add_plate(found, cell)
+    model = ["--model", "combined", "-o", str(folder / "combined.json")]
+    assert run(["identify", "excitation", *model, *runs]) == 0
+    assert run(["identify", "excitation", "-o", str(folder / "internal.json"), *runs]) == 0
+    return folder
+
+
+def test_the_combined_model_tells_what_the_plate_improved(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = ["--overwrite", "-o", str(workshop / "again.json")]
+    assert run(["identify", "excitation", "--model", "combined", "--json", *output, *runs]) == 0
+    plate = document(capsys)["plate"]
+    assert plate["improvement"]["determinant_ratio"] > 3.0
+    assert [axis["joint"] for axis in plate["torque_constants"]["axes"]] == [
+        "axis1",
+        "axis2",
+        "axis3",
+    ]
+    assert len(plate["components"]) == 6
+    report = find_run(workshop / "runs", "excitation").file("report.html").read_text()
+    assert "The force plate" in report
+    assert "σ by both" in report
+
+
+def test_it_says_so_to_people(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = ["--overwrite", "-o", str(workshop / "again.json")]
+    assert run(["identify", "excitation", "--model", "combined", *output, *runs]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "The force plate divides the standard deviations" in text
+    assert "measured over expected torque" in text or "Against the force plate" in text
+    assert "m1 + m2 + m3 is the standing weight" in text
+
+
+def test_the_average_says_what_became_of_the_channels(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["average", "excitation", "--json", *runs]) == 0
+    assert "channels drifted by up to" in document(capsys)["average"]["sentence"]
+
+
+def test_the_internal_model_mentions_the_plate(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = ["--overwrite", "-o", str(workshop / "again.json")]
+    assert run(["identify", "excitation", *output, *runs]) == 0
+    assert "--model combined" in capsys.readouterr().out
+
+
+def test_the_external_model_is_told_from_the_plate_alone(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = workshop / "external.json"
+    command = ["identify", "excitation", "--model", "external", "-o", str(model), "--json"]
+    assert run([*command, *runs]) == 0
+    assert len(document(capsys)["estimate"]["parameters"]) == 20
+    assert run(["validate", str(model), "validation", "--json", *runs]) == 0
+    told = document(capsys)
+    assert "torques are not judged" in told["validation"]["sentence"]
+    assert max(c["relative_error_percent"] for c in told["reaction"]["components"]) < 20.0
+
+
+def test_validate_predicts_the_reaction(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = str(workshop / "combined.json")
+    assert run(["validate", model, "validation", "--limits", "50", "--json", *runs]) == 0
+    reaction = document(capsys)["reaction"]
+    assert [c["name"] for c in reaction["components"]] == ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+    assert max(c["relative_error_percent"] for c in reaction["components"]) < 20.0
+
+
+def test_limits_of_the_base_are_judged(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = str(workshop / "combined.json")
+    command = ["validate", model, "validation", "--limits", "50", "--base-limits", "--json"]
+    code = run([*command, "--mass", "99", *runs])
+    told = document(capsys)
+    load = told["base_load"]
+    assert load["weight_known"]
+    assert load["components"][2]["peak"] > 900.0
+    assert code == (0 if all(c["held"] for c in load["components"]) else 1)
+    assert any("reaction on the base" in line["text"] for line in told["verdict"]["checks"])
+    assert run([*command, "--mass", "250", *runs]) == 1
+    broken = [c["name"] for c in document(capsys)["base_load"]["components"] if not c["held"]]
+    assert "Fz" in broken
+
+
+def test_limits_of_the_base_are_judged_before_a_motion_is_run(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, motion = str(workshop / "combined.json"), str(workshop / "validation.yaml")
+    command = ["validate", model, motion, "--base-limits", "--json"]
+    cell = ["--cell", str(workshop / "cell.yaml")]
+    code = run([*command, *cell, "--mass", "99"])
+    predicted = document(capsys)["base_load"]["components"]
+    assert code == (0 if all(c["held"] for c in predicted) else 1)
+    words = ["validate", model, "validation", "--limits", "50", "--base-limits", "--json"]
+    run([*words, "--mass", "99", *runs])
+    recorded = document(capsys)["base_load"]["components"]
+    for before, after in zip(predicted, recorded, strict=True):
+        # the recorded one has the overshoot of the drives' loops in it
+        assert before["peak"] == pytest.approx(after["peak"], rel=0.25)
+    assert run([*command, *cell, "--mass", "250"]) == 1
+    capsys.readouterr()
+    for wrong, message in (
+        (command, "needs --cell"),
+        ([*command[:3], "--json", *cell], "--base-limits"),
+        ([*command, "--cell", "ir361"], "has no `plate` with `limits`"),
+    ):
+        assert run(wrong) == 2
+        assert message in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_internal_model_cannot_judge_them(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = str(workshop / "internal.json")
+    assert run(["validate", model, "validation", "--base-limits", *runs]) != 0
+    assert "combined model" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_plate_that_cannot_be_used_leaves_the_torques(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = find_run(workshop / "runs", "excitation")
+    kept = folder.read("plate.mcap")
+    try:
+        folder.write("plate.mcap", kept[:50])
+        output = ["--overwrite", "-o", str(workshop / "again.json")]
+        assert run(["identify", "excitation", *output, *runs]) == 0
+        assert run(["identify", "excitation", "--model", "combined", *runs]) != 0
+        assert "needs a force plate" in " ".join(capsys.readouterr().err.split())
+    finally:
+        folder.write("plate.mcap", kept)

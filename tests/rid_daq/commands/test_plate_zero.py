@@ -1,0 +1,272 @@
+"""`rid-daq plate zero` on a simulated cell whose plate has offsets and drift of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.journal.cycles import read_journal
+from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RECORDING
+from acquisition.task.control_block import Progress
+from config.load import load_cell
+from mock_hw.amplifier.sensors import PlateSensors
+from mock_hw.cell import SimulatedCell
+from mock_hw.host.runtime_directory import runtime_directory
+from mock_hw.plant.rigid_bodies import BaseWrench
+from rid_daq.app import run
+
+JUMP_PC = (300.0, -150.0, 90.0, 0.0, -180.0, 120.0, 60.0, -30.0)
+DRIFT_PC_S = (-1.5, 0.9, -0.3, 0.0, 0.5, -0.4, 0.3, 0.0)
+# The cell is zeroed once for many tests, which therefore share a worker.
+QUICK = ["--read", "3", "--settle", "1"]
+
+
+def bundled(kind: str, name: str) -> str:
+    return files("config").joinpath(f"bundled/{kind}/{name}.yaml").read_text()
+
+
+def make_cell(folder: Path) -> Path:
+    """Write a cell of its own bus name, with a plate whose channels jump and drift more."""
+    plant = bundled("plants", "ir361").splitlines(keepends=True)
+    for i, line in enumerate(plant):
+        if line.startswith("  zero_jump_pc:"):
+            plant[i] = f"  zero_jump_pc: {list(JUMP_PC)}\n"
+        elif line.startswith("  drift_pc_s:"):
+            plant[i] = f"  drift_pc_s: {list(DRIFT_PC_S)}\n"
+    (folder / "plant.yaml").write_text("".join(plant))
+    text = bundled("cells", "ir361").replace("plant: ir361", "plant: plant.yaml")
+    text = text.replace("channel: ir361", f"channel: z{zlib.crc32(str(folder).encode()):08x}")
+    cell = folder / "cell.yaml"
+    cell.write_text(text)
+    return cell
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_cell(tmp_path_factory.mktemp("zero"))
+
+
+@pytest.fixture(scope="module")
+def zeroed(cell: Path) -> dict[str, Any]:
+    """What the command says in JSON, having written the zero."""
+    runs = ["--runs", str(cell.parent / "runs")]
+    with pytest.MonkeyPatch.context() as patch:
+        said: list[str] = []
+        patch.setattr("typer.echo", lambda text="", **_: said.append(str(text)))
+        words = ["plate", "zero", str(cell), "--write", "--json", *QUICK]
+        assert run([*words, *runs]) == 0
+    document = json.loads("\n".join(said))
+    assert isinstance(document, dict)
+    return document
+
+
+def channel_values(document: dict[str, Any], key: str) -> np.ndarray[Any, Any]:
+    return np.array([each[key] for each in document["plate_zero"]["channels"]])
+
+
+def test_the_drift_is_found_within_its_uncertainty(zeroed: dict[str, Any], cell: Path) -> None:
+    plant = load_cell(str(cell)).plant
+    assert plant is not None
+    assert plant.plate is not None
+    truth = np.array(DRIFT_PC_S) / np.array(plant.plate.sensitivity_pc_n)
+    off = channel_values(zeroed, "drift_n_s") - truth
+    assert (np.abs(off) <= 3.0 * channel_values(zeroed, "drift_std_n_s")).all()
+
+
+def test_the_offset_is_found_within_its_uncertainty(zeroed: dict[str, Any], cell: Path) -> None:
+    """The channels' jump and drift since operate, and what half of both poses' load adds.
+
+    When it was put into operation does not stand in the recording: one number, which the eight
+    channels must agree on.
+    """
+    loaded = load_cell(str(cell))
+    plate, plant = loaded.config.plate, loaded.plant
+    assert plate is not None
+    assert plant is not None
+    assert plant.plate is not None
+    rows = read_journal(find_run(cell.parent / "runs", "plate zero").file(RECORDING)).rows
+    base, sensors = BaseWrench(loaded.robot, plant), PlateSensors(plate, plant.plate)
+    per_newton = np.array(plant.plate.sensitivity_pc_n)
+
+    def load_n(position: Any) -> Any:
+        wrench = base(np.array([position, np.zeros(3), np.zeros(3)]))
+        return sensors.charges_pc(wrench) / per_newton
+
+    at = [np.argmin(np.abs(rows["position"][:, 0] - angle)) for angle in (-np.pi / 2, np.pi / 2)]
+    first, second = (load_n(rows["position"][k]) for k in at)
+    begun = load_n(rows["position"][0])
+    known = np.array(JUMP_PC) / per_newton + 0.5 * (first + second) - begun
+    drift = np.array(DRIFT_PC_S) / per_newton
+    off, sigma = (channel_values(zeroed, f"offset_{key}") for key in ("n", "std_n"))
+    off = off - known
+    since_s = float(np.sum(drift * off / sigma**2) / np.sum((drift / sigma) ** 2))
+    assert 15.0 < since_s < 60.0
+    assert (np.abs(off - since_s * drift) <= 3.0 * sigma).all()
+
+
+def test_gravitys_moment_is_the_half_difference(zeroed: dict[str, Any], cell: Path) -> None:
+    loaded = load_cell(str(cell))
+    assert loaded.plant is not None
+    base = BaseWrench(loaded.robot, loaded.plant)
+    first, second = (
+        base(np.array([zeroed["plate_zero"][pose], np.zeros(3), np.zeros(3)]))
+        for pose in ("first_pose", "second_pose")
+    )
+    found = np.array([each["value"] for each in zeroed["plate_zero"]["gravity"]])
+    np.testing.assert_allclose(found, 0.5 * (first - second), atol=0.05)
+    assert abs(found[3]) > 20.0
+
+
+def test_the_zero_stands_in_the_cell_file_and_beside_the_run(
+    zeroed: dict[str, Any], cell: Path
+) -> None:
+    plate = load_cell(str(cell)).config.plate
+    assert plate is not None
+    assert plate.zero is not None
+    assert plate.zero.model_dump(mode="json") == zeroed["zero"]
+    assert zeroed["written"] == str(cell)
+    beside = find_run(cell.parent / "runs", "plate zero")
+    assert beside.read("zero.yaml").decode() in cell.read_text()
+    assert "The force plate's zero" in beside.file("report.html").read_text()
+    assert "# a Kistler 9281B under the robot" in cell.read_text()
+
+
+@contextmanager
+def served(cell: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Iterator[SimulatedCell]:
+    """Serve a cell as `rid-daq mock --lockstep` does: its amplifier outlives the commands."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    loaded = load_cell(str(cell))
+    assert loaded.plant is not None
+    with SimulatedCell(
+        loaded.config,
+        loaded.robot,
+        loaded.plant,
+        realtime=False,
+        seed=1,
+        directory=runtime_directory(),
+        profile=loaded.amplifier_profile,
+    ) as simulated:
+        yield simulated
+
+
+def test_other_commands_measure_from_that_zero(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = make_cell(tmp_path)
+    runs = ["--runs", str(tmp_path / "runs")]
+    with served(cell, monkeypatch, tmp_path):
+        assert run(["plate", "zero", str(cell), "--write", *QUICK, *runs]) == 0
+        assert "written into" in capsys.readouterr().out
+        assert run(["check", str(cell), "--seconds", "0.3", "--json", *runs]) == 0
+        lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)["lines"]}
+        assert lines["force at rest beyond its zero"]["verdict"] == "ok"
+        assert abs(float(lines["force at rest beyond its zero"]["found"].split()[1])) < 2.5
+        moved = tmp_path / "moved.yaml"
+        moved.write_text(cell.read_text().replace("    pose: [-1.57", "    pose: [1.57"))
+        assert run(["check", str(moved), "--seconds", "0.3", "--json", *runs]) == 0
+        lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)["lines"]}
+        elsewhere = lines["force at rest beyond its zero, elsewhere than there"]
+        assert elsewhere["verdict"] == "shown"
+
+
+def interrupting(after_row: int, sent: list[int]) -> Callable[..., Callable[[Progress], None]]:
+    from rid_daq.jobs.recording_job import progress_shown
+
+    def wrapped(*arguments: Any) -> Callable[[Progress], None]:
+        show = progress_shown(*arguments)
+
+        def update(progress: Progress) -> None:
+            show(progress)
+            if progress.sample_index >= after_row and not sent:
+                sent.append(1)
+                os.kill(os.getpid(), signal.SIGINT)
+
+        return update
+
+    return wrapped
+
+
+@pytest.mark.parametrize("after_row", [0, 600])
+def test_ctrl_c_leaves_the_drives_disabled_and_nothing_written(
+    after_row: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    cell = make_cell(tmp_path)
+    before = cell.read_bytes()
+    sent: list[int] = []
+    monkeypatch.setattr("rid_daq.jobs.recording_job.progress_shown", interrupting(after_row, sent))
+    words = ["plate", "zero", str(cell), "--write", "--runs", str(tmp_path / "runs"), *QUICK]
+    with served(cell, monkeypatch, tmp_path) as simulated:
+        assert run(words) == 130
+        axes = simulated.axes()
+    assert sent
+    assert not axes.enabled.any()
+    assert np.abs(axes.velocity).max() < 1e-6
+    assert cell.read_bytes() == before
+    assert "Stopped by the operator" in capsys.readouterr().out
+
+
+def test_without_write_the_lines_are_printed_and_the_file_is_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = make_cell(tmp_path)
+    before = cell.read_bytes()
+    words = ["plate", "zero", str(cell), "--runs", str(tmp_path / "runs"), *QUICK]
+    assert run([*words, "--pose", "1.6,0.1,0.2"]) == 0
+    said = capsys.readouterr().out
+    assert "turned by 124 degrees" in said
+    assert "less than half a turn" in said
+    assert "    offset_n: [" in said
+    assert cell.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--pose", "0,here,0"], "give one number a joint"),
+        (["--pose", "2.6,0,0"], "offset and gravity are told apart from"),
+        (["--pose", "0,0"], "2 values for 3 joints"),
+    ],
+)
+def test_poses_that_cannot_be_are_refused_before_anything_moves(
+    words: list[str], message: str, cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["plate", "zero", str(cell), *words]) == 2
+    assert message in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_bundled_cell_is_not_written_to(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plate", "zero", "ir361", "--write"]) == 2
+    assert "bundled with the program" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_real_cell_is_not_moved_while_nobody_can_be_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = make_cell(tmp_path)
+    cell.write_text(cell.read_text().replace("simulated: true", "simulated: false"))
+    assert run(["plate", "zero", str(cell)]) == 3
+    assert "--i-have-cleared-the-cell" in capsys.readouterr().err
+
+
+def test_a_cell_without_a_plate_has_nothing_to_zero(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = make_cell(tmp_path)
+    text = cell.read_text()
+    cell.write_text(text[: text.index("\nplate:") + 1])
+    assert run(["plate", "zero", str(cell)]) == 2
+    assert "nothing to zero" in capsys.readouterr().err

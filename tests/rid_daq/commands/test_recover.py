@@ -1,0 +1,209 @@
+"""`rid-daq recover` on run folders and files in every state."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.journal.cycle_row import row_dtype
+from acquisition.journal.cycles import read_journal
+from acquisition.journal.header import JournalHeader
+from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.session.cycle_recorder import JournalWriter
+from config.load import load_cell
+from rid_daq.app import run
+from rid_daq.runs.run_data import read_run
+from tests.rid_daq.told import document
+
+ROWS = 1000
+HALF = 400
+
+
+def write_journal(folder: RunFolder, *, close: bool) -> None:
+    rows = np.zeros(ROWS, dtype=row_dtype(3))
+    rows["time_s"] = np.arange(ROWS) * 0.008
+    rows["cycle"] = rows["sample_index"] = np.arange(ROWS)
+    rows["position"] = rows["cycle"][:, np.newaxis]
+    rows["valid"] = 1
+    header = JournalHeader(
+        joint_names=("axis1", "axis2", "axis3"), sample_period_s=0.008, run_id=folder.run_id
+    )
+    with JournalWriter(folder.file("recording.mcap"), header) as writer:
+        for start in range(0, ROWS, 10):
+            writer.append(rows[start : start + 10].tobytes())
+            writer.flush()
+        if not close:
+            writer.abandon()
+
+
+@pytest.fixture
+def killed(tmp_path: Path) -> RunFolder:
+    """A run folder as a killed program leaves it."""
+    folder = RunFolder.create(tmp_path / "runs", "swing", software={"rid-daq": "0"})
+    for name, content in load_cell("ir361").files.items():
+        folder.write(name, content)
+    write_journal(folder, close=False)
+    return folder
+
+
+@pytest.fixture
+def runs(killed: RunFolder) -> list[str]:
+    return ["--runs", str(killed.path.parent)]
+
+
+def snapshot(folder: RunFolder) -> dict[str, bytes]:
+    return {str(p): p.read_bytes() for p in folder.path.rglob("*") if p.is_file()}
+
+
+def flip(path: Path, at: int) -> None:
+    data = bytearray(path.read_bytes())
+    data[at] ^= 0x10
+    path.write_bytes(data)
+
+
+def test_a_killed_run_becomes_a_whole_one_beside_it(
+    killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = snapshot(killed)
+    assert run(["recover", "swing", *runs, "--json"]) == 0
+    told = document(capsys)
+    new = RunFolder.open(Path(told["recovered"]))
+    assert snapshot(killed) == before
+    assert new.path.parent == killed.path.parent
+    assert new.verify() == ()
+    manifest = new.manifest()
+    assert (manifest.label, manifest.status) == ("swing", RunStatus.RECOVERED)
+    assert manifest.facts == {"recovered_from": killed.run_id, "rows": ROWS, "rows_lost": 0}
+    data = read_run(new)
+    assert data.damage == ()
+    assert len(data.recording) == ROWS
+    assert data.recording.run_id == new.run_id
+    assert find_run(killed.path.parent, "latest").run_id == new.run_id
+
+
+def test_what_is_lost_is_told_in_rows_and_seconds_and_by_the_exit_code(
+    killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = killed.file("recording.mcap")
+    flip(path, path.stat().st_size // 2)
+    assert run(["recover", killed.run_id, *runs]) == 1
+    said = capsys.readouterr().out
+    assert "kept 990 rows" in said
+    assert "lost 10 rows (0.08 s)" in said
+    assert "the file was not closed" in said
+    new = find_run(killed.path.parent, "latest")
+    data = read_run(new)
+    assert len(data.recording) == 990
+    assert any("are lost (10 rows)" in note for note in data.damage)
+
+
+def test_a_file_that_the_manifest_does_not_vouch_for_is_left_out(
+    killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    flip(killed.file("robot.yaml"), 300)
+    assert run(["recover", killed.run_id, *runs, "--json"]) == 0
+    told = document(capsys)
+    assert any("robot.yaml: is not what was written" in note for note in told["notes"])
+    new = RunFolder.open(Path(told["recovered"]))
+    assert not new.file("robot.yaml").exists()
+    assert new.file("cell.yaml").exists()
+
+
+@pytest.mark.parametrize("damage", ["missing", "torn", "not a manifest"])
+def test_a_run_without_its_manifest_is_recovered_all_the_same(
+    killed: RunFolder, damage: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    manifest = killed.path / "manifest.json"
+    text = manifest.read_bytes()
+    manifest.unlink()
+    if damage != "missing":
+        manifest.write_bytes(text[:40] if damage == "torn" else b"[]")
+    assert run(["recover", str(killed.path), "--json"]) == 0
+    told = document(capsys)
+    assert any("nothing vouches" in note for note in told["notes"])
+    new = RunFolder.open(Path(told["recovered"]))
+    assert new.manifest().label == killed.path.name
+    assert len(read_run(new).recording) == ROWS
+
+
+def test_links_and_strange_names_in_a_run_folder_are_not_followed(
+    killed: RunFolder, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("secret")
+    (killed.path / "notes.txt").symlink_to(secret)
+    (killed.path / "away").symlink_to(tmp_path)
+    (killed.path / "a\x1b[2Jb").write_text("x")
+    assert run(["recover", killed.run_id, *runs]) == 0
+    said = capsys.readouterr().out
+    assert "symbolic link" in said
+    assert "\x1b" not in said
+    new = find_run(killed.path.parent, "latest")
+    assert not any(path.is_symlink() for path in new.path.rglob("*"))
+    assert not any(b"secret" in content for content in snapshot(new).values())
+
+
+def test_a_whole_run_is_left_alone(
+    tmp_path: Path, killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    killed.file("recording.mcap").unlink()
+    write_journal(killed, close=True)
+    killed.finish(RunStatus.COMPLETE)
+    assert run(["recover", killed.run_id, *runs]) == 0
+    assert "is whole; there is nothing to recover" in capsys.readouterr().out
+    assert len(list(killed.path.parent.iterdir())) == 1
+
+
+def test_a_run_with_nothing_readable_makes_no_folder(
+    killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    killed.file("recording.mcap").write_bytes(bytes(5000))
+    assert run(["recover", killed.run_id, *runs]) == 7
+    assert "nothing can be recovered" in capsys.readouterr().err
+    assert len(list(killed.path.parent.iterdir())) == 1
+
+
+def test_a_recording_under_way_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = RunFolder.create(tmp_path / "runs", "now")
+    header = JournalHeader(joint_names=("a",), sample_period_s=0.008)
+    with JournalWriter(folder.file("recording.mcap"), header):
+        assert run(["recover", str(folder.path)]) == 8
+        assert run(["recover", str(folder.file("recording.mcap"))]) == 8
+    assert "still being written" in capsys.readouterr().err
+
+
+def test_a_file_alone_is_recovered_beside_itself_and_never_replaced(
+    killed: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(killed.file("recording.mcap").read_bytes()[: -HALF * 230])
+    assert run(["recover", str(torn)]) == 0
+    assert "torn and were left out" in capsys.readouterr().out
+    new = tmp_path / "torn-recovered.mcap"
+    kept = len(read_journal(new).rows)
+    assert HALF < kept < ROWS
+    assert run(["recover", str(torn)]) == 7
+    assert "exists already" in capsys.readouterr().err
+    assert run(["recover", str(torn), "-o", str(tmp_path / "other.mcap")]) == 0
+    assert (tmp_path / "other.mcap").read_bytes() == new.read_bytes()
+    assert not list(tmp_path.glob("*.tmp"))
+
+
+@pytest.mark.parametrize(
+    ("what", "code", "text"),
+    [
+        ("nowhere.mcap", 7, "no such file"),
+        ("no-such-run", 2, "no run 'no-such-run'"),
+        ("", 2, "no run"),
+    ],
+)
+def test_what_is_not_there_is_told(
+    what: str, code: int, text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["recover", what, "--runs", str(tmp_path)]) == code
+    assert text in capsys.readouterr().err

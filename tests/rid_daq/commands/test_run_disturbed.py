@@ -1,0 +1,205 @@
+"""Somebody works in the run folder while the robot moves: strays, files deleted or replaced."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.journal.cycles import read_journal
+from acquisition.journal.header import JournalHeader
+from acquisition.runs.folder import RECORDING, RunFolder, RunStatus
+from acquisition.session.cycle_recorder import JournalWriter
+from acquisition.task.control_block import ControlBlock, Progress, RecorderState
+from rid_daq.app import run
+from rid_daq.jobs import recording_job
+from tests.rid_daq.told import document
+
+INTO = 100
+"""Rows of the motion that have been commanded when somebody comes."""
+
+Disturb = Callable[[RunFolder], None]
+Meddle = Callable[[Disturb], None]
+
+
+@pytest.fixture
+def meddle(monkeypatch: pytest.MonkeyPatch) -> Meddle:
+    """Return what lets somebody do something to the run folder while the robot moves."""
+    whole = recording_job.record_motion
+
+    def meddled(disturb: Disturb) -> None:
+        def record(*arguments: Any, on_progress: Callable[[Progress], None], **options: Any) -> Any:
+            done = False
+
+            def look(progress: Progress) -> None:
+                nonlocal done
+                if not done and progress.sample_index >= INTO:
+                    disturb(arguments[3])
+                    done = True
+                on_progress(progress)
+
+            return whole(*arguments, on_progress=look, **options)
+
+        monkeypatch.setattr("rid_daq.jobs.recording_job.record_motion", record)
+
+    return meddled
+
+
+def add_strays(folder: RunFolder) -> None:
+    for name in ("notes (1).txt", ".DS_Store", "notes.txt"):
+        (folder.path / name).write_text("mine")
+    (folder.path / "a subfolder").mkdir()
+    (folder.path / "a subfolder" / "more.txt").write_text("mine")
+    (folder.path / "dangling").symlink_to("nowhere")
+    os.mkfifo(folder.path / "pipe")
+    Path(os.fsdecode(os.fsencode(folder.path) + b"/caf\xe9.txt")).write_text("mine")
+
+
+@pytest.mark.fault(44)
+def test_strays_are_left_alone_named_and_the_run_is_finished(
+    workshop: Path,
+    tmp_path: Path,
+    meddle: Meddle,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
+) -> None:
+    meddle(add_strays)
+    runs = ["--runs", str(tmp_path)]
+    words = ["record", str(workshop / "cell.yaml"), str(workshop / "validation.yaml"), *runs]
+    assert run([*words, "--json"]) == 0
+    folder = RunFolder.open(Path(document(capsys)["folder"]))
+    manifest = folder.manifest()
+    assert manifest.status == RunStatus.COMPLETE
+    assert {RECORDING, "robot.yaml", "result.json", "report.html"} <= set(manifest.files)
+    strays = (
+        ".DS_Store", "a subfolder", "a subfolder/more.txt", r"caf\udce9.txt", "dangling",
+        "notes (1).txt", "notes.txt", "pipe",
+    )  # fmt: skip
+    assert folder.strays() == strays
+    assert not set(strays) & set(manifest.files)
+    assert (folder.path / "notes (1).txt").read_text() == "mine"
+    assert run(["runs", "--verify", *runs]) == 0
+    said = capsys.readouterr().out
+    assert f"note: {folder.run_id}: not of the run, and left alone: .DS_Store, a subfolder" in said
+    assert run(["export", str(folder.path), "--to", "csv", "-o", str(tmp_path / "all.csv")]) == 0
+    measured(f"{len(strays)} of 8 kinds and places: exit 0, complete, named by runs --verify")
+
+
+def delete_folder(folder: RunFolder) -> None:
+    shutil.rmtree(folder.path)
+
+
+def delete_recording(folder: RunFolder) -> None:
+    (folder.path / RECORDING).unlink()
+
+
+def cut_recording(folder: RunFolder) -> None:
+    os.truncate(folder.path / RECORDING, 20_000)
+
+
+def replace_recording(folder: RunFolder) -> None:
+    shutil.copy(folder.path / RECORDING, folder.path / "copy.tmp")
+    (folder.path / "copy.tmp").rename(folder.path / RECORDING)
+
+
+@pytest.mark.fault(48)
+@pytest.mark.parametrize(
+    ("disturb", "became"),
+    [
+        (delete_folder, "was deleted while it was being written"),
+        (delete_recording, "was deleted while it was being written"),
+        (cut_recording, "was cut while it was being written: "),
+        (replace_recording, "was deleted while it was being written"),
+    ],
+)
+def test_a_recording_that_is_deleted_or_cut_in_motion_stops_it_by_name(
+    workshop: Path,
+    tmp_path: Path,
+    meddle: Meddle,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
+    disturb: Disturb,
+    became: str,
+) -> None:
+    """The motion is periodic: in lock-step it waits for a judge who reads the file."""
+    meddle(disturb)
+    words = ["record", str(workshop / "cell.yaml"), str(workshop / "motion.yaml")]
+    assert run([*words, "--runs", str(tmp_path)]) == 7
+    out, err = capsys.readouterr()
+    said = out + err
+    (stopped,) = [line for line in said.splitlines() if "Stopped: " in line]
+    assert f"/{RECORDING}: {became}" in stopped
+    for word in ("killed", "died", "exit code"):
+        assert word not in said
+    for path in tmp_path.iterdir():
+        assert RunFolder.open(path).manifest().status == RunStatus.STOPPED
+    measured(f"{disturb.__name__.replace('_', ' ')}: quick stop by name, exit 7, no process killed")
+
+
+@pytest.mark.fault(42)
+def test_a_folder_that_takes_the_runs_place_in_motion_is_not_written_into(
+    workshop: Path,
+    tmp_path: Path,
+    meddle: Meddle,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
+) -> None:
+    foreign = RunFolder.create(tmp_path / "other runs", "foreign")
+    foreign.write("robot.yaml", b"foreign")
+    foreign.finish(RunStatus.COMPLETE)
+    before = (foreign.path / "manifest.json").read_bytes()
+    own: list[RunFolder] = []
+
+    def swap(folder: RunFolder) -> None:
+        own.append(folder)
+        folder.path.rename(tmp_path / "moved")
+        foreign.path.rename(folder.path)
+
+    meddle(swap)
+    words = ["record", str(workshop / "cell.yaml"), str(workshop / "motion.yaml")]
+    assert run([*words, "--runs", str(tmp_path / "runs")]) == 7
+    said = capsys.readouterr().err
+    (folder,) = own
+    assert f"{RECORDING}: was moved away while it was being written" in said
+    assert f"{folder.path}: is the folder of run {foreign.run_id} by now" in said
+    assert {path.name for path in folder.path.iterdir()} == {"manifest.json", "robot.yaml"}
+    assert (folder.path / "manifest.json").read_bytes() == before
+    moved = read_journal(tmp_path / "moved" / RECORDING)
+    assert moved.header.run_id == folder.run_id
+    assert moved.damage.notes == ()
+    measured("another run's folder put in its place: quick stop by name, 0 bytes written into it")
+
+
+@pytest.mark.parametrize(
+    ("disturb", "became"),
+    [
+        (lambda path: path.unlink(), "was deleted while it was being written"),
+        (lambda path: os.truncate(path, 10), "was cut while it was being written: "),
+        (lambda path: path.rename(f"{path}.moved"), "was moved away while it was being written"),
+        (
+            lambda path: (path.rename(f"{path}.moved"), path.write_text("x")),
+            "was replaced by another file while it was being written",
+        ),
+    ],
+)
+def test_a_journal_knows_what_became_of_its_file(
+    tmp_path: Path, disturb: Callable[[Path], object], became: str
+) -> None:
+    path = tmp_path / RECORDING
+    header = JournalHeader(joint_names=("a",), sample_period_s=0.008)
+    with JournalWriter(path, header) as writer:
+        writer.flush()
+        assert writer.trouble == ""
+        disturb(path)
+        assert writer.trouble.startswith(became)
+
+
+def test_a_recorder_that_wants_an_end_says_why() -> None:
+    control = ControlBlock.create()
+    control.end_recorder("recording.mcap: was deleted while it was being written")
+    assert control.recorder_state is RecorderState.ENDING
+    assert control.recorder_error == "recording.mcap: was deleted while it was being written"

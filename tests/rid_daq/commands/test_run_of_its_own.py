@@ -1,0 +1,340 @@
+"""A run is what it says: who reads one refuses files that are not its own, or that it lacks."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.journal.cycle_row import row_dtype
+from acquisition.journal.cycles import read_journal
+from acquisition.journal.header import JournalHeader
+from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.samples import Phase
+from acquisition.processing.periods import average_periods
+from acquisition.runs.folder import RECORDING, RunFolder, RunStatus
+from acquisition.session.cycle_recorder import JournalWriter
+from config.load import load_cell, to_yaml
+from dynamics.model.robot_model import RobotModel, torque
+from identification.design.two_harmonic import design_two_harmonic
+from identification.estimation.estimators import estimate_periodic
+from identification.estimation.file import write_estimate
+from rid_daq.app import run
+from rid_daq.jobs.truth import true_parameters
+from tests.rid_daq.told import document
+
+CYCLE_S = 0.008
+PERIODS = 4
+TORN_ROWS = 137
+READERS = (
+    "average RUN",
+    "identify RUN",
+    "validate MODEL RUN",
+    "payload identify --loaded RUN --unloaded OTHER",
+    "friction RUN",
+    "loop RUN",
+    "tracking RUN",
+    "refine RUN --model MODEL --loop MODEL -o NEW",
+    "compare RUN MODEL",
+    "export RUN --to csv -o NEW",
+)
+
+Made = Callable[..., RunFolder]
+Measured = Callable[[str], None]
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("workshop")
+
+
+@pytest.fixture(scope="module")
+def make(workshop: Path) -> Made:
+    """Return what writes a run of the bundled arm, as `record` and `identify` leave it."""
+    cell = load_cell("ir361")
+    model = RobotModel.from_description(cell.robot)
+    assert cell.plant is not None
+    truth = true_parameters(model, cell.robot, cell.plant)
+
+    def made(label: str, seed: int, status: RunStatus | None = RunStatus.COMPLETE) -> RunFolder:
+        motion = design_two_harmonic(
+            cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=5, periods=PERIODS, seed=seed
+        )
+        path = FourierTrajectory.from_motion(motion, cell.robot, CYCLE_S)
+        times = path.sample_times_s
+        q, v, a = path.position(times), path.velocity(times), path.acceleration(times)
+        count = PERIODS * len(times)
+        rows = np.zeros(count, dtype=row_dtype(3))
+        rows["time_s"] = np.arange(count) * CYCLE_S
+        rows["cycle"] = rows["sample_index"] = np.arange(count)
+        rows["position"] = np.tile(q, (PERIODS, 1))
+        rows["torque_nm"] = np.tile(torque(model, q, v, a, truth), (PERIODS, 1))
+        rows["torque_nm"] += np.random.default_rng(seed).standard_normal((count, 3))
+        rows["valid"], rows["phase"] = 1, Phase.MAIN
+        folder = RunFolder.create(workshop / "runs", label)
+        for name, content in cell.files.items():
+            folder.write(name, content)
+        folder.write("motion.yaml", to_yaml(motion).encode())
+        header = JournalHeader(
+            joint_names=cell.robot.joint_names,
+            sample_period_s=CYCLE_S,
+            samples_per_period=len(times),
+            robot_name=cell.robot.name,
+            run_id=folder.run_id,
+        )
+        with JournalWriter(folder.file(RECORDING), header) as writer:
+            for start in range(0, count, 10):
+                writer.append(rows[start : start + 10].tobytes())
+            if status is None:
+                writer.flush()
+                writer.abandon()
+        if status is not None:
+            average = average_periods(read_journal(folder.file(RECORDING)).recording())
+            write_estimate(folder.path / "model.json", estimate_periodic(cell.robot, [average]))
+            folder.finish(status, {"rows": count})
+        return folder
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def good(make: Made) -> RunFolder:
+    return make("good", 1)
+
+
+@pytest.fixture(scope="module")
+def other(make: Made) -> RunFolder:
+    """A run of another motion."""
+    return make("other", 2)
+
+
+@pytest.fixture(scope="module")
+def killed(make: Made) -> RunFolder:
+    """A run as a killed program leaves it."""
+    return make("killed", 3, None)
+
+
+@pytest.fixture
+def copy(good: RunFolder, workshop: Path, tmp_path: Path) -> RunFolder:
+    """A copy of the good run, beside the others, to be spoilt."""
+    place = workshop / "runs" / tmp_path.name
+    shutil.copytree(good.path, place)
+    return RunFolder.open(place)
+
+
+def words(reader: str, folder: RunFolder, other: RunFolder, tmp_path: Path) -> list[str]:
+    """Return a reader's command line."""
+    meant = {
+        "RUN": str(folder.path),
+        "OTHER": str(other.path),
+        "MODEL": str(other.path / "model.json"),
+        "NEW": str(tmp_path / "new"),
+    }
+    return [meant.get(word, word) for word in reader.split()]
+
+
+def snapshot(folder: RunFolder) -> dict[str, bytes]:
+    return {str(p.relative_to(folder.path)): p.read_bytes() for p in folder.path.rglob("*.*")}
+
+
+def another_recording(folder: RunFolder, other: RunFolder) -> str:
+    shutil.copy(other.path / RECORDING, folder.path)
+    return RECORDING
+
+
+def another_gear(folder: RunFolder, _other: RunFolder) -> str:
+    path = folder.path / "robot.yaml"
+    text = path.read_text()
+    assert text.count("gear_ratio: 121") == 1
+    path.write_text(text.replace("gear_ratio: 121", "gear_ratio: 60"))
+    return "robot.yaml"
+
+
+def another_motion(folder: RunFolder, other: RunFolder) -> str:
+    shutil.copy(other.path / "motion.yaml", folder.path)
+    return "motion.yaml"
+
+
+def no_cell(folder: RunFolder, _other: RunFolder) -> str:
+    (folder.path / "cell.yaml").unlink()
+    return "cell.yaml"
+
+
+def a_feedforward(folder: RunFolder, _other: RunFolder) -> str:
+    (folder.path / "feedforward.json").write_text("{}")
+    return "feedforward.json"
+
+
+@pytest.mark.fault(42)
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (another_recording, "; it is that of run {other} (other)"),
+        (another_gear, "is not the file of run {good} (its SHA-256 differs)"),
+        (another_motion, "; it is that of run {other} (other)"),
+        (no_cell, "is missing. Put the original back"),
+        (a_feedforward, "was put into the folder after the run had ended. Take it out"),
+    ],
+)
+def test_every_reader_refuses_a_file_that_is_not_the_runs_own_and_names_it(
+    copy: RunFolder,
+    good: RunFolder,
+    other: RunFolder,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Measured,
+    spoil: Callable[[RunFolder, RunFolder], str],
+    why: str,
+) -> None:
+    name = spoil(copy, other)
+    before = snapshot(copy)
+    refused = []
+    for reader in READERS:
+        code = run(words(reader, copy, other, tmp_path))
+        said = capsys.readouterr().err
+        assert code == 7, (reader, said)
+        assert f"{copy.path / name}: " in said, reader
+        assert why.format(good=good.run_id, other=other.run_id) in said, reader
+        refused.append(reader)
+    assert snapshot(copy) == before
+    assert not (tmp_path / "new").exists()
+    measured(f"{name}: refused and named by {len(refused)} of {len(refused)} readers")
+
+
+@pytest.mark.fault(42)
+def test_a_recording_that_names_another_run_is_refused_where_no_hash_tells(
+    killed: RunFolder,
+    other: RunFolder,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Measured,
+) -> None:
+    shutil.copytree(killed.path, tmp_path / "copy")
+    shutil.copy(other.path / RECORDING, tmp_path / "copy")
+    for command in ("average", "recover"):
+        options = ["--unfinished"] if command == "average" else []
+        assert run([command, str(tmp_path / "copy"), *options]) == 7
+        said = capsys.readouterr().err
+        assert f"belongs to run {other.run_id}, not to {killed.run_id}" in said
+    assert [path.name for path in tmp_path.iterdir()] == ["copy"]
+    measured("by the recording's header: refused by average and recover, nothing written")
+
+
+@pytest.mark.fault(42)
+def test_a_result_that_was_edited_is_no_report(
+    copy: RunFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["average", str(copy.path)]) == 0
+    path = copy.path / "result.json"
+    path.write_text(path.read_text().replace("Run good", "Run better"))
+    capsys.readouterr()
+    for command in ("report", "average"):
+        assert run([command, str(copy.path)]) == 7
+        assert "result.json: is not what was written" in capsys.readouterr().err
+    path.unlink()
+    assert run(["average", str(copy.path)]) == 0
+
+
+def test_a_run_of_an_older_program_is_read_and_what_is_there_is_compared(
+    copy: RunFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = copy.path / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest["format"] = 1
+    for entry in manifest["files"].values():
+        del entry["rows"]
+    path.write_text(json.dumps(manifest))
+    assert run(["average", str(copy.path)]) == 0
+    another_gear(copy, copy)
+    assert run(["average", str(copy.path)]) == 7
+    path.write_text(json.dumps({**manifest, "files": {}}))
+    assert run(["average", str(copy.path)]) == 0  # nothing to compare with
+
+
+@pytest.mark.fault(47)
+def test_an_unfinished_run_is_used_only_where_that_is_asked_for_and_then_it_is_said(
+    killed: RunFolder,
+    other: RunFolder,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Measured,
+) -> None:
+    folder = RunFolder.open(Path(shutil.copytree(killed.path, tmp_path / "copy")))
+    folder.write("model.json", (other.path / "model.json").read_bytes())
+    before = snapshot(folder)
+    for reader in READERS:
+        assert run(words(reader, folder, other, tmp_path)) == 6, reader
+        said = capsys.readouterr().err
+        assert "was never finished: the program ended before the run did. Write what" in said
+        assert f"`rid-daq recover {folder.path}`" in said
+        assert "use it as it is: --unfinished" in said
+    assert snapshot(folder) == before
+    note = "killed: was never finished: its end is missing"
+    assert run(["average", str(folder.path), "--unfinished"]) == 0
+    assert f"note: {note}\n" in capsys.readouterr().out
+    assert run(["identify", str(folder.path), "--unfinished", "--json"]) == 0
+    assert note in document(capsys)["notes"]
+    assert note in json.loads((folder.path / "result.json").read_text())["notes"]
+    assert f"Note: {note}" in (folder.path / "report.html").read_text()
+    measured(
+        f"refused by {len(READERS)} of {len(READERS)} readers; with --unfinished used and said"
+    )
+
+
+@pytest.mark.fault(45)
+def test_a_cut_run_is_recovered_by_the_manifests_count_and_without_its_results(
+    copy: RunFolder, capsys: pytest.CaptureFixture[str], measured: Measured
+) -> None:
+    assert run(["average", str(copy.path)]) == 0
+    whole = read_journal(copy.path / RECORDING).rows
+    size = (copy.path / RECORDING).stat().st_size
+    os.truncate(copy.path / RECORDING, size - size // 3)
+    kept = read_journal(copy.path / RECORDING).rows
+    capsys.readouterr()
+    assert run(["average", str(copy.path)]) == 7
+    assert f"as a new run: `rid-daq recover {copy.path}`" in capsys.readouterr().err
+    assert run(["recover", str(copy.path), "--json"]) == 1
+    told = document(capsys)
+    assert told["rows_lost"] == len(whole) - len(kept) > 500
+    new = RunFolder.open(Path(told["recovered"]))
+    assert new.manifest().facts["rows_lost"] == told["rows_lost"]
+    assert new.manifest().facts["rows"] == len(kept)
+    assert {path.name for path in new.path.iterdir()}.isdisjoint(
+        {"result.json", "report.html", "model.json"}
+    )
+    assert new.verify() == ()
+    assert run(["average", str(new.path)]) == 0
+    said = capsys.readouterr().out
+    assert f"note: good: was recovered; {told['rows_lost']} rows are known to be lost\n" in said
+    measured(f"{told['rows_lost']} of {len(whole)} rows lost, counted exactly; no result copied")
+
+
+@pytest.mark.fault(45)
+def test_a_recording_that_is_gone_counts_whole(
+    copy: RunFolder, good: RunFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = len(read_journal(good.path / RECORDING).rows)
+    (copy.path / RECORDING).rename(copy.path / "second.mcap")
+    assert run(["recover", str(copy.path), "--json"]) == 1
+    assert document(capsys)["rows_lost"] == rows
+
+
+def test_where_a_file_was_left_out_only_the_original_is_taken(
+    copy: RunFolder, good: RunFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    another_gear(copy, copy)
+    assert run(["recover", str(copy.path), "--json"]) == 0
+    told = document(capsys)
+    assert any(note.startswith("left out: robot.yaml: is not what") for note in told["notes"])
+    new = Path(told["recovered"])
+    assert run(["average", str(new)]) == 7
+    assert "robot.yaml: is missing. Put the original back" in capsys.readouterr().err
+    shutil.copy(copy.path / "robot.yaml", new)
+    assert run(["average", str(new)]) == 7
+    shutil.copy(good.path / "robot.yaml", new)
+    assert run(["average", str(new)]) == 0

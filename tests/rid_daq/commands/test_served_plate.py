@@ -1,0 +1,71 @@
+"""A cell that `rid-daq mock` serves is joined with the serial ports that were made for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from config.cell.monitor import ModbusRtu
+from config.load import load_cell
+from drivers.amplifier.amplifier import open_amplifier
+from mock_hw.cell import SimulatedCell
+from mock_hw.host.runtime_directory import plate_path, registers_path, runtime_directory
+from rid_daq.preflight.monitor_check import monitor_lines
+from rid_daq.session.cells import reachable_cell
+
+
+def test_the_plate_of_a_served_cell_is_found(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("run")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    loaded = load_cell("ir361")
+    can = loaded.config.can.model_copy(update={"channel": f"served-{folder.name}"})
+    loaded = replace(loaded, config=loaded.config.model_copy(update={"can": can}))
+    assert loaded.plant is not None
+    assert loaded.amplifier_profile is not None
+    with (
+        SimulatedCell(
+            loaded.config,
+            loaded.robot,
+            loaded.plant,
+            realtime=True,
+            seed=0,
+            directory=runtime_directory(),
+            profile=loaded.amplifier_profile,
+        ) as simulated,
+        reachable_cell(loaded) as cell,
+    ):
+        assert cell.plate is not None
+        assert cell.plate.amplifier.address == simulated.address
+        assert simulated.address == str(plate_path(can.channel))
+        with open_amplifier(cell.plate.amplifier, loaded.amplifier_profile) as amplifier:
+            assert "simulated" in amplifier.connect()
+    assert not plate_path(can.channel).exists()
+
+
+def test_the_serial_line_of_a_served_cells_drives_is_found(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("run")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    loaded = load_cell("kr15")
+    assert loaded.plant is not None
+    assert loaded.config.monitor is not None
+    link = ModbusRtu(kind="rtu", address="/dev/ttyUSB0", baud_rate=19200, parity="even")
+    can = loaded.config.can.model_copy(update={"channel": f"served-{folder.name}"})
+    monitor = loaded.config.monitor.model_copy(update={"link": link})
+    config = loaded.config.model_copy(update={"can": can, "monitor": monitor})
+    loaded = replace(loaded, config=config)
+    with (
+        SimulatedCell(
+            config, loaded.robot, loaded.plant, realtime=True, seed=0, directory=runtime_directory()
+        ),
+        reachable_cell(loaded) as cell,
+    ):
+        assert cell.monitor is not None
+        assert isinstance(cell.monitor.link, ModbusRtu)
+        assert cell.monitor.link.address == str(registers_path(can.channel))
+        lines = monitor_lines(cell, loaded.robot, loaded.drive_profile)
+    assert [line.found for line in lines if line.what == "motor temperature [°C]"] == ["25.0"] * 6

@@ -1,0 +1,151 @@
+"""`rid-daq stop`, from another process, on a session that is in mid-motion; and where none is."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.journal.cycles import read_journal
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import Phase
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import record_motion
+from acquisition.task.control_block import ControlBlock, Progress, TaskState
+from acquisition.task.stop_reason import StopCode
+from config.load import LoadedCell, load_cell
+from config.motion.motion import FourierJoint, FourierMotion
+from mock_hw.cell import SimulatedCell
+from rid_daq.app import run
+from rid_daq.session.running_sessions import RunningSession, running_sessions
+from rid_daq.session.session import hold_cell
+
+STOP = [sys.executable, "-m", "rid_daq", "stop", "--json"]
+HOLDER = """
+import sys
+from config.load import load_cell
+from rid_daq.app import _end_once
+from rid_daq.session.session import hold_cell
+import signal
+signal.signal(signal.SIGTERM, _end_once)
+with hold_cell(load_cell("ir361").config):
+    print("held", flush=True)
+    signal.pause()
+"""
+
+
+@pytest.fixture(autouse=True)
+def locks_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no test stop what else runs on this machine."""
+    monkeypatch.setenv("RID_DAQ_LOCKS", str(tmp_path))
+
+
+@pytest.fixture(scope="module")
+def loaded() -> LoadedCell:
+    return load_cell("ir361")
+
+
+def long_motion(loaded: LoadedCell) -> FourierMotion:
+    joints = tuple(
+        FourierJoint(joint=name, sine=(0.2,), cosine=(0.1,)) for name in loaded.robot.joint_names
+    )
+    return FourierMotion(
+        kind="fourier", robot="ir361", period_s=2.0, periods=900, ramp_s=1.0, joints=joints
+    )
+
+
+@pytest.mark.fault(23)
+def test_a_motion_is_stopped_from_another_process_and_seen_to_rest(
+    loaded: LoadedCell, tmp_path: Path, measured: Callable[[str], None]
+) -> None:
+    assert loaded.plant is not None
+    samples = plan_motion(long_motion(loaded), loaded.robot, loaded.config.cycle_time_s)
+    folder = RunFolder.create(tmp_path / "runs", "test")
+    commands: list[subprocess.Popen[str]] = []
+
+    def stop_once(progress: Progress) -> None:
+        if progress.phase is Phase.MAIN and not commands:
+            commands.append(subprocess.Popen(STOP, stdout=subprocess.PIPE, text=True))
+
+    with (
+        SimulatedCell(
+            loaded.config, loaded.robot, loaded.plant, realtime=False, seed=1
+        ) as simulated,
+        hold_cell(simulated.cell),
+    ):
+        outcome = record_motion(
+            simulated.cell, loaded.robot, samples, folder, on_progress=stop_once
+        )
+        axes = simulated.axes()
+    said, _ = commands[0].communicate(timeout=60.0)
+    assert commands[0].returncode == 0
+    (session,) = json.loads(said)["sessions"]
+    assert (session["process"], session["cell"]) == (os.getpid(), "ir361")
+    assert session["stopped"]
+    assert "all axes at rest" in session["text"]
+    assert outcome.stop is not None
+    assert outcome.stop.code is StopCode.STOP_COMMAND
+    assert outcome.stop.text == "stopped by `rid-daq stop`"
+    assert not axes.enabled.any()
+    np.testing.assert_allclose(axes.velocity, 0.0, atol=1e-6)
+    assert read_journal(outcome.path).damage.notes == ()
+    measured("`rid-daq stop` in mid-motion: " + session["text"].partition("; ")[2].split(",")[0])
+
+
+def test_a_session_without_a_motion_is_ended_by_a_name_whatever_else_is_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDER], stdout=subprocess.PIPE, text=True
+    ) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "held\n"
+        assert run(["stop", "another_cell"]) == 1
+        said = capsys.readouterr().out
+        assert "No session runs on cell another_cell" in said
+        assert re.search(r"Still running: .* on ir361 .*`rid-daq stop` stops it", said)
+        torn = tmp_path / "cell.yaml"
+        torn.write_text("format: [\nname: ir361 # as it was\n}{")
+        assert run(["stop", str(torn)]) == 0
+    assert holder.returncode == 143
+    assert "ended; no motion was under way" in capsys.readouterr().out
+
+
+def test_without_a_session_it_says_so_and_fails(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["stop"]) == 1
+    assert "No session runs on this machine: nothing was stopped." in capsys.readouterr().out
+
+
+def test_a_lock_file_that_nobody_holds_is_no_session(loaded: LoadedCell) -> None:
+    with hold_cell(loaded.config):
+        (session,) = running_sessions("ir361")
+        assert session.pid == os.getpid()
+        assert session.is_running
+    assert running_sessions("ir361") == []
+    assert not session.is_running
+
+
+def test_a_motion_that_ended_meanwhile_is_no_failure(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    control = ControlBlock.create()
+    monkeypatch.setattr(
+        RunningSession, "control", lambda session: control if not control.stop_code else None
+    )
+
+    def end(block: ControlBlock, code: StopCode) -> None:
+        block.declare_task_gone()
+        block.task_state = TaskState.FINISHED
+
+    monkeypatch.setattr(ControlBlock, "request_stop", end)
+    session = RunningSession(Path("x"), 17, "rid-daq record", "ir361")
+    monkeypatch.setattr("rid_daq.commands.stop.running_sessions", lambda cell: [session])
+    assert run(["stop"]) == 0
+    assert "ended by itself meanwhile" in capsys.readouterr().out

@@ -1,0 +1,100 @@
+"""How a motion ended, and what to look after, is told whatever becomes of its run folder."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.runs.folder import RunFolder
+from config.errors import RecordingError
+from rid_daq.app import run
+from rid_daq.jobs import recording_job
+from rid_daq.terminal.console import output_error
+
+NOTE = "the drives of axis2 did not confirm being disabled"
+
+
+@pytest.fixture
+def lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that takes no result any more, after drives that did not confirm."""
+
+    def refuse(folder: RunFolder, _result: dict[str, Any]) -> Path:
+        raise RecordingError(f"{folder.path}/result.json: cannot be written: Input/output error")
+
+    whole = recording_job.record_motion
+
+    def with_note(*arguments: Any, **options: Any) -> Any:
+        return replace(whole(*arguments, **options), notes=(NOTE,))
+
+    monkeypatch.setattr("rid_daq.commands.record.write_result", refuse)
+    monkeypatch.setattr("rid_daq.jobs.recording_job.record_motion", with_note)
+
+
+def test_a_motion_goes_on_where_nobody_takes_what_is_said(
+    workshop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = [str(workshop / "cell.yaml"), str(workshop / "validation.yaml")]
+    monkeypatch.setattr("rid_daq.terminal.console._output.refused", None)
+    with (
+        contextlib.suppress(OSError),  # closing it fails too
+        open("/dev/full", "w") as full,
+        monkeypatch.context() as swapped,
+    ):
+        swapped.setattr("sys.stdout", full)
+        code = run(["record", *files, "--runs", str(tmp_path)])
+    assert code == 0
+    assert output_error() is not None
+    (path,) = tmp_path.iterdir()
+    assert RunFolder.open(path).manifest().status == "complete"
+    assert (path / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("output", "code", "complains"),
+    [
+        ("| true", 0, ""),
+        ("> /dev/full", 7, "rid-daq: standard output: No space left on device\n"),
+        (">&-", 0, ""),
+    ],
+)
+def test_nobody_who_listens_is_no_error_and_a_full_disk_is_one(
+    tmp_path: Path, output: str, code: int, complains: str
+) -> None:
+    words = f"set -o pipefail; {sys.executable} -m rid_daq runs --runs {tmp_path} {output}"
+    done = subprocess.run(["bash", "-c", words], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (code, complains)
+
+
+@pytest.mark.usefixtures("lost")
+@pytest.mark.parametrize(
+    ("option", "ended"),
+    [
+        ([], "The motion ended as planned. "),
+        (
+            ["--rehearse"],
+            "The motion ended as planned. That was the rehearsal; nothing else was driven. ",
+        ),
+    ],
+)
+def test_a_result_that_cannot_be_written_hides_neither_the_end_nor_a_warning(
+    workshop: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    option: list[str],
+    ended: str,
+) -> None:
+    files = [str(workshop / "cell.yaml"), str(workshop / "validation.yaml")]
+    assert run(["record", *files, "--runs", str(tmp_path), *option]) == 7
+    said = capsys.readouterr()
+    (path,) = tmp_path.iterdir()
+    why = f"{ended}{path}/result.json: cannot be written: Input/output error"
+    assert said.err == f"rid-daq: {why}\n"
+    assert f"note: {NOTE}\n" in said.out
+    manifest = RunFolder.open(path).manifest()
+    assert (manifest.status, manifest.facts["why"]) == ("stopped", why)

@@ -1,0 +1,381 @@
+"""The live page's process, asked over real connections: by its page, by strangers, by a thousand.
+
+Nothing here depends on how fast it is: who waits, waits for an answer or for the connection's end.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import socket
+import ssl
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib.resources import files
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.journal.cycle_row import row_dtype
+from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.ring import Ring
+from acquisition.task.stop_reason import StopCode, StopReason
+from config.load import load_cell
+from rid_daq.live.access import Access
+from rid_daq.live.live_process import MOST_DESCRIPTORS, run_live_page
+from rid_daq.live.picture import MotionPicture, ShownMotion
+from rid_daq.live.server import MOST_STREAMS, MOST_WAITING
+
+TOKEN = "t" * 40
+PATIENCE_S = 60.0
+STOP = b"POST /stop HTTP/1.1\r\nHost: %s\r\nContent-Type: application/json\r\n"
+STOP_BODY = b"Content-Length: 2\r\n\r\n{}"
+
+
+class Served:
+    """The live page of a motion that this test pretends, in a process of its own."""
+
+    def __init__(self, access: Access) -> None:
+        loaded = load_cell("ir361")
+        listener = socket.create_server((access.address, 0), backlog=128)
+        self.access = replace(access, port=listener.getsockname()[1])
+        self.host = f"127.0.0.1:{self.access.port}".encode()
+        self.control = ControlBlock.create()
+        self.ring = Ring.create(3, 64)
+        self.motion = ShownMotion("A <b>motion</b>", 100, 50, loaded.config, loaded.robot)
+        self.process = get_context("spawn").Process(
+            target=run_live_page,
+            args=(self.access, listener, self.motion, self.ring, self.control, os.getpid()),
+        )
+        self.process.start()
+        listener.close()
+
+    def connect(self) -> socket.socket:
+        return socket.create_connection(("127.0.0.1", self.access.port), timeout=PATIENCE_S)
+
+    def ask(self, request: bytes) -> tuple[int, str, bytes]:
+        """Return status, head and body of the whole answer."""
+        with self.connect() as line:
+            line.sendall(request)
+            return _parts(_read_all(line))
+
+    def get(self, path: str, *headers: str) -> tuple[int, str, bytes]:
+        lines = [f"GET {path} HTTP/1.1", f"Host: {self.host.decode()}", *headers]
+        return self.ask(("\r\n".join(lines) + "\r\n\r\n").encode())
+
+    @property
+    def cookie(self) -> str:
+        return f"Cookie: rid_daq_{self.access.port}={TOKEN}"
+
+    def stop_head(self) -> bytes:
+        return STOP % self.host
+
+    def watch(self) -> socket.socket:
+        """Return a stream of events that has begun; who has just left may still have a place."""
+        until_s = time.monotonic() + PATIENCE_S
+        while True:
+            line = self._ask_for_events()
+            if line.recv(4096, socket.MSG_PEEK).startswith(b"HTTP/1.1 200"):
+                return line
+            line.close()
+            assert time.monotonic() < until_s
+
+    def _ask_for_events(self) -> socket.socket:
+        line = self.connect()
+        line.sendall(
+            f"GET /events HTTP/1.1\r\nHost: {self.host.decode()}\r\n{self.cookie}\r\n\r\n".encode()
+        )
+        return line
+
+    def descriptors(self) -> int:
+        return len(os.listdir(f"/proc/{self.process.pid}/fd"))
+
+    def resident_bytes(self) -> int:
+        pages = int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
+        return pages * resource.getpagesize()
+
+    def close(self) -> None:
+        self.control.task_state = TaskState.FINISHED
+        self.process.join(PATIENCE_S)
+        self.process.kill()
+        self.process.join()
+
+
+def _read_all(line: socket.socket) -> bytes:
+    received = b""
+    try:
+        while data := line.recv(65536):
+            received += data
+    except ConnectionResetError:
+        pass  # it had sent more than was read
+    return received
+
+
+def _parts(answer: bytes) -> tuple[int, str, bytes]:
+    head, _, body = answer.partition(b"\r\n\r\n")
+    return int(head.split()[1]) if head else 0, head.decode(), body
+
+
+def _event(line: socket.socket) -> bytes:
+    """Return the next whole event of a stream."""
+    received = b""
+    while b"\ndata: " not in received or not received.endswith(b"\n\n"):
+        data = line.recv(65536)
+        assert data, "the stream has ended"
+        received += data
+    return received.strip().rpartition(b"\ndata: ")[2]
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[Served]:
+    live = Served(Access("127.0.0.1", 0, TOKEN))
+    yield live
+    live.close()
+
+
+@pytest.fixture
+def unstopped(served: Served) -> Served:
+    """The page of a motion that nobody has told to stop yet."""
+    served.control._fields.stop_code = 0
+    return served
+
+
+def test_the_address_of_the_terminal_opens_the_page_and_leaves_a_cookie(served: Served) -> None:
+    status, head, _ = served.get(f"/?t={TOKEN}")
+    assert status == 303
+    assert "Location: /\r\n" in head
+    assert "HttpOnly; SameSite=Strict" in head
+    status, head, body = served.get("/", served.cookie)
+    assert status == 200
+    assert b"STOP" in body
+    assert "default-src 'none'; script-src 'self'" in head
+    assert "unsafe" not in head
+    assert "nosniff" in head
+    for path in ("/page.css", "/page.js", "/icon.svg"):
+        assert served.get(path, served.cookie)[0] == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/page.js", "/events", "/?t=wrong", "/nothing"])
+def test_without_the_token_nothing_is_shown(served: Served, path: str) -> None:
+    status, _, body = served.get(path)
+    assert status == 403
+    assert b"whole address" in body
+
+
+def test_unknown_paths_are_not_found(served: Served) -> None:
+    for path in ("/../page.js", "/%2e%2e/access.py", "/access.py", "/stop"):
+        assert served.get(path, served.cookie)[0] == 404
+
+
+def test_a_name_that_was_rebound_to_this_machine_gets_nothing(unstopped: Served) -> None:
+    name = b"evil.example:%d" % unstopped.access.port
+    cookie = unstopped.cookie.encode()
+    for path in (b"/", b"/events", b"/?t=" + TOKEN.encode()):
+        status, _, body = unstopped.ask(
+            b"GET %s HTTP/1.1\r\nHost: %s\r\n%s\r\n\r\n" % (path, name, cookie)
+        )
+        assert (status, body) == (421, b"")
+    status, _, _ = unstopped.ask(STOP % name + b"X-Rid-Daq: stop\r\n" + STOP_BODY)
+    assert status == 421
+    assert unstopped.ask(b"GET / HTTP/1.1\r\n\r\n")[0] == 421
+    assert unstopped.control.stop_code == 0
+
+
+@pytest.mark.parametrize(
+    "header", ["Origin: https://evil.example", "Origin: null", "Sec-Fetch-Site: cross-site"]
+)
+def test_a_strangers_page_gets_nothing_even_with_the_cookie(unstopped: Served, header: str) -> None:
+    for path in ("/", "/events", "/page.js"):
+        assert unstopped.get(path, unstopped.cookie, header)[0] == 403
+    sent = unstopped.stop_head() + f"X-Rid-Daq: stop\r\n{header}\r\n".encode() + STOP_BODY
+    assert unstopped.ask(sent)[0] == 403
+    assert unstopped.control.stop_code == 0
+
+
+def test_what_a_form_of_a_strangers_page_can_send_stops_nothing(unstopped: Served) -> None:
+    host = b"POST /stop HTTP/1.1\r\nHost: %s\r\n" % unstopped.host
+    for kind in (b"text/plain", b"application/x-www-form-urlencoded", b"multipart/form-data"):
+        sent = host + b"Content-Type: %s\r\nX-Rid-Daq: stop\r\n" % kind + STOP_BODY
+        assert unstopped.ask(sent)[0] == 415
+    assert unstopped.ask(unstopped.stop_head() + STOP_BODY)[0] == 403, "no header of its own"
+    assert unstopped.ask(b"GET /stop HTTP/1.1\r\nHost: %s\r\n\r\n" % unstopped.host)[0] == 403
+    options = b"OPTIONS /stop HTTP/1.1\r\nHost: %s\r\nOrigin: https://evil.example\r\n\r\n"
+    status, head, _ = unstopped.ask(options % unstopped.host)
+    assert status == 400
+    assert "Access-Control" not in head
+    assert unstopped.control.stop_code == 0
+
+
+def test_from_this_machine_the_stop_needs_no_token_and_nothing_else_is_offered(
+    unstopped: Served,
+) -> None:
+    origin = b"Origin: http://%s\r\nSec-Fetch-Site: same-origin\r\n" % unstopped.host
+    for path in (b"/start", b"/", b"/events", b"/page.js", b"/run"):
+        sent = (unstopped.stop_head() + b"X-Rid-Daq: stop\r\n" + STOP_BODY).replace(b"/stop", path)
+        assert unstopped.ask(sent)[0] == 404
+    assert unstopped.control.stop_code == 0
+    status, _, body = unstopped.ask(
+        unstopped.stop_head() + b"X-Rid-Daq: stop\r\n" + origin + STOP_BODY
+    )
+    assert (status, json.loads(body)) == (202, {"stop": "asked for"})
+    assert unstopped.control.stop_code == StopCode.STOP_BUTTON
+
+
+def test_a_request_in_single_bytes_is_understood(unstopped: Served) -> None:
+    with unstopped.connect() as line:
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for byte in unstopped.stop_head() + b"X-Rid-Daq: stop\r\n" + STOP_BODY:
+            line.send(bytes((byte,)))
+        assert _parts(_read_all(line))[0] == 202
+
+
+def test_oversized_requests_are_refused(served: Served) -> None:
+    long = b"GET / HTTP/1.1\r\nHost: x\r\nX: " + b"y" * 20000
+    assert served.ask(long)[0] in (431, 0)
+    many = b"GET / HTTP/1.1\r\nHost: x\r\n" + b"".join(b"X-%d: y\r\n" % i for i in range(2000))
+    assert served.ask(many)[0] in (431, 0)
+    sent = served.stop_head() + b"X-Rid-Daq: stop\r\nContent-Length: 1000000\r\n\r\n"
+    assert served.ask(sent)[0] == 413
+
+
+def test_slow_requests_are_ended(served: Served) -> None:
+    heads = (b"", b"GET / HTTP/1.1\r\nHos", served.stop_head() + b"Content-Length: 5\r\n\r\n{")
+    lines = [served.connect() for _ in heads]
+    for line, head in zip(lines, heads, strict=True):
+        line.sendall(head)
+    for line in lines:
+        assert _read_all(line) == b""
+        line.close()
+
+
+@pytest.mark.fault(22)
+def test_a_thousand_clients_cost_a_bounded_amount_and_the_stop_gets_through(
+    unstopped: Served, measured: object
+) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, max(soft, 4096)), hard))
+    with unstopped.watch() as viewer:
+        _event(viewer)
+        before = unstopped.resident_bytes()
+        lines = []
+        for _ in range(1000):
+            line = unstopped.connect()
+            line.sendall(b"GET / HTTP/1.1\r\nX-Slow: " + b"z" * 4000)
+            lines.append(line)
+        descriptors, grown = unstopped.descriptors(), unstopped.resident_bytes() - before
+        sent = unstopped.stop_head() + b"X-Rid-Daq: stop\r\n" + STOP_BODY
+        assert unstopped.ask(sent)[0] == 202
+        assert unstopped.control.stop_code == StopCode.STOP_BUTTON
+        assert json.loads(_event(viewer)), "who was admitted still sees"
+        for line in lines:
+            line.close()
+    assert descriptors <= MOST_DESCRIPTORS
+    assert grown < 32 << 20
+    assert callable(measured)
+    measured(
+        f"1000 slow clients: {descriptors} descriptors, {grown / 2**20:.0f} MB more; the stop got"
+        " through"
+    )
+
+
+def test_more_viewers_than_there_is_room_for_are_told_to_come_again(served: Served) -> None:
+    viewers = [served._ask_for_events() for _ in range(MOST_STREAMS + 1)]
+    answers = [_parts(viewer.recv(65536)) for viewer in viewers]
+    for viewer in viewers:
+        viewer.close()
+    refused = [head for status, head, _ in answers if status == 503]
+    # one who has just left, in an earlier test, may still have had a place
+    assert 1 <= len(refused) <= 2
+    assert all("Retry-After" in head for head in refused)
+    assert MOST_STREAMS + MOST_WAITING < MOST_DESCRIPTORS
+
+
+def test_texts_of_devices_are_data_on_the_page_and_nothing_else(served: Served) -> None:
+    text = 'drive says <script>alert("1")</script>\n\ndata: {"over": true}\x1b[31m \u2028'
+    served.control._fields.reason_code = 0
+    served.control.report_stop(StopReason(StopCode.EMERGENCY, text, "axis1"))
+    with served.watch() as viewer:
+        event = _event(viewer)
+    assert event.isascii()
+    assert b"\n" not in event
+    assert b"\x1b" not in event
+    assert json.loads(event)["stop"] == text
+    script = files("rid_daq.live").joinpath("page.js").read_text(encoding="utf-8")
+    page = files("rid_daq.live").joinpath("page.html").read_text(encoding="utf-8")
+    for way in ("innerHTML", "outerHTML", "insertAdjacent", "eval(", "Function(", "document.write"):
+        assert way not in script
+    for way in ("<style", "style=", "onclick", "<script>", "http:", "https:", "//cdn"):
+        assert way not in page
+    assert not re.search(r"https?://", script + page)
+
+
+def test_the_picture_has_every_joint_against_its_limits(served: Served) -> None:
+    picture = MotionPicture(served.motion, served.ring, served.control)
+    row = np.zeros((), dtype=row_dtype(3))
+    row["position"] = (0.1, 0.2, np.nan)
+    row["torque_nm"] = (45.0, -90.0, 0.0)
+    row["valid"] = 1
+    values = [v for name in row.dtype.names or () for v in np.atleast_1d(row[name]).tolist()]
+    assert served.ring.write(tuple(values))
+    served.control.announce_monitor(3)
+    served.control.show_temperatures([300.15, float("nan"), 310.15], [])
+    shown = json.loads(picture.document())
+    one, two, three = shown["joints"]
+    limits = served.motion.robot.joints[0].limits
+    assert one["torque_share"] == pytest.approx(45.0 / limits.torque, rel=1e-4)
+    assert (one["temperature_c"], two["temperature_c"]) == (27.0, None)
+    assert three["position"] is None
+    assert (one["position_min"], one["velocity_limit"]) == (limits.position_min, limits.velocity)
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("tls")
+    key, cert = folder / "key.pem", folder / "cert.pem"
+    subprocess.run(
+        [
+            *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256"),
+            *("-nodes", "-keyout", str(key), "-out", str(cert), "-days", "2", "-subj", "/CN=live"),
+        ],
+        check=True,
+        capture_output=True,
+    )
+    both = folder / "live.pem"
+    both.write_bytes(cert.read_bytes() + key.read_bytes())
+    return both
+
+
+def test_on_another_address_it_is_tls_and_the_token(certificate: Path) -> None:
+    live = Served(Access("0.0.0.0", 0, TOKEN, certificate))
+    try:
+        trust = ssl.create_default_context(cafile=str(certificate))
+        trust.check_hostname = False
+
+        def ask(headers: str) -> int:
+            host = live.host.decode()
+            with trust.wrap_socket(live.connect()) as line:
+                line.sendall(f"GET / HTTP/1.1\r\nHost: {host}\r\n{headers}\r\n".encode())
+                return _parts(_read_all(line))[0]
+
+        assert ask("") == 403
+        assert ask(live.cookie + "\r\n") == 200
+        assert live.ask(b"GET / HTTP/1.1\r\nHost: %s\r\n\r\n" % live.host)[0] == 0, "no plain text"
+    finally:
+        live.close()
+
+
+def test_it_ends_with_the_motion_and_its_viewers_see_the_end() -> None:
+    live = Served(Access("127.0.0.1", 0, TOKEN))
+    with live.watch() as viewer:
+        _event(viewer)
+        began_s = time.monotonic()
+        live.close()
+        rest = _read_all(viewer)
+    assert json.loads(rest[rest.rindex(b"data: ") + 6 :])["over"]
+    assert live.process.exitcode == 0, f"after {time.monotonic() - began_s:.1f} s"

@@ -1,0 +1,195 @@
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.runs.folder import RunFolder
+from config.errors import RecordingError
+from rid_daq.report.path_figures import magnification
+from rid_daq.report.render import duration, number, render_report
+from rid_daq.report.result import check, new_result, read_result, verdict, write_result
+from tests.rid_daq.invented import whole_result
+
+
+class _Page(HTMLParser):
+    """Collects what a browser would load, the ids, and tags that are left open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.loaded: list[str] = []
+        self.ids: list[str] = []
+        self.scripts = 0
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.scripts += tag == "script"
+        for name, value in attrs:
+            if name in {"src", "href", "xlink:href", "data", "srcset"} and value is not None:
+                self.loaded.append(value)
+            if name == "id" and value is not None:
+                self.ids.append(value)
+
+
+def _read(page: str) -> _Page:
+    parser = _Page()
+    parser.feed(page)
+    return parser
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    """The report with everything in it."""
+    return render_report(whole_result())
+
+
+def test_the_page_needs_nothing_from_anywhere(page: str) -> None:
+    parsed = _read(page)
+    assert all(link.startswith("#") for link in parsed.loaded)
+    assert parsed.scripts == 0
+    assert not re.search(r"url\((?!#)", page)
+    assert "@import" not in page
+
+
+def test_every_drawing_has_ids_of_its_own(page: str) -> None:
+    ids = _read(page).ids
+    assert len(ids) == len(set(ids))
+
+
+def test_links_inside_the_drawings_arrive(page: str) -> None:
+    parsed = _read(page)
+    wanted = {link[1:] for link in parsed.loaded} | set(re.findall(r"url\(#([^)]+)\)", page))
+    assert wanted <= set(parsed.ids)
+
+
+def test_the_verdict_stands_before_everything_else(page: str, result: dict[str, Any]) -> None:
+    assert page.index("Passed: the model predicts") < page.index("<h2>")
+    result["verdict"] = verdict([check("error", 2.0, "≤", 1.3)], "Failed: badly off", "It is.")
+    assert 'class="verdict failed"' in render_report(result)
+
+
+def test_the_page_shows_what_the_issue_asks_for(page: str) -> None:
+    for part in (
+        "What was run",
+        "Predicted against measured torque",
+        "Residual spectrum against the noise floor",
+        "Parameters with their intervals",
+        "rejected period",
+        "7 samples are missing",
+        "Loop timing",
+        "Paths followed",
+        "deviation drawn 10 times as large",
+        "deviation drawn 1000 times as large",
+        "2 mm of deviation",
+        "tuned on it",
+        "rid-daq 0.1.0",
+        "not an emergency stop",
+    ):
+        assert part in page
+    assert page.count("<svg") == 3 + 1 + 1 + 1 + 2 * 2
+
+
+@pytest.mark.parametrize(
+    ("extent_m", "deviation_m", "times"),
+    [(0.4, 4.8e-3, 10.0), (0.4, 4.7e-4, 100.0), (0.4, 2.3e-4, 200.0), (0.4, 0.3, 1.0)],
+)
+def test_a_deviation_is_magnified_by_a_round_number(
+    extent_m: float, deviation_m: float, times: float
+) -> None:
+    assert magnification(extent_m, deviation_m) == times
+
+
+@pytest.mark.parametrize(
+    "section", ["runs", "average", "estimate", "truth", "tracking", "curves", "timing"]
+)
+def test_a_result_without_a_section_still_has_a_report(
+    result: dict[str, Any], section: str
+) -> None:
+    del result[section]
+    if section not in (
+        "runs",
+        "estimate",
+        "tracking",
+    ):  # drawn beside these alone, which takes its time
+        result.pop("curves", None)
+    assert "</html>" in render_report(result)
+
+
+def test_a_result_with_nothing_but_a_title_has_a_report() -> None:
+    page = render_report(new_result("Recording", "ur10e"))
+    assert "Nothing to judge" in page
+
+
+def test_text_of_devices_and_files_cannot_become_markup(result: dict[str, Any]) -> None:
+    evil = "<script>alert(1)</script>"
+    result["average"]["rejected"][0]["reason"] = evil
+    result["runs"][0]["stop"] = evil
+    result["estimate"]["parameters"][0]["words"] = evil
+    page = render_report(result)
+    assert evil not in page
+    assert page.count("&lt;script&gt;") == 3
+
+
+def test_the_same_numbers_give_the_same_bytes(page: str, result: dict[str, Any]) -> None:
+    assert render_report(result) == page
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "–"),
+        (0.0, "0"),
+        (12, "12"),
+        (-1.23456, "\N{MINUS SIGN}1.235"),
+        (1.5e-7, "1.5·10⁻⁷"),
+        (float("nan"), "not finite"),
+    ],
+)
+def test_numbers_are_written_for_people(value: float | None, text: str) -> None:
+    assert number(value) == text
+
+
+def test_durations_are_written_for_people() -> None:
+    assert duration(47.11) == "47.1 s"
+    assert duration(185.0) == "3 min 5 s"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    return RunFolder.create(tmp_path, "test")
+
+
+def test_a_result_survives_its_file(result: dict[str, Any], folder: RunFolder) -> None:
+    report = write_result(folder, result)
+    assert read_result(folder) == json.loads(json.dumps(result))
+    assert report == folder.path / "report.html"
+    assert {"report.html", "result.json"} == set(folder.manifest().files)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"schema": "else"}', b"\xff\xfe"])
+def test_a_file_that_is_no_result_is_refused(content: bytes, folder: RunFolder) -> None:
+    folder.write("result.json", content)
+    with pytest.raises(RecordingError, match=r"result\.json"):
+        read_result(folder)
+
+
+def test_a_run_without_a_result_is_told_apart(folder: RunFolder) -> None:
+    with pytest.raises(RecordingError, match="yet"):
+        read_result(folder)
+
+
+def test_a_verdict_without_checks_is_none_and_one_failure_fails_it() -> None:
+    assert verdict([], "", "")["passed"] is None
+    good, bad = check("a", 1.0, "≤", 1.0), check("b", 0.8, "≥", 0.9)
+    assert good["passed"]
+    assert not bad["passed"]
+    assert verdict([good, bad], "", "")["passed"] is False
+
+
+def test_a_motion_that_never_began_has_a_report(result: dict[str, Any]) -> None:
+    loop = result["timing"]["loops"][0]
+    loop["counts"] = [0] * len(loop["counts"])
+    assert "lateness of the cycle" in render_report(result)

@@ -1,0 +1,139 @@
+"""Nobody else commands the robot: a second session is refused, a foreign master stops the first."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from acquisition.motion.phase import Phase
+from acquisition.motion.plan import plan_motion
+from acquisition.runs.folder import RunFolder
+from acquisition.session.record import record_motion
+from acquisition.task.stop_reason import StopCode
+from config.load import LoadedCell, load_cell
+from config.motion.motion import FourierJoint, FourierMotion
+from drivers.cell import open_cell
+from mock_hw.bus.hub_client import HubClient
+from mock_hw.bus.hub_protocol import Role
+from mock_hw.cell import SimulatedCell
+from rid_daq.session.session import hold_cell
+
+PROBE = 0x655  # an SDO request to a node that is not there: it changes nothing
+QUICK_STOP = "0200000000000000"
+
+
+@dataclass
+class Logged:
+    """A simulated cell whose frames are logged."""
+
+    loaded: LoadedCell
+    simulated: SimulatedCell
+    log: Path
+
+    def frames(self) -> list[tuple[float, int, str]]:
+        """Return (time [s], identifier, data) of everything that was on the bus."""
+        rows = (line.split() for line in self.log.read_text(encoding="ascii").splitlines())
+        return [
+            (float(row[0].strip("()")), int(row[2].split("#")[0], 16), row[2].split("#")[1])
+            for row in rows
+        ]
+
+
+@pytest.fixture
+def logged(tmp_path: Path) -> Iterator[Logged]:
+    loaded = load_cell("ir361")
+    config = loaded.config.model_copy(update={"plate": None})
+    assert loaded.plant is not None
+    log = tmp_path / "bus.log"
+    with SimulatedCell(
+        config, loaded.robot, loaded.plant, realtime=False, seed=3, log=log
+    ) as simulated:
+        yield Logged(loaded, simulated, log)
+
+
+@pytest.mark.fault(32)
+def test_a_second_session_on_the_bus_is_refused_and_sends_nothing(
+    logged: Logged, tmp_path: Path, measured: Callable[[str], None]
+) -> None:
+    cell = tmp_path / "cell.json"
+    config = logged.simulated.cell.model_dump(mode="json") | {"simulated": False, "plant": None}
+    cell.write_text(json.dumps(config))
+    with hold_cell(logged.simulated.cell):
+        second = subprocess.run(
+            [sys.executable, "-m", "rid_daq", "check", str(cell), "--i-have-cleared-the-cell"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert second.returncode == 8, second.stderr
+    assert "is held by another session" in second.stderr
+    logged.simulated.__exit__(None, None, None)
+    sent = [frame for frame in logged.frames() if not 0x700 < frame[1] < 0x77F]
+    assert sent == []
+    measured("the second session: exit 8, 0 frames")
+
+
+@pytest.mark.fault(32)
+def test_a_foreign_master_before_the_session_is_refused(
+    logged: Logged, measured: Callable[[str], None]
+) -> None:
+    stranger = HubClient(Path(logged.simulated.channel), Role.OBSERVER)
+    ours: list[int] = []
+    try:
+        with open_cell(logged.simulated.cell, logged.loaded.robot) as cell:
+            stranger.send(0x080, b"", 0)
+            with pytest.raises(Exception, match="another master is active") as refused:
+                cell.axes.bring_up()
+    finally:
+        stranger.close()
+    logged.simulated.__exit__(None, None, None)
+    assert type(refused.value).__name__ == "LockedError"
+    ours = [frame[1] for frame in logged.frames() if not 0x700 < frame[1] < 0x77F]
+    assert ours == [0x080], "more was sent than the stranger's SYNC"
+    measured("a foreign SYNC before the session: exit 8, 0 frames sent")
+
+
+@pytest.mark.fault(32)
+def test_a_foreign_master_in_motion_is_a_quick_stop_in_the_next_cycle(
+    logged: Logged, tmp_path: Path, measured: Callable[[str], None]
+) -> None:
+    config = logged.simulated.cell
+    stranger = HubClient(Path(logged.simulated.channel), Role.OBSERVER)
+    once = threading.Lock()
+
+    def intrude(progress: object) -> None:
+        if getattr(progress, "phase", None) == Phase.MAIN and once.acquire(blocking=False):
+            stranger.send(PROBE, bytes(8), 8)
+
+    joints = tuple(
+        FourierJoint(joint=name, offset=0.1, sine=(0.2,), cosine=(0.0,))
+        for name in logged.loaded.robot.joint_names
+    )
+    motion = FourierMotion(
+        kind="fourier", robot="ir361", period_s=2.0, periods=500, ramp_s=1.0, joints=joints
+    )
+    samples = plan_motion(motion, logged.loaded.robot, config.cycle_time_s)
+    folder = RunFolder.create(tmp_path / "runs", "intruded")
+    try:
+        outcome = record_motion(config, logged.loaded.robot, samples, folder, on_progress=intrude)
+    finally:
+        stranger.close()
+    assert outcome.stop is not None
+    assert outcome.stop.code is StopCode.BUS
+    assert "another master is active on this bus: it sends SDO requests" in outcome.stop.text
+    logged.simulated.__exit__(None, None, None)
+    frames = logged.frames()
+    intruded_s = next(time_s for time_s, cob_id, _ in frames if cob_id == PROBE)
+    after = [frame for frame in frames if frame[0] > intruded_s and frame[1] == 0x201]
+    stopped_s = next(time_s for time_s, _, data in after if data == QUICK_STOP)
+    cycles = (stopped_s - intruded_s) / config.cycle_time_s
+    assert cycles <= 2.0
+    assert all(data[:4] in ("0200", "0000") for time_s, _, data in after if time_s >= stopped_s)
+    measured(f"a foreign SDO request in motion: quick stop {cycles:.1f} cycles later, none undone")

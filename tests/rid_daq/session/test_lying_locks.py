@@ -1,0 +1,324 @@
+"""Locks that lie: `rid-daq stop` believes the kernel, and stops every session all the same.
+
+Each lie is held by a real process, as an adversary or an accident would; the strangers that it
+points at answer afterwards, which they could not if anything had been sent to them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import stat
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from config.cell.cell import CellConfig
+from config.errors import LockedError
+from config.load import load_cell
+from config.process import file_locks
+from rid_daq.app import run
+from rid_daq.session.process_identity import ProcessIdentity
+from rid_daq.session.running_sessions import RunningSession, running_sessions
+from rid_daq.session.session import hold_cell
+from tests.rid_daq.people import LIAR, ME, PERSON, STRANGER, People, heard, lives
+
+COLLEAGUE, NEXT = 64001, 64002
+needs_root = pytest.mark.skipif(ME != 0, reason="only root can act as two other users")
+
+
+@pytest.fixture
+def people() -> Iterator[People]:
+    with contextlib.ExitStack() as stack:
+        yield People(stack)
+
+
+@pytest.fixture
+def locks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder that everybody may write to, as /run/lock, which these tests have to themselves."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        os.chmod(folder, 0o777 | stat.S_ISVTX)
+        monkeypatch.setenv("RID_DAQ_LOCKS", folder)
+        yield Path(folder)
+
+
+@pytest.fixture
+def cell() -> CellConfig:
+    cell = load_cell("ir361").config
+    bus = cell.can.model_copy(update={"interface": "socketcan", "channel": "can0"})
+    return cell.model_copy(update={"can": bus})
+
+
+def lies(innocent: int) -> dict[str, tuple[str, str]]:
+    """Return what may be held and say anything, by a name: its kind, its text."""
+    identity = ProcessIdentity.of(innocent)
+    assert identity is not None
+    told = {
+        "innocent": f"process {innocent}: rid-daq record\ncell ir361\n",
+        "innocent_started": f"started {identity.started}: rid-daq record\ncell ir361\n",
+        "zero": "process 0: rid-daq record\ncell ir361\n",
+        "minus": "process -1: rid-daq record\ncell ir361\n",
+        "twenty": "process 12345678901234567890: rid-daq record\ncell ir361\n",
+        "twenty_started": "started 12345678901234567890: rid-daq record\ncell ir361\n",
+        "ours": f"process {os.getpid()}: rid-daq record\ncell ir361\n",
+        "one": "process 1: rid-daq record\ncell ir361\n",
+        "garbage": "\x00\xff\x1b[2J" * 500,
+        "empty": "",
+    }
+    kinds = {kind: (kind, "") for kind in ("folder", "fifo", "link", "closed")}
+    return kinds | {name: ("file", text) for name, text in told.items()}
+
+
+def tell_lies(people: People, locks: Path, innocent: int) -> list[subprocess.Popen[str]]:
+    """Hold every lie as the lock of a bus and as what a session signs."""
+    liars = [
+        people.start(LIAR, locks / file, kind, text.encode("latin-1").hex())
+        for name, (kind, text) in lies(innocent).items()
+        for file in (f"rid-daq-{name}.lock", f"rid-daq-{name}.{ME}.session")
+    ]
+    assert all(heard(liar) for liar in liars)
+    return liars
+
+
+@pytest.mark.fault(40)
+def test_no_lie_leads_to_a_stranger_or_keeps_a_session_from_being_stopped(
+    people: People,
+    locks: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
+) -> None:
+    innocent = people.start(STRANGER)
+    liars = tell_lies(people, locks, innocent.pid)
+    (locks / "rid-daq-left-over.0.session").write_text("process 1: rid-daq\ncell x\n")
+    session = people.session()
+    assert run(["stop", "--json"]) == 4, "what holds a lock and is no session is told"
+    told = json.loads(capsys.readouterr().out)["sessions"]
+    assert session.wait(60.0) == 143
+    strangers = [innocent, *liars]
+    assert all(lives(stranger) for stranger in strangers)
+    stopped = [entry for entry in told if entry["stopped"]]
+    assert [(entry["process"], entry["cell"]) for entry in stopped] == [(session.pid, "ir361")]
+    left_alone = [entry for entry in told if not entry["stopped"]]
+    assert {entry["process"] for entry in left_alone} <= {liar.pid for liar in liars}
+    assert len(left_alone) == len(lies(innocent.pid)) - 1 - (ME != 0), "nobody can hold a link"
+    assert all("left alone; `ps -fp" in entry["text"] for entry in left_alone)
+    measured(f"{len(liars)} lies: 0 signals to {len(strangers)} strangers, the session stopped")
+
+
+@pytest.mark.fault(40)
+@needs_root
+def test_root_believes_no_other_user(
+    people: People, locks: Path, measured: Callable[[str], None]
+) -> None:
+    innocent = people.start(STRANGER)
+    identity = ProcessIdentity.of(innocent.pid)
+    assert identity is not None
+    forge = f"""
+import fcntl
+forged = open({str(locks)!r} + "/rid-daq-forged.0.session", "w")
+print("started {identity.started}: rid-daq\\ncell ir361", file=forged, flush=True)
+fcntl.flock(forged, fcntl.LOCK_EX)
+"""
+    session = people.session(forge, user=COLLEAGUE)
+    code, told = people.stop(user=0)
+    assert session.wait(60.0) == 143, "the session is his own, and so is what he loses"
+    assert lives(innocent)
+    assert code == 4
+    assert sorted((entry["process"], entry["stopped"]) for entry in told) == [
+        (session.pid, False),
+        (session.pid, True),
+    ]
+    measured("another user's forged lock: root's `stop` signals that user's own process alone")
+
+
+@pytest.mark.fault(40)
+def test_a_number_that_passed_to_another_process_is_not_believed(
+    people: People,
+    locks: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    measured: Callable[[str], None],
+) -> None:
+    session, stranger = people.session(), people.start(STRANGER)
+    (ours,) = running_sessions()
+    kernel = Path("/proc/locks").read_text()
+    assert f" {session.pid} " in kernel
+    later = tmp_path / "locks"
+    later.write_text(kernel.replace(f" {session.pid} ", f" {stranger.pid} "))
+    monkeypatch.setattr(file_locks, "LOCKS", later)
+    (entry,) = running_sessions()
+    assert entry.pid == stranger.pid
+    assert entry.refusal is not None
+    ours.terminate()
+    entry.terminate()
+    assert run(["stop"]) == 4
+    assert lives(stranger)
+    assert session.poll() is None
+    measured("a number that was used again: told from its start time")
+
+
+@pytest.mark.parametrize("moment", ["before the check", "after the check"])
+def test_a_session_that_ends_as_it_is_told_is_no_failure(
+    people: People,
+    locks: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    moment: str,
+) -> None:
+    session = people.session()
+    opened, sent = os.pidfd_open, signal.pidfd_send_signal
+
+    def end() -> None:
+        session.kill()
+        session.wait(60.0)
+
+    def open_late(pid: int) -> int:
+        descriptor = opened(pid)
+        end()
+        return descriptor
+
+    def send_late(descriptor: int, number: int) -> None:
+        end()
+        sent(descriptor, number)
+
+    if moment == "before the check":
+        monkeypatch.setattr(os, "pidfd_open", open_late)
+    else:
+        monkeypatch.setattr(signal, "pidfd_send_signal", send_late)
+    assert run(["stop"]) == 0
+    assert "ended; no motion was under way" in capsys.readouterr().out
+
+
+MEMORY = """
+import ctypes, fcntl
+from acquisition.task.control_block import MEMORY_NAME, _Fields
+memory = os.memfd_create(MEMORY_NAME, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+os.write(memory, b"\\x7f" * ctypes.sizeof(_Fields))
+"""
+SEALED = MEMORY + "fcntl.fcntl(memory, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK)"
+
+
+@pytest.mark.parametrize(("memory", "code"), [(MEMORY, 0), (SEALED, 4)], ids=["open", "sealed"])
+def test_a_session_whose_memory_makes_no_sense_is_ended_by_its_signal(
+    people: People,
+    locks: Path,
+    capsys: pytest.CaptureFixture[str],
+    memory: str,
+    code: int,
+) -> None:
+    session = people.session(memory)
+    assert run(["stop"]) == code
+    assert session.wait(60.0) == 143
+    said = capsys.readouterr().out
+    assert ("whether its axes rest was not seen" in said) == bool(code)
+
+
+def test_an_error_of_any_kind_is_that_sessions_alone(
+    people: People,
+    locks: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    session = people.session()
+    broken = RunningSession(Path("x"), 17, "rid-daq record", "other")
+    terminate = RunningSession.terminate
+
+    def fail(this: RunningSession) -> None:
+        if this is broken:
+            raise RuntimeError("the sky fell")
+        terminate(this)
+
+    monkeypatch.setattr(RunningSession, "terminate", fail)
+    found = [broken, *running_sessions()]
+    monkeypatch.setattr("rid_daq.commands.stop.running_sessions", lambda cell: found)
+    assert run(["stop"]) == 4
+    assert session.wait(60.0) == 143
+    assert "could not be stopped from here: the sky fell" in capsys.readouterr().out
+
+
+def test_this_very_program_is_not_ended(
+    locks: Path, cell: CellConfig, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with hold_cell(cell):
+        assert run(["stop"]) == 4
+    assert "is this very program" in capsys.readouterr().out
+
+
+@pytest.mark.fault(41)
+@needs_root
+def test_a_lock_that_another_user_left_is_taken_over_and_stopped_by_who_has_it_now(
+    people: People, locks: Path, measured: Callable[[str], None]
+) -> None:
+    dead = people.session(user=COLLEAGUE)
+    dead.kill()
+    dead.wait(60.0)
+    left = {path.stat().st_uid for path in locks.iterdir()}
+    assert left == {COLLEAGUE}, "he was killed: his files stay"
+    session = people.session(user=NEXT)
+    code, told = people.stop(user=COLLEAGUE)
+    assert code == 4
+    assert [entry["text"] for entry in told] == [
+        "belongs to another user; only that user or root can stop it from here"
+    ]
+    code, told = people.stop(user=NEXT)
+    assert code == 0
+    assert [(entry["process"], entry["stopped"]) for entry in told] == [(session.pid, True)]
+    assert session.wait(60.0) == 143
+    again = people.session(user=COLLEAGUE)
+    assert people.stop(user=0)[0] == 0, "root stops everybody's"
+    assert again.wait(60.0) == 143
+    measured("a dead colleague's lock: taken over; `stop` by its new holder and by root: no other")
+
+
+@pytest.mark.fault(41)
+@needs_root
+def test_a_place_that_another_user_has_taken_is_explained(
+    people: People, locks: Path, cell: CellConfig, measured: Callable[[str], None]
+) -> None:
+    with hold_cell(cell):
+        (lock,) = locks.glob("*.lock")
+        (ours,) = locks.glob("*.session")
+    script = f"""
+from pathlib import Path
+theirs = Path({str(ours.with_name(ours.name.replace(".0.", f".{NEXT}.")))!r})
+theirs.touch()
+"""
+    blocker = people.session(script, user=COLLEAGUE)
+    with pytest.raises(LockedError, match=rf"process {blocker.pid}: rid-daq"), hold_cell(cell):
+        pass
+    blocker.kill()
+    blocker.wait(60.0)
+    refused = people.start(PERSON.replace("with hold_cell(cell):", TELL), NEXT, "hold")
+    said, _ = refused.communicate(timeout=60.0)
+    assert f".{NEXT}.session: cannot be written: Operation not permitted." in said
+    assert "let its owner or root remove it" in said
+    lock.chmod(0)
+    refused = people.start(PERSON.replace("with hold_cell(cell):", TELL), NEXT, "hold")
+    said, _ = refused.communicate(timeout=60.0)
+    assert "cannot open the lock file: Permission denied; its owner or root can remove it" in said
+    measured("a lock file that cannot be taken over: exit 7 with whose turn it is")
+
+
+TELL = """
+from config.errors import RecordingError
+try:
+    hold_cell(cell).__enter__()
+except RecordingError as error:
+    sys.exit(print(error))
+if True:
+"""
+
+
+def test_a_lock_that_the_kernel_does_not_show_is_explained(
+    locks: Path, cell: CellConfig, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "empty").touch()
+    with hold_cell(cell):
+        monkeypatch.setattr(file_locks, "LOCKS", tmp_path / "empty")
+        with pytest.raises(LockedError, match="runs in another container"), hold_cell(cell):
+            pass

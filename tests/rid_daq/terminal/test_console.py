@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from acquisition.runs.folder import RunFolder
+from rid_daq.app import run
+from rid_daq.terminal.console import Console
+
+
+def test_a_pipe_gets_plain_text_without_escapes(capsys: pytest.CaptureFixture[str]) -> None:
+    console = Console()
+    console.table(("axis", "error"), [("axis1", "0.9 N m"), ("a", "12 N m")], red=[True, False])
+    console.verdict(False, "Failed: axis1")
+    assert capsys.readouterr().out == "axis   error\naxis1  0.9 N m\na      12 N m\nFailed: axis1\n"
+
+
+def test_json_is_one_document_and_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:
+    console = Console(as_json=True)
+    console.say("for people")
+    console.table(("a",), [("b",)])
+    console.verdict(True, "for people")
+    with console.progress("recording", 10.0, "periods") as progress:
+        progress.update(5.0, "measuring")
+    console.document({"rows": 3, "unit": "N·m"})
+    assert json.loads(capsys.readouterr().out) == {"rows": 3, "unit": "N·m"}
+
+
+def test_a_number_that_json_does_not_have_is_a_bug_not_a_file(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        Console(as_json=True).document({"error": float("nan")})
+
+
+def test_progress_in_a_log_file_is_a_line_a_tenth(capsys: pytest.CaptureFixture[str]) -> None:
+    with Console().progress("recording", 20.0, "periods") as progress:
+        for done in range(200):
+            progress.update(done / 10.0, "measuring")
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 9
+    assert lines[0] == "recording: 2 of 20 periods  measuring"
+
+
+HOSTILE = "evil\x1b]0;title\x07\x9b2J\u202etxt"
+
+
+def test_text_of_files_and_devices_cannot_steer_the_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Console().say(HOSTILE)
+    Console().verdict(True, HOSTILE)
+    Console().table(("a", "b"), [(HOSTILE, "two\nlines"), ("x", "y")])
+    Console(as_json=True).document({"label": HOSTILE})
+    out = capsys.readouterr().out
+    assert all(c.isprintable() or c == "\n" for c in out)
+    assert "two\\nlines" in out
+    document = json.loads(out[out.index("{") :])
+    assert document == {"label": HOSTILE}
+
+
+def test_a_run_folder_from_elsewhere_cannot_steer_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = RunFolder.create(tmp_path, "fine")
+    manifest = folder.path / "manifest.json"
+    document = json.loads(manifest.read_text())
+    document |= {"label": HOSTILE, "kind": HOSTILE, "facts": {HOSTILE: HOSTILE}}
+    document["files"] = {"../../" + HOSTILE: {"sha256": "", "size_bytes": 0}}
+    manifest.write_text(json.dumps(document))
+    run(["runs", "--verify", "--runs", str(tmp_path)])
+    run(["recover", str(folder.path)])
+    told = capsys.readouterr()
+    for text in (told.out, told.err):
+        assert text
+        assert all(c.isprintable() or c == "\n" for c in text)
+
+
+def test_on_a_narrow_terminal_an_id_stays_whole_and_nothing_is_cut(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Console, "is_terminal", True)
+    monkeypatch.setenv("COLUMNS", "60")
+    run_id, label = "01KAM9Y2Q3Z7XW5V8T6S4R2P1N", "a-label-longer-than-its-column"
+    Console().table(("run", "label", "more"), [(run_id, label, "robot ir361, rows 12345")])
+    shown = capsys.readouterr().out
+    assert run_id in shown
+    column = "".join(line[28:44].strip() for line in shown.splitlines()[1:])
+    assert label in column
+    assert "…" not in shown
