@@ -37,8 +37,8 @@ def test_every_optional_part_loads_when_its_comment_is_lifted(tmp_path: Path) ->
     config = load_cell(str(path)).config
     assert config.validation_limits_percent
     assert config.workspace
-    assert config.cell.plate
-    assert config.cell.monitor
+    assert config.plate
+    assert config.monitor
 
 
 def test_init_overwrites_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
