@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from acquisition.runs.folder import LATEST, MANIFEST, Manifest, RunFolder
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import LATEST, MANIFEST, Manifest
 from acquisition.runs.run_id import RUN_ID
 from config.errors import ConfigError, RecordingError
 

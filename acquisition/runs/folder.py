@@ -14,63 +14,31 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from enum import StrEnum
 from pathlib import Path
 
-from pydantic import Field, JsonValue, ValidationError
+from pydantic import JsonValue, ValidationError
 
-from acquisition.journal.mcap_reader import messages_written
-from acquisition.runs.run_id import RUN_ID, new_run_id, time_of_run_id
+from acquisition.runs.manifest import (
+    FORMAT,
+    JOURNAL,
+    MANIFEST,
+    FileEntry,
+    Manifest,
+    RunStatus,
+    digest_of,
+    entry_of,
+    require_label,
+)
+from acquisition.runs.run_id import RUN_ID, after_others, new_run_id
 from config.errors import ConfigError, RecordingError
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
-from config.model import ConfigModel
 
-LATEST = "latest"
-MANIFEST = "manifest.json"
-RECORDING = "recording.mcap"
-FORMAT = 2  # 1 did not count the rows of recordings
-CLOCK_STEP_NS = 24 * 3600 * 10**9  # a clock set back by more was wrong before
-
-_LABEL = re.compile(r"[\w .-]{1,64}")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 _DEVICE = re.compile(r"(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?", re.IGNORECASE)
 _MANIFEST_BYTES = 4_000_000
 _READ_BYTES = 200_000_000
-_JOURNAL = ".mcap"
-_NOT_BY_WRITE = (_JOURNAL, ".blf", ".json")  # what recorders and estimators put in by themselves
-
-
-class RunStatus(StrEnum):
-    """What became of a run."""
-
-    UNFINISHED = "unfinished"
-    COMPLETE = "complete"
-    STOPPED = "stopped"
-    RECOVERED = "recovered"
-
-
-class FileEntry(ConfigModel):
-    """One file of a run; `rows` are those that a recording held when the run ended, if closed."""
-
-    sha256: str
-    size_bytes: int
-    rows: int | None = None
-
-
-class Manifest(ConfigModel):
-    """What a run folder says about itself."""
-
-    format: int
-    run_id: str
-    label: str
-    kind: str
-    status: str
-    created_utc: str
-    finished_utc: str | None = None
-    software: dict[str, str] = Field(default_factory=dict)
-    facts: dict[str, JsonValue] = Field(default_factory=dict)
-    files: dict[str, FileEntry] = Field(default_factory=dict)
+_NOT_BY_WRITE = (JOURNAL, ".blf", ".json")  # what recorders and estimators put in by themselves
 
 
 @dataclass(frozen=True)
@@ -124,7 +92,7 @@ class RunFolder:
         created_ns = time.time_ns() if now_ns is None else now_ns
         try:
             root.mkdir(parents=True, exist_ok=True)
-            run_id = new_run_id(_after_others(root, created_ns))
+            run_id = new_run_id(after_others(root, created_ns))
             path = root.resolve() / run_id
             path.mkdir()
         except OSError as error:
@@ -233,7 +201,7 @@ class RunFolder:
         RecordingError
             It cannot be read.
         """
-        return _digest(self.file(name)) == (entry.sha256, entry.size_bytes)
+        return digest_of(self.file(name)) == (entry.sha256, entry.size_bytes)
 
     def differences(self, names: Iterable[str]) -> dict[str, str]:
         """Return which files are not those that the run was made with, and what is wrong.
@@ -309,7 +277,7 @@ class RunFolder:
         """
         manifest = self._own_manifest()
         new = [name for name in self._present()[0] if name not in manifest.files]
-        files = {name: _entry(self.file(name)) for name in new if _is_made_here(name)}
+        files = {name: entry_of(self.file(name)) for name in new if _is_made_here(name)}
         finished = manifest.model_copy(
             update={
                 "format": FORMAT,
@@ -407,21 +375,6 @@ class RunFolder:
         write_whole(path, data)
 
 
-def require_label(label: str) -> None:
-    """Refuse what no run can be called.
-
-    Raises
-    ------
-    ConfigError
-        It has other characters, or means another run.
-    """
-    if not _LABEL.fullmatch(label) or label == LATEST:
-        raise ConfigError(
-            f"label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and '-', and"
-            f" not {LATEST!r}, which means the newest run"
-        )
-
-
 def _is_plain(name: str) -> bool:
     return bool(_NAME.fullmatch(name)) and not _DEVICE.fullmatch(name) and not name.endswith(".")
 
@@ -441,34 +394,6 @@ def _is_link(path: Path) -> bool:
         return path.is_symlink()
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-
-
-def _entry(path: Path) -> FileEntry:
-    sha256, size_bytes = _digest(path)
-    rows = messages_written(path) if path.suffix == _JOURNAL else None
-    return FileEntry(sha256=sha256, size_bytes=size_bytes, rows=rows)
-
-
-def _digest(path: Path) -> tuple[str, int]:
-    """Return SHA-256 and size of a file."""
-    digest = hashlib.sha256()
-    size = 0
-    try:
-        with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
-                size += len(block)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-    return digest.hexdigest(), size
-
-
-def _after_others(root: Path, now_ns: int) -> int:
-    """Return a time for an id that sorts after those under `root`, the clock set back or not."""
-    ids = [name for name in os.listdir(root) if RUN_ID.fullmatch(name)]
-    newest_ns = time_of_run_id(max(ids)) if ids else 0
-    behind_ns = newest_ns - now_ns
-    return newest_ns + 1_000_000 if 0 <= behind_ns + 1_000_000 <= CLOCK_STEP_NS else now_ns
 
 
 def _utc(time_ns: int) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
 import secrets
+from pathlib import Path
 
 _ALPHABET = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
 _LENGTH = 26
 _RANDOM_BITS = 80
+_CLOCK_STEP_NS = 24 * 3600 * 10**9  # a clock set back by more was wrong before
 RUN_ID = re.compile(rf"[0-7][{_ALPHABET}]{{{_LENGTH - 1}}}")
 
 
@@ -33,3 +36,11 @@ def time_of_run_id(run_id: str) -> int:
     for letter in run_id:
         number = 32 * number + _ALPHABET.index(letter)
     return (number >> _RANDOM_BITS) * 1_000_000
+
+
+def after_others(root: Path, now_ns: int) -> int:
+    """Return a time for an id that sorts after those under `root`, the clock set back or not."""
+    ids = [name for name in os.listdir(root) if RUN_ID.fullmatch(name)]
+    newest_ns = time_of_run_id(max(ids)) if ids else 0
+    behind_ns = newest_ns - now_ns
+    return newest_ns + 1_000_000 if 0 <= behind_ns + 1_000_000 <= _CLOCK_STEP_NS else now_ns

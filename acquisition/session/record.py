@@ -21,7 +21,8 @@ from acquisition.journal.header import JournalHeader
 from acquisition.journal.plate import PLATE_RECORDING
 from acquisition.motion.collision import refuse_collision
 from acquisition.motion.samples import MotionSamples, verify_limits
-from acquisition.runs.folder import RECORDING, RunFolder
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RECORDING
 from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.early_stop import Enough, PeriodJudge
 from acquisition.session.plate_preparation import prepare_plate

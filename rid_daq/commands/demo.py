@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from acquisition.motion.plan import plan_motion
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from config.load import load_cell, to_yaml
 from config.motion.motion import MultipointMotion
 from identification.design.two_harmonic import design_two_harmonic

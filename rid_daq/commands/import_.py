@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from acquisition.csv.read import LARGEST_FILE_BYTES, import_csv, refuse_rows_beyond
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.load import load_import_map, to_yaml

@@ -10,7 +10,8 @@ import typer
 from acquisition.motion.plan import plan_motion
 from acquisition.processing.periods import average_periods
 from acquisition.runs.catalogue import find_run
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, load_cell, load_motion, load_robot, to_yaml

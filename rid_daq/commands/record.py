@@ -11,7 +11,8 @@ from pydantic import JsonValue
 from acquisition.motion.plan import plan_motion
 from acquisition.motion.rehearsal import SLOWER, rehearsal
 from acquisition.motion.samples import MotionSamples
-from acquisition.runs.folder import RunFolder, require_label
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import require_label
 from acquisition.session.frame_recorder import require_listenable
 from compensation.feedforward.file import LARGEST_FILE_BYTES, read_feedforward
 from compensation.feedforward.torque_limits import refuse_torque

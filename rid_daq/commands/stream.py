@@ -10,7 +10,8 @@ import typer
 
 from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import MotionSamples
-from acquisition.runs.folder import RunFolder, require_label
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import require_label
 from acquisition.session.record import RecordOutcome
 from acquisition.task.set_points import SetPointSource
 from compensation.loops import loop_file

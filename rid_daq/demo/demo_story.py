@@ -15,7 +15,8 @@ from acquisition.journal.cycles import read_journal
 from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import MotionSamples
 from acquisition.processing.periods import average_periods
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from acquisition.session.record import RecordOutcome, record_motion
 from acquisition.task.control_block import Progress, TaskState
 from config.cell.cell import CellConfig

@@ -13,7 +13,8 @@ import typer
 from pydantic import Field, JsonValue, ValidationError
 
 from acquisition.motion.plan import plan_motion
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from acquisition.session.record import RecordOutcome, record_motion
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, PreflightError

@@ -12,7 +12,8 @@ from typing import Any
 from acquisition.journal.cycles import read_journal
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.recording.recording import Recording
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from acquisition.session.record import RecordOutcome, record_motion
 from acquisition.task.control_block import Progress, TaskState
 from acquisition.task.joint_values import JointValues

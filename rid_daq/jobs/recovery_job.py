@@ -10,7 +10,8 @@ from pathlib import Path
 from pydantic import JsonValue
 
 from acquisition.journal.mcap_writer import being_written
-from acquisition.runs.folder import MANIFEST, RECORDING, FileEntry, Manifest, RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import MANIFEST, RECORDING, FileEntry, Manifest, RunStatus
 from acquisition.session.repair import Repair, examine_journal, repair_journal
 from config.errors import ConfigError, LockedError, RecordingError, RidDaqError
 from config.formats.bounded_file import read_file

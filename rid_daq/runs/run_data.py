@@ -25,7 +25,8 @@ from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
 from acquisition.processing.plate_alignment import with_plate
 from acquisition.recording.recording import Recording
 from acquisition.runs.catalogue import list_runs
-from acquisition.runs.folder import RECORDING, RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RECORDING, RunStatus
 from config.errors import ConfigError, DataQualityError, LockedError, RecordingError
 from config.load import load_bundled_or_path, load_robot
 from config.motion.import_map import ImportMap

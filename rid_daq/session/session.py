@@ -11,7 +11,8 @@ from typing import Annotated
 
 import typer
 
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from config.cell.cell import CellConfig
 from config.errors import LockedError, RecordingError, RidDaqError
 from config.process.file_locks import file_holder, held_file

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.runs.catalogue import damaged_runs, find_run, list_runs
-from acquisition.runs.folder import MANIFEST, RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import MANIFEST, RunStatus
 from acquisition.runs.run_id import RUN_ID, new_run_id
 from config.errors import ConfigError, RecordingError
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from config.load import load_cell
 from mock_hw.cell import SimulatedCell
 from rid_daq.app import run

@@ -19,7 +19,8 @@ import pytest
 from acquisition.journal.cycles import read_journal
 from acquisition.motion.samples import Phase
 from acquisition.runs.catalogue import find_run
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from acquisition.session.repair import repair_journal
 from config.errors import ConfigError
 from rid_daq.app import run

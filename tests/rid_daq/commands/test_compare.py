@@ -16,7 +16,8 @@ from acquisition.journal.header import JournalHeader
 from acquisition.motion.fourier import FourierTrajectory
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from acquisition.session.cycle_recorder import JournalWriter
 from config.errors import EstimationError
 from config.load import load_cell, load_robot

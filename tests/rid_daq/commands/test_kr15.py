@@ -28,7 +28,8 @@ from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from acquisition.session.record import RecordOutcome, record_motion
 from acquisition.task.control_block import Progress
 from config.cell.cell import CellConfig

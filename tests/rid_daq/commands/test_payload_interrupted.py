@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from acquisition.journal.cycles import read_journal
-from acquisition.runs.folder import RECORDING
+from acquisition.runs.manifest import RECORDING
 from config.errors import RidDaqError
 from config.load import load_cell, to_yaml
 from config.simulation.faults import FaultScript, FrameFault

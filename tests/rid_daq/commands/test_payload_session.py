@@ -14,7 +14,8 @@ import pytest
 
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
-from acquisition.runs.folder import RECORDING, RunFolder
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RECORDING
 from identification.payload.periodic_runs import PeriodicRuns
 from rid_daq.app import run
 from rid_daq.jobs.payload_job import Weighing, payload_runs

@@ -11,7 +11,8 @@ from acquisition.journal.cycle_row import row_dtype
 from acquisition.journal.cycles import read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.runs.catalogue import find_run
-from acquisition.runs.folder import RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from acquisition.session.cycle_recorder import JournalWriter
 from config.load import load_cell
 from rid_daq.app import run

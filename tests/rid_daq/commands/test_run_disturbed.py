@@ -12,7 +12,8 @@ import pytest
 
 from acquisition.journal.cycles import read_journal
 from acquisition.journal.header import JournalHeader
-from acquisition.runs.folder import RECORDING, RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RECORDING, RunStatus
 from acquisition.session.cycle_recorder import JournalWriter
 from acquisition.task.control_block import ControlBlock, Progress, RecorderState
 from rid_daq.app import run

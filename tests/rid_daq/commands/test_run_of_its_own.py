@@ -17,7 +17,8 @@ from acquisition.journal.header import JournalHeader
 from acquisition.motion.fourier import FourierTrajectory
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
-from acquisition.runs.folder import RECORDING, RunFolder, RunStatus
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RECORDING, RunStatus
 from acquisition.session.cycle_recorder import JournalWriter
 from config.load import load_cell, to_yaml
 from dynamics.model.robot_model import RobotModel, torque

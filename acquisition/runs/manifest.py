@@ -1,0 +1,103 @@
+"""`Manifest`: what a run folder says of itself, and of each of its files."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from enum import StrEnum
+from pathlib import Path
+
+from pydantic import Field, JsonValue
+
+from acquisition.journal.mcap_reader import messages_written
+from config.errors import ConfigError, RecordingError
+from config.model import ConfigModel
+
+LATEST = "latest"
+MANIFEST = "manifest.json"
+RECORDING = "recording.mcap"
+JOURNAL = ".mcap"
+FORMAT = 2  # 1 did not count the rows of recordings
+
+_LABEL = re.compile(r"[\w .-]{1,64}")
+
+
+class RunStatus(StrEnum):
+    """What became of a run."""
+
+    UNFINISHED = "unfinished"
+    COMPLETE = "complete"
+    STOPPED = "stopped"
+    RECOVERED = "recovered"
+
+
+class FileEntry(ConfigModel):
+    """One file of a run; `rows` are those that a recording held when the run ended, if closed."""
+
+    sha256: str
+    size_bytes: int
+    rows: int | None = None
+
+
+class Manifest(ConfigModel):
+    """What a run folder says about itself."""
+
+    format: int
+    run_id: str
+    label: str
+    kind: str
+    status: str
+    created_utc: str
+    finished_utc: str | None = None
+    software: dict[str, str] = Field(default_factory=dict)
+    facts: dict[str, JsonValue] = Field(default_factory=dict)
+    files: dict[str, FileEntry] = Field(default_factory=dict)
+
+
+def require_label(label: str) -> None:
+    """Refuse what no run can be called.
+
+    Raises
+    ------
+    ConfigError
+        It has other characters, or means another run.
+    """
+    if not _LABEL.fullmatch(label) or label == LATEST:
+        raise ConfigError(
+            f"label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and '-', and"
+            f" not {LATEST!r}, which means the newest run"
+        )
+
+
+def entry_of(path: Path) -> FileEntry:
+    """Return what a manifest says of a file.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read.
+    """
+    sha256, size_bytes = digest_of(path)
+    rows = messages_written(path) if path.suffix == JOURNAL else None
+    return FileEntry(sha256=sha256, size_bytes=size_bytes, rows=rows)
+
+
+def digest_of(path: Path) -> tuple[str, int]:
+    """Return SHA-256 and size of a file.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read.
+    """
+    digest = hashlib.sha256()
+    size = 0
+    try:
+        with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+                size += len(block)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    return digest.hexdigest(), size
