@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from acquisition.runs.folder import RunFolder
-from acquisition.session.record import _start
+from acquisition.session.processes import start_processes
 from config.errors import ShortageError
 from config.formats.bounded_file import read_file
 from config.process.shortage import as_named, as_shortage, require_memory
@@ -182,7 +182,7 @@ def test_where_one_process_cannot_start_none_is_left(measured: Callable[[str], N
     first = get_context("spawn").Process(target=signal.pause)
     processes: Any = [first, _Unstartable()]
     with pytest.raises(ShortageError, match="no more processes"):
-        _start(processes)
+        start_processes(processes)
     assert first.exitcode == -signal.SIGKILL
     measured("0 processes left")
 
