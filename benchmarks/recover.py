@@ -43,7 +43,7 @@ import sys
 from pathlib import Path
 from acquisition.journal.cycle_row import row_struct
 from acquisition.journal.header import JournalHeader
-from acquisition.session.cycle_recorder import JournalWriter
+from acquisition.journal.cycles import JournalWriter
 pack = row_struct(3).pack
 writer = JournalWriter(Path(sys.argv[1]), JournalHeader.model_validate_json(sys.argv[2]))
 for cycle in range(1 << 30):

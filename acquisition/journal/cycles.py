@@ -1,7 +1,8 @@
-"""Reading a journal: the MCAP file of a run, finished, unfinished, torn or damaged."""
+"""A run's journal, written and read: an MCAP file, finished, unfinished, torn or damaged."""
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,53 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.journal.cycle_row import CDR_LITTLE_ENDIAN, joints_of_row, row_dtype
+from acquisition.journal.cycle_row import (
+    CDR_LITTLE_ENDIAN,
+    MESSAGE_NAME,
+    joints_of_row,
+    message_definition,
+    row_dtype,
+    row_struct,
+)
+from acquisition.journal.disk_reserve import RESERVE_BYTES
 from acquisition.journal.header import JournalHeader, first_header
 from acquisition.journal.mcap_reader import JournalDamage, read_raw_journal
+from acquisition.journal.mcap_writer import JournalFile
 from acquisition.recording.recording import Recording
 from config.errors import RecordingError
+
+TOPIC = "/cycle"
+
+
+class JournalWriter(JournalFile):
+    """Writes rows to a new MCAP file; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it must not exist.
+    header : JournalHeader
+        What the recording says about itself.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be made or written (disk full, no permission, it exists).
+    """
+
+    def __init__(self, path: Path, header: JournalHeader) -> None:
+        joints = len(header.joint_names)
+        self._row_size = row_struct(joints).size
+        pairs = header.to_metadata()
+        super().__init__(path, pairs, reserve_bytes=RESERVE_BYTES)
+        self._channel = self.add_channel(TOPIC, MESSAGE_NAME, message_definition(joints), pairs)
+
+    def append(self, rows: bytes) -> None:
+        """Write whole rows, as the ring gives them."""
+        size = self._row_size
+        for start in range(0, len(rows), size):
+            time_s: float = struct.unpack_from("<d", rows, start)[0]
+            self.add_message(self._channel, time_s, rows[start : start + size])
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,13 +9,38 @@ import numpy as np
 
 from acquisition.journal.header import first_header
 from acquisition.journal.mcap_reader import read_raw_journal
-from acquisition.journal.monitor_row import MONITOR, MonitorHeader, monitor_dtype
+from acquisition.journal.mcap_writer import JournalFile
+from acquisition.journal.monitor_row import (
+    MESSAGE_NAME,
+    MONITOR,
+    TOPIC,
+    MonitorHeader,
+    message_definition,
+    monitor_body,
+    monitor_dtype,
+)
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, read_only
 from config.errors import RecordingError
 from config.robot.robot import RobotDescription
+from drivers.interfaces import MonitorReading
 
 _ENCAPSULATION_BYTES = 4
+
+
+class MonitorWriter(JournalFile):
+    """Writes rounds to a new MCAP file; a context manager."""
+
+    def __init__(self, path: Path, header: MonitorHeader) -> None:
+        pairs = header.to_metadata()
+        super().__init__(path, pairs)
+        definition = message_definition(len(header.joint_names))
+        self._channel = self.add_channel(TOPIC, MESSAGE_NAME, definition, pairs)
+
+    def append(self, time_s: float, reading: MonitorReading) -> None:
+        """Write one round, and hand it to the operating system."""
+        self.add_message(self._channel, time_s, monitor_body(time_s, reading))
+        self.flush()
 
 
 @dataclass(frozen=True, eq=False)

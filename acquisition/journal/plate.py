@@ -1,4 +1,4 @@
-"""Reading a force plate's journal, finished, torn or damaged: `PlateRows`."""
+"""A force plate's journal, written and read, finished, torn or damaged: `PlateRows`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,123 @@ from numpy.typing import NDArray
 from acquisition.journal.cycle_row import CDR_LITTLE_ENDIAN
 from acquisition.journal.header import first_header
 from acquisition.journal.mcap_reader import JournalDamage, read_raw_journal
-from acquisition.journal.plate_header import PlateHeader
-from acquisition.journal.plate_row import EVENT_DTYPE, ROW_DTYPE, overloaded
+from acquisition.journal.mcap_writer import JournalFile
+from acquisition.journal.plate_row import (
+    EVENT_DEFINITION,
+    EVENT_DTYPE,
+    EVENT_NAME,
+    EVENT_TOPIC,
+    ROW_DEFINITION,
+    ROW_DTYPE,
+    ROW_NAME,
+    ROW_TOPIC,
+    PlateHeader,
+    overloaded,
+)
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import RecordingError
+from drivers.interfaces import PlateRead
 
 PLATE_RECORDING = "plate.mcap"
 ROW_CHANNEL, EVENT_CHANNEL = 1, 2
+
+
+class PlateJournalWriter(JournalFile):
+    """Writes rows and events of a plate to a new file.
+
+    Attributes
+    ----------
+    simulated_time : bool
+        Whether the arrivals are a simulated cell's time.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be made or written.
+    """
+
+    def __init__(self, path: Path, header: PlateHeader) -> None:
+        pairs = header.to_metadata()
+        super().__init__(path, pairs)
+        self._rows = self.add_channel(ROW_TOPIC, ROW_NAME, ROW_DEFINITION, pairs)
+        self._events = self.add_channel(EVENT_TOPIC, EVENT_NAME, EVENT_DEFINITION, pairs)
+        self._ticks_per_s = header.profile.ticks_per_s
+        self._per_count = np.array(header.plate.amplifier.newtons_per_count)
+        self._mark = header.profile.events.mark
+        self.simulated_time = header.simulated_time
+        self._asked: dict[int, float] = {}
+
+    def asked(self, number: int, time_s: float) -> None:
+        """Note when a mark was asked for; its answer carries the number of the question."""
+        self._asked[number & 0xFFFF] = time_s
+
+    def append(self, read: PlateRead, first_stream: int) -> NDArray[Any]:
+        """Write what one read brought.
+
+        Parameters
+        ----------
+        read : PlateRead
+            Rows and events of a stream.
+        first_stream : int
+            What is added to their stream numbers.
+
+        Returns
+        -------
+        ndarray of `ROW_DTYPE`, shape (rows,)
+            The rows as written.
+        """
+        rows = np.empty(len(read.rows), dtype=ROW_DTYPE)
+        rows["arrival_s"] = read.arrival_s
+        rows["device_s"] = read.rows["ticks"] / self._ticks_per_s
+        rows["sequence"] = read.rows["sequence"]
+        rows["force_n"] = read.rows["counts"] * self._per_count
+        rows["stream"] = read.rows["stream"] + first_stream
+        rows["status"] = read.rows["status"]
+        rows["counts"] = read.rows["counts"]
+        body, size = rows.tobytes(), ROW_DTYPE.itemsize
+        arrivals = read.arrival_s.tolist()
+        for start, time_s in zip(range(0, len(body), size), arrivals, strict=True):
+            self.add_message(self._rows, time_s, body[start : start + size])
+        event_arrivals = read.event_arrival_s.tolist()
+        if self.simulated_time:
+            event_arrivals = [arrivals[-1] if arrivals else np.nan] * len(event_arrivals)
+        for event, event_s in zip(read.events, event_arrivals, strict=True):
+            self.note(
+                kind=int(event["kind"]),
+                detail=int(event["detail"]),
+                arrival_s=event_s,
+                device_s=int(event["ticks"]) / self._ticks_per_s,
+                sequence=int(event["sequence"]),
+                stream=int(event["stream"]) + first_stream,
+                asked_s=self._asked_s(event),
+            )
+        return rows
+
+    def _asked_s(self, event: Any) -> float:
+        """Return when a mark was asked for; NaN for other events, and in simulated time."""
+        if int(event["kind"]) != self._mark or self.simulated_time:
+            return np.nan
+        return self._asked.pop(int(event["detail"]), np.nan)
+
+    def note(
+        self,
+        *,
+        kind: int,
+        detail: int,
+        arrival_s: float,
+        device_s: float = np.nan,
+        sequence: int = -1,
+        stream: int,
+        asked_s: float = np.nan,
+    ) -> None:
+        """Write one event."""
+        values = (arrival_s, asked_s, device_s, sequence, stream, kind, detail)
+        event = np.array(values, dtype=EVENT_DTYPE)
+        self.add_message(self._events, arrival_s, event.tobytes())
+
+    def begin_stream(self) -> None:
+        """Forget the questions of an earlier stream: the amplifier counts anew."""
+        self._asked.clear()
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
-"""A force plate's rows and events as they stand in its journal: one layout for file and numpy.
+"""A force plate's rows, events and header as they stand in its journal.
 
-As `cycle_row`: fields of fixed size, the widest first, so that a packed numpy record is the CDR
-body of the ROS 2 message beside it.
+As `cycle_row`: one layout for file and numpy, fields of fixed size, the widest first, so that a
+packed numpy record is the CDR body of the ROS 2 message beside it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from config.cell.plate import CHANNELS
+from acquisition.journal.header import HeaderModel
+from config.cell.amplifier_profile import AmplifierProfile
+from config.cell.plate import CHANNELS, PlateConfig
 
 ROW_TOPIC: Final = "/plate"
 ROW_NAME: Final = "rid_daq/msg/Plate"
@@ -48,6 +50,21 @@ _MESSAGE_TYPE = {
 }  # fmt: skip
 
 Fields = tuple[tuple[str, str, int, str], ...]
+
+
+class PlateHeader(HeaderModel):
+    """Everything needed to read the rows, even without the run folder.
+
+    `identity` is what the amplifier said about itself, escaped. `simulated_time` is true where
+    arrivals are a simulated cell's time and not the computer's.
+    """
+
+    plate: PlateConfig
+    profile: AmplifierProfile
+    identity: str = ""
+    simulated_time: bool = False
+    cell_name: str = ""
+    run_id: str = ""
 
 
 def _dtype(fields: Fields) -> np.dtype[Any]:

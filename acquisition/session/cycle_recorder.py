@@ -6,54 +6,20 @@ It outlives the cyclic task and the program: a killed program costs nothing that
 from __future__ import annotations
 
 import os
-import struct
 import time
 from pathlib import Path
 
-from acquisition.journal.cycle_row import MESSAGE_NAME, message_definition, row_struct
-from acquisition.journal.disk_reserve import RESERVE_BYTES
+from acquisition.journal.cycles import JournalWriter
 from acquisition.journal.header import JournalHeader
-from acquisition.journal.mcap_writer import FLUSH_PERIOD_S, SYNC_PERIOD_S, JournalFile
+from acquisition.journal.mcap_writer import FLUSH_PERIOD_S, SYNC_PERIOD_S
 from acquisition.task.control_block import ControlBlock, RecorderState
 from acquisition.task.ring import Ring
 from config.process.process_name import ProcessName, bear_name
 from config.process.shortage import as_named
 from config.process.termination import leave_terminal
 
-TOPIC = "/cycle"
 IDLE_S = 0.005
 ORPHAN_PATIENCE_S = 5.0
-
-
-class JournalWriter(JournalFile):
-    """Writes rows to a new MCAP file; a context manager.
-
-    Parameters
-    ----------
-    path : Path
-        The file; it must not exist.
-    header : JournalHeader
-        What the recording says about itself.
-
-    Raises
-    ------
-    RecordingError
-        The file cannot be made or written (disk full, no permission, it exists).
-    """
-
-    def __init__(self, path: Path, header: JournalHeader) -> None:
-        joints = len(header.joint_names)
-        self._row_size = row_struct(joints).size
-        pairs = header.to_metadata()
-        super().__init__(path, pairs, reserve_bytes=RESERVE_BYTES)
-        self._channel = self.add_channel(TOPIC, MESSAGE_NAME, message_definition(joints), pairs)
-
-    def append(self, rows: bytes) -> None:
-        """Write whole rows, as the ring gives them."""
-        size = self._row_size
-        for start in range(0, len(rows), size):
-            time_s: float = struct.unpack_from("<d", rows, start)[0]
-            self.add_message(self._channel, time_s, rows[start : start + size])
 
 
 def run_recorder(

@@ -12,13 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.journal.mcap_writer import JournalFile
+from acquisition.journal.monitor import MonitorWriter
 from acquisition.journal.monitor_row import (
-    MESSAGE_NAME,
-    TOPIC,
     MonitorHeader,
-    message_definition,
-    monitor_body,
 )
 from acquisition.task.control_block import ControlBlock, MonitorState, Pace
 from config.cell.drive_profile import DriveProfile
@@ -31,21 +27,6 @@ from drivers.modbus.drive_monitor import open_drive_monitor
 
 LOOK_S = 0.02
 LOCKSTEP_LOOK_S = 0.0005
-
-
-class MonitorWriter(JournalFile):
-    """Writes rounds to a new MCAP file; a context manager."""
-
-    def __init__(self, path: Path, header: MonitorHeader) -> None:
-        pairs = header.to_metadata()
-        super().__init__(path, pairs)
-        definition = message_definition(len(header.joint_names))
-        self._channel = self.add_channel(TOPIC, MESSAGE_NAME, definition, pairs)
-
-    def append(self, time_s: float, reading: MonitorReading) -> None:
-        """Write one round, and hand it to the operating system."""
-        self.add_message(self._channel, time_s, monitor_body(time_s, reading))
-        self.flush()
 
 
 def run_monitor(

@@ -7,17 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.journal.cycles import read_journal
+from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader, first_header
 from acquisition.journal.mcap_reader import JournalDamage, RawJournal, read_raw_journal
 from acquisition.journal.mcap_writer import MOST_LOST_S, JournalFile
-from acquisition.journal.monitor import read_monitor
+from acquisition.journal.monitor import MonitorWriter, read_monitor
 from acquisition.journal.monitor_row import MonitorHeader
-from acquisition.journal.plate import read_plate_journal
-from acquisition.journal.plate_header import PlateHeader
-from acquisition.session.cycle_recorder import JournalWriter
-from acquisition.session.drive_monitor import MonitorWriter
-from acquisition.session.plate_recorder import PlateJournalWriter
+from acquisition.journal.plate import PlateJournalWriter, read_plate_journal
+from acquisition.journal.plate_row import PlateHeader
 from config.errors import RecordingError
 
 _Header = JournalHeader | PlateHeader | MonitorHeader

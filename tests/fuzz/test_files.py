@@ -18,12 +18,11 @@ import pytest
 
 from acquisition.csv.read import import_csv
 from acquisition.journal.cycle_row import row_dtype
-from acquisition.journal.cycles import read_journal
+from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.plate import read_plate_journal
 from acquisition.motion.plan import plan_motion
 from acquisition.runs.folder import RunFolder
-from acquisition.session.cycle_recorder import JournalWriter
 from acquisition.session.repair import examine_journal
 from compensation.feedforward.file import read_feedforward
 from compensation.loops.loop_file import read_loops

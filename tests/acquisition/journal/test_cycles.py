@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from acquisition.journal.cycle_row import row_dtype
-from acquisition.journal.cycles import read_journal
+from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
-from acquisition.session.cycle_recorder import JournalWriter
 from config.cell.cell import ButterworthFilter
 from config.errors import RecordingError
 

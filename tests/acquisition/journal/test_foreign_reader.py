@@ -14,8 +14,8 @@ import numpy as np
 from mcap.reader import make_reader
 
 from acquisition.journal.cycle_row import row_dtype
+from acquisition.journal.cycles import JournalWriter
 from acquisition.journal.header import JournalHeader
-from acquisition.session.cycle_recorder import JournalWriter
 from config.cell.cell import ButterworthFilter
 
 CODES = {

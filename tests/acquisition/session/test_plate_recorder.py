@@ -13,11 +13,16 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from acquisition.journal.plate import PlateRows, read_plate_journal
-from acquisition.journal.plate_header import PlateHeader
-from acquisition.journal.plate_row import EVENT_DTYPE, LINE_LOST, LINE_RESTORED, ROW_DTYPE
+from acquisition.journal.plate import PlateJournalWriter, PlateRows, read_plate_journal
+from acquisition.journal.plate_row import (
+    EVENT_DTYPE,
+    LINE_LOST,
+    LINE_RESTORED,
+    ROW_DTYPE,
+    PlateHeader,
+)
 from acquisition.session.plate_block import PlateBlock, PlateState
-from acquisition.session.plate_recorder import PlateJournalWriter, PlateTask, run_plate_recorder
+from acquisition.session.plate_recorder import PlateTask, run_plate_recorder
 from config.errors import DeviceFaultError, RecordingError, TransportError
 from drivers.amplifier.amplifier import open_amplifier
 from drivers.amplifier.frames import PLATE_EVENT, PLATE_ROW

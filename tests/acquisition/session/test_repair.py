@@ -16,12 +16,11 @@ import pytest
 from mcap.reader import make_reader
 
 from acquisition.journal.cycle_row import row_struct
-from acquisition.journal.cycles import read_journal
+from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.mcap_writer import being_written
-from acquisition.journal.monitor import read_monitor
+from acquisition.journal.monitor import MonitorWriter, read_monitor
 from acquisition.journal.monitor_row import MonitorHeader
-from acquisition.session.cycle_recorder import JournalWriter, run_recorder
-from acquisition.session.drive_monitor import MonitorWriter
+from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.repair import examine_journal, repair_journal
 from acquisition.task.control_block import ControlBlock, TaskState
 from acquisition.task.ring import Ring

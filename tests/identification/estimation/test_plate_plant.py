@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from acquisition.journal.mcap_reader import JournalDamage
 from acquisition.journal.plate import PlateRows
-from acquisition.journal.plate_header import PlateHeader
-from acquisition.journal.plate_row import EVENT_DTYPE, ROW_DTYPE
+from acquisition.journal.plate_row import EVENT_DTYPE, ROW_DTYPE, PlateHeader
 from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import MotionSamples
 from acquisition.processing.periods import average_periods

@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 
 from acquisition.journal.cycle_row import row_dtype
-from acquisition.journal.cycles import read_journal
+from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.motion.fourier import FourierTrajectory
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from acquisition.session.cycle_recorder import JournalWriter
 from config.errors import EstimationError
 from config.load import load_cell, load_robot
 from dynamics.model.robot_model import RobotModel, torque

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from acquisition.journal.cycle_row import row_dtype
+from acquisition.journal.cycles import JournalWriter
 from acquisition.journal.header import JournalHeader
 from acquisition.recording.files import RecordingFormat, recording_bytes
 from acquisition.recording.table import recording_table
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from acquisition.session.cycle_recorder import JournalWriter
 from config.errors import ConfigError, RecordingError
 from config.load import load_cell
 from rid_daq.app import run

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from acquisition.journal.cycles import read_journal
-from acquisition.journal.plate_header import PlateHeader
+from acquisition.journal.plate import PlateJournalWriter
+from acquisition.journal.plate_row import PlateHeader
 from acquisition.processing.smoothing import low_pass
 from acquisition.recording.plate_geometry import PlateGeometry
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
-from acquisition.session.plate_recorder import PlateJournalWriter
 from config.cell.amplifier_profile import AmplifierProfile
 from config.load import load_bundled_or_path, load_cell
 from drivers.amplifier.frames import PLATE_EVENT, PLATE_ROW

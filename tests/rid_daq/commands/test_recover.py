@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from acquisition.journal.cycle_row import row_dtype
-from acquisition.journal.cycles import read_journal
+from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from acquisition.session.cycle_recorder import JournalWriter
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.runs.run_data import read_run

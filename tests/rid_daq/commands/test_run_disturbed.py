@@ -10,11 +10,10 @@ from typing import Any
 
 import pytest
 
-from acquisition.journal.cycles import read_journal
+from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
-from acquisition.session.cycle_recorder import JournalWriter
 from acquisition.task.control_block import ControlBlock, Progress, RecorderState
 from rid_daq.app import run
 from rid_daq.jobs import recording_job
