@@ -15,7 +15,7 @@ from config.simulation.faults import NO_SCRIPT, FaultScript
 from config.simulation.plant import PlantConfig
 from drivers.canopen.frames import Frame
 from drivers.servo.cia402 import AxisUnits
-from mock_hw.drive.axis_port import AxisPort
+from mock_hw.drive.axis import AxisPort
 from mock_hw.drive.drive import SimulatedDrive
 from mock_hw.drive.faults import DriveFaults
 from mock_hw.drive.objects import DriveIdentity
@@ -227,8 +227,8 @@ class DriveRack:
             self._payload = snapshots.payload
             self._plant.attach(self._payloads[self._payload])
         for number, drive in enumerate(self.drives):
-            motion = drive.axis.motion(self.time_s, end_s)
-            self._start[number], self._end[number], self._powered[number], limit = motion
+            command = drive.axis.command(self.time_s, end_s)
+            self._start[number], self._end[number], self._powered[number], limit = command
             self._limit[number] = limit
         factors, braked = self._command_factors, ~self._powered
         if self._faults is not None:

@@ -25,7 +25,7 @@ _SEPARATORS = b"\r\n"
 
 
 @dataclass(frozen=True, eq=False)
-class PlateBlock:
+class StreamPiece:
     """What one piece of the stream brought.
 
     Attributes
@@ -126,7 +126,7 @@ class AmplifierStream:
         """Bytes kept until the rest of their frame comes; less than a frame."""
         return len(self._tail)
 
-    def feed(self, data: bytes) -> PlateBlock:
+    def feed(self, data: bytes) -> StreamPiece:
         """Take the next piece of the stream and return what is complete with it."""
         if self.stopped:
             self.rest += data
@@ -138,7 +138,7 @@ class AmplifierStream:
         self._keep(buffer[position:])
         return self._block(rows, events, first)
 
-    def _block(self, row_frames: _Frames, event_frames: _Frames, first: int) -> PlateBlock:
+    def _block(self, row_frames: _Frames, event_frames: _Frames, first: int) -> StreamPiece:
         rows, row_ends = np.empty(0, dtype=PLATE_ROW), np.empty(0, dtype=np.int64)
         if row_frames.frames:
             rows, kept = self._take_rows(row_frames.frames)
@@ -149,7 +149,7 @@ class AmplifierStream:
             event_ends = first + np.array(event_frames.ends)[kept]
         self.counts.rows += len(rows)
         self.counts.events += len(events)
-        return PlateBlock(rows, events, row_ends, event_ends)
+        return StreamPiece(rows, events, row_ends, event_ends)
 
     def _keep(self, unused: bytes) -> None:
         self._tail, self.rest = (b"", unused) if self.stopped else (unused, b"")

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from config.cell.plate import CHANNELS
 from config.simulation.plant import SimulatedPlate
-from mock_hw.plant.butterworth import butterworth_poles
+from mock_hw.plant.torque_filter import butterworth_poles
 
 Vector = NDArray[np.float64]
 ComplexVector = NDArray[np.complex128]

@@ -27,7 +27,7 @@ _POLL_NS = 1000
 _LONGEST_WAIT_S = 1e9
 
 
-class SimulatedClock:
+class LockstepClock:
     """The clock of a lock-step bus: it runs only while its owner waits."""
 
     def __init__(self, bus: RidSimBus) -> None:
@@ -87,7 +87,7 @@ class RidSimBus(can.BusABC):
         self.channel_info = f"rid_sim {path}"
         self._inbox: deque[WireFrame] = deque()
         self._empty_polls = 0
-        self.simulated_clock = SimulatedClock(self) if self._client.lockstep else None
+        self.simulated_clock = LockstepClock(self) if self._client.lockstep else None
         simulated = self._client.simulated_time
         self._epoch_s = 0.0 if simulated else time.time() - time.monotonic()
         super().__init__(channel, can_filters)

@@ -1,18 +1,90 @@
-"""`DrivenAxis`: what a drive tells its motor, and what its objects show of the axis."""
+"""`DrivenAxis`: what a drive tells its motor, and what its objects show of the axis.
+
+All that a drive and its axis know of each other are an `AxisPort` and a `MotorCommand`.
+"""
 
 from __future__ import annotations
 
+import math
 import struct
+from abc import abstractmethod
+from typing import NamedTuple, Protocol
 
 from mock_hw.drive import objects as od
-from mock_hw.drive.axis_port import AxisPort, Motion
-from mock_hw.drive.clock import DriveClock
-from mock_hw.drive.following_error import FollowingError
 from mock_hw.drive.object_dictionary import ObjectDictionary
-from mock_hw.drive.power_stage import PowerStage
+from mock_hw.drive.power_stage import DriveClock, PowerStage
 
 _INT16_MAX = 2**15 - 1
 _INT32_MAX = 2**31 - 1
+
+
+class AxisPort(Protocol):
+    """What a drive measures of its axis, in its own numbers."""
+
+    @abstractmethod
+    def position_counts(self) -> int:
+        """Return the encoder's increments, 6064h."""
+
+    @abstractmethod
+    def velocity_counts_s(self) -> float:
+        """Return their rate [1/s]."""
+
+    @abstractmethod
+    def torque_permille(self) -> int:
+        """Return the motor's torque in 0.1 % of its rated torque, 6077h."""
+
+
+class MotorCommand(NamedTuple):
+    """What a drive tells its motor over an interval; without power the brake is closed.
+
+    Velocities in increments per second, linear in between; `torque_limit` in rated torques.
+    """
+
+    velocity_start: float
+    velocity_end: float
+    powered: bool
+    torque_limit: float
+
+
+class FollowingError:
+    """The integral of the velocity demand, compared with the encoder.
+
+    A velocity loop with an integral part keeps that difference small - the difference is what its
+    integrator holds -, so a stalled, slipping or runaway axis shows in it within moments.
+
+    Attributes
+    ----------
+    counts
+        Demand minus actual position, 60F4h.
+    due_s
+        When the difference will have been outside the window for too long [s]; infinity while it
+        is inside.
+    """
+
+    def __init__(self, objects: ObjectDictionary, clock: DriveClock) -> None:
+        self._objects = objects
+        self._clock = clock
+        self._demand = 0.0
+        self._outside_s = math.inf
+        self.counts = 0.0
+        self.due_s = math.inf
+
+    def start(self, position_counts: int) -> None:
+        """Begin where the axis is: no error."""
+        self._demand = float(position_counts)
+        self.counts = 0.0
+        self._outside_s = self.due_s = math.inf
+
+    def follow(self, moved_counts: float, position_counts: int, now_s: float) -> None:
+        """Take what the demand has moved by, and where the axis is at `now_s` [s]."""
+        self._demand += moved_counts
+        self.counts = self._demand - position_counts
+        window = self._objects[od.FOLLOWING_ERROR_WINDOW]
+        if window == od.FOLLOWING_ERROR_OFF or abs(self.counts) <= window:
+            self._outside_s = self.due_s = math.inf
+        elif self._outside_s == math.inf:
+            self._outside_s = now_s
+            self.due_s = now_s + self._clock.lasts(self._objects[od.FOLLOWING_ERROR_TIME_MS] * 1e-3)
 
 
 class DrivenAxis:
@@ -55,10 +127,10 @@ class DrivenAxis:
         self._moved_s = now_s
         self.following = FollowingError(objects, clock)
 
-    def motion(self, start_s: float, end_s: float) -> Motion:
+    def command(self, start_s: float, end_s: float) -> MotorCommand:
         """Return what the motor is told between two times [s] with nothing due in between."""
         power = self._power
-        return Motion(
+        return MotorCommand(
             power.velocity_at(start_s) * self._counts_per_unit,
             power.velocity_at(end_s) * self._counts_per_unit,
             power.powered,

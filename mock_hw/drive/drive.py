@@ -21,9 +21,7 @@ from drivers.canopen.nmt import NmtCommand, NmtState, next_nmt_state, parse_nmt
 from drivers.canopen.sdo_server import SdoServer
 from drivers.servo.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, ControlWord, PowerState
 from mock_hw.drive import objects as od
-from mock_hw.drive.axis import DrivenAxis
-from mock_hw.drive.axis_port import AxisPort
-from mock_hw.drive.clock import DriveClock
+from mock_hw.drive.axis import AxisPort, DrivenAxis
 from mock_hw.drive.errors import (
     FOLLOWING_ERROR,
     HEARTBEAT_LOST,
@@ -34,7 +32,7 @@ from mock_hw.drive.errors import (
 )
 from mock_hw.drive.object_dictionary import Key, ObjectDictionary
 from mock_hw.drive.pdos import DrivePdo, PdoTable
-from mock_hw.drive.power_stage import PowerStage
+from mock_hw.drive.power_stage import DriveClock, PowerStage
 
 BOOT_S = 0.020
 """From power-on or reset to the boot-up message [s]."""

@@ -15,9 +15,9 @@ from drivers.canopen.pdo import (
     is_valid,
 )
 from drivers.canopen.sdo import SdoAbort, SdoCode
-from mock_hw.drive.clock import DriveClock
 from mock_hw.drive.object_dictionary import Key, ObjectDictionary
 from mock_hw.drive.objects import PDO_NUMBERS
+from mock_hw.drive.power_stage import DriveClock
 
 SYNCHRONOUS_TYPES = range(241)
 

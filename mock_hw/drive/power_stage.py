@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 from drivers.servo.cia402 import FOLLOWS_COMMAND, VOLTAGE_ENABLED, PowerState, after_controlword
-from mock_hw.drive.clock import DriveClock
 from mock_hw.drive.object_dictionary import Key, ObjectDictionary
 from mock_hw.drive.objects import (
     ABORT_CONNECTION,
@@ -21,6 +20,23 @@ from mock_hw.drive.objects import (
 _REMOTE = 0x0200
 _STAY_IN_QUICK_STOP = (5, 6)
 _WITHOUT_MOTOR_POWER = (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT)
+
+
+class DriveClock:
+    """A drive's oscillator, which may run wrong; a timer takes the rate that it is started with.
+
+    Attributes
+    ----------
+    rate
+        How many seconds it counts in one.
+    """
+
+    def __init__(self) -> None:
+        self.rate = 1.0
+
+    def lasts(self, duration_s: float) -> float:
+        """Return how long a duration of the drive's really is [s]."""
+        return duration_s / self.rate
 
 
 @dataclass(frozen=True, slots=True)

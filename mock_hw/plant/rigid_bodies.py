@@ -27,7 +27,7 @@ Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class RigidBodies:
+class GearedModel:
     """A Pinocchio model of links and rotors, and how its coordinates hang on the actuators.
 
     Attributes
@@ -42,10 +42,6 @@ class RigidBodies:
     model: Any
     gearing: Vector
 
-    def coupling(self) -> Vector:
-        """Return G, (m, n)."""
-        return self.gearing
-
     def entries(self) -> tuple[Indices, Indices, Vector]:
         """Return coordinate, actuator and value of every entry of G that is not 0."""
         coordinate, actuator = np.nonzero(self.gearing)
@@ -54,7 +50,7 @@ class RigidBodies:
 
 def build_rigid_bodies(
     robot: RobotDescription, plant: PlantConfig, *, floating: bool = False
-) -> RigidBodies:
+) -> GearedModel:
     """Build the model of a robot with the plant's inertias and, where given, true kinematics.
 
     A payload that the plant has attached is rigidly part of the last link.
@@ -94,7 +90,7 @@ def build_rigid_bodies(
                 inertia = plant.axes[index].rotor_inertia_kg_m2
                 _add_rotor(model, parent, joint.rotor, inertia, f"{joint.name}-rotor")
                 gearing.append(joint.gear_ratio * np.eye(count)[index])
-    return RigidBodies(model, np.array(gearing))
+    return GearedModel(model, np.array(gearing))
 
 
 class BaseWrench:

@@ -26,7 +26,7 @@ from drivers.cell import Cell
 from drivers.interfaces import DriveSetting
 from drivers.ports.transport import CanLink
 from drivers.servo.cia402 import AxisUnits
-from mock_hw.drive.axis_port import AxisPort
+from mock_hw.drive.axis import AxisPort
 from mock_hw.drive.drive import SimulatedDrive
 from mock_hw.drive.objects import DriveIdentity
 
@@ -148,11 +148,11 @@ class ObedientCell(can.BusABC):
 
     def _step(self, end_s: float) -> None:
         for axis, drive in zip(self.axes, self.drives, strict=True):
-            motion = drive.axis.motion(self.now_s, end_s)
-            axis.powered = motion.powered
-            mean = 0.5 * (motion.velocity_start + motion.velocity_end)
-            axis.rate = motion.velocity_end if motion.powered else 0.0
-            axis.counts += mean * (end_s - self.now_s) if motion.powered else 0.0
+            command = drive.axis.command(self.now_s, end_s)
+            axis.powered = command.powered
+            mean = 0.5 * (command.velocity_start + command.velocity_end)
+            axis.rate = command.velocity_end if command.powered else 0.0
+            axis.counts += mean * (end_s - self.now_s) if command.powered else 0.0
         self.now_s = end_s
         for drive in self.drives:
             drive.axis.observe(end_s)

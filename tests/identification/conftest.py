@@ -214,7 +214,7 @@ def base_wrench(
     assert cell.plant is not None
     bodies = build_rigid_bodies(cell.robot, cell.plant.without_unmodelled())
     model, data = bodies.model, bodies.model.createData()
-    gear = bodies.coupling().T
+    gear = bodies.gearing.T
     wrench = np.zeros((len(q), 6))
     on_base = [i for i in range(1, model.njoints) if model.parents[i] == 0]
     for row, (qf, vf, af) in enumerate(zip(q @ gear, v @ gear, a @ gear, strict=True)):

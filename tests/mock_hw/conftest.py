@@ -16,7 +16,7 @@ from mock_hw.bus.hub import CanHub
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import listening_socket
 from mock_hw.bus.hub_protocol import Role
-from mock_hw.drive.axis_port import AxisPort
+from mock_hw.drive.axis import AxisPort
 from mock_hw.drive.drive import SimulatedDrive
 from mock_hw.drive.objects import DriveIdentity
 
@@ -110,10 +110,10 @@ class Bench:
             due_s = max(self.now_s, min(self.drive.next_s, time_s))
             while self.now_s < due_s:
                 end_s = min(due_s, self.now_s + self.STEP_S)
-                motion = self.drive.axis.motion(self.now_s, end_s)
-                mean = 0.5 * (motion.velocity_start + motion.velocity_end)
-                moves = motion.powered and not self.axis.blocked
-                self.axis.rate = motion.velocity_end if moves else 0.0
+                command = self.drive.axis.command(self.now_s, end_s)
+                mean = 0.5 * (command.velocity_start + command.velocity_end)
+                moves = command.powered and not self.axis.blocked
+                self.axis.rate = command.velocity_end if moves else 0.0
                 self.axis.counts += mean * (end_s - self.now_s) if moves else 0.0
                 self.now_s = end_s
                 self.drive.axis.observe(end_s)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from config.cell.amplifier_profile import AmplifierProfile
 from config.load import load_bundled_or_path
 from config.simulation.plant import SimulatedPlate
-from drivers.amplifier.stream import AmplifierStream, PlateBlock
+from drivers.amplifier.stream import AmplifierStream, StreamPiece
 from mock_hw.amplifier.amplifier import IDENTITY, SimulatedAmplifier
 from mock_hw.amplifier.line_faults import Unit
 from mock_hw.amplifier.rows import RowBlock
@@ -56,7 +56,7 @@ class Bench:
             assert self.say(b"%c:SE-3.8\r%c:RG5000\r" % (channel, channel)) == b"OK\rOK\r"
 
 
-def parsed(data: bytes, form: str = "binary") -> tuple[PlateBlock, AmplifierStream]:
+def parsed(data: bytes, form: str = "binary") -> tuple[StreamPiece, AmplifierStream]:
     stream = AmplifierStream(PROFILE, form, 1000.0)
     return stream.feed(data), stream
 

@@ -20,7 +20,7 @@ from config.cell.plate import PlateConfig
 from config.load import load_bundled_or_path, load_cell
 from config.simulation.plant import SimulatedPlate
 from drivers.amplifier.simulated_arrivals import ArrivalReader, arrivals_path
-from drivers.amplifier.stream import AmplifierStream, PlateBlock
+from drivers.amplifier.stream import AmplifierStream, StreamPiece
 from mock_hw.amplifier.line_faults import FaultKind, LineFault, LineFaults
 from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 
@@ -107,12 +107,12 @@ def make(tmp_path: Path, plate: PlateConfig) -> Iterator[Any]:
     assert [*tmp_path.iterdir()] == []
 
 
-def parsed(data: bytes) -> tuple[PlateBlock, AmplifierStream]:
+def parsed(data: bytes) -> tuple[StreamPiece, AmplifierStream]:
     stream = AmplifierStream(PROFILE, "binary", 1000.0)
     return stream.feed(data), stream
 
 
-def with_fault(make: Any, *faults: LineFault, seed: int = 3) -> tuple[PlateBlock, AmplifierStream]:
+def with_fault(make: Any, *faults: LineFault, seed: int = 3) -> tuple[StreamPiece, AmplifierStream]:
     bench = make(faults=LineFaults(faults, seed))
     bench.start()
     return parsed(bench.run(0.4))

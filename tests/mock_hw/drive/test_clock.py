@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from drivers.canopen.frames import Frame
-from mock_hw.drive.clock import DriveClock
 from mock_hw.drive.drive import BOOT_S
+from mock_hw.drive.power_stage import DriveClock
 
 Bench = Any
 HEARTBEAT_LOST, RPDO_TIMEOUT, SYNC_LOST = 0x8130, 0x8250, 0x8700

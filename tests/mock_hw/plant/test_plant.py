@@ -44,7 +44,7 @@ def required_torque(
 ) -> Array:
     """What the motors must give: Pinocchio's inverse dynamics, spring and friction, (S, n)."""
     bodies = build_rigid_bodies(robot, plant)
-    data, coupling = bodies.model.createData(), bodies.coupling()
+    data, coupling = bodies.model.createData(), bodies.gearing
     torque = np.array(
         [
             coupling.T @ pin.rnea(bodies.model, data, *(coupling @ x for x in sample))
@@ -64,7 +64,7 @@ def required_torque(
 
 def energy(robot: RobotDescription, plant: PlantConfig) -> Callable[[Plant], float]:
     bodies = build_rigid_bodies(robot, plant)
-    data, coupling = bodies.model.createData(), bodies.coupling()
+    data, coupling = bodies.model.createData(), bodies.gearing
 
     def of(simulated: Plant) -> float:
         q, v = coupling @ simulated.position, coupling @ simulated.velocity

@@ -79,7 +79,7 @@ def test_a_rotor_adds_the_energy_of_its_spin_in_space(seed: int, joints: int) ->
     """½ I (e·ω + mu q̇)², ω of the link that carries it, the link that it moves included."""
     robot, plant = random_arm(seed, joints)
     bodies = build_rigid_bodies(robot, plant)
-    coupling = bodies.coupling()
+    coupling = bodies.gearing
     bare = build_rigid_bodies(*without_rotors(robot, plant))
     random = np.random.default_rng(seed + 1)
     position = random.normal(size=joints)
@@ -104,7 +104,7 @@ def test_a_rotor_adds_the_energy_of_its_spin_in_space(seed: int, joints: int) ->
 def test_the_mass_matrix_and_the_bias_are_those_of_inverse_dynamics(seed: int, joints: int) -> None:
     """Pinocchio's mass matrix is wrong, silently, when a subtree is not in one piece."""
     bodies = build_rigid_bodies(*random_arm(seed, joints))
-    coupling = bodies.coupling()
+    coupling = bodies.gearing
     data = bodies.model.createData()
     random = np.random.default_rng(seed + 2)
     q, v, a = (coupling @ row for row in random.normal(size=(3, joints)))
@@ -119,7 +119,7 @@ def test_the_bundled_arm_has_the_rotor_terms_of_appendix_d() -> None:
     assert cell.plant is not None
     plant = cell.plant.without_unmodelled()
     bodies = build_rigid_bodies(cell.robot, plant)
-    coupling = bodies.coupling()
+    coupling = bodies.gearing
     bare = build_rigid_bodies(*without_rotors(cell.robot, plant))
     position = np.array([0.3, -0.7, 1.1])
     with_rotors = pin.crba(bodies.model, bodies.model.createData(), coupling @ position)
@@ -160,9 +160,9 @@ def test_the_bundled_spring_roughly_balances_the_arm() -> None:
     bodies = build_rigid_bodies(cell.robot, plant)
     data = bodies.model.createData()
     for angle in (-1.2, -0.8, 0.6):
-        position = bodies.coupling() @ np.array([0.0, angle, -angle - 1.5])  # forearm hangs down
+        position = bodies.gearing @ np.array([0.0, angle, -angle - 1.5])  # forearm hangs down
         gravity = pin.computeGeneralizedGravity(bodies.model, data, position)
-        torque = (bodies.coupling().T @ gravity)[1]
+        torque = (bodies.gearing.T @ gravity)[1]
         length = np.sqrt(
             spring.l_m**2 + spring.r_m**2 - 2 * spring.l_m * spring.r_m * np.cos(angle)
         )

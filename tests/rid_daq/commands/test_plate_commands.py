@@ -45,7 +45,7 @@ def add_plate(folder: RunFolder, cell: Path) -> None:
         recording.time_s, low_pass(recording.position, recording.sample_period_s, 30.0)
     )
     bodies = build_rigid_bodies(loaded.robot, loaded.plant.without_unmodelled())
-    model, data, gear = bodies.model, bodies.model.createData(), bodies.coupling().T
+    model, data, gear = bodies.model, bodies.model.createData(), bodies.gearing.T
     on_base = [i for i in range(1, model.njoints) if model.parents[i] == 0]
     wrench = np.zeros((len(times), 6))
     motion = (path(times) @ gear, path(times, 1) @ gear, path(times, 2) @ gear)
