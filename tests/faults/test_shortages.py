@@ -23,7 +23,7 @@ from config.errors import ShortageError
 from config.formats.bounded_file import read_file
 from config.process.shortage import as_named, as_shortage, require_memory
 from rid_daq.app import run
-from tests.rid_daq.invented import whole_result
+from tests.builders.invented import whole_result
 
 GIGABYTE = 1 << 30
 LITTLE = 200 << 20  # bytes: a command with all that it imports, and no file

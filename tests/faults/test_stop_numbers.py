@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from acquisition.motion.limits import position_bounds
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
 from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
-from tests.faults.obedient_cell import Outcome
+from tests.builders.obedient_cell import Outcome
 
 CELLS = 2000 if os.environ.get("RID_DAQ_SLOW") else 250
 CYCLES = 80

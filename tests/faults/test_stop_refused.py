@@ -15,7 +15,7 @@ from config.load import LoadedCell, to_yaml
 from config.motion.motion import FourierMotion
 from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
-from tests.faults.obedient_cell import Outcome, one_axis, rows_until
+from tests.builders.obedient_cell import Outcome, one_axis, rows_until
 
 Measured = Callable[[str], None]
 AT = 230

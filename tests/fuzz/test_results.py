@@ -11,8 +11,8 @@ from hypothesis import example, given, settings
 from acquisition.runs.folder import RunFolder
 from config.errors import RidDaqError
 from rid_daq.report.result import read_result, write_result
-from tests.fuzz.changed_json import changed
-from tests.rid_daq.invented import whole_result
+from tests.builders.changed_json import changed
+from tests.builders.invented import whole_result
 
 
 def report_of(data: bytes) -> str:

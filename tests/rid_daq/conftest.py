@@ -8,7 +8,7 @@ import pytest
 
 from config.load import load_cell, to_yaml
 from identification.design.two_harmonic import design_two_harmonic
-from tests.rid_daq.invented import whole_result
+from tests.builders.invented import whole_result
 
 
 @pytest.fixture(scope="session")

@@ -35,7 +35,7 @@ from config.errors import ConfigError, PreflightError, RecordingError
 from config.load import LoadedCell, load_cell
 from config.motion.motion import FourierJoint, FourierMotion
 from mock_hw.cell import SimulatedCell
-from tests.acquisition.recording_program import RECORD
+from tests.builders.recording_program import RECORD
 
 PATIENCE_S = 30.0
 RAMP_S = 0.25

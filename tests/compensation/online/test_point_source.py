@@ -20,7 +20,7 @@ from compensation.online.point_source import PointSource
 from config.errors import ConfigError, DriverError
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import torque
-from tests.compensation.point_streams import (
+from tests.builders.point_streams import (
     ACCELERATION,
     CELL,
     FORWARD,

@@ -10,7 +10,7 @@ from benchmarks.closed_loop import plant_at
 from compensation.online.point_ring import PointRing
 from compensation.online.point_source import PointSource
 from config.errors import ConfigError, DriverError
-from tests.compensation.point_streams import (
+from tests.builders.point_streams import (
     ACCELERATION,
     CELL,
     FORWARD,

@@ -10,7 +10,7 @@ import pytest
 
 from config.formats.eds import ElectronicDataSheet, parse_eds
 from config.formats.eds_object import DataType, EdsObject, EdsValue, parse_value
-from tests.config.data_sheet import SHEET, read
+from tests.builders.data_sheet import SHEET, read
 
 
 def only(keys: str, section: str = "[6077]") -> EdsObject:

@@ -10,7 +10,7 @@ from config.errors import ConfigError
 from config.formats.eds import MAX_OBJECTS, ElectronicDataSheet, parse_eds
 from config.formats.eds_object import DataType, EdsObject, EdsValue, parse_integer, parse_value
 from config.formats.eds_text import MAX_BYTES, MAX_LINE_CHARACTERS
-from tests.config.data_sheet import SHEET, read
+from tests.builders.data_sheet import SHEET, read
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import read_estimate, write_estimate
 from identification.model.options import ModelOptions
-from tests.fuzz.changed_json import changed
+from tests.builders.changed_json import changed
 
 
 @pytest.fixture(scope="module")

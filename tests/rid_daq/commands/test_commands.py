@@ -24,7 +24,7 @@ from acquisition.runs.manifest import RunStatus
 from acquisition.session.repair import repair_journal
 from config.errors import ConfigError
 from rid_daq.app import run
-from tests.rid_daq.told import document
+from tests.builders.told import document
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ from identification.estimation.file import read_estimate
 from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
 from rid_daq.session.cells import reachable_cell
-from tests.rid_daq.told import document
+from tests.builders.told import document
 
 CIRCLE = """
 kind: circle

@@ -16,7 +16,7 @@ from acquisition.runs.folder import RunFolder
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.preflight.sheet_check import refuse_unfit_sheets, sheet_lines
-from tests.rid_daq.told import document
+from tests.builders.told import document
 
 AXES = {1: "    node_id: 1\n", 2: "node_id: 2}", 3: "node_id: 3}"}
 

@@ -33,7 +33,7 @@ from identification.model.options import ModelOptions
 from rid_daq.app import run
 from rid_daq.jobs.design_job import chosen_criterion, excitation_problem
 from rid_daq.jobs.truth import true_parameters
-from tests.rid_daq.told import document
+from tests.builders.told import document
 
 
 @pytest.fixture(scope="module")

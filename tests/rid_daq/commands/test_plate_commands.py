@@ -26,7 +26,7 @@ from drivers.amplifier.frames import PLATE_EVENT, PLATE_ROW
 from drivers.interfaces import PlateRead
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
-from tests.rid_daq.told import document
+from tests.builders.told import document
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 200.0]}\n"

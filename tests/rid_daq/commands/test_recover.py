@@ -16,7 +16,7 @@ from acquisition.runs.manifest import RunStatus
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.runs.run_data import read_run
-from tests.rid_daq.told import document
+from tests.builders.told import document
 
 ROWS = 1000
 HALF = 400

@@ -17,7 +17,7 @@ from acquisition.runs.manifest import RECORDING, RunStatus
 from acquisition.task.control_block import ControlBlock, Progress, RecorderState
 from rid_daq.app import run
 from rid_daq.jobs import recording_job
-from tests.rid_daq.told import document
+from tests.builders.told import document
 
 INTO = 100
 """Rows of the motion that have been commanded when somebody comes."""

@@ -26,7 +26,7 @@ from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
 from rid_daq.app import run
 from rid_daq.jobs.truth import true_parameters
-from tests.rid_daq.told import document
+from tests.builders.told import document
 
 CYCLE_S = 0.008
 PERIODS = 4

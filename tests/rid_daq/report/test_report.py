@@ -13,7 +13,7 @@ from config.errors import RecordingError
 from rid_daq.report.path_figures import magnification
 from rid_daq.report.render import duration, number, render_report
 from rid_daq.report.result import check, new_result, read_result, verdict, write_result
-from tests.rid_daq.invented import whole_result
+from tests.builders.invented import whole_result
 
 
 class _Page(HTMLParser):

@@ -26,7 +26,7 @@ from rid_daq.app import run
 from rid_daq.session.process_identity import ProcessIdentity
 from rid_daq.session.running_sessions import RunningSession, running_sessions
 from rid_daq.session.session import hold_cell
-from tests.rid_daq.people import LIAR, ME, PERSON, STRANGER, People, heard, lives
+from tests.builders.people import LIAR, ME, PERSON, STRANGER, People, heard, lives
 
 COLLEAGUE, NEXT = 64001, 64002
 needs_root = pytest.mark.skipif(ME != 0, reason="only root can act as two other users")
