@@ -19,7 +19,8 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
-from dynamics.geometry.kinematics import Chain, FloatArray
+from config.arrays import FloatArray
+from dynamics.geometry.kinematics import Chain
 from dynamics.model.inverse_dynamics import regressor_gradient, torque_derivatives
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor, torque
 from dynamics.terms.rigid_body import RigidBodies

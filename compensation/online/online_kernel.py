@@ -31,7 +31,7 @@ from compensation.online.path_kernels import (
     advance,
     take_points,
 )
-from dynamics.geometry.kinematics import FloatArray, IntArray
+from config.arrays import FloatArray, IntArray
 from dynamics.kernels.simd import kernel
 from dynamics.model.one_sample import ModelArrays, sample_torque
 

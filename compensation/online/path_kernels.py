@@ -18,7 +18,7 @@ import math
 from typing import Final
 
 from compensation.online.point_ring import READ, TOTAL, WRITTEN
-from dynamics.geometry.kinematics import FloatArray, IntArray
+from config.arrays import FloatArray, IntArray
 from dynamics.kernels.simd import kernel
 from dynamics.model.one_sample import ModelArrays, sample_torque
 

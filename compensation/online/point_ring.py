@@ -15,9 +15,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from config.arrays import FloatArray
+from config.arrays import FloatArray, IntArray
 from config.errors import ConfigError
-from dynamics.geometry.kinematics import IntArray
 
 WRITTEN: Final = 0  # counters, each in a cache line of its own
 READ: Final = 8

@@ -7,12 +7,10 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.xml_tree import XmlElement, parse_xml
-
-FloatArray = npt.NDArray[np.float64]
 
 RIGHT_ANGLE_TOLERANCE_RAD: Final = 1e-5
 MOVING: Final = ("revolute", "continuous", "prismatic")

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from config.arrays import FloatArray
 from config.robot.robot import KinematicRow
-
-FloatArray = npt.NDArray[np.float64]
 
 NEARLY_PARALLEL: Final = 0.17  # sine of the angle, about 10 degrees
 _EXACT: Final = 1e-12

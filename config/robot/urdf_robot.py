@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import ValidationError
 
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.urdf import MOVING, UrdfCollision, UrdfJoint, UrdfTree, rpy_of_rotation
 from config.robot.axis_lines import AxisFrames, rows_of_axes
 from config.robot.bodies import Body, Capsule, Hull
 from config.robot.robot import Joint, JointLimits, Kinematics, LinkCad, RobotDescription, Vector3
-
-FloatArray = npt.NDArray[np.float64]
 
 GRAVITY_M_S2: Final = 9.81
 ACCELERATION_PER_VELOCITY: Final = 5.0

@@ -9,15 +9,10 @@ from itertools import combinations
 import coal  # pyright: ignore[reportMissingImports]
 import numpy as np
 
+from config.arrays import FloatArray, IntArray
 from config.robot.bodies import Body, Box, Capsule, Plane, Workspace
 from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import (
-    Chain,
-    FloatArray,
-    IntArray,
-    link_transforms,
-    point_jacobian,
-)
+from dynamics.geometry.kinematics import Chain, link_transforms, point_jacobian
 
 POINT_RADIUS_M = 1e-4
 

@@ -6,8 +6,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from config.arrays import FloatArray
 from config.errors import ConfigError
-from dynamics.geometry.kinematics import Chain, FloatArray, jacobian, link_transforms
+from dynamics.geometry.kinematics import Chain, jacobian, link_transforms
 
 ITERATIONS: Final = 50
 TOLERANCE_M: Final = 1e-11

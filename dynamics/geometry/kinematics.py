@@ -8,12 +8,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 ChainArrays = tuple[FloatArray, FloatArray, BoolArray, FloatArray]
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynamics.geometry.kinematics import BoolArray, ChainArrays, FloatArray
+from config.arrays import BoolArray, FloatArray
+from dynamics.geometry.kinematics import ChainArrays
 from dynamics.kernels.rigid_body import RotorArrays
 from dynamics.kernels.simd import (
     LANES,

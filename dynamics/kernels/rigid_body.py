@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynamics.geometry.kinematics import ChainArrays, FloatArray, IntArray
+from config.arrays import FloatArray, IntArray
+from dynamics.geometry.kinematics import ChainArrays
 from dynamics.kernels.simd import LANES, gather, kernel, scatter, store, store_transposed
 from dynamics.kernels.vectors import (
     Vector,

@@ -5,7 +5,7 @@ Vectors are tuples, which the compiler keeps in registers.
 
 from __future__ import annotations
 
-from dynamics.geometry.kinematics import FloatArray
+from config.arrays import FloatArray
 from dynamics.kernels.simd import Lanes, Samples, floor, kernel, load, spread, store
 
 Vector = tuple[Lanes, Lanes, Lanes]

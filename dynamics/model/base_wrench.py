@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from dynamics.geometry.kinematics import FloatArray
+from config.arrays import FloatArray
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, checked_parameters
 
 STEP: Final = 1e-4

@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.robot.robot import LinkCad, RobotDescription
-from dynamics.geometry.kinematics import FloatArray
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from config.arrays import FloatArray
 from config.errors import EstimationError
-from dynamics.geometry.kinematics import FloatArray
 from dynamics.model.robot_model import RobotModel, checked_parameters, load_torque
 from dynamics.model.transmission import Transmission
 from dynamics.terms.conditions import Conditions

@@ -15,8 +15,8 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from config.arrays import BoolArray, FloatArray
 from config.errors import EstimationError
-from dynamics.geometry.kinematics import BoolArray, FloatArray
 from dynamics.kernels.simd import kernel
 from dynamics.model.robot_model import RobotModel, checked_parameters
 from dynamics.terms.armature import Armature

@@ -10,9 +10,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import Chain, FloatArray
+from dynamics.geometry.kinematics import Chain
 from dynamics.model.transmission import Transmission
 from dynamics.terms.armature import Armature
 from dynamics.terms.conditions import Conditions

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from dynamics.geometry.kinematics import FloatArray
+from config.arrays import FloatArray
 from dynamics.model.robot_model import RobotModel, checked_parameters
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.friction import Friction

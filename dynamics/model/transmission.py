@@ -7,9 +7,9 @@ from typing import Final, Literal
 
 import numpy as np
 
+from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import FloatArray
 from dynamics.terms.motion import Motion
 from dynamics.terms.shape import ShapeParameter
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import FloatArray
 from dynamics.terms.motion import Motion
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from dynamics.geometry.kinematics import FloatArray
+from config.arrays import FloatArray
 
 STEP: Final = 1e-30
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynamics.geometry.kinematics import FloatArray
+from config.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

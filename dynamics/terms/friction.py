@@ -8,9 +8,9 @@ from typing import Final, Literal
 
 import numpy as np
 
+from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import FrictionTerm, Joint, RobotDescription
-from dynamics.geometry.kinematics import FloatArray
 from dynamics.terms.complex_step import Values, slopes
 from dynamics.terms.motion import Motion
 from dynamics.terms.shape import ShapeParameter

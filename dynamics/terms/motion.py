@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from config.arrays import FloatArray
 from config.errors import EstimationError
-from dynamics.geometry.kinematics import FloatArray
 from dynamics.terms.conditions import Conditions
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynamics.geometry.kinematics import Chain, FloatArray
+from config.arrays import FloatArray
+from dynamics.geometry.kinematics import Chain
 from dynamics.terms.motion import Motion
 from dynamics.terms.rigid_body import SYMBOLS, UNITS, fill_links, links_gradient
 

@@ -7,8 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
-from dynamics.geometry.kinematics import Chain, FloatArray, IntArray
+from dynamics.geometry.kinematics import Chain
 from dynamics.kernels.gradients import pull_back
 from dynamics.kernels.rigid_body import fill_rigid_body
 from dynamics.kernels.threads import share_out

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import Chain, FloatArray, IntArray
+from dynamics.geometry.kinematics import Chain
 from dynamics.kernels.gradients import pull_back
 from dynamics.kernels.rigid_body import RotorArrays, fill_rotors
 from dynamics.kernels.threads import share_out

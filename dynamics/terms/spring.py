@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import FloatArray
 from dynamics.terms.complex_step import Values, slopes
 from dynamics.terms.motion import Motion
 

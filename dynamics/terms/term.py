@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Protocol
 
-from dynamics.geometry.kinematics import FloatArray
+from config.arrays import FloatArray
 from dynamics.terms.motion import Motion
 
 

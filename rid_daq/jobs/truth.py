@@ -6,21 +6,19 @@ Only a simulated robot has one. It is what the demo judges estimates and interva
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 from config.simulation.plant import PlantConfig
 from dynamics.model.robot_model import RobotModel
-
-FloatArray = npt.NDArray[np.float64]
 
 _AXES = "xyz"
 
 
 def true_parameters(
     model: RobotModel, robot: RobotDescription, plant: PlantConfig
-) -> npt.NDArray[np.float64]:
+) -> FloatArray:
     """Return the plant's values of the model's standard parameters.
 
     Link inertias are moved from the centre of gravity to the link frame's origin; the polar

@@ -6,16 +6,14 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from acquisition.processing.periods import PeriodAverage
+from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.validation.period_comparison import compare_period
 from identification.validation.torque_prediction import Validation
 from rid_daq.report.sections import rounded, thinned, units
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def validation_section(

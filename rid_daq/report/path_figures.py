@@ -7,13 +7,10 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rid_daq.report.figures import FAINT, MEASURED, PREDICTED, STYLE, WRONG, as_svg
-
-FloatArray = npt.NDArray[np.float64]
 
 DRAWN_SHARE = 0.12
 AXES = "xyz"

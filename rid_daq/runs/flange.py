@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import JsonValue
 
 from acquisition.runs.folder import RunFolder
+from config.arrays import FloatArray
 from config.load import LoadedCell, load_bundled_or_path, to_yaml
 from config.simulation.plant import PlantConfig
-from dynamics.geometry.kinematics import FloatArray
 from identification.payload.body import PayloadBody, flange_pose, reported, to_link
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import JudgedPayload

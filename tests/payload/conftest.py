@@ -8,19 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 from acquisition.motion.fourier import FourierTrajectory
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.recording.recording import Recording
+from config.arrays import FloatArray
 from config.load import load_robot
 from config.motion.motion import FourierMotion
 from config.robot.robot import RobotDescription
 from identification.design.two_harmonic import two_harmonic_draws
 from identification.payload.body import PayloadBody
-
-FloatArray = NDArray[np.float64]
 
 CYCLE_S = 0.01
 FINE = 5
