@@ -60,7 +60,7 @@ def with_noise(
         values=base.from_standard(truth) + error,
         covariance_noise=None,
         covariance_residual=covariance,
-        covariance_honest=covariance,
+        covariance_jackknife=covariance,
         condition_number=1.0,
         equations=len(phi),
         residual_nm=np.full(n, noise_nm),

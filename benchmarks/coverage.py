@@ -4,7 +4,7 @@
 white noise, every experiment has model errors of its own that repeat in each period, so that
 averaging does not remove them: ripple over the joint angle (gears, motors) with random wave
 numbers, and coloured torque with a first-order spectrum. At two standard deviations (nominal
-95.4 %) the honest interval must hold the truth in 90 to 98 % of the cases.
+95.4 %) the cluster-robust interval must hold the truth in 90 to 98 % of the cases.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ LOW, HIGH = 0.90, 0.98
 class Coverage:
     """Shares of base parameters whose truth lies within two standard deviations."""
 
-    honest: float
+    clustered: float
     white: float
     noise: float
 
@@ -116,19 +116,19 @@ def main() -> int:
     experiments = 50 if "--quick" in sys.argv else 200
     found = coverage(experiments)
     print(f"{experiments} experiments with model error, two standard deviations hold the truth:")
-    print(f"  honest interval (cluster jackknife)  {100 * found.honest:.1f} %")
+    print(f"  cluster-robust interval (jackknife)  {100 * found.clustered:.1f} %")
     print(f"  residuals taken for white            {100 * found.white:.1f} %")
     print(f"  measured noise alone                 {100 * found.noise:.1f} %")
-    holds = LOW <= found.honest <= HIGH
+    holds = LOW <= found.clustered <= HIGH
     print(
         json.dumps(
             {
                 "name": "coverage",
-                "value": round(100.0 * found.honest, 1),
+                "value": round(100.0 * found.clustered, 1),
                 "unit": "% of parameters inside two sigma",
                 "ratios": {
-                    "white residuals": round(found.honest / found.white, 2),
-                    "noise alone": round(found.honest / found.noise, 2),
+                    "white residuals": round(found.clustered / found.white, 2),
+                    "noise alone": round(found.clustered / found.noise, 2),
                 },
                 "bar": f"{100 * LOW:g} to {100 * HIGH:g} % at nominal 95 %",
                 "holds": holds,

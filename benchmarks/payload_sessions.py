@@ -4,9 +4,9 @@
 user would run it, unattended: cold motors, preflight, rehearsal, warm-up, the run without payload,
 the run with it, all over the simulated buses; with a seed of its own for motion and cell. Of each
 of the three reference payloads ten: mass within 40 g, centre of gravity within 2 mm, the truth
-inside two honest standard deviations in at least 90 % of all values, and scatter between sessions
-over the quoted standard deviation from 0.7 to 1.4. `--quick` does one short session of one payload,
-and holds it against its own intervals alone. `--jobs 2` runs two sessions side by side.
+inside two cluster-robust standard deviations in at least 90 % of all values, and scatter between
+sessions over the quoted standard deviation from 0.7 to 1.4. `--quick` does one short session of one
+payload, and holds it against its own intervals alone. `--jobs 2` runs two sessions side by side.
 """
 
 from __future__ import annotations

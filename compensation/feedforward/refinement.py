@@ -248,7 +248,9 @@ def _inertia_and_friction(
         one[:, j] = 1.0
         columns = (_columns(smooth, q, rest, one) - standing)[:, j]
         inertia[:, j] = columns @ smooth.values
-        spread[:, j] = np.sqrt(np.einsum("sb,bc,sc->s", columns, smooth.covariance_honest, columns))
+        spread[:, j] = np.sqrt(
+            np.einsum("sb,bc,sc->s", columns, smooth.covariance_jackknife, columns)
+        )
         ahead, back = (predict(smooth, q, sign * SMALL_STEP * one, rest) for sign in (1.0, -1.0))
         viscous[j] = float(((ahead - back)[:, j] / (2.0 * SMALL_STEP)).mean())
     return inertia, spread, viscous

@@ -19,10 +19,10 @@ from dynamics.terms.armature import Armature
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.friction import Friction
 from dynamics.terms.motion import Motion
+from dynamics.terms.nonlinear import NonlinearParameter
 from dynamics.terms.payload import Payload
 from dynamics.terms.rigid_body import RigidBodies
 from dynamics.terms.rotors import Rotors
-from dynamics.terms.shape import ShapeParameter
 from dynamics.terms.spring import Spring
 from dynamics.terms.term import Term
 
@@ -127,32 +127,32 @@ class RobotModel:
         }
 
     @property
-    def _shape(self) -> tuple[ShapeParameter, ...]:
+    def _shape(self) -> tuple[NonlinearParameter, ...]:
         friction = (term.shape for term in self.terms if isinstance(term, Friction))
         return (*(p for shape in friction for p in shape), *self.transmission.shape)
 
     @property
-    def shape_names(self) -> tuple[str, ...]:
+    def nonlinear_names(self) -> tuple[str, ...]:
         """The parameters that the torque is not linear in: Stribeck speeds, losses of gears."""
         return tuple(parameter.name for parameter in self._shape)
 
     @property
-    def shape_units(self) -> tuple[str, ...]:
+    def nonlinear_units(self) -> tuple[str, ...]:
         """Their units, in the order of the names."""
         return tuple(parameter.unit for parameter in self._shape)
 
     @property
-    def shape_values(self) -> FloatArray:
+    def nonlinear_values(self) -> FloatArray:
         """Their values, in the order of the names."""
         return np.array([parameter.value for parameter in self._shape])
 
     @property
-    def shape_bounds(self) -> FloatArray:
-        """The ranges that they must stay in, (shape parameters, 2)."""
+    def nonlinear_bounds(self) -> FloatArray:
+        """The ranges that they must stay in, (nonlinear parameters, 2)."""
         return np.array([(p.low, p.high) for p in self._shape]).reshape(-1, 2)
 
-    def with_shape(self, values: npt.ArrayLike) -> RobotModel:
-        """Return the same model with other values of `shape_names`.
+    def with_nonlinear(self, values: npt.ArrayLike) -> RobotModel:
+        """Return the same model with other values of `nonlinear_names`.
 
         Raises
         ------
@@ -162,16 +162,19 @@ class RobotModel:
         shape = np.asarray(values, dtype=np.float64)
         if shape.shape != (len(self._shape),):
             raise EstimationError(
-                f"the model has {len(self._shape)} shape parameters"
-                f" ({', '.join(self.shape_names) or 'none'}), got an array of shape {shape.shape}"
+                f"the model has {len(self._shape)} nonlinear parameters"
+                f" ({', '.join(self.nonlinear_names) or 'none'}), got an array of shape"
+                f" {shape.shape}"
             )
         terms: list[Term] = []
         for term in self.terms:
             if isinstance(term, Friction):
                 count = len(term.shape)
-                term, shape = term.with_shape(shape[:count]), shape[count:]
+                term, shape = term.with_nonlinear(shape[:count]), shape[count:]
             terms.append(term)
-        return replace(self, terms=tuple(terms), transmission=self.transmission.with_shape(shape))
+        return replace(
+            self, terms=tuple(terms), transmission=self.transmission.with_nonlinear(shape)
+        )
 
     def motion(
         self,

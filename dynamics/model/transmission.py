@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.motion import Motion
-from dynamics.terms.shape import ShapeParameter
+from dynamics.terms.nonlinear import NonlinearParameter
 
 LOWEST_EFFICIENCY: Final = 0.2
 HIGHEST_LOAD_FRICTION: Final = 0.5
@@ -24,7 +24,7 @@ class GearLoss:
 
     joint: int
     kind: Literal["efficiency", "load"]
-    parameter: ShapeParameter
+    parameter: NonlinearParameter
 
 
 @dataclass(frozen=True)
@@ -45,23 +45,23 @@ class Transmission:
         losses: list[GearLoss] = []
         for j, joint in enumerate(robot.joints):
             if joint.efficiency is not None:
-                eta = ShapeParameter(
+                eta = NonlinearParameter(
                     f"eta_{joint.name}", "1", joint.efficiency, LOWEST_EFFICIENCY, 1.0
                 )
                 losses.append(GearLoss(j, "efficiency", eta))
             if friction and "load" in joint.friction:
-                share = ShapeParameter(
+                share = NonlinearParameter(
                     f"cl_{joint.name}", "1", START_LOAD_FRICTION, 0.0, HIGHEST_LOAD_FRICTION
                 )
                 losses.append(GearLoss(j, "load", share))
         return cls(tuple(losses))
 
     @property
-    def shape(self) -> tuple[ShapeParameter, ...]:
+    def shape(self) -> tuple[NonlinearParameter, ...]:
         """The nonlinear parameters, gear by gear."""
         return tuple(loss.parameter for loss in self.losses)
 
-    def with_shape(self, values: FloatArray) -> Transmission:
+    def with_nonlinear(self, values: FloatArray) -> Transmission:
         """Return the same gears with other values of the nonlinear parameters."""
         return Transmission(
             tuple(
@@ -87,7 +87,7 @@ class Transmission:
             factors[:, loss.joint] *= value**-s if loss.kind == "efficiency" else 1.0 + value * s
         return factors
 
-    def shape_slopes(self, motion: Motion) -> FloatArray:
+    def nonlinear_slopes(self, motion: Motion) -> FloatArray:
         """Return how the torque changes with the losses, (samples, n, losses)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.losses)))
         if not self.losses:

@@ -13,7 +13,7 @@ from config.errors import EstimationError
 from config.robot.robot import FrictionTerm, Joint, RobotDescription
 from dynamics.terms.complex_step import Values, slopes
 from dynamics.terms.motion import Motion
-from dynamics.terms.shape import ShapeParameter
+from dynamics.terms.nonlinear import NonlinearParameter
 
 SLOWEST_STRIBECK: Final = 0.02
 FASTEST_STRIBECK: Final = 0.5
@@ -77,7 +77,7 @@ class StribeckSpeed:
     """Speed at which the Stribeck friction of a joint (from 0) has fallen to 1/e (2.10)."""
 
     joint: int
-    parameter: ShapeParameter
+    parameter: NonlinearParameter
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Friction:
         stribeck = tuple(
             StribeckSpeed(
                 j,
-                ShapeParameter(
+                NonlinearParameter(
                     f"vs_{joint.name}",
                     "m/s" if joint.type == "prismatic" else "rad/s",
                     joint.stribeck_velocity,
@@ -142,11 +142,11 @@ class Friction:
         return tuple(column.unit for column in self.columns)
 
     @property
-    def shape(self) -> tuple[ShapeParameter, ...]:
+    def shape(self) -> tuple[NonlinearParameter, ...]:
         """The nonlinear parameters: the Stribeck speeds, joint by joint."""
         return tuple(speed.parameter for speed in self.stribeck)
 
-    def with_shape(self, values: FloatArray) -> Friction:
+    def with_nonlinear(self, values: FloatArray) -> Friction:
         """Return the same friction with other Stribeck speeds."""
         return replace(
             self,
@@ -156,7 +156,7 @@ class Friction:
             ),
         )
 
-    def shape_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
+    def nonlinear_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
         """Return how the torque changes with the Stribeck speeds, (samples, n, speeds)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.stribeck)))
         for k, stribeck in enumerate(self.stribeck):

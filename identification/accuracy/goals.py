@@ -140,7 +140,9 @@ def _parse(text: str, model: RobotModel, base: BaseParameters) -> Goal:
         own = base.units[base.names.index(name)].replace(" ", "")
     elif name in model.parameter_names:
         index = base.standard_names.index(name)
-        inside = [w for w, row in zip(base.words, base.combination, strict=True) if row[index]]
+        inside = [
+            w for w, row in zip(base.expressions, base.combination, strict=True) if row[index]
+        ]
         where = f"it is seen only as part of {inside[0]!r}" if inside else "it has no effect at all"
         raise ConfigError(f"--until {text}: {name} cannot be identified by itself: {where}")
     else:
@@ -164,7 +166,7 @@ def _state(
         noise = estimate.covariance_noise
         return GoalState(
             goal,
-            _torque_sigma(estimate, estimate.covariance_honest, motion),
+            _torque_sigma(estimate, estimate.covariance_jackknife, motion),
             goal.limit,
             None if noise is None else _torque_sigma(estimate, noise, motion),
             "N m",

@@ -12,7 +12,7 @@ from config.arrays import FloatArray
 from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
-from identification.consistency.closest_robot import honest_metric
+from identification.consistency.closest_robot import jackknife_metric
 from identification.estimation.estimate import Estimate
 from identification.model.torque_columns import torque_columns
 
@@ -27,17 +27,17 @@ class WeakParameter:
 
     Attributes
     ----------
-    words, unit : str
+    expression, unit : str
         The parameter.
     value, sigma : float
-        Its estimate and honest standard deviation.
+        Its estimate and cluster-robust standard deviation.
     motion : str
         The motion that would show it best, in words; empty where none of those tried does.
     gain : float
         How many times smaller the standard deviation would be with that motion added.
     """
 
-    words: str
+    expression: str
     unit: str
     value: float
     sigma: float
@@ -47,7 +47,8 @@ class WeakParameter:
     @property
     def sentence(self) -> str:
         """The finding in words."""
-        text = f"{self.words} = {self.value:.3g} ± {2 * self.sigma:.2g} {self.unit} is hardly seen"
+        interval = f"{self.value:.3g} ± {2 * self.sigma:.2g} {self.unit}"
+        text = f"{self.expression} = {interval} is hardly seen"
         if not self.motion:
             return f"{text}; it is small, and no motion of one or two joints would show it better."
         return (
@@ -77,14 +78,14 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     ][:most]
     if not weak:
         return ()
-    _, factor = honest_metric(estimate)
+    _, factor = jackknife_metric(estimate)
     whitening = np.linalg.inv(sigma[:, np.newaxis] * factor)
     information = whitening.T @ whitening
     noise = np.maximum(estimate.residual_nm, 1e-6 * estimate.residual_nm.max())
     # Coloured residuals are worth fewer values than there are rows.
     white = np.diagonal(estimate.covariance_residual)
-    honest = np.diagonal(estimate.covariance_honest)
-    colour = min(1.0, float(np.median(white / honest)))
+    clustered = np.diagonal(estimate.covariance_jackknife)
+    colour = min(1.0, float(np.median(white / clustered)))
     tried: list[tuple[str, FloatArray]] = []
     for words, motion in joint_motions(estimate.robot):
         tried.append((words, _information(estimate, motion, noise)))
@@ -99,7 +100,7 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
                 best, gain = words, better
         found.append(
             WeakParameter(
-                words=estimate.base.words[i],
+                expression=estimate.base.expressions[i],
                 unit=estimate.base.units[i],
                 value=float(estimate.values[i]),
                 sigma=float(sigma[i]),

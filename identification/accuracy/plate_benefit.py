@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 
 from config.arrays import FloatArray
 from config.errors import EstimationError
-from identification.equations.whitened import WhiteEquations
+from identification.equations.whitened import WhitenedEquations
 from identification.estimation.fitted_periods import FittedPeriods
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.regression.least_squares import triangular_factor
@@ -31,7 +31,7 @@ class ImprovedParameter:
 
     Attributes
     ----------
-    words, unit : str
+    expression, unit : str
         The combination.
     value : float
         Its estimate by the combined model.
@@ -42,7 +42,7 @@ class ImprovedParameter:
         The same with both.
     """
 
-    words: str
+    expression: str
     unit: str
     value: float
     sigma_internal: float | None
@@ -108,7 +108,9 @@ def improvement(fitted: FittedPeriods) -> Improvement:
     internal = base_parameters(fitted.model, kind="internal")
     external = base_parameters(fitted.model, kind="external")
     rows = [(internal, i) for i in range(len(internal))]
-    rows += [(external, i) for i, w in enumerate(external.words) if w not in internal.words]
+    rows += [
+        (external, i) for i, w in enumerate(external.expressions) if w not in internal.expressions
+    ]
     functionals = np.array([_functional(base, i, fitted.base) for base, i in rows])
     steps = len(fitted.fit.solution.values) - len(fitted.base)
     wide = np.hstack([functionals, np.zeros((len(rows), steps))])
@@ -121,7 +123,7 @@ def improvement(fitted: FittedPeriods) -> Improvement:
     shared = np.flatnonzero(np.isfinite(np.diagonal(of_joints) + np.diagonal(of_plates)))
     parameters = tuple(
         ImprovedParameter(
-            words=base.words[i],
+            expression=base.expressions[i],
             unit=base.units[i],
             value=float(functionals[k] @ fitted.fit.solution.values[: len(fitted.base)]),
             sigma_internal=_sigma(of_joints[k, k]),
@@ -132,7 +134,7 @@ def improvement(fitted: FittedPeriods) -> Improvement:
     )
     return Improvement(
         parameters,
-        tuple(parameters[k].words for k in shared),
+        tuple(parameters[k].expression for k in shared),
         _determinant_ratio(of_joints, of_both, shared),
     )
 
@@ -155,7 +157,7 @@ def _unknowns(base: BaseParameters, fitted: FittedPeriods, steps: Sequence[int])
 
 
 def _covariance(
-    outputs: Sequence[WhiteEquations], basis: FloatArray, functionals: FloatArray
+    outputs: Sequence[WhitenedEquations], basis: FloatArray, functionals: FloatArray
 ) -> FloatArray:
     """Return the covariance of functionals (any, p) of unknowns spanned by a basis (p, any).
 

@@ -138,7 +138,7 @@ def weighed(
     values : ndarray, shape (b,)
         Base parameters.
     covariance : ndarray, shape (b, b)
-        The honest covariance of the others.
+        The cluster-robust covariance of the others.
     known : bool
         Whether the mass is known from either.
 
@@ -154,7 +154,7 @@ def weighed(
         )
     model, base = estimate.model, estimate.base
     constant = weight_parameters(estimate)
-    values, covariance = estimate.values.copy(), estimate.covariance_honest.copy()
+    values, covariance = estimate.values.copy(), estimate.covariance_jackknife.copy()
     covariance[constant] = 0.0
     covariance[:, constant] = 0.0
     robot, known = estimate.robot, mass_kg is not None or estimate.robot.cad is not None

@@ -41,7 +41,7 @@ class DriveGains:
     joint_names : tuple of str
         The joints.
     values, sigma : ndarray, shape (n,)
-        Gains and their honest standard deviations; 1 where the torque constant is right.
+        Gains and their cluster-robust standard deviations; 1 where the torque constant is right.
     covariance : ndarray, shape (n, n)
         Of the gains, which share the error of the load.
     """

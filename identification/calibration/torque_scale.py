@@ -16,9 +16,9 @@ from scipy.special import chdtrc, fdtrc, stdtr
 
 from config.arrays import FloatArray
 from config.errors import EstimationError
-from identification.equations.whitened import WhiteEquations, bin_clusters
+from identification.equations.whitened import WhitenedEquations, bin_clusters
 from identification.estimation.fitted_periods import FittedPeriods
-from identification.estimation.shape_parameters import step_prior
+from identification.estimation.nonlinear_parameters import step_prior
 from identification.regression.intervals import jackknife
 from identification.regression.least_squares import Triangle, solve
 
@@ -38,7 +38,7 @@ class TorqueScale:
     ratio : float
         Torque as measured over torque as the plate has it.
     sigma : float
-        Standard deviation of the ratio, honest about coloured residuals.
+        Standard deviation of the ratio, cluster-robust.
     p_value : float
         Probability of such a deviation from 1 on any axis where all agree (Holm).
     """
@@ -140,10 +140,10 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
         solution = solve([*triangles, *known], [1.0] * (len(triangles) + len(known)), names)
         near, scale = solution.values[:width], scale + solution.values[width:]
         clusters = sum(len(parts[0].rhs) // 2 + 1 for parts in white)
-        honest = jackknife(solution.information, bin_clusters(white, solution.values))
+        clustered = jackknife(solution.information, bin_clusters(white, solution.values))
         covariance = np.where(
-            np.outer(*[np.diagonal(honest) >= np.diagonal(solution.covariance)] * 2),
-            honest,
+            np.outer(*[np.diagonal(clustered) >= np.diagonal(solution.covariance)] * 2),
+            clustered,
             solution.covariance,
         )[width:, width:]
     sigma = np.sqrt(np.diagonal(covariance))
@@ -160,8 +160,8 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
 
 
 def _scaled(
-    parts: tuple[WhiteEquations, ...], near: FloatArray, scale: FloatArray
-) -> Iterator[WhiteEquations]:
+    parts: tuple[WhitenedEquations, ...], near: FloatArray, scale: FloatArray
+) -> Iterator[WhitenedEquations]:
     """Yield outputs linearised in the factors of the joints' torques, which come first."""
     for j, part in enumerate(parts):
         columns = np.zeros((len(part.rhs), len(scale)))

@@ -97,12 +97,12 @@ class ConsistentEstimate:
 def consistent(estimate: Estimate) -> ConsistentEstimate:
     """Find the robot that can exist and is closest to an estimate.
 
-    The distance is chi-square in the metric of `honest_metric`. What the measurement cannot see is
-    picked by a weak pull, a thousandth of a chi-square each, towards the drawings' values in their
-    sigmas, or where there are none those of a plausible robot (`nominal_parameters`). Positive
-    definite means: at least a hundredth of the nominal body. A friction of Coulomb and viscous
-    terms has no negative coefficient; any other brakes at every speed from 2 % to 100 % of the
-    joint's limit. Stiffness and preload of a spring are not negative.
+    The distance is chi-square in the metric of `jackknife_metric`. What the measurement cannot see
+    is picked by a weak pull, a thousandth of a chi-square each, towards the drawings' values in
+    their sigmas, or where there are none those of a plausible robot (`nominal_parameters`).
+    Positive definite means: at least a hundredth of the nominal body. A friction of Coulomb and
+    viscous terms has no negative coefficient; any other brakes at every speed from 2 % to 100 % of
+    the joint's limit. Stiffness and preload of a spring are not negative.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def consistent(estimate: Estimate) -> ConsistentEstimate:
         The solver found none.
     """
     base = estimate.base
-    sigma, factor = honest_metric(estimate)
+    sigma, factor = jackknife_metric(estimate)
     standard = programme(estimate).solve()
     values = base.from_standard(standard)
     distance = float(np.sum(_whitened(factor, (values - estimate.values) / sigma) ** 2))
@@ -128,7 +128,7 @@ def programme(estimate: Estimate) -> ConsistencyProgramme:
     model, base = estimate.model, estimate.base
     centre, scale = nominal_parameters(model, estimate.robot)
     bodies = _bodies(model)
-    sigma, factor = honest_metric(estimate)
+    sigma, factor = jackknife_metric(estimate)
     residual = (estimate.values - base.from_standard(centre)) / sigma
     smallest = pseudo_inertia(np.array(SMALLEST_BODY))
     return ConsistencyProgramme(
@@ -143,12 +143,12 @@ def programme(estimate: Estimate) -> ConsistencyProgramme:
     )
 
 
-def honest_metric(estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+def jackknife_metric(estimate: Estimate) -> tuple[FloatArray, FloatArray]:
     """Return the estimate's sigmas and the Cholesky factor of its correlations.
 
-    The honest covariance of a short recording is singular: it has a direction for each second of
-    it. Its sigmas are taken, and correlations half its own, half those of white residuals, which
-    have full rank (shrinkage towards a target, Ledoit and Wolf 2004).
+    The cluster-robust covariance of a short recording is singular: it has a direction for each
+    second of it. Its sigmas are taken, and correlations half its own, half those of white
+    residuals, which have full rank (shrinkage towards a target, Ledoit and Wolf 2004).
 
     Returns
     -------
@@ -165,7 +165,7 @@ def honest_metric(estimate: Estimate) -> tuple[FloatArray, FloatArray]:
     try:
         correlation = sum(
             0.5 * covariance / np.sqrt(np.outer(np.diagonal(covariance), np.diagonal(covariance)))
-            for covariance in (estimate.covariance_honest, estimate.covariance_residual)
+            for covariance in (estimate.covariance_jackknife, estimate.covariance_residual)
         )
         return estimate.sigma, np.array(np.linalg.cholesky(correlation), dtype=float)
     except (np.linalg.LinAlgError, FloatingPointError):

@@ -134,5 +134,5 @@ def check(method: Method, estimate: Estimate, runs: tuple[TimeRun, ...]) -> Cros
     sigma = np.sqrt(np.diagonal(covariance))
     together = np.sqrt(sigma**2 + estimate.sigma**2)
     difference = (values - estimate.values) / np.maximum(together, 1e-300)
-    worst = estimate.base.words[int(np.argmax(np.abs(difference)))]
+    worst = estimate.base.expressions[int(np.argmax(np.abs(difference)))]
     return CrossCheck(method, values, sigma, difference, worst)

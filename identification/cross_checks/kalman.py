@@ -62,7 +62,7 @@ def estimate_by_kalman_filter(
             " friction term `load` and efficiencies out"
         )
     values = estimate.values
-    covariance = estimate.covariance_honest + estimate.covariance_residual
+    covariance = estimate.covariance_jackknife + estimate.covariance_residual
     for _ in range(PASSES):
         covariance = FORGETTING * covariance
         for run in runs:
@@ -71,11 +71,11 @@ def estimate_by_kalman_filter(
                 rows = np.flatnonzero(run.signals.segment == segment)
                 with np.errstate(over="ignore", invalid="ignore"):
                     values, covariance = simulation.through(rows, values, covariance)
-    white, honest = (
+    white, clustered = (
         np.diagonal(estimate.covariance_residual),
-        np.diagonal(estimate.covariance_honest),
+        np.diagonal(estimate.covariance_jackknife),
     )
-    colour = np.sqrt(np.maximum(honest / white, 1.0))
+    colour = np.sqrt(np.maximum(clustered / white, 1.0))
     return values, np.asarray(covariance * np.outer(colour, colour))
 
 

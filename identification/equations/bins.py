@@ -135,7 +135,7 @@ def bin_equations(
     )
     period_s = average.period_s
     times = np.arange(len(q)) / len(q) * period_s
-    width = len(base) + (0 if standard is None else len(model.shape_names))
+    width = len(base) + (0 if standard is None else len(model.nonlinear_names))
     shape = (len(model.joint_names), 2 * harmonics + 1, width)
     matrix = np.zeros(shape)
     measured = average.reaction if plate else None

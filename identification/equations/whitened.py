@@ -1,4 +1,4 @@
-"""`WhiteEquations`: equations on DFT bins over their noise, ready for least squares."""
+"""`WhitenedEquations`: equations on DFT bins over their noise, ready for least squares."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NEGLIGIBLE_SIGMAS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class WhiteEquations:
+class WhitenedEquations:
     """The equations of one measured output with unit noise, its free torque projected out.
 
     An output is a joint's torque, or one of the uncorrelated combinations of the base wrench.
@@ -39,16 +39,16 @@ class WhiteEquations:
     sigma: FloatArray
     rows: int
 
-    def reweighted(self, weights: FloatArray) -> WhiteEquations:
+    def reweighted(self, weights: FloatArray) -> WhitenedEquations:
         """Return the rows times the roots of some weights."""
         root = np.sqrt(weights)
         return replace(self, matrix=self.matrix * root[:, np.newaxis], rhs=self.rhs * root)
 
-    def widened(self, columns: FloatArray) -> WhiteEquations:
+    def widened(self, columns: FloatArray) -> WhitenedEquations:
         """Return the rows with further columns (2 H + 1, any) of unknowns."""
         return replace(self, matrix=np.column_stack([self.matrix, columns]))
 
-    def scaled(self, factor: float) -> WhiteEquations:
+    def scaled(self, factor: float) -> WhitenedEquations:
         """Return the rows of an output that measures a factor more than the model's."""
         return replace(self, matrix=factor * self.matrix)
 
@@ -59,7 +59,7 @@ class WhiteEquations:
 
 def whiten(
     equations: BinEquations, inertia: FloatArray, *, uniform: bool = False
-) -> tuple[WhiteEquations, ...]:
+) -> tuple[WhitenedEquations, ...]:
     """Return each joint's equations over their noise.
 
     Parameters
@@ -87,13 +87,13 @@ def whiten(
         basis = _significant(free * weight[:, np.newaxis] * np.linalg.norm(equations.rhs[j]))
         matrix = matrix - basis @ (basis.T @ matrix)
         rhs = rhs - basis @ (basis.T @ rhs)
-        white.append(WhiteEquations(matrix, rhs, sigma[j], len(rhs) - basis.shape[1]))
+        white.append(WhitenedEquations(matrix, rhs, sigma[j], len(rhs) - basis.shape[1]))
     return tuple(white)
 
 
 def whiten_reaction(
     reaction: ReactionEquations, *, uniform: bool = False
-) -> tuple[WhiteEquations, ...]:
+) -> tuple[WhitenedEquations, ...]:
     """Return a plate's equations over their noise, as outputs that do not hang together.
 
     With `uniform` the noise is taken for white; N and N m still need its size to be compared.
@@ -110,7 +110,7 @@ def whiten_reaction(
     whole = np.concatenate([reaction.matrix, reaction.rhs[:, :, np.newaxis]], axis=2)
     white = np.asarray(np.linalg.solve(factor, whole.transpose(1, 0, 2)), dtype=np.float64)
     return tuple(
-        WhiteEquations(white[:, r, :-1], white[:, r, -1], factor[:, r, r], len(white))
+        WhitenedEquations(white[:, r, :-1], white[:, r, -1], factor[:, r, r], len(white))
         for r in range(white.shape[1])
     )
 
@@ -126,13 +126,13 @@ def _significant(free: FloatArray) -> FloatArray:
 
 
 def residual_covariance(
-    white: Iterable[tuple[WhiteEquations, ...]], values: FloatArray, covariance: FloatArray
+    white: Iterable[tuple[WhitenedEquations, ...]], values: FloatArray, covariance: FloatArray
 ) -> FloatArray:
     """Return the covariance that residuals taken for white show, output by output, shape (b, b).
 
     Parameters
     ----------
-    white : iterable of tuple of WhiteEquations
+    white : iterable of tuple of WhitenedEquations
         The equations of each period average.
     values : ndarray, shape (b,)
         The estimate.
@@ -151,7 +151,7 @@ def residual_covariance(
 
 
 def bin_clusters(
-    white: Iterable[tuple[WhiteEquations, ...]], values: FloatArray
+    white: Iterable[tuple[WhitenedEquations, ...]], values: FloatArray
 ) -> Iterator[Cluster]:
     """Yield each frequency bin of each period average, all outputs together, as a cluster."""
     for parts in white:

@@ -44,10 +44,10 @@ class Estimate:
         From the noise between periods; None where nothing repeated.
     covariance_residual : ndarray, shape (b, b)
         From the residuals of each joint, taken for white.
-    covariance_honest : ndarray, shape (b, b)
+    covariance_jackknife : ndarray, shape (b, b)
         From the residuals, whatever their colour (`identification.regression.intervals`).
-    shape_covariance : ndarray, shape (s, s)
-        The honest covariance of the nonlinear parameters.
+    nonlinear_covariance : ndarray, shape (s, s)
+        The cluster-robust covariance of the nonlinear parameters.
     condition_number : float
         Of the weighted regressor, columns scaled to length one (2.25, 2.26).
     equations : int
@@ -80,7 +80,7 @@ class Estimate:
     values: FloatArray
     covariance_noise: FloatArray | None
     covariance_residual: FloatArray
-    covariance_honest: FloatArray
+    covariance_jackknife: FloatArray
     condition_number: float
     equations: int
     residual_nm: FloatArray
@@ -91,7 +91,7 @@ class Estimate:
     standstill_rad_s: float
     weighting: Weighting = "ml"
     plate: PlateFit | None = None
-    shape_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    nonlinear_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     periods: int = 0
     cell_name: str = ""
     run_ids: tuple[str, ...] = ()
@@ -101,8 +101,8 @@ class Estimate:
         shapes: dict[str, tuple[int, ...]] = {
             "values": (b,),
             "covariance_residual": (b, b),
-            "covariance_honest": (b, b),
-            "shape_covariance": (s, s),
+            "covariance_jackknife": (b, b),
+            "nonlinear_covariance": (s, s),
             "residual_nm": (n,),
             "left_out_fraction": (n,),
         }
@@ -142,14 +142,14 @@ class Estimate:
 
     @property
     def sigma(self) -> FloatArray:
-        """The standard deviations to quote, shape (b,): the honest ones, at least the noise's."""
-        honest, noise = _sigma(self.covariance_honest), self.sigma_noise
-        return honest if noise is None else np.maximum(noise, honest)
+        """The standard deviations to quote, shape (b,): cluster-robust, at least the noise's."""
+        clustered, noise = _sigma(self.covariance_jackknife), self.sigma_noise
+        return clustered if noise is None else np.maximum(noise, clustered)
 
     @property
-    def shape_sigma(self) -> FloatArray:
+    def nonlinear_sigma(self) -> FloatArray:
         """Standard deviations of the nonlinear parameters, shape (s,)."""
-        return _sigma(self.shape_covariance)
+        return _sigma(self.nonlinear_covariance)
 
 
 def predict(

@@ -22,9 +22,9 @@ from identification.estimation.fitted_periods import (
     fit_periodic,
     model_of,
     prior_rows,
-    with_shape,
+    with_nonlinear,
 )
-from identification.estimation.shape_parameters import fit_shape
+from identification.estimation.nonlinear_parameters import fit_nonlinear
 from identification.estimation.smoothed_fit import SmoothedProblem
 from identification.model.options import ModelOptions
 from identification.regression.least_squares import Solution
@@ -106,9 +106,10 @@ def estimate_smoothed(
 ) -> Estimate:
     """Estimate from recordings that are not periodic, in the time domain.
 
-    A joint's equation is left out while the joint is slower than `standstill_rad_s`. The weight
-    of each joint is one over its residuals' standard deviation, found by iteration. Neighbouring
-    rows are not independent; the honest covariance takes the residuals of one second as one event.
+    A joint's equation is left out while the joint is slower than `standstill_rad_s`. The weight of
+    each joint is one over its residuals' standard deviation, found by iteration. Neighbouring rows
+    are not independent; the cluster-robust covariance takes the residuals of one second as one
+    event.
 
     Parameters
     ----------
@@ -139,26 +140,26 @@ def estimate_smoothed(
     )
     standard = None
     fit = problem.fit(model, None)
-    if model.shape_names:
+    if model.nonlinear_names:
         scale = fit.scale_nm
 
         def solve(model: RobotModel, standard: FloatArray | None) -> Solution:
             return problem.fit(model, standard, scale).solution
 
-        shaped = fit_shape(model, base, solve)
+        shaped = fit_nonlinear(model, base, solve)
         model, standard = shaped.model, shaped.standard
         fit = problem.fit(model, standard)
     b, covariance = len(base), fit.solution.covariance
-    honest = problem.honest_covariance(model, standard, fit)
+    clustered = problem.jackknife_covariance(model, standard, fit)
     return Estimate(
         robot=robot,
-        options=with_shape(options, model),
+        options=with_nonlinear(options, model),
         base=base,
         values=fit.solution.values[:b],
         covariance_noise=None,
         covariance_residual=covariance[:b, :b],
-        covariance_honest=honest[:b, :b],
-        shape_covariance=honest[b:, b:],
+        covariance_jackknife=clustered[:b, :b],
+        nonlinear_covariance=clustered[b:, b:],
         condition_number=fit.solution.condition_number,
         equations=fit.solution.rows,
         residual_nm=fit.residual_nm,

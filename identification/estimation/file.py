@@ -131,7 +131,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
     parameters = tuple(
         _Parameter(
             name=base.names[i],
-            words=base.words[i],
+            words=base.expressions[i],
             unit=base.units[i],
             value=float(estimate.values[i]),
             sigma=float(estimate.sigma[i]),
@@ -160,10 +160,10 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         shape_parameters=tuple(
             _Shape(name=name, unit=unit, value=float(value), sigma=float(sigma))
             for name, unit, value, sigma in zip(
-                model.shape_names,
-                model.shape_units,
-                model.shape_values,
-                estimate.shape_sigma,
+                model.nonlinear_names,
+                model.nonlinear_units,
+                model.nonlinear_values,
+                estimate.nonlinear_sigma,
                 strict=True,
             )
         ),
@@ -174,8 +174,8 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
             None if estimate.covariance_noise is None else _matrix(estimate.covariance_noise)
         ),
         covariance_residual=_matrix(estimate.covariance_residual),
-        covariance_honest=_matrix(estimate.covariance_honest),
-        shape_covariance=_matrix(estimate.shape_covariance),
+        covariance_honest=_matrix(estimate.covariance_jackknife),
+        shape_covariance=_matrix(estimate.nonlinear_covariance),
         plate=None if estimate.plate is None else _plate(estimate.plate),
         model=_Options(
             kind=estimate.options.kind,
@@ -204,7 +204,7 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         )
     base = BaseParameters(
         names=names,
-        words=tuple(parameter.words for parameter in document.parameters),
+        expressions=tuple(parameter.words for parameter in document.parameters),
         units=tuple(parameter.unit for parameter in document.parameters),
         standard_names=expected,
         kept=tuple(expected.index(name) for name in names),
@@ -220,8 +220,8 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
             None if document.covariance_noise is None else np.array(document.covariance_noise)
         ),
         covariance_residual=np.array(document.covariance_residual),
-        covariance_honest=np.array(document.covariance_honest or document.covariance_residual),
-        shape_covariance=np.array(document.shape_covariance).reshape(len(shape), len(shape)),
+        covariance_jackknife=np.array(document.covariance_honest or document.covariance_residual),
+        nonlinear_covariance=np.array(document.shape_covariance).reshape(len(shape), len(shape)),
         plate=None if document.plate is None else _to_plate(document.plate),
         condition_number=document.condition_number,
         equations=document.equations,

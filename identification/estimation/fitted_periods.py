@@ -21,9 +21,9 @@ from identification.equations.bins import BinEquations
 from identification.equations.plate_fit import PlateFit
 from identification.equations.whitened import residual_covariance
 from identification.estimation.estimate import Estimate, Weighting
+from identification.estimation.nonlinear_parameters import fit_nonlinear
 from identification.estimation.periodic_fit import PeriodicFit, PeriodicProblem
 from identification.estimation.prior import PriorRows
-from identification.estimation.shape_parameters import fit_shape
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.inertia import base_inertia_squares, inertia_size
 from identification.model.options import ModelOptions
@@ -79,9 +79,9 @@ class FittedPeriods:
         """Return the estimate, with where it was measured."""
         problem, fit, weighting = self.problem, self.fit, self.problem.weighting
         b, s, covariance = len(self.base), self.shapes, fit.solution.covariance
-        honest = problem.honest_covariance(fit)
+        clustered = problem.jackknife_covariance(fit)
         residual = residual_covariance(fit.white, fit.solution.values, covariance)
-        unfitted = np.zeros((len(self.model.shape_names),) * 2)
+        unfitted = np.zeros((len(self.model.nonlinear_names),) * 2)
         plate = None
         if self.options.kind != "internal":
             plate = PlateFit.of(
@@ -99,9 +99,9 @@ class FittedPeriods:
             values=fit.solution.values[:b],
             covariance_noise=None if weighting == "ls" else covariance[:b, :b],
             covariance_residual=residual[:b, :b],
-            covariance_honest=honest[:b, :b],
+            covariance_jackknife=clustered[:b, :b],
             plate=plate,
-            shape_covariance=honest[b : b + s, b : b + s] if s else unfitted,
+            nonlinear_covariance=clustered[b : b + s, b : b + s] if s else unfitted,
             condition_number=fit.solution.condition_number,
             equations=fit.solution.rows,
             residual_nm=fit.residual_nm,
@@ -158,16 +158,16 @@ def fit_periodic(
     squares = [base_inertia_squares(model, base, a.position, values) for a in averages]
     problem = replace(problem, inertia=np.array(sizes), base_inertia=np.array(squares))
     problem, fit = _with_delays(problem, model, None, equations)
-    if model.shape_names and options.kind != "external":
+    if model.nonlinear_names and options.kind != "external":
 
         def solve(model: RobotModel, standard: FloatArray | None) -> Solution:
             return problem.fit(model, standard, problem.equations(model, standard)).solution
 
-        shaped = fit_shape(model, base, solve)
+        shaped = fit_nonlinear(model, base, solve)
         model = shaped.model
         equations = problem.equations(model, shaped.standard)
         problem, fit = _with_delays(problem, model, shaped.standard, equations)
-    return FittedPeriods(robot, with_shape(options, model), model, problem, equations, fit)
+    return FittedPeriods(robot, with_nonlinear(options, model), model, problem, equations, fit)
 
 
 def _with_delays(
@@ -212,6 +212,6 @@ def prior_rows(base: BaseParameters, prior: Prior | None) -> PriorRows:
     return PriorRows.none(base) if prior is None else PriorRows.of(base, *prior)
 
 
-def with_shape(options: ModelOptions, model: RobotModel) -> ModelOptions:
+def with_nonlinear(options: ModelOptions, model: RobotModel) -> ModelOptions:
     """Return options that build the model with its fitted nonlinear parameters."""
-    return replace(options, shape=tuple(model.shape_values.tolist()) or None)
+    return replace(options, shape=tuple(model.nonlinear_values.tolist()) or None)

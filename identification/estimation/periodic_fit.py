@@ -11,10 +11,15 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel
 from identification.equations.bins import BinEquations, bin_equations
-from identification.equations.whitened import WhiteEquations, bin_clusters, whiten, whiten_reaction
+from identification.equations.whitened import (
+    WhitenedEquations,
+    bin_clusters,
+    whiten,
+    whiten_reaction,
+)
 from identification.estimation.estimate import Weighting
+from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.prior import PriorRows
-from identification.estimation.shape_parameters import step_prior
 from identification.model.base_parameters import BaseParameters, ModelKind
 from identification.regression.intervals import jackknife
 from identification.regression.least_squares import Solution, Triangle, solve
@@ -31,15 +36,15 @@ class PeriodicFit:
     ----------
     solution : Solution
         Base parameters, steps of nonlinear ones, then a step of each run's delay of the plate.
-    white : tuple, one a run, of tuples of WhiteEquations
+    white : tuple, one a run, of tuples of WhitenedEquations
         The outputs that were used: joints first, then the plate's.
-    joints : tuple, one a run, of tuples of WhiteEquations
+    joints : tuple, one a run, of tuples of WhitenedEquations
         The joints' outputs, used or not.
     """
 
     solution: Solution
-    white: tuple[tuple[WhiteEquations, ...], ...]
-    joints: tuple[tuple[WhiteEquations, ...], ...]
+    white: tuple[tuple[WhitenedEquations, ...], ...]
+    joints: tuple[tuple[WhitenedEquations, ...], ...]
 
     @property
     def residual_nm(self) -> FloatArray:
@@ -152,7 +157,11 @@ class PeriodicProblem:
         if self.kind != "internal":
             plates = (self._plate(run, each, near) for run, each in enumerate(equations))
             white = tuple((*own, *plate) for own, plate in zip(white, plates, strict=True))
-        names = (*self.base.names, *(model.shape_names if standard is not None else ()), *delays)
+        names = (
+            *self.base.names,
+            *(model.nonlinear_names if standard is not None else ()),
+            *delays,
+        )
         known = [self.prior.triangle(len(names))]
         if standard is not None:
             known.append(step_prior(model, len(self.base), len(names)))
@@ -174,7 +183,7 @@ class PeriodicProblem:
 
     def _plate(
         self, run: int, equations: BinEquations, near: FloatArray | None
-    ) -> tuple[WhiteEquations, ...]:
+    ) -> tuple[WhitenedEquations, ...]:
         """Return the outputs of one run's plate."""
         assert equations.reaction is not None
         reaction = equations.reaction.delayed(float(self.delays_s[run]))
@@ -186,14 +195,14 @@ class PeriodicProblem:
         reaction = reaction.with_motion_noise(equations.position_sigma, self.base_inertia[run])
         return whiten_reaction(reaction, uniform=self.weighting == "ls")
 
-    def honest_covariance(self, fit: PeriodicFit) -> FloatArray:
+    def jackknife_covariance(self, fit: PeriodicFit) -> FloatArray:
         """Return the covariance of the solution that coloured residuals leave."""
         return jackknife(fit.solution.information, bin_clusters(fit.white, fit.solution.values))
 
 
 def _solve(
-    white: tuple[tuple[WhiteEquations, ...], ...],
-    joints: tuple[tuple[WhiteEquations, ...], ...],
+    white: tuple[tuple[WhitenedEquations, ...], ...],
+    joints: tuple[tuple[WhitenedEquations, ...], ...],
     known: list[Triangle],
     names: tuple[str, ...],
 ) -> PeriodicFit:

@@ -31,7 +31,7 @@ class RunningValues:
     Attributes
     ----------
     values, sigma : ndarray, shape (b,)
-        Base parameters and their honest standard deviations.
+        Base parameters and their cluster-robust standard deviations.
     residual_nm : ndarray, shape (n,)
         RMS residual of each joint [N m or N].
     relative_percent : ndarray, shape (n,)

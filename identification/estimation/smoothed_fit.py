@@ -1,7 +1,7 @@
 """`SmoothedFit`: least squares on smoothed recordings in the time domain, streamed.
 
 A joint's equation is left out while the joint is slower than the standstill speed. Neighbouring
-rows are not independent; the honest covariance takes a second of all joints as one event.
+rows are not independent; the cluster-robust covariance takes a second of all joints as one event.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from config.arrays import FloatArray, IntArray
 from dynamics.model.robot_model import RobotModel
 from identification.equations.time_domain import TimeRun, time_blocks
 from identification.estimation.estimate import Weighting
+from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.prior import PriorRows
-from identification.estimation.shape_parameters import step_prior
 from identification.model.base_parameters import BaseParameters
 from identification.model.torque_columns import torque_structure
 from identification.regression.intervals import Cluster, jackknife
@@ -91,7 +91,7 @@ class SmoothedProblem:
                 break
         return fit
 
-    def honest_covariance(
+    def jackknife_covariance(
         self, model: RobotModel, standard: FloatArray | None, fit: SmoothedFit
     ) -> FloatArray:
         """Return the covariance of the solution that coloured residuals leave."""
@@ -105,7 +105,7 @@ class SmoothedProblem:
         structure: tuple[IntArray, ...],
         previous: SmoothedFit | None,
     ) -> list[Triangle]:
-        width = len(self.base) + (0 if standard is None else len(model.shape_names))
+        width = len(self.base) + (0 if standard is None else len(model.nonlinear_names))
         triangles = [Triangle.empty(width, columns) for columns in structure]
         for block in time_blocks(model, self.base, self.runs, self.standstill_rad_s, standard):
             for j, columns in enumerate(structure):
@@ -127,7 +127,7 @@ class SmoothedProblem:
         scale: FloatArray | None = None,
     ) -> SmoothedFit:
         """Weight each joint by one over its residual, found by iteration, or by a given scale."""
-        names = (*self.base.names, *(model.shape_names if slopes else ()))
+        names = (*self.base.names, *(model.nonlinear_names if slopes else ()))
         known = [self.prior.triangle(len(names))]
         if slopes:
             known.append(step_prior(model, len(self.base)))

@@ -54,7 +54,7 @@ def table(estimate: Estimate, consistent: ExportModel | None = None) -> tuple[Ta
         TableRow(
             "identified",
             base.names[i],
-            base.words[i],
+            base.expressions[i],
             float(estimate.values[i]),
             base.units[i],
             float(estimate.sigma[i]),
@@ -64,7 +64,11 @@ def table(estimate: Estimate, consistent: ExportModel | None = None) -> tuple[Ta
         for i in range(len(base))
     ]
     shapes = zip(
-        model.shape_names, model.shape_values, model.shape_units, estimate.shape_sigma, strict=False
+        model.nonlinear_names,
+        model.nonlinear_values,
+        model.nonlinear_units,
+        estimate.nonlinear_sigma,
+        strict=False,
     )
     rows += [
         TableRow("shape", name, name, float(value), unit, float(sigma))

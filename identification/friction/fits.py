@@ -111,10 +111,10 @@ def _fit(
     joint: int,
 ) -> FrictionFit:
     vs = f"vs_{curve.joint}"
-    if vs in model.shape_names:
+    if vs in model.nonlinear_names:
         model = _with_best_speed(curve, model, joint, vs)
     values, residual, jacobian = _solve(curve, model, joint)
-    if vs in model.shape_names:
+    if vs in model.nonlinear_names:
         best = _speed(model, vs)
         step = 1e-4 * best
         ends = [
@@ -130,13 +130,13 @@ def _fit(
     _, columns = _of_joint(model, joint, curve.speed)
     units = dict(
         zip(
-            (*model.parameter_names, *model.shape_names),
-            (*model.parameter_units, *model.shape_units),
+            (*model.parameter_names, *model.nonlinear_names),
+            (*model.parameter_units, *model.nonlinear_units),
             strict=True,
         )
     )
     rms_nm = _rms(curve, model, joint, values)
-    if vs in model.shape_names:
+    if vs in model.nonlinear_names:
         columns, values = (*columns, vs), np.append(values, _speed(model, vs))
     k = parameters + 1  # the scatter itself is estimated too
     return FrictionFit(
@@ -214,14 +214,14 @@ def _with_best_speed(curve: FrictionCurve, model: RobotModel, joint: int, name: 
 
 
 def _speed(model: RobotModel, name: str) -> float:
-    return float(model.shape_values[model.shape_names.index(name)])
+    return float(model.nonlinear_values[model.nonlinear_names.index(name)])
 
 
 def _at_speed(model: RobotModel, name: str, speed: float) -> RobotModel:
     """Return the model with another Stribeck speed of that name."""
-    values = model.shape_values
-    values[model.shape_names.index(name)] = speed
-    return model.with_shape(values)
+    values = model.nonlinear_values
+    values[model.nonlinear_names.index(name)] = speed
+    return model.with_nonlinear(values)
 
 
 def _rms(curve: FrictionCurve, model: RobotModel, joint: int, values: FloatArray) -> float:

@@ -39,7 +39,7 @@ class BaseParameters:
     ----------
     names : tuple of str, length b
         The standard parameter that heads each combination.
-    words : tuple of str, length b
+    expressions : tuple of str, length b
         Each combination in full, such as "Izz1 + Iyy2 + 0.2304 m3".
     units : tuple of str, length b
         Unit of each base parameter (its head's unit).
@@ -54,7 +54,7 @@ class BaseParameters:
     """
 
     names: tuple[str, ...]
-    words: tuple[str, ...]
+    expressions: tuple[str, ...]
     units: tuple[str, ...]
     standard_names: tuple[str, ...]
     kept: tuple[int, ...]
@@ -65,9 +65,9 @@ class BaseParameters:
         shape = (len(self.kept), len(self.standard_names))
         combination = read_only("combination", self.combination, float, shape, EstimationError)
         object.__setattr__(self, "combination", combination)
-        if not len(self.names) == len(self.words) == len(self.units) == len(self.kept):
+        if not len(self.names) == len(self.expressions) == len(self.units) == len(self.kept):
             raise EstimationError(
-                f"base parameters: {len(self.names)} names, {len(self.words)} words and"
+                f"base parameters: {len(self.names)} names, {len(self.expressions)} expressions and"
                 f" {len(self.units)} units for {len(self.kept)} parameters"
             )
 
@@ -175,7 +175,9 @@ def independent_columns(
     combination[:, merged] = scaled * size[merged] / size[heads][:, np.newaxis]
     return BaseParameters(
         names=tuple(names[j] for j in heads),
-        words=tuple(_words(row, names, j) for row, j in zip(combination, heads, strict=True)),
+        expressions=tuple(
+            _expression(row, names, j) for row, j in zip(combination, heads, strict=True)
+        ),
         units=tuple(units[j] for j in heads),
         standard_names=names,
         kept=tuple(heads),
@@ -221,7 +223,7 @@ def _check_rank(triangle: FloatArray, rank: int, tolerance: float) -> None:
         )
 
 
-def _words(row: FloatArray, names: tuple[str, ...], head: int) -> str:
+def _expression(row: FloatArray, names: tuple[str, ...], head: int) -> str:
     """Write one combination: its head first, then the rest in the model's order."""
     text = names[head]
     for j in np.flatnonzero(row):

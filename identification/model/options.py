@@ -18,7 +18,7 @@ class ModelOptions:
 
     `kind` says what is measured of it: the external and the combined model need a force plate.
     `friction_terms` replaces the terms of every joint where it is given, `shape` the values of the
-    model's nonlinear parameters (`RobotModel.shape_names`).
+    model's nonlinear parameters (`RobotModel.nonlinear_names`).
     """
 
     kind: ModelKind = "internal"
@@ -50,7 +50,7 @@ class ModelOptions:
             payload=self.payload,
             sign_smoothing_rad_s=self.sign_smoothing_rad_s,
         )
-        return model if self.shape is None else model.with_shape(self.shape)
+        return model if self.shape is None else model.with_nonlinear(self.shape)
 
 
 def _with_friction(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:

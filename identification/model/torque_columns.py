@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from config.arrays import FloatArray, IntArray
+from dynamics.model.nonlinear_slopes import nonlinear_slopes
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
-from dynamics.model.shape_slopes import shape_slopes
 from dynamics.model.transmission import Transmission
 from dynamics.terms.conditions import Conditions
 from identification.model.base_parameters import BaseParameters
@@ -23,7 +23,7 @@ def torque_columns(
 ) -> FloatArray:
     """Return the base regressor, and behind it how torque changes with the nonlinear parameters.
 
-    Near shape parameters xi0 and standard parameters theta0 the torque is, to first order,
+    Near nonlinear parameters xi0 and standard parameters theta0 the torque is, to first order,
     Phi(xi0) theta + S (xi - xi0) with S = d(Phi theta0)/d xi: Gauss-Newton's equations.
 
     Parameters
@@ -50,9 +50,9 @@ def torque_columns(
         load = load_torque(model, *motion, standard, conditions)
         conditions = replace(conditions or Conditions(), load_nm=load)
     columns = base.columns(regressor(model, *motion, conditions))
-    if not model.shape_names:
+    if not model.nonlinear_names:
         return columns
-    return np.concatenate([columns, shape_slopes(model, *motion, standard, conditions)], axis=2)
+    return np.concatenate([columns, nonlinear_slopes(model, *motion, standard, conditions)], axis=2)
 
 
 def wrench_columns(
@@ -67,9 +67,11 @@ def wrench_columns(
     Gears are inside the robot: the base feels none of the nonlinear parameters.
     """
     columns = base.columns(base_wrench_regressor(model, *motion, conditions))
-    if standard is None or not model.shape_names:
+    if standard is None or not model.nonlinear_names:
         return columns
-    return np.concatenate([columns, np.zeros((*columns.shape[:2], len(model.shape_names)))], axis=2)
+    return np.concatenate(
+        [columns, np.zeros((*columns.shape[:2], len(model.nonlinear_names)))], axis=2
+    )
 
 
 def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> tuple[IntArray, ...]:
@@ -81,7 +83,9 @@ def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> t
     motion = tuple(random.normal(size=(3, 20, model.chain.n)))
     standard = random.normal(size=len(model.parameter_names)) if slopes else None
     warm = np.full(model.chain.n, 310.0)
-    seen = np.zeros((model.chain.n, len(base) + (len(model.shape_names) if slopes else 0)), bool)
+    seen = np.zeros(
+        (model.chain.n, len(base) + (len(model.nonlinear_names) if slopes else 0)), bool
+    )
     for payload in (False, True):
         conditions = Conditions(temperature_k=warm, payload=payload)
         columns = torque_columns(model, base, motion, conditions, standard)

@@ -19,7 +19,7 @@ from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.consistency.closest_robot import honest_metric
+from identification.consistency.closest_robot import jackknife_metric
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.options import ModelOptions
@@ -82,7 +82,7 @@ class PayloadModel:
         combination[range(len(alone), len(combination)), payload] = 1.0
         base = BaseParameters(
             names=(*alone.names, *names),
-            words=(*alone.words, *names),
+            expressions=(*alone.expressions, *names),
             units=(*alone.units, *(model.parameter_units[j] for j in payload)),
             standard_names=model.parameter_names,
             kept=(*alone.kept, *payload),
@@ -108,9 +108,9 @@ class PayloadModel:
         """Turns the payload's parameters from the flange's frame into the last link's, (10, 10)."""
         return to_link(flange_pose(self.robot))
 
-    def with_shape(self, model: RobotModel) -> PayloadModel:
+    def with_nonlinear(self, model: RobotModel) -> PayloadModel:
         """Return the same with the nonlinear parameters of another model."""
-        shape = tuple(model.shape_values.tolist()) or None
+        shape = tuple(model.nonlinear_values.tolist()) or None
         return replace(self, options=replace(self.options, shape=shape), model=model)
 
 
@@ -130,13 +130,13 @@ class Layout:
     def names(self) -> tuple[str, ...]:
         """All unknowns: the payload's, the robot's, each run's friction, the slopes' steps."""
         base = self.model.base
-        robot = [base.words[j] for j in self.model.links] if self.with_robot else []
+        robot = [base.expressions[j] for j in self.model.links] if self.with_robot else []
         friction = [
             f"{base.names[j]} in run {run + 1}"
             for run in range(self.runs)
             for j in self.model.friction
         ]
-        steps = self.model.model.shape_names[: self.slopes]
+        steps = self.model.model.nonlinear_names[: self.slopes]
         return (*PARAMETERS, *robot, *friction, *steps)
 
     def spread(self, run: int, columns: FloatArray) -> FloatArray:
@@ -232,8 +232,8 @@ def condense(matrices: Sequence[FloatArray], sides: Sequence[FloatArray], width:
 def robot_prior(layout: Layout, robot: Estimate) -> FloatArray:
     """Return a robot identified before as equations of the unknowns, shape (any, p + 1).
 
-    Its friction is not taken over. Its links count as known as well as their honest covariance
-    says, so that what the model is worth shows in the payload's intervals.
+    Its friction is not taken over. Its links count as known as well as their cluster-robust
+    covariance says, so that what the model is worth shows in the payload's intervals.
 
     Raises
     ------
@@ -241,15 +241,15 @@ def robot_prior(layout: Layout, robot: Estimate) -> FloatArray:
         It is another robot, or its model has other terms.
     """
     model = layout.model
-    wanted = [model.base.words[j] for j in model.links]
-    strangers = [words for words in wanted if words not in robot.base.words]
+    wanted = [model.base.expressions[j] for j in model.links]
+    strangers = [each for each in wanted if each not in robot.base.expressions]
     if strangers:
         raise EstimationError(
             f"the model of the unloaded robot does not know {strangers[0]}: it is of another robot,"
             " or was identified with other terms"
         )
-    places = [robot.base.words.index(words) for words in wanted]
-    sigma, factor = honest_metric(robot)
+    places = [robot.base.expressions.index(each) for each in wanted]
+    sigma, factor = jackknife_metric(robot)
     spread = sigma[:, np.newaxis] * factor
     covariance = (spread @ spread.T)[np.ix_(places, places)]
     scale = np.sqrt(np.diagonal(covariance))

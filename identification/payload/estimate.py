@@ -152,8 +152,8 @@ class PayloadEstimate:
     def consistent(self) -> tuple[FloatArray, float]:
         """The parameters of the closest body that can exist, and how likely the data find it.
 
-        Closest in the honest covariance; the probability is that of a chi-square as large as its
-        distance, 1 where the estimate itself can exist.
+        Closest in the cluster-robust covariance; the probability is that of a chi-square as large
+        as its distance, 1 where the estimate itself can exist.
 
         Raises
         ------
@@ -229,7 +229,7 @@ def of_solution(
 ) -> PayloadEstimate:
     """Return a solution as an estimate; arguments as in `estimate_payload`."""
     ten = PARAMETERS_PER_LINK
-    honest = _at_least(solution.covariance_honest, solution.covariance_noise)
+    clustered = _at_least(solution.covariance_jackknife, solution.covariance_noise)
     slopes = solution.gain_slopes
     if equations.procedure == "apart":  # which joint measured what is forgotten there
         if torque_constant_sigma > 0.0:
@@ -252,7 +252,7 @@ def of_solution(
         robot=robot,
         procedure=equations.procedure,
         values=solution.values,
-        covariance=honest + spread @ spread.T,
+        covariance=clustered + spread @ spread.T,
         covariance_noise=solution.covariance_noise,
         gain_slopes=slopes,
         unseen=solution.unseen,
@@ -298,13 +298,13 @@ def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
     return standard, float(chdtrc(PARAMETERS_PER_LINK, distance))
 
 
-def _at_least(honest: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return an honest covariance whose standard deviations are at least those of the noise."""
-    size = np.sqrt(np.maximum(np.diagonal(honest), 0.0))
+def _at_least(clustered: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return a covariance whose standard deviations are at least those of the noise."""
+    size = np.sqrt(np.maximum(np.diagonal(clustered), 0.0))
     least = np.sqrt(np.maximum(np.diagonal(noise), 0.0))
     grown = np.divide(least, size, out=np.ones_like(size), where=size > 0.0)
     grown = np.maximum(grown, 1.0)
-    return np.asarray(honest * np.outer(grown, grown))
+    return np.asarray(clustered * np.outer(grown, grown))
 
 
 def _sigma(slopes: FloatArray, covariance: FloatArray) -> FloatArray:

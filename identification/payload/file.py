@@ -78,7 +78,7 @@ class PayloadDocument(ConfigModel):
 
 
 @dataclass(frozen=True, eq=False)
-class JudgedPayload:
+class PayloadResult:
     """A payload, and the verdict on it."""
 
     estimate: PayloadEstimate
@@ -90,7 +90,7 @@ class JudgedPayload:
         return bool(self.checks) and all(line.passed for line in self.checks)
 
 
-def write_payload(path: Path, payload: JudgedPayload) -> None:
+def write_payload(path: Path, payload: PayloadResult) -> None:
     """Write a payload as JSON; the same payload gives the same bytes.
 
     Raises
@@ -101,7 +101,7 @@ def write_payload(path: Path, payload: JudgedPayload) -> None:
     write_whole(path, (payload_document(payload).model_dump_json(indent=1) + "\n").encode())
 
 
-def read_payload(path: Path) -> JudgedPayload:
+def read_payload(path: Path) -> PayloadResult:
     """Read what `write_payload` wrote.
 
     Raises
@@ -117,7 +117,7 @@ def read_payload(path: Path) -> JudgedPayload:
         raise ConfigError(f"{path}: not a payload that fits itself: {error}") from error
 
 
-def payload_document(payload: JudgedPayload) -> PayloadDocument:
+def payload_document(payload: PayloadResult) -> PayloadDocument:
     """Return a payload as what stands in its file."""
     estimate = payload.estimate
     whole = estimate.rank == len(PARAMETERS)
@@ -175,7 +175,7 @@ def payload_document(payload: JudgedPayload) -> PayloadDocument:
     )
 
 
-def _to_payload(document: PayloadDocument) -> JudgedPayload:
+def _to_payload(document: PayloadDocument) -> PayloadResult:
     """Return the payload that stands in a file."""
     if document.parameters != PARAMETERS:
         raise EstimationError(f"the parameters must be {', '.join(PARAMETERS)}")
@@ -198,7 +198,7 @@ def _to_payload(document: PayloadDocument) -> JudgedPayload:
         run_ids=document.runs,
     )
     lines = tuple(Check(c.text, c.value, c.relation, c.limit, c.unit) for c in document.checks)
-    payload = JudgedPayload(estimate, lines)
+    payload = PayloadResult(estimate, lines)
     if payload.passed is not document.passed:
         raise EstimationError("the verdict does not follow from its checks: was the file edited?")
     for quantity, value in zip(document.about_centre_of_gravity, estimate.reported, strict=True):

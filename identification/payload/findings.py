@@ -34,7 +34,7 @@ class PayloadFinding:
     name, unit : str
         Of the quantity.
     value, sigma : float or None
-        Its estimate and honest standard deviation; None where the motion does not show it.
+        Its estimate and cluster-robust standard deviation; None where the motion does not show it.
     motion : str
         The motion that would show it best, in words; empty where none of those tried does.
     gain : float or None
@@ -116,9 +116,9 @@ def _tried(estimate: PayloadEstimate) -> Tried:
     warm = Conditions(temperature_k=np.full(model.model.chain.n, 300.0), payload=True)
     lossless = model.model
     white = np.diagonal(estimate.covariance_noise)
-    honest = np.diagonal(estimate.covariance)
-    told = honest > 0.0
-    colour = min(1.0, float(np.median(white[told] / honest[told]))) if told.any() else 1.0
+    clustered = np.diagonal(estimate.covariance)
+    told = clustered > 0.0
+    colour = min(1.0, float(np.median(white[told] / clustered[told]))) if told.any() else 1.0
     tried: Tried = []
     for words, motion in joint_motions(estimate.robot):
         columns = torque_columns(lossless, model.base, motion, warm)
@@ -193,7 +193,7 @@ def _size_of(estimate: PayloadEstimate) -> FloatArray:
 
 
 def _information(estimate: PayloadEstimate) -> FloatArray:
-    """Return the inverse of the honest covariance on what is seen, zero on what is not."""
+    """Return the inverse of the cluster-robust covariance on what is seen, zero on what is not."""
     hidden = estimate.unseen
     project = np.eye(PARAMETERS_PER_LINK) - hidden @ hidden.T
     sigma = np.sqrt(np.maximum(np.diagonal(estimate.covariance), 1e-30))

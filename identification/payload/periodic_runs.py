@@ -13,7 +13,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from identification.equations.bins import BinEquations, bin_equations
 from identification.equations.reaction import both_parts
-from identification.equations.whitened import WhiteEquations, whiten
+from identification.equations.whitened import WhitenedEquations, whiten
 from identification.estimation.estimate import Estimate
 from identification.model.inertia import inertia_size
 from identification.payload.equations import (
@@ -104,7 +104,7 @@ def periodic_equations(
         The runs do not fit the procedure.
     """
     binned = runs.equations(model, standard)
-    slopes = 0 if standard is None else len(model.model.shape_names)
+    slopes = 0 if standard is None else len(model.model.nonlinear_names)
     if procedure == "difference":
         binned = [_difference(runs, binned)]
         layout = Layout(model, 1, with_robot=False, slopes=0)
@@ -139,7 +139,7 @@ def periodic_equations(
 
 def robot_values(model: PayloadModel, robot: Estimate) -> FloatArray:
     """Return the values of the robot's base parameters, friction left out, from an estimate."""
-    places = [robot.base.words.index(model.base.words[j]) for j in model.links]
+    places = [robot.base.expressions.index(model.base.expressions[j]) for j in model.links]
     return np.asarray(robot.values[places])
 
 
@@ -184,7 +184,7 @@ def _condensed(
     )
 
 
-def _spread(layout: Layout, run: int, part: WhiteEquations) -> WhiteEquations:
+def _spread(layout: Layout, run: int, part: WhitenedEquations) -> WhitenedEquations:
     return replace(part, matrix=layout.spread(run, part.matrix))
 
 

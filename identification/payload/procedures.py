@@ -12,7 +12,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.consistency.closest_robot import honest_metric
+from identification.consistency.closest_robot import jackknife_metric
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic, estimate_smoothed
 from identification.model.options import ModelOptions
@@ -34,7 +34,7 @@ Runs = PeriodicRuns | SmoothedRuns
 
 
 @dataclass(frozen=True)
-class HowToWeigh:
+class PayloadOptions:
     """What a person may choose about a payload's estimate.
 
     Attributes
@@ -61,7 +61,7 @@ class HowToWeigh:
 def weigh(
     robot: RobotDescription,
     runs: Runs,
-    how: HowToWeigh | None = None,
+    how: PayloadOptions | None = None,
     *,
     cell_name: str = "",
     run_ids: tuple[str, ...] = (),
@@ -74,7 +74,7 @@ def weigh(
         The robot.
     runs : PeriodicRuns or SmoothedRuns
         What was measured, with and without the payload.
-    how : HowToWeigh, optional
+    how : PayloadOptions, optional
         The procedure and what is known.
     cell_name, run_ids : str, tuple of str
         Provenance.
@@ -84,7 +84,7 @@ def weigh(
     EstimationError
         The runs do not fit the procedure, or say nothing of a payload.
     """
-    how = how or HowToWeigh()
+    how = how or PayloadOptions()
     return estimate_payload(
         robot,
         equations_of(robot, runs, how),
@@ -95,7 +95,7 @@ def weigh(
     )
 
 
-def equations_of(robot: RobotDescription, runs: Runs, how: HowToWeigh) -> PayloadEquations:
+def equations_of(robot: RobotDescription, runs: Runs, how: PayloadOptions) -> PayloadEquations:
     """Return the equations of a procedure; arguments and errors as in `weigh`."""
     if not any(runs.loaded):
         raise EstimationError("no run carried the payload: name those that did")
@@ -112,11 +112,11 @@ def equations_of(robot: RobotDescription, runs: Runs, how: HowToWeigh) -> Payloa
         case "apart":
             return _apart(robot, runs, how)
     model = PayloadModel.of(robot, _options(how))
-    if not model.model.shape_names:
+    if not model.model.nonlinear_names:
         return _equations(model, runs, how, None)
     if how.procedure == "together":
         joint = _joint_estimate(robot, runs, model.options)
-        model = model.with_shape(joint.model)
+        model = model.with_nonlinear(joint.model)
         return _equations(model, runs, how, joint.standard_values)
     # A gear's loss depends on what it carries: the payload's equations are made with the payload.
     standard = np.zeros(len(model.model.parameter_names))
@@ -130,14 +130,14 @@ def equations_of(robot: RobotDescription, runs: Runs, how: HowToWeigh) -> Payloa
     return equations
 
 
-def _options(how: HowToWeigh) -> ModelOptions:
+def _options(how: PayloadOptions) -> ModelOptions:
     if how.robot is not None and how.procedure == "model":
         return replace(how.robot.options, payload=True)
     return replace(how.options, payload=True)
 
 
 def _equations(
-    model: PayloadModel, runs: Runs, how: HowToWeigh, standard: FloatArray | None
+    model: PayloadModel, runs: Runs, how: PayloadOptions, standard: FloatArray | None
 ) -> PayloadEquations:
     if isinstance(runs, PeriodicRuns):
         return periodic_equations(model, runs, how.procedure, robot=how.robot, standard=standard)
@@ -169,7 +169,7 @@ def _joint_estimate(
     )
 
 
-def _apart(robot: RobotDescription, runs: Runs, how: HowToWeigh) -> PayloadEquations:
+def _apart(robot: RobotDescription, runs: Runs, how: PayloadOptions) -> PayloadEquations:
     """Identify the robot with the payload and without, and subtract.
 
     A payload on the last link adds to that link's ten parameters, so that the base parameters
@@ -196,7 +196,7 @@ def equations_apart(with_payload: Estimate, alone: Estimate) -> PayloadEquations
     EstimationError
         The estimates are of different robots or have different terms.
     """
-    if with_payload.base.words != alone.base.words:
+    if with_payload.base.expressions != alone.base.expressions:
         raise EstimationError(
             "the robots with and without payload were identified with different terms, or are"
             " different robots: identify both alike"
@@ -241,7 +241,7 @@ def equations_apart(with_payload: Estimate, alone: Estimate) -> PayloadEquations
 
 
 def _covariance(estimate: Estimate) -> FloatArray:
-    sigma, factor = honest_metric(estimate)
+    sigma, factor = jackknife_metric(estimate)
     spread = sigma[:, np.newaxis] * factor
     return np.asarray(spread @ spread.T)
 

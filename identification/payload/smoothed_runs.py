@@ -84,7 +84,7 @@ def smoothed_equations(
             "torques are subtracted period by period: these runs are not periodic; use the"
             " procedure `together`, which needs no common time"
         )
-    slopes = 0 if standard is None else len(model.model.shape_names)
+    slopes = 0 if standard is None else len(model.model.nonlinear_names)
     layout = Layout(model, len(runs.signals), slopes=slopes)
     width, n = len(layout.names), model.model.chain.n
     known = (

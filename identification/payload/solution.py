@@ -69,7 +69,7 @@ class PayloadSolution:
     ----------
     unknowns : ndarray, shape (p,)
         All unknowns; the payload's come first. Those that depend on others are zero.
-    covariance_honest : ndarray, shape (10, 10)
+    covariance_jackknife : ndarray, shape (10, 10)
         What leaving out clusters shows, and what is known beforehand brings with it.
     covariance_noise : ndarray, shape (10, 10)
         By the noise that the rows were divided by.
@@ -82,7 +82,7 @@ class PayloadSolution:
     """
 
     unknowns: FloatArray
-    covariance_honest: FloatArray
+    covariance_jackknife: FloatArray
     covariance_noise: FloatArray
     gain_slopes: FloatArray
     unseen: FloatArray
@@ -100,8 +100,8 @@ def solve_payload(
     """Solve the equations by weighted least squares.
 
     Rows are weighted by their noise, which is less than what they are off by: model error is
-    larger. So what is known otherwise is weighed against the honest scatter of what the rows say,
-    not against their noise.
+    larger. So what is known otherwise is weighed against the cluster-robust scatter of what the
+    rows say, not against their noise.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def solve_payload(
         What is known otherwise. Quantities about the centre of gravity are not linear in the
         parameters: Gauss-Newton.
     intervals : bool
-        Whether `covariance_honest` is wanted, which costs more than the rest; else it is that of
+        Whether `covariance_jackknife` is wanted, which costs more than the rest; else it is that of
         the noise.
 
     Raises
@@ -123,19 +123,19 @@ def solve_payload(
     if len(equations.known) and intervals:
         first = _measured(equations, system, True)
         white = np.sqrt(np.diagonal(first.noise))
-        colour = float(np.median(np.sqrt(np.diagonal(first.honest)) / white))
+        colour = float(np.median(np.sqrt(np.diagonal(first.clustered)) / white))
         equations = equations.weakened(max(colour, 1.0))
         system = _System.of(equations)
     found = _measured(equations, system, intervals)
-    sight = found.sight
+    subspace = found.subspace
     if not known:
         return PayloadSolution(
             unknowns=system.all_unknowns(found.values),
-            covariance_honest=sight.seen @ found.honest @ sight.seen.T,
-            covariance_noise=sight.seen @ found.noise @ sight.seen.T,
-            gain_slopes=sight.seen @ found.slopes,
-            unseen=sight.hidden,
-            condition_number=sight.condition,
+            covariance_jackknife=subspace.seen @ found.clustered @ subspace.seen.T,
+            covariance_noise=subspace.seen @ found.noise @ subspace.seen.T,
+            gain_slopes=subspace.seen @ found.slopes,
+            unseen=subspace.hidden,
+            condition_number=subspace.condition,
         )
     return _with_known(system, found, known)
 
@@ -144,53 +144,53 @@ def solve_payload(
 class _Measured:
     """What the equations alone say: values, and in coordinates of what is seen the rest."""
 
-    sight: _Sight
+    subspace: IdentifiableSubspace
     values: FloatArray
     coordinates: FloatArray
-    honest: FloatArray
+    clustered: FloatArray
     noise: FloatArray
     slopes: FloatArray
 
     @property
     def metric(self) -> FloatArray:
-        """Rows that whiten the coordinates: honest sizes, correlations half those of the noise.
+        """Rows that whiten: cluster-robust sizes, correlations half those of the noise.
 
-        The honest covariance is of few clusters, and need not have full rank (Ledoit and Wolf
-        2004: shrinkage towards a target).
+        The cluster-robust covariance is of few clusters, and need not have full rank (Ledoit and
+        Wolf 2004: shrinkage towards a target).
         """
         parts = []
-        for covariance in (self.honest, self.noise):
+        for covariance in (self.clustered, self.noise):
             size = np.sqrt(np.diagonal(covariance))
             parts.append(covariance / np.outer(size, size))
-        sigma = np.sqrt(np.maximum(np.diagonal(self.honest), np.diagonal(self.noise)))
+        sigma = np.sqrt(np.maximum(np.diagonal(self.clustered), np.diagonal(self.noise)))
         lower = sigma[:, np.newaxis] * np.linalg.cholesky(0.5 * parts[0] + 0.5 * parts[1])
         return np.asarray(np.linalg.inv(lower))
 
 
 def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> _Measured:
     """Solve the equations alone."""
-    sight = system.sight()
-    r = sight.seen.shape[1]
-    matrix = system.columns(sight)
-    solved = system.solve(sight)
-    values = np.concatenate([sight.seen @ solved[:r], solved[r:]])
+    subspace = system.subspace()
+    r = subspace.seen.shape[1]
+    matrix = system.columns(subspace)
+    solved = system.solve(subspace)
+    values = np.concatenate([subspace.seen @ solved[:r], solved[r:]])
     inverse = np.linalg.inv(triangular_factor(matrix))
     covariance = inverse @ inverse.T
-    honest = covariance
+    clustered = covariance
     if intervals and equations.procedure != "apart":
         clusters = (
-            _cluster(system, sight, factor, values, len(equations.joint_names))
+            _cluster(system, subspace, factor, values, len(equations.joint_names))
             for factor in equations.factors
         )
-        honest = jackknife(matrix.T @ matrix, clusters)
+        clustered = jackknife(matrix.T @ matrix, clusters)
         # What is known of the robot is no cluster: its error comes beside what they show.
         brought = covariance @ matrix[system.measured :].T
-        honest = honest + brought @ brought.T
+        clustered = clustered + brought @ brought.T
     return _Measured(
-        sight=sight,
+        subspace=subspace,
         values=values,
         coordinates=solved[:r],
-        honest=honest[:r, :r],
+        clustered=clustered[:r, :r],
         noise=covariance[:r, :r],
         slopes=(covariance @ (matrix.T @ system.shares))[:r],
     )
@@ -200,8 +200,8 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
     """Weigh what was measured against what is known otherwise."""
     ten = PARAMETERS_PER_LINK
     # theta = seen z + hidden h: the ten parameters, some of which only knowledge can tell.
-    sight, r = found.sight, found.sight.seen.shape[1]
-    axes = np.hstack([sight.seen, sight.hidden])
+    subspace, r = found.subspace, found.subspace.seen.shape[1]
+    axes = np.hstack([subspace.seen, subspace.hidden])
     measured = np.zeros((r, ten))
     measured[:, :r] = found.metric
     target = measured[:, :r] @ found.coordinates
@@ -237,11 +237,11 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
     hidden = axes @ (right[rank:] / size).T
     return PayloadSolution(
         unknowns=system.given(values),
-        covariance_honest=covariance,
+        covariance_jackknife=covariance,
         covariance_noise=noise,
         gain_slopes=axes @ inverse[:, :r] @ found.metric @ found.slopes,
         unseen=np.linalg.qr(hidden)[0] if rank < ten else np.zeros((ten, 0)),
-        condition_number=sight.condition,
+        condition_number=subspace.condition,
     )
 
 
@@ -275,7 +275,7 @@ def base_values(layout: Layout, unknowns: FloatArray, run: int) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sight:
+class IdentifiableSubspace:
     """What is seen of the ten parameters.
 
     `seen` (10, rank): coordinates of what is seen, scaled so that their columns are of one length;
@@ -315,7 +315,7 @@ class _System:
             kept=independent(matrix, p, PARAMETERS_PER_LINK),
         )
 
-    def sight(self) -> _Sight:
+    def subspace(self) -> IdentifiableSubspace:
         """Say what is seen of the payload."""
         ten = PARAMETERS_PER_LINK
         payload = self.matrix[:, :ten]
@@ -330,20 +330,20 @@ class _System:
         singular = np.concatenate([singular, np.zeros(max(ten - len(singular), 0))])
         rank = int(np.count_nonzero(singular > UNSEEN * singular[0]))
         hidden = (right[rank:] / size).T
-        return _Sight(
+        return IdentifiableSubspace(
             seen=(right[:rank] / size).T,
             hidden=np.linalg.qr(hidden)[0] if rank < ten else np.zeros((ten, 0)),
             condition=float(singular[0] / singular[rank - 1]),
         )
 
-    def columns(self, sight: _Sight) -> FloatArray:
+    def columns(self, subspace: IdentifiableSubspace) -> FloatArray:
         """Return A in coordinates of what is seen, and of the other unknowns told apart."""
-        payload = self.matrix[:, :PARAMETERS_PER_LINK] @ sight.seen
+        payload = self.matrix[:, :PARAMETERS_PER_LINK] @ subspace.seen
         return np.hstack([payload, self.matrix[:, self.kept]])
 
-    def solve(self, sight: _Sight) -> FloatArray:
+    def solve(self, subspace: IdentifiableSubspace) -> FloatArray:
         """Return the solution in the coordinates of `columns`."""
-        matrix = self.columns(sight)
+        matrix = self.columns(subspace)
         width = matrix.shape[1]
         upper = triangular_factor(np.hstack([matrix, self.side[:, np.newaxis]]))
         if len(upper) < width:
@@ -369,12 +369,16 @@ class _System:
 
 
 def _cluster(
-    system: _System, sight: _Sight, factor: FloatArray, values: FloatArray, joints: int
+    system: _System,
+    subspace: IdentifiableSubspace,
+    factor: FloatArray,
+    values: FloatArray,
+    joints: int,
 ) -> Cluster:
     """Return one cluster's equations in the coordinates of `_System.columns`."""
     p = factor.shape[1] - joints
     residual = factor[:, p:].sum(axis=1) - factor[:, :p] @ system.all_unknowns(values)
-    matrix = np.hstack([factor[:, :PARAMETERS_PER_LINK] @ sight.seen, factor[:, system.kept]])
+    matrix = np.hstack([factor[:, :PARAMETERS_PER_LINK] @ subspace.seen, factor[:, system.kept]])
     return Cluster.of(matrix, residual)
 
 

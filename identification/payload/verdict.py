@@ -14,7 +14,7 @@ from identification.consistency.closest_robot import SMALLEST_P
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.findings import inertia_size
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import HowToWeigh, Runs, weigh
+from identification.payload.procedures import PayloadOptions, Runs, weigh
 
 LARGEST_SCATTER: Final = 3.0
 
@@ -143,7 +143,7 @@ def checks(
     return tuple(lines)
 
 
-def repeated(robot: RobotDescription, runs: Runs, how: HowToWeigh) -> Repeats | None:
+def repeated(robot: RobotDescription, runs: Runs, how: PayloadOptions) -> Repeats | None:
     """Estimate the payload from each run that carried it alone; None where there is only one.
 
     Raises

@@ -1,4 +1,4 @@
-"""The rows of the thesis's table 5.3: which belief is wrong, and by how much."""
+"""The rows of the thesis's table 5.3: which assumption is wrong, and by how much."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from config.robot.robot import RobotDescription
 from identification.sensitivity.problem import (
-    Belief,
+    Assumptions,
     Comparison,
     Excitation,
     SensitivityProblem,
@@ -35,8 +35,8 @@ class SensitivityCase:
     ----------
     number, words : int, str
         What stands in front of it.
-    belief : Belief
-        What is believed wrongly.
+    assumed : Assumptions
+        What is assumed wrongly.
     motion : "wrist" or "all"
         Which axes move: 3 to the last, or all.
     against : "model" or "difference"
@@ -47,7 +47,7 @@ class SensitivityCase:
 
     number: int
     words: str
-    belief: Belief
+    assumed: Assumptions
     motion: Motion = "wrist"
     against: Comparison = "model"
 
@@ -119,38 +119,42 @@ def thesis_cases(axes: int, share: float = SHARE, bias_nm: float = -12.0) -> lis
         return tuple(1.0 + share if j + 1 in numbers else 1.0 for j in range(axes))
 
     wrist = list(range(3, axes + 1))
-    cases = [SensitivityCase(1, "torque constant 3", Belief(gains=gains(3)), against=DIFFERENCE)]
+    cases = [
+        SensitivityCase(1, "torque constant 3", Assumptions(gains=gains(3)), against=DIFFERENCE)
+    ]
     if axes >= 6:
         cases += [
-            SensitivityCase(1, "torque constant 4", Belief(gains=gains(4)), against=DIFFERENCE),
             SensitivityCase(
-                1, "torque constants 5+6", Belief(gains=gains(5, 6)), against=DIFFERENCE
+                1, "torque constant 4", Assumptions(gains=gains(4)), against=DIFFERENCE
             ),
             SensitivityCase(
-                1, "torque constants 4-6", Belief(gains=gains(4, 5, 6)), against=DIFFERENCE
+                1, "torque constants 5+6", Assumptions(gains=gains(5, 6)), against=DIFFERENCE
+            ),
+            SensitivityCase(
+                1, "torque constants 4-6", Assumptions(gains=gains(4, 5, 6)), against=DIFFERENCE
             ),
         ]
-    all_wrong = Belief(gains=gains(*wrist))
-    links = Belief(links=1.0 + share)
+    all_wrong = Assumptions(gains=gains(*wrist))
+    links = Assumptions(links=1.0 + share)
     bias = tuple(bias_nm if j == 2 else 0.0 for j in range(axes))
     return [
         *cases,
         SensitivityCase(1, f"torque constants 3-{axes}", all_wrong, against=DIFFERENCE),
         SensitivityCase(2, "robot links", links),
-        SensitivityCase(3, "rotor inertia neglected", Belief(rotors=0.0)),
-        SensitivityCase(3, "rotor inertia 25 % too small", Belief(rotors=0.75)),
-        SensitivityCase(4, "wrist coupling neglected", Belief(coupling=0.0)),
-        SensitivityCase(5, "efficiency 90 %", Belief(efficiency=0.9)),
-        SensitivityCase(5, "efficiency 95 %", Belief(efficiency=0.95)),
-        SensitivityCase(6, "25 % of friction in the joints", Belief(joint_friction=0.25)),
+        SensitivityCase(3, "rotor inertia neglected", Assumptions(rotors=0.0)),
+        SensitivityCase(3, "rotor inertia 25 % too small", Assumptions(rotors=0.75)),
+        SensitivityCase(4, "wrist coupling neglected", Assumptions(coupling=0.0)),
+        SensitivityCase(5, "efficiency 90 %", Assumptions(efficiency=0.9)),
+        SensitivityCase(5, "efficiency 95 %", Assumptions(efficiency=0.95)),
+        SensitivityCase(6, "25 % of friction in the joints", Assumptions(joint_friction=0.25)),
         SensitivityCase(7, "known mass, robot links", replace(links, known_mass=1.0)),
         SensitivityCase(
             7, f"known mass, torque constants 3-{axes}", replace(all_wrong, known_mass=1.0)
         ),
-        SensitivityCase(7, "known mass 5 % too large", Belief(known_mass=1.05)),
-        SensitivityCase(8, f"torque bias {bias_nm:g} Nm, axis 3", Belief(bias=bias)),
+        SensitivityCase(7, "known mass 5 % too large", Assumptions(known_mass=1.05)),
+        SensitivityCase(8, f"torque bias {bias_nm:g} Nm, axis 3", Assumptions(bias=bias)),
         SensitivityCase(
-            9, "all axes, torque constant 3", Belief(gains=gains(3)), "all", DIFFERENCE
+            9, "all axes, torque constant 3", Assumptions(gains=gains(3)), "all", DIFFERENCE
         ),
         SensitivityCase(9, f"all axes, torque constants 3-{axes}", all_wrong, "all", DIFFERENCE),
     ]
@@ -178,7 +182,7 @@ def sensitivity_row(
         The motion does not show all ten parameters.
     """
     problem, against = problems[case.motion], against or case.against
-    percent = deviation_percent(problem, estimated(problem, case.belief, against))
+    percent = deviation_percent(problem, estimated(problem, case.assumed, against))
     return SensitivityRow(
         case, against, tuple(float(p) if np.isfinite(p) else None for p in percent)
     )

@@ -13,14 +13,19 @@ from config.arrays import FloatArray
 from dynamics.model.robot_model import regressor
 from identification.design.search import backend
 from identification.payload.body import reported
-from identification.sensitivity.problem import Belief, Comparison, Estimator, SensitivityProblem
+from identification.sensitivity.problem import (
+    Assumptions,
+    Comparison,
+    Estimator,
+    SensitivityProblem,
+)
 
 BATCH: Final = 250
 
 
 @dataclass(frozen=True)
-class Doubt:
-    """Standard deviations of what is believed, each independent of all others.
+class PriorUncertainty:
+    """Standard deviations of what is assumed, each independent of all others.
 
     Attributes
     ----------
@@ -50,7 +55,7 @@ class Draws:
 
 def draw_batch(
     problem: SensitivityProblem,
-    doubt: Doubt,
+    prior: PriorUncertainty,
     against: Comparison,
     batch: int,
     count: int,
@@ -65,15 +70,15 @@ def draw_batch(
     ----------
     problem : SensitivityProblem
         The robot, its payload, its motion, the noise of every sample.
-    doubt : Doubt
-        How sure what is believed is.
+    prior : PriorUncertainty
+        How sure what is assumed is.
     against : "model" or "difference"
         How the robot is told from the payload.
     batch, count, seed : int
         Number of the batch, its draws, and the seed of all batches.
     """
     random = np.random.default_rng([seed, batch])
-    right = Belief()
+    right = Assumptions()
     estimator = Estimator.of(problem, right, against)
     tau = problem.torque(right, True)
     alone = problem.torque(right, False)
@@ -81,16 +86,16 @@ def draw_batch(
     groups = model.parameter_groups
     links = np.zeros((*motion.q.shape, 0))
     values = np.zeros(0)
-    if against == "model" and (doubt.links or doubt.rotors):
+    if against == "model" and (prior.links or prior.rotors):
         phi = regressor(model, motion.q, motion.v, motion.a, problem.conditions(False))
-        parts = [("rigid_body", doubt.links), ("rotors", doubt.rotors), ("armature", doubt.rotors)]
+        parts = [("rigid_body", prior.links), ("rotors", prior.rotors), ("armature", prior.rotors)]
         chosen = [(phi[:, :, groups[g]], share, groups[g]) for g, share in parts if g in groups]
         links = np.concatenate([columns for columns, _, _ in chosen], axis=2)
         values = np.concatenate([share * problem.parameters[s] for _, share, s in chosen])
     found = np.empty((count, 10))
     for row in found:
-        gains = 1.0 + doubt.torque_constants * random.standard_normal(len(problem.noise_nm))
-        bias = 100.0 * doubt.bias * problem.noise_nm * random.standard_normal(len(problem.noise_nm))
+        gains = 1.0 + prior.torque_constants * random.standard_normal(len(problem.noise_nm))
+        bias = 100.0 * prior.bias * problem.noise_nm * random.standard_normal(len(problem.noise_nm))
         measured = tau + problem.noise_nm * random.standard_normal(tau.shape)
         measured = gains * measured + bias
         if against == "difference":
@@ -104,7 +109,7 @@ def draw_batch(
 
 def monte_carlo(
     problem: SensitivityProblem,
-    doubt: Doubt,
+    prior: PriorUncertainty,
     against: Comparison,
     draws: int,
     *,
@@ -118,7 +123,7 @@ def monte_carlo(
 
     Parameters
     ----------
-    problem, doubt, against, seed
+    problem, prior, against, seed
         As for `draw_batch`.
     draws : int
         How many in all.
@@ -136,7 +141,7 @@ def monte_carlo(
     """
     work = joblib.delayed(draw_batch)
     tasks = [
-        work(problem, doubt, against, batch, min(BATCH, draws - start), seed)
+        work(problem, prior, against, batch, min(BATCH, draws - start), seed)
         for batch, start in enumerate(range(0, draws, BATCH))
     ]
     with backend(scheduler, jobs):

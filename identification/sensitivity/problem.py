@@ -1,8 +1,8 @@
 """What wrong knowledge of a robot does to a payload's estimate: chapter 5's table, as numbers.
 
-A robot with a payload is simulated with one thing different from what is believed of it, and the
-payload is estimated as if all were believed rightly. Nothing is measured here and no noise is in
-it: what is left is the error that this wrong belief makes.
+A robot with a payload is simulated with one thing different from what is assumed of it, and the
+payload is estimated as if all assumptions were right. Nothing is measured here and no noise is in
+it: what is left is the error that this wrong assumption makes.
 `identification.sensitivity.monte_carlo` adds noise and beliefs that are wrong by chance.
 """
 
@@ -30,23 +30,23 @@ RANK: Final = 1e-8
 
 
 @dataclass(frozen=True)
-class Belief:
-    """How what is believed differs from what is; by default nothing does.
+class Assumptions:
+    """How what is assumed differs from what is; by default nothing does.
 
     Attributes
     ----------
     gains : tuple of float, length n, or empty
-        Believed over true torque constant of each axis.
+        Assumed over true torque constant of each axis.
     links : float
-        Believed over true inertial parameters of the robot's links.
+        Assumed over true inertial parameters of the robot's links.
     rotors : float
-        Believed over true rotor inertias; 0 neglects them.
+        Assumed over true rotor inertias; 0 neglects them.
     coupling : float
-        Believed over true coupling of the wrist; 0 neglects it.
+        Assumed over true coupling of the wrist; 0 neglects it.
     efficiency : float
-        True efficiency of every gear, believed to be 1.
+        True efficiency of every gear, assumed to be 1.
     joint_friction : float
-        Share of the friction that is in the joints and believed to be in the motors.
+        Share of the friction that is in the joints and assumed to be in the motors.
     bias : tuple of float, length n, or empty
         Constant torque that each axis measures too much [N m].
     known_mass : float or None
@@ -131,47 +131,48 @@ class SensitivityProblem:
         n = len(self.robot.joints)
         return np.eye(n) if self.robot.coupling is None else np.array(self.robot.coupling)
 
-    def torque(self, belief: Belief, loaded: bool) -> FloatArray:
+    def torque(self, assumed: Assumptions, loaded: bool) -> FloatArray:
         """Return what the drives would tell of the true robot, (samples, n) [N m or N]."""
         robot, motion = self.robot, self.motion
-        if belief.efficiency != 1.0:
+        if assumed.efficiency != 1.0:
             lossy = tuple(
-                joint.model_copy(update={"efficiency": belief.efficiency}) for joint in robot.joints
+                joint.model_copy(update={"efficiency": assumed.efficiency})
+                for joint in robot.joints
             )
             robot = robot.model_copy(update={"joints": lossy})
         model = RobotModel.from_description(robot, payload=True)
-        if belief.efficiency != 1.0:
-            model = model.with_shape(np.full(len(model.shape_names), belief.efficiency))
+        if assumed.efficiency != 1.0:
+            model = model.with_nonlinear(np.full(len(model.nonlinear_names), assumed.efficiency))
         link = to_link(flange_pose(self.robot)) @ self.payload.parameters
         values = np.concatenate([self.parameters, link])
         friction = model.parameter_groups.get("friction", slice(0, 0))
         in_joints = np.zeros_like(motion.q)
-        if belief.joint_friction:
+        if assumed.joint_friction:
             # The same coefficients, but of the joints' speeds and on the joints' torques.
             uncoupled = replace(model, coupling=None)
             only = np.zeros_like(values)
             only[friction] = values[friction]
             still = np.zeros_like(motion.q)
             own = torque(uncoupled, motion.q, motion.v, still, only, self.conditions(False))
-            in_joints = belief.joint_friction * own @ self.coupling
-            values[friction] *= 1.0 - belief.joint_friction
+            in_joints = assumed.joint_friction * own @ self.coupling
+            values[friction] *= 1.0 - assumed.joint_friction
         tau = torque(model, motion.q, motion.v, motion.a, values, self.conditions(loaded))
         tau = tau + in_joints
-        if belief.gains:
-            tau = tau * np.array(belief.gains)
-        return tau + (np.array(belief.bias) if belief.bias else 0.0)
+        if assumed.gains:
+            tau = tau * np.array(assumed.gains)
+        return tau + (np.array(assumed.bias) if assumed.bias else 0.0)
 
     def conditions(self, loaded: bool) -> Conditions:
         """Return the circumstances: drives at their reference temperature."""
         warm = np.array([joint.reference_temperature_k for joint in self.robot.joints])
         return Conditions(temperature_k=warm, payload=loaded)
 
-    def believed(self, belief: Belief) -> RobotModel:
-        """Return the model as it is believed to be."""
-        if belief.coupling == 1.0 or self.robot.coupling is None:
+    def assumed(self, assumed: Assumptions) -> RobotModel:
+        """Return the model as it is assumed to be."""
+        if assumed.coupling == 1.0 or self.robot.coupling is None:
             return self.model
         n = len(self.robot.joints)
-        coupling = np.eye(n) + belief.coupling * (self.coupling - np.eye(n))
+        coupling = np.eye(n) + assumed.coupling * (self.coupling - np.eye(n))
         return replace(self.model, coupling=coupling)
 
 
@@ -186,7 +187,7 @@ class Estimator:
     weights : ndarray, shape (n,)
         One over each axis's noise; 0 for one that stands still (5.20).
     offset : ndarray, shape (samples, n)
-        What the believed robot takes of the torque.
+        What the robot as assumed takes of the torque.
     mass : float or None
         The held mass [kg].
     """
@@ -197,15 +198,17 @@ class Estimator:
     mass: float | None
 
     @classmethod
-    def of(cls, problem: SensitivityProblem, belief: Belief, against: Comparison) -> Estimator:
-        """Set up an estimator that believes what `belief` says.
+    def of(
+        cls, problem: SensitivityProblem, assumed: Assumptions, against: Comparison
+    ) -> Estimator:
+        """Set up an estimator that assumes what `assumed` says.
 
         Raises
         ------
         EstimationError
             The motion does not show all ten parameters of a payload.
         """
-        model, motion = problem.believed(belief), problem.motion
+        model, motion = problem.assumed(assumed), problem.motion
         phi = regressor(model, motion.q, motion.v, motion.a, problem.conditions(True))
         groups, ten = model.parameter_groups, PARAMETERS_PER_LINK
         # An axis at rest is held by friction too, nobody knows by how much: it tells nothing.
@@ -218,7 +221,7 @@ class Estimator:
         told = np.linalg.norm(matrix, axis=0) > MOVING * np.linalg.norm(matrix)
         told[:ten] = True
         matrix = matrix[:, told]
-        held = 1 if belief.known_mass is not None else 0
+        held = 1 if assumed.known_mass is not None else 0
         scaled = matrix[:, held:] / np.linalg.norm(matrix[:, held:], axis=0)
         singular = np.linalg.svd(scaled, compute_uv=False)
         if not np.isfinite(singular).all() or singular[-1] < RANK * singular[0]:
@@ -229,15 +232,15 @@ class Estimator:
         if against == "model":
             values = np.zeros(len(model.parameter_names))
             values[: len(problem.parameters)] = problem.parameters
-            values[groups["rigid_body"]] *= belief.links
+            values[groups["rigid_body"]] *= assumed.links
             for name in ("rotors", "armature"):
                 if name in groups:
-                    values[groups[name]] *= belief.rotors
+                    values[groups[name]] *= assumed.rotors
             values[groups.get("friction", slice(0, 0))] = 0.0
             offset = phi @ values
         mass = None
-        if belief.known_mass is not None:
-            mass = belief.known_mass * problem.payload.mass_kg
+        if assumed.known_mass is not None:
+            mass = assumed.known_mass * problem.payload.mass_kg
         return cls(matrix, weights, offset, mass)
 
     @cached_property
@@ -257,19 +260,19 @@ class Estimator:
 
 
 def estimated(
-    problem: SensitivityProblem, belief: Belief, against: Comparison = "model"
+    problem: SensitivityProblem, assumed: Assumptions, against: Comparison = "model"
 ) -> FloatArray:
-    """Return the payload that a wrong belief leads to, ten values of `REPORTED`.
+    """Return the payload that a wrong assumption leads to, ten values of `REPORTED`.
 
     Raises
     ------
     EstimationError
         The motion does not show all ten parameters.
     """
-    tau = problem.torque(belief, True)
+    tau = problem.torque(assumed, True)
     if against == "difference":
-        tau = tau - problem.torque(belief, False)
-    return reported(Estimator.of(problem, belief, against).parameters(tau))
+        tau = tau - problem.torque(assumed, False)
+    return reported(Estimator.of(problem, assumed, against).parameters(tau))
 
 
 def deviation_percent(problem: SensitivityProblem, values: FloatArray) -> FloatArray:

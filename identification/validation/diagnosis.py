@@ -102,7 +102,7 @@ def diagnose(estimate: Estimate, validation: Validation) -> tuple[JointDiagnosis
     error = validation.measured_nm - validation.predicted_nm
     step_s = float(np.median(np.diff(validation.time_s)))
     stride = max(1, round(0.5 / (validation.cutoff_hz * step_s)))
-    names = {*estimate.model.parameter_names, *estimate.model.shape_names}
+    names = {*estimate.model.parameter_names, *estimate.model.nonlinear_names}
     found = []
     for j, joint in enumerate(estimate.robot.joint_names):
         moving = validation.moving[:, j]

@@ -113,7 +113,7 @@ def _entries(estimate: Estimate) -> dict[tuple[str, str], tuple[float, float, st
     """Return value, sigma and unit of each parameter, by its name and what it stands for."""
     base, model = estimate.base, estimate.model
     entries = {
-        (base.names[i], base.words[i]): (
+        (base.names[i], base.expressions[i]): (
             float(estimate.values[i]),
             float(estimate.sigma[i]),
             base.units[i],
@@ -121,7 +121,11 @@ def _entries(estimate: Estimate) -> dict[tuple[str, str], tuple[float, float, st
         for i in range(len(base))
     }
     shapes = zip(
-        model.shape_names, model.shape_values, estimate.shape_sigma, model.shape_units, strict=True
+        model.nonlinear_names,
+        model.nonlinear_values,
+        estimate.nonlinear_sigma,
+        model.nonlinear_units,
+        strict=True,
     )
     for name, value, sigma, unit in shapes:
         entries[name, name] = (float(value), float(sigma), unit)

@@ -23,7 +23,7 @@ from identification.model.options import ModelOptions
 from identification.validation.friction_drift import friction_drift
 from identification.validation.friction_selection import FRICTION_CANDIDATES, Comparison
 from rid_daq.jobs.identification_job import (
-    HowToEstimate,
+    EstimationOptions,
     check_otherwise,
     compare_friction,
     estimate_runs,
@@ -130,7 +130,7 @@ def identify(
     refuse_output(output, overwrite)
     data = [read_run(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
     notes = tell_lacks(console, data)
-    how = HowToEstimate(
+    how = EstimationOptions(
         options=ModelOptions(
             kind=model.value,
             rotors=rotors,
@@ -167,7 +167,7 @@ def identify(
     result = result_of(first, notes)
     result["estimate"] = estimate_section(estimate)
     weight = weight_words(estimate)
-    weak = [each for each in weak_parameters(estimate) if each.words not in weight]
+    weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
     findings = [each.sentence for each in weak]
     for item in data:
         drifts = (drift for drift in friction_drift(item.recording) if drift.significant)
@@ -223,13 +223,14 @@ def _existence(estimate: Estimate) -> str:
     worst = int(np.argmax(np.abs(robot.moved_sigmas)))
     return (
         f"No robot can have these parameters (p = {robot.p_value:.2g}): the closest one differs"
-        f" most in {estimate.base.words[worst]}, by {abs(robot.moved_sigmas[worst]):.1f} σ. A term"
-        " is missing in the model, or a sign, ratio or torque constant in the robot file is wrong."
+        f" most in {estimate.base.expressions[worst]}, by {abs(robot.moved_sigmas[worst]):.1f} σ. A"
+        " term is missing in the model, or a sign, ratio or torque constant in the robot file is"
+        " wrong."
     )
 
 
 def _cross_check(
-    console: Console, estimate: Estimate, data: list[RunData], how: HowToEstimate
+    console: Console, estimate: Estimate, data: list[RunData], how: EstimationOptions
 ) -> list[str]:
     checks: list[CrossCheck] = []
     with console.progress("Cross-checking", float(len(Method)), "methods") as shown:
@@ -271,7 +272,7 @@ def _loaded(runs: Path, data: list[RunData], names: list[str]) -> tuple[str, ...
     return ids
 
 
-def _compare(console: Console, data: list[RunData], how: HowToEstimate) -> Comparison:
+def _compare(console: Console, data: list[RunData], how: EstimationOptions) -> Comparison:
     total = float(len(FRICTION_CANDIDATES) + 1)
     with console.progress("Comparing models", total, "models") as shown:
         return compare_friction(
@@ -310,7 +311,7 @@ def _tell(console: Console, estimate: Estimate, sentence: str) -> None:
     rows = [
         (
             str(i + 1),
-            estimate.base.words[i],
+            estimate.base.expressions[i],
             number(float(estimate.values[i]), 5),
             number(2.0 * float(estimate.sigma[i]), 2),
             estimate.base.units[i],
@@ -322,10 +323,10 @@ def _tell(console: Console, estimate: Estimate, sentence: str) -> None:
         (str(len(rows) + k + 1), name, number(float(value), 5), number(2.0 * float(sigma), 2), unit)
         for k, (name, value, sigma, unit) in enumerate(
             zip(
-                model.shape_names,
-                model.shape_values,
-                estimate.shape_sigma,
-                model.shape_units,
+                model.nonlinear_names,
+                model.nonlinear_values,
+                estimate.nonlinear_sigma,
+                model.nonlinear_units,
                 strict=True,
             )
         )

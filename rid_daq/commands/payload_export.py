@@ -10,7 +10,7 @@ import typer
 from config.errors import EstimationError
 from config.formats.whole_file import write_whole
 from identification.payload.controllers.formats import LoadFormat, load_data
-from identification.payload.file import JudgedPayload, read_payload
+from identification.payload.file import PayloadResult, read_payload
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.output_file import Overwrite, refuse_output
 
@@ -54,7 +54,7 @@ def export(
     )
 
 
-def refuse_unpassed(judged: JudgedPayload, path: Path) -> None:
+def refuse_unpassed(judged: PayloadResult, path: Path) -> None:
     """Refuse a payload that did not pass.
 
     Raises
@@ -73,7 +73,7 @@ def refuse_unpassed(judged: JudgedPayload, path: Path) -> None:
     )
 
 
-def _origin(judged: JudgedPayload) -> tuple[str, ...]:
+def _origin(judged: PayloadResult) -> tuple[str, ...]:
     estimate = judged.estimate
     where = f", cell {estimate.cell_name}" if estimate.cell_name else ""
     mass, sigma = estimate.reported[0], estimate.sigma[0]

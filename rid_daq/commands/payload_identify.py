@@ -16,10 +16,10 @@ from identification.model.options import ModelOptions
 from identification.payload.body import REPORTED
 from identification.payload.equations import Procedure
 from identification.payload.file import write_payload
-from identification.payload.procedures import HowToWeigh
+from identification.payload.procedures import PayloadOptions
 from identification.payload.solution import Known
 from identification.payload.verdict import PayloadLimits
-from rid_daq.jobs.payload_job import Weighing, weigh_runs
+from rid_daq.jobs.payload_job import PayloadRequest, weigh_runs
 from rid_daq.report.payload_section import payload_section, payload_verdict, tell_payload
 from rid_daq.report.result import write_result
 from rid_daq.runs.flange import compared
@@ -133,8 +133,8 @@ def identify(
         raise ConfigError("--procedure model needs the robot without payload: --model MODEL")
     if procedure in (How.TOGETHER, How.DIFFERENCE) and robot is not None:
         raise ConfigError(f"--procedure {procedure.value} takes no --model: leave one of them out")
-    weighing = Weighing(
-        how=HowToWeigh(
+    weighing = PayloadRequest(
+        how=PayloadOptions(
             procedure=_PROCEDURES[procedure.value],
             options=ModelOptions(rotors=rotors),
             robot=robot,

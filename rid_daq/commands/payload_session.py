@@ -20,12 +20,12 @@ from identification.estimation.file import read_estimate
 from identification.payload.file import write_payload
 from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import HowToWeigh
+from identification.payload.procedures import PayloadOptions
 from identification.payload.verdict import PayloadLimits
 from rid_daq.commands.check import preflight
 from rid_daq.commands.payload_identify import PAYLOAD, known_quantity
 from rid_daq.commands.record import check_robot
-from rid_daq.jobs.payload_job import Weighing, weigh_runs
+from rid_daq.jobs.payload_job import PayloadRequest, weigh_runs
 from rid_daq.jobs.payload_steps import (
     PayloadSteps,
     SessionState,
@@ -124,8 +124,8 @@ def session(
     """
     console = Console(as_json)
     loaded = load_cell(cell)
-    weighing = Weighing(
-        how=HowToWeigh(
+    weighing = PayloadRequest(
+        how=PayloadOptions(
             procedure="together" if model is None else "model",
             robot=None if model is None else read_estimate(model),
             known=tuple(known_quantity(text) for text in known or []),
@@ -223,7 +223,7 @@ class _Guide:
         self._state.facts[name] = fact
         self._state.write()
 
-    def averages(self, weighing: Weighing) -> PeriodicRuns | None:
+    def averages(self, weighing: PayloadRequest) -> PeriodicRuns | None:
         """Return the runs so far that the payload is estimated from."""
         names = [name for name in self._state.done if name.startswith(WEIGHED)]
         if not names:
@@ -317,7 +317,7 @@ def _warm_up(guide: _Guide, percent: float, most: int) -> None:
 def _finish(
     state: SessionState,
     loaded: LoadedCell,
-    weighing: Weighing,
+    weighing: PayloadRequest,
     asked: FourierMotion,
     runs: Path,
     console: Console,

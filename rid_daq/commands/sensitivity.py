@@ -26,7 +26,7 @@ from identification.sensitivity.cases import (
     thesis_cases,
     thesis_motion,
 )
-from identification.sensitivity.monte_carlo import Doubt, Draws, collected, monte_carlo
+from identification.sensitivity.monte_carlo import Draws, PriorUncertainty, collected, monte_carlo
 from identification.sensitivity.problem import (
     Comparison,
     Excitation,
@@ -112,7 +112,7 @@ def sensitivity(
 ) -> None:
     """Tell what wrong torque constants, links, rotors, coupling or gears do to a payload.
 
-    Each row simulates the robot with one thing different from what is believed, estimates the
+    Each row simulates the robot with one thing different from what is assumed, estimates the
     payload as if all were right, and gives the deviation in percent of the true value. With
     --draws, noise and doubts are drawn by chance, on all cores or on a Dask cluster.
     """
@@ -151,13 +151,13 @@ def sensitivity(
         write_whole(output, _csv(rows).encode())
         console.say(f"Table: {output}")
     if draws:
-        doubt = Doubt(
+        prior = PriorUncertainty(
             torque_constants=doubt_torque_percent / 100.0,
             links=doubt_links_percent / 100.0,
             rotors=doubt_rotors_percent / 100.0,
         )
         document["monte_carlo"] = _monte_carlo(
-            console, problems["wrist"], doubt, how or "model", draws, seed, scheduler
+            console, problems["wrist"], prior, how or "model", draws, seed, scheduler
         )
     console.document(document)
 
@@ -255,7 +255,7 @@ def _csv(rows: list[SensitivityRow]) -> str:
 def _monte_carlo(
     console: Console,
     problem: SensitivityProblem,
-    doubt: Doubt,
+    prior: PriorUncertainty,
     how: Comparison,
     draws: int,
     seed: int,
@@ -264,7 +264,7 @@ def _monte_carlo(
     batches: list[Draws] = []
     with console.progress("Monte Carlo", float(draws), "draws") as shown:
         done = 0
-        for batch in monte_carlo(problem, doubt, how, draws, seed=seed, scheduler=scheduler):
+        for batch in monte_carlo(problem, prior, how, draws, seed=seed, scheduler=scheduler):
             batches.append(batch)
             done += len(batch.values)
             shown.update(float(done), f"mass ± {2.0 * batch.values[:, 0].std():.2g} kg (2σ)")

@@ -273,14 +273,14 @@ def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
     information = np.zeros((len(base), len(base)))
     for estimate in given:
         carried = [k for k, rigid in enumerate(_carried(estimate)) if rigid]
-        words = [estimate.base.words[k] for k in carried]
-        missing = [text for text in words if text not in base.words]
+        words = [estimate.base.expressions[k] for k in carried]
+        missing = [text for text in words if text not in base.expressions]
         if missing:
             raise ConfigError(
                 f"the model of robot {estimate.robot.name!r} knows {missing[0]}, which this cell's"
                 " robot has not: give models of the same robot file with all its terms"
             )
-        places = [base.words.index(text) for text in words]
+        places = [base.expressions.index(text) for text in words]
         covariance = estimate.covariance_residual[np.ix_(carried, carried)]
         samples = estimate.equations / len(estimate.robot.joints)
         information[np.ix_(places, places)] += np.linalg.inv(covariance) / samples

@@ -31,7 +31,7 @@ from rid_daq.runs.run_data import RunData
 
 
 @dataclass(frozen=True)
-class HowToEstimate:
+class EstimationOptions:
     """What a person may choose about an estimate.
 
     Attributes
@@ -58,7 +58,7 @@ class HowToEstimate:
 
 def estimate_runs(
     data: Sequence[RunData],
-    how: HowToEstimate | None = None,
+    how: EstimationOptions | None = None,
     *,
     robot: RobotDescription | None = None,
 ) -> Estimate:
@@ -73,7 +73,7 @@ def estimate_runs(
     DataQualityError, EstimationError
         The data do not show the parameters.
     """
-    how = how or HowToEstimate()
+    how = how or EstimationOptions()
     robot = robot or one_robot(data)
     payload = [item.folder.run_id in how.loaded for item in data]
     run_ids = tuple(item.folder.run_id for item in data)
@@ -108,7 +108,7 @@ def estimate_runs(
 
 
 def plate_findings(
-    data: Sequence[RunData], how: HowToEstimate, *, robot: RobotDescription | None = None
+    data: Sequence[RunData], how: EstimationOptions, *, robot: RobotDescription | None = None
 ) -> tuple[Improvement | None, TorqueConsistency | None]:
     """Return what the force plate improved and whether torque constants agree with it.
 
@@ -136,7 +136,7 @@ def plate_findings(
 
 
 def compare_friction(
-    data: Sequence[RunData], how: HowToEstimate, watch: Watch | None = None
+    data: Sequence[RunData], how: EstimationOptions, watch: Watch | None = None
 ) -> Comparison:
     """Choose the friction terms of each joint by these runs alone.
 
@@ -160,7 +160,7 @@ def compare_friction(
 
 
 def check_otherwise(
-    estimate: Estimate, data: Sequence[RunData], how: HowToEstimate
+    estimate: Estimate, data: Sequence[RunData], how: EstimationOptions
 ) -> Iterator[CrossCheck]:
     """Estimate by other methods from the runs that an estimate comes from, one after the other."""
     loaded = [item.folder.run_id in how.loaded for item in data]
@@ -170,7 +170,7 @@ def check_otherwise(
 def gains_of_drives(
     estimate: Estimate,
     data: Sequence[RunData],
-    how: HowToEstimate,
+    how: EstimationOptions,
     mass_kg: float,
     mass_sigma_kg: float,
 ) -> DriveGains:
@@ -186,7 +186,7 @@ def gains_of_drives(
     return drive_gains(estimate, runs, mass_kg, mass_sigma_kg)
 
 
-def _signals(data: Sequence[RunData], how: HowToEstimate) -> list[SmoothedSignals]:
+def _signals(data: Sequence[RunData], how: EstimationOptions) -> list[SmoothedSignals]:
     if data[0].is_periodic:
         return [period_signals(average_periods(item.recording), how.band_hz) for item in data]
     return [smooth_nonperiodic(without_torque_filter(item.recording), how.band_hz) for item in data]

@@ -9,9 +9,9 @@ from acquisition.processing.periods import average_periods
 from acquisition.processing.smoothing import smooth_nonperiodic
 from identification.equations.deconvolution import without_torque_filter
 from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
-from identification.payload.file import JudgedPayload
+from identification.payload.file import PayloadResult
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import HowToWeigh, Runs, weigh
+from identification.payload.procedures import PayloadOptions, Runs, weigh
 from identification.payload.smoothed_runs import SmoothedRuns
 from identification.payload.verdict import PayloadLimits, Repeats, checks, repeated
 from rid_daq.jobs.identification_job import one_robot
@@ -19,12 +19,12 @@ from rid_daq.runs.run_data import RunData
 
 
 @dataclass(frozen=True)
-class Weighing:
+class PayloadRequest:
     """What a person may choose.
 
     Attributes
     ----------
-    how : HowToWeigh
+    how : PayloadOptions
         The procedure, the model's terms, what is known.
     limits : PayloadLimits
         How sure the payload must be.
@@ -32,7 +32,7 @@ class Weighing:
         Highest frequency and lowest speed used.
     """
 
-    how: HowToWeigh = field(default_factory=HowToWeigh)
+    how: PayloadOptions = field(default_factory=PayloadOptions)
     limits: PayloadLimits = field(default_factory=PayloadLimits)
     band_hz: float = BAND_HZ
     standstill_rad_s: float = STANDSTILL_RAD_S
@@ -61,8 +61,8 @@ def payload_runs(
 
 
 def weigh_runs(
-    data: Sequence[RunData], loaded: Sequence[bool], weighing: Weighing
-) -> tuple[JudgedPayload, Repeats | None]:
+    data: Sequence[RunData], loaded: Sequence[bool], weighing: PayloadRequest
+) -> tuple[PayloadResult, Repeats | None]:
     """Estimate a payload from runs, judge it, and estimate it from each loaded run alone.
 
     Parameters
@@ -71,7 +71,7 @@ def weigh_runs(
         The runs.
     loaded : sequence of bool
         Which of them carried the payload.
-    weighing : Weighing
+    weighing : PayloadRequest
         How.
 
     Raises
@@ -93,4 +93,4 @@ def weigh_runs(
     repeats = None
     if weighing.how.procedure != "difference" and estimate.rank == len(estimate.values):
         repeats = repeated(robot, runs, weighing.how)
-    return JudgedPayload(estimate, checks(estimate, weighing.limits, repeats)), repeats
+    return PayloadResult(estimate, checks(estimate, weighing.limits, repeats)), repeats

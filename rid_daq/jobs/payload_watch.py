@@ -19,7 +19,7 @@ from config.errors import DataQualityError, EstimationError
 from config.robot.robot import RobotDescription
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import Runs, weigh
-from rid_daq.jobs.payload_job import Weighing
+from rid_daq.jobs.payload_job import PayloadRequest
 
 FEWEST_PERIODS = 4
 FITTED_PERIODS = 6
@@ -109,7 +109,7 @@ class MassWatch:
         The robot.
     before : PeriodicRuns or None
         The runs recorded until now.
-    weighing : Weighing
+    weighing : PayloadRequest
         How it will be estimated.
     goal_kg : float or None
         2 sigma that are enough; None follows only.
@@ -119,7 +119,7 @@ class MassWatch:
         self,
         robot: RobotDescription,
         before: PeriodicRuns | None,
-        weighing: Weighing,
+        weighing: PayloadRequest,
         goal_kg: float | None,
     ) -> None:
         self._robot, self._before = robot, before

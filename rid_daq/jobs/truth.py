@@ -16,9 +16,7 @@ from dynamics.model.robot_model import RobotModel
 _AXES = "xyz"
 
 
-def true_parameters(
-    model: RobotModel, robot: RobotDescription, plant: PlantConfig
-) -> FloatArray:
+def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConfig) -> FloatArray:
     """Return the plant's values of the model's standard parameters.
 
     Link inertias are moved from the centre of gravity to the link frame's origin; the polar

@@ -7,7 +7,7 @@ from typing import Any
 
 from identification.payload.body import REPORTED, REPORTED_UNITS
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.file import JudgedPayload
+from identification.payload.file import PayloadResult
 from identification.payload.findings import payload_findings
 from identification.payload.verdict import Repeats
 from rid_daq.report.render import number
@@ -23,7 +23,7 @@ _WORDS = {
 }
 
 
-def payload_section(payload: JudgedPayload, repeats: Repeats | None) -> dict[str, Any]:
+def payload_section(payload: PayloadResult, repeats: Repeats | None) -> dict[str, Any]:
     """Return a payload with its intervals, principal axes, findings and torques."""
     estimate = payload.estimate
     known = {quantity.name: quantity.sigma for quantity in estimate.known}
@@ -82,7 +82,7 @@ def payload_section(payload: JudgedPayload, repeats: Repeats | None) -> dict[str
     return section
 
 
-def payload_verdict(payload: JudgedPayload) -> dict[str, Any]:
+def payload_verdict(payload: PayloadResult) -> dict[str, Any]:
     """Return the verdict section of a payload."""
     estimate = payload.estimate
     lines = [{**asdict(line), "passed": line.passed} for line in payload.checks]

@@ -58,7 +58,7 @@ def weight_words(estimate: Estimate) -> tuple[str, ...]:
     """Return the parameters that only the standing weight shows, in words."""
     if estimate.options.kind == "internal":
         return ()
-    return tuple(estimate.base.words[i] for i in weight_parameters(estimate))
+    return tuple(estimate.base.expressions[i] for i in weight_parameters(estimate))
 
 
 def reaction_section(validation: ReactionValidation) -> dict[str, Any]:
@@ -197,7 +197,7 @@ def _improvement(improved: Improvement) -> dict[str, Any]:
         "shared": list(improved.shared),
         "parameters": [
             {
-                "words": each.words,
+                "words": each.expression,
                 "unit": each.unit,
                 "value": each.value,
                 "std_internal": each.sigma_internal,

@@ -200,7 +200,7 @@ def estimate_section(
     noise = estimate.sigma_noise
     parameters: list[dict[str, Any]] = []
     for i, (name, words, unit) in enumerate(
-        zip(estimate.base.names, estimate.base.words, estimate.base.units, strict=True)
+        zip(estimate.base.names, estimate.base.expressions, estimate.base.units, strict=True)
     ):
         entry: dict[str, Any] = {
             "name": name,
@@ -219,7 +219,11 @@ def estimate_section(
         parameters.append(entry)
     model = estimate.model
     for name, unit, value, sigma in zip(
-        model.shape_names, model.shape_units, model.shape_values, estimate.shape_sigma, strict=True
+        model.nonlinear_names,
+        model.nonlinear_units,
+        model.nonlinear_values,
+        estimate.nonlinear_sigma,
+        strict=True,
     ):
         parameters.append(
             {

@@ -16,7 +16,7 @@ from config.load import LoadedCell, load_bundled_or_path, to_yaml
 from config.simulation.plant import PlantConfig
 from identification.payload.body import PayloadBody, flange_pose, reported, to_link
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.file import JudgedPayload
+from identification.payload.file import PayloadResult
 from rid_daq.runs.run_data import PLANT, RunData
 
 NOTHING = "nothing"
@@ -81,7 +81,7 @@ def truth_sentence(name: str, truth: FloatArray, estimate: PayloadEstimate) -> s
     )
 
 
-def compared(data: Sequence[RunData], loaded: Sequence[bool], payload: JudgedPayload) -> list[str]:
+def compared(data: Sequence[RunData], loaded: Sequence[bool], payload: PayloadResult) -> list[str]:
     """Return the comparison of a payload with the truth, where its runs know one, as findings."""
     folders = [run.folder for run, carried in zip(data, loaded, strict=True) if carried]
     found = true_payload(folders, payload.estimate)

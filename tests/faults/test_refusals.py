@@ -38,7 +38,7 @@ def true_estimate(loaded: LoadedCell, robot: RobotDescription) -> Estimate:
         values=base.combination @ true_parameters(model, robot, loaded.plant),
         covariance_noise=None,
         covariance_residual=none,
-        covariance_honest=none,
+        covariance_jackknife=none,
         condition_number=1.0,
         equations=1,
         residual_nm=np.zeros(n),

@@ -7,6 +7,6 @@ from benchmarks.coverage import coverage
 
 def test_the_honest_interval_holds_the_truth_where_others_do_not() -> None:
     found = coverage(60)
-    assert 0.90 <= found.honest <= 0.98
+    assert 0.90 <= found.clustered <= 0.98
     assert found.white < 0.85
     assert found.noise < 0.5

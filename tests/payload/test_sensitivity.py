@@ -15,9 +15,14 @@ from config.load import load_cell
 from dynamics.model.robot_model import RobotModel
 from identification.payload.body import REPORTED, PayloadBody
 from identification.sensitivity.cases import sensitivity_row, thesis_cases, thesis_motion
-from identification.sensitivity.monte_carlo import Doubt, collected, draw_batch, monte_carlo
+from identification.sensitivity.monte_carlo import (
+    PriorUncertainty,
+    collected,
+    draw_batch,
+    monte_carlo,
+)
 from identification.sensitivity.problem import (
-    Belief,
+    Assumptions,
     Comparison,
     SensitivityProblem,
     deviation_percent,
@@ -62,7 +67,7 @@ def test_what_is_believed_rightly_gives_the_true_payload(
     sides: tuple[Comparison, ...] = ("model", "difference")
     for problem in problems.values():
         for against in sides:
-            off = deviation_percent(problem, estimated(problem, Belief(), against))
+            off = deviation_percent(problem, estimated(problem, Assumptions(), against))
             assert np.max(np.abs(off)) < 1e-4
 
 
@@ -131,12 +136,14 @@ def test_draws_scatter_as_the_theory_of_least_squares_says(
     from identification.sensitivity.problem import Estimator
 
     problem = problems["wrist"]
-    values = draw_batch(problem, Doubt(), "model", 0, 400, 1).values
-    inverse = Estimator.of(problem, Belief(), "model").inverse
+    values = draw_batch(problem, PriorUncertainty(), "model", 0, 400, 1).values
+    inverse = Estimator.of(problem, Assumptions(), "model").inverse
     mass = float(np.sqrt((inverse @ inverse.T)[0, 0]))
     assert values[:, 0].std() == pytest.approx(mass, rel=0.15)
     assert values[:, 0].mean() == pytest.approx(problem.payload.mass_kg, abs=5.0 * mass / 20.0)
-    doubtful = draw_batch(problem, Doubt(torque_constants=0.02), "model", 0, 100, 1).values
+    doubtful = draw_batch(
+        problem, PriorUncertainty(torque_constants=0.02), "model", 0, 100, 1
+    ).values
     assert doubtful[:, 0].std() > 3.0 * values[:, 0].std()
 
 
@@ -144,7 +151,10 @@ def test_the_same_seed_draws_the_same_wherever_it_is_computed(
     problems: dict[Any, SensitivityProblem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("identification.sensitivity.monte_carlo.BATCH", 5)
-    problem, doubt = problems["wrist"], Doubt(torque_constants=0.02, links=0.05, rotors=0.05)
+    problem, doubt = (
+        problems["wrist"],
+        PriorUncertainty(torque_constants=0.02, links=0.05, rotors=0.05),
+    )
     here = collected(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
     assert here.shape == (12, 10)
     assert np.array_equal(

@@ -47,7 +47,9 @@ def test_an_efficient_gear_takes_its_share_in_either_direction() -> None:
 
 
 def test_load_friction_grows_with_what_the_gear_carries() -> None:
-    model = RobotModel.from_description(pendulum(friction=("coulomb", "load"))).with_shape([0.1])
+    model = RobotModel.from_description(pendulum(friction=("coulomb", "load"))).with_nonlinear(
+        [0.1]
+    )
     load = MOMENT * GRAVITY
     np.testing.assert_allclose(
         weigh(model, [1.0, -1.0], {"sx1": MOMENT, "fc_j": 5.0}),
@@ -100,7 +102,7 @@ def test_a_gear_never_gives_more_power_than_it_gets(efficiency, share, seed) -> 
         ({"efficiency": 1.0}, efficiency),
         ({"friction": ("load",)}, share),
     ):
-        model = RobotModel.from_description(pendulum(**joint)).with_shape([loss])
+        model = RobotModel.from_description(pendulum(**joint)).with_nonlinear([loss])
         behind = load_torque(model, q, v, a, theta)
         assert np.all((torque(model, q, v, a, theta) - behind) * v >= -1e-9)
 
@@ -117,14 +119,15 @@ def test_a_load_of_another_shape_is_refused() -> None:
         regressor(model, *np.ones((3, 2, 1)), Conditions(load_nm=np.ones(1)))
 
 
-def test_losses_are_shape_parameters_with_ranges() -> None:
+def test_losses_are_nonlinear_parameters_with_ranges() -> None:
     model = RobotModel.from_description(pendulum(efficiency=0.8))
-    assert model.shape_names == ("eta_j",)
-    assert model.shape_units == ("1",)
-    np.testing.assert_array_equal(model.shape_bounds, [[0.2, 1.0]])
+    assert model.nonlinear_names == ("eta_j",)
+    assert model.nonlinear_units == ("1",)
+    np.testing.assert_array_equal(model.nonlinear_bounds, [[0.2, 1.0]])
     model = RobotModel.from_description(pendulum(friction=("load",)))
-    assert model.shape_names == ("cl_j",)
+    assert model.nonlinear_names == ("cl_j",)
     assert model.parameter_names[10:] == ()
     assert (
-        RobotModel.from_description(pendulum(friction=("load",)), friction=False).shape_names == ()
+        RobotModel.from_description(pendulum(friction=("load",)), friction=False).nonlinear_names
+        == ()
     )

@@ -139,15 +139,15 @@ class TestStribeck:
 
     def test_its_speed_is_a_shape_parameter_that_starts_where_the_file_says(self, ir361) -> None:
         model = RobotModel.from_description(one_axis(ir361, "stribeck"))
-        assert model.shape_names == ("vs_axis1",)
-        assert model.shape_units == ("rad/s",)
-        np.testing.assert_array_equal(model.shape_values, [0.2])
-        assert np.all(model.shape_bounds[:, 0] < 0.2)
-        assert np.all(model.shape_bounds[:, 1] > 0.2)
+        assert model.nonlinear_names == ("vs_axis1",)
+        assert model.nonlinear_units == ("rad/s",)
+        np.testing.assert_array_equal(model.nonlinear_values, [0.2])
+        assert np.all(model.nonlinear_bounds[:, 0] < 0.2)
+        assert np.all(model.nonlinear_bounds[:, 1] > 0.2)
         v = np.array([[0.3, 0.0, 0.0]])
-        column = regressor(model.with_shape([0.1]), 0 * v, v, 0 * v)[0, 0, 30]
+        column = regressor(model.with_nonlinear([0.1]), 0 * v, v, 0 * v)[0, 0, 30]
         assert column == pytest.approx(np.exp(-3.0))
-        np.testing.assert_array_equal(model.shape_values, [0.2])
+        np.testing.assert_array_equal(model.nonlinear_values, [0.2])
 
     def test_each_joint_has_its_own(self, ir361) -> None:
         joints = [
@@ -158,7 +158,7 @@ class TestStribeck:
         v = np.full((1, 3), 0.2)
         phi = regressor(model, 0 * v, v, 0 * v)[0][:, model.parameter_groups["friction"]]
         np.testing.assert_allclose(phi, np.diag(np.exp([-2.0, -1.0, -0.5])))
-        phi = regressor(model.with_shape([0.2, 0.4, 0.1]), 0 * v, v, 0 * v)[0]
+        phi = regressor(model.with_nonlinear([0.2, 0.4, 0.1]), 0 * v, v, 0 * v)[0]
         phi = phi[:, model.parameter_groups["friction"]]
         np.testing.assert_allclose(phi, np.diag(np.exp([-1.0, -0.5, -2.0])))
 
@@ -209,8 +209,8 @@ def test_units_are_those_of_the_joint(ir361, kind, units) -> None:
     robot = one_axis(ir361, "asymmetric", "stribeck", "temperature", "load", kind=kind)
     model = RobotModel.from_description(robot)
     assert list(model.parameter_units[30:]) == units
-    assert model.shape_names == ("vs_axis1", "cl_axis1")
-    assert model.shape_units == ("rad/s" if kind == "revolute" else "m/s", "1")
+    assert model.nonlinear_names == ("vs_axis1", "cl_axis1")
+    assert model.nonlinear_units == ("rad/s" if kind == "revolute" else "m/s", "1")
 
 
 @settings(deadline=None, max_examples=40)

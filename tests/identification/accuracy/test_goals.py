@@ -32,7 +32,7 @@ def estimate(model: RobotModel) -> Estimate:
         values=np.full(b, 2.0),
         covariance_noise=0.01 * np.eye(b),
         covariance_residual=0.01 * np.eye(b),
-        covariance_honest=0.04 * np.eye(b),
+        covariance_jackknife=0.04 * np.eye(b),
         condition_number=10.0,
         equations=1000,
         residual_nm=np.ones(3),

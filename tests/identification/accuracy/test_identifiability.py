@@ -48,7 +48,7 @@ def shy() -> Estimate:
 def test_the_joint_that_did_not_move_is_the_one_to_move(shy: Estimate) -> None:
     found = weak_parameters(shy)
     assert found
-    of_link_3 = [weak for weak in found if weak.words.split()[0].endswith("3")]
+    of_link_3 = [weak for weak in found if weak.expression.split()[0].endswith("3")]
     assert of_link_3
     assert all("axis3" in weak.motion for weak in of_link_3)
     assert max(weak.gain for weak in found) > 2.0
@@ -57,7 +57,7 @@ def test_the_joint_that_did_not_move_is_the_one_to_move(shy: Estimate) -> None:
 def test_they_are_those_that_cannot_be_told_from_zero(shy: Estimate) -> None:
     for weak in weak_parameters(shy, most=100):
         assert abs(weak.value) < 2.0 * weak.sigma
-        assert weak.words in shy.base.words
+        assert weak.expression in shy.base.expressions
 
 
 def test_the_sentence_says_what_to_do(shy: Estimate) -> None:

@@ -25,7 +25,7 @@ from dynamics.terms.conditions import Conditions
 from identification.consistency.closest_robot import (
     NOMINAL_WEIGHT,
     consistent,
-    honest_metric,
+    jackknife_metric,
     not_negative,
 )
 from identification.consistency.nominal_robot import nominal_parameters
@@ -160,7 +160,7 @@ def test_whatever_noise_does_the_robot_can_exist(make: Make, name: str, noise_nm
     braking = not_negative(estimate.model, estimate.robot)
     assert np.min(braking @ result.standard_values) > -1e-9
     # The truth is such a robot too, so the closest one is at most as far as the truth is.
-    sigma, factor = honest_metric(estimate)
+    sigma, factor = jackknife_metric(estimate)
     error = np.linalg.solve(factor, (estimate.base.from_standard(truth) - estimate.values) / sigma)
     centre, scale = nominal_parameters(estimate.model, estimate.robot)
     pull = NOMINAL_WEIGHT * np.sum(((truth - centre) / scale) ** 2)
@@ -184,7 +184,7 @@ def test_no_robot_is_closer(make: Make, name: str) -> None:
     result = consistent(estimate)
     model, base = estimate.model, estimate.base
     centre, scale = nominal_parameters(model, estimate.robot)
-    information = np.linalg.inv(estimate.covariance_honest)
+    information = np.linalg.inv(estimate.covariance_jackknife)
     theta = result.standard_values
     slope = base.combination.T @ information @ (result.base_values - estimate.values)
     slope += NOMINAL_WEIGHT * (theta - centre) / scale**2
@@ -235,13 +235,15 @@ def test_a_payload_can_exist_too(make: Make) -> None:
 
 def test_a_short_recording_with_singular_intervals_has_a_metric(make: Make) -> None:
     estimate, _ = make("ir361", 3.0)
-    values, vectors = np.linalg.eigh(estimate.covariance_honest)
+    values, vectors = np.linalg.eigh(estimate.covariance_jackknife)
     values[:5] = 0.0
     singular = (vectors * values) @ vectors.T
-    _, factor = honest_metric(replace(estimate, covariance_honest=singular))
+    _, factor = jackknife_metric(replace(estimate, covariance_jackknife=singular))
     assert np.linalg.cond(factor) < 1e6
     with pytest.raises(EstimationError, match="not positive definite"):
-        honest_metric(replace(estimate, covariance_honest=singular, covariance_residual=-singular))
+        jackknife_metric(
+            replace(estimate, covariance_jackknife=singular, covariance_residual=-singular)
+        )
 
 
 def test_the_ur10e_can_exist_within_its_intervals(real_robot: Path) -> None:

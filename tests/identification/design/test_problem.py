@@ -115,7 +115,7 @@ def test_terms_that_no_motion_has_a_say_in_are_left_out() -> None:
     warm = robot.model_copy(update={"joints": (joint, *robot.joints[1:])})
     model = design_model(warm)
     assert model.parameter_names == design_model(robot).parameter_names
-    assert model.shape_names == ()
+    assert model.nonlinear_names == ()
 
 
 def test_a_motion_file_says_the_same_motion(problem) -> None:

@@ -148,7 +148,7 @@ class TestEstimate:
         assert np.median(partial.sigma_noise / combined[0].sigma_noise) < 3.0
 
     def test_the_weight_is_as_unknown_as_the_offset(self, combined: list[Estimate]) -> None:
-        assert combined[0].base.words[0] == "m1 + m2 + m3"
+        assert combined[0].base.expressions[0] == "m1 + m2 + m3"
         assert combined[0].sigma[0] > 500.0
 
     def test_predicts_the_reaction(self, arm: Any, cell: Any, combined: list[Estimate]) -> None:
@@ -234,10 +234,10 @@ class TestImprovement:
         found = improvement(fitted(arm, recordings[0]))
         internal = identify(arm, recordings[0], "internal")
         external = identify(arm, recordings[0], "external")
-        by_words = {parameter.words: parameter for parameter in found.parameters}
+        by_words = {parameter.expression: parameter for parameter in found.parameters}
         for estimate, which in ((internal, "sigma_internal"), (external, "sigma_external")):
             assert estimate.sigma_noise is not None
-            for words, sigma in zip(estimate.base.words, estimate.sigma_noise, strict=True):
+            for words, sigma in zip(estimate.base.expressions, estimate.sigma_noise, strict=True):
                 assert getattr(by_words[words], which) == pytest.approx(sigma, rel=0.02)
 
     def test_says_so(self, arm: Any, recordings: list[Recording]) -> None:

@@ -43,7 +43,11 @@ def test_what_is_read_is_what_was_written(path: Path, estimate: Estimate) -> Non
     for field in fields(Estimate):
         old, new = getattr(estimate, field.name), getattr(found, field.name)
         if field.name == "base":
-            assert (new.words, new.kept, new.unseen) == (old.words, old.kept, old.unseen)
+            assert (new.expressions, new.kept, new.unseen) == (
+                old.expressions,
+                old.kept,
+                old.unseen,
+            )
             np.testing.assert_array_equal(new.combination, old.combination)
         elif isinstance(old, np.ndarray):
             np.testing.assert_array_equal(new, old)
@@ -61,7 +65,7 @@ def test_a_file_of_the_first_format_is_read(path: Path, estimate: Estimate) -> N
     path.write_text(json.dumps(document))
     found = read_estimate(path)
     np.testing.assert_array_equal(found.values, estimate.values)
-    np.testing.assert_array_equal(found.covariance_honest, estimate.covariance_residual)
+    np.testing.assert_array_equal(found.covariance_jackknife, estimate.covariance_residual)
 
 
 def test_a_file_alone_is_enough_to_predict(path: Path, estimate: Estimate) -> None:

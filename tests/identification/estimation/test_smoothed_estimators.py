@@ -134,14 +134,14 @@ class TestNonlinearParameters:
         self, robot, truth, run
     ) -> None:
         arm = friction(robot, ("coulomb", "viscous", "stribeck"))
-        model = RobotModel.from_description(arm).with_shape([0.08, 0.15, 0.1])
+        model = RobotModel.from_description(arm).with_nonlinear([0.08, 0.15, 0.1])
         signals = run(model, truth(model), samples=1500)
         found = estimate_smoothed(arm, [signals], standstill_rad_s=0.0, weighting="ls")
         base = found.base
         q, v, a = signals.position, signals.velocity, signals.acceleration
 
         def residual(x: np.ndarray) -> np.ndarray:
-            phi = base.columns(regressor(model.with_shape(x[-3:]), q, v, a))
+            phi = base.columns(regressor(model.with_nonlinear(x[-3:]), q, v, a))
             return (phi @ x[:-3] - signals.torque_nm).ravel()
 
         start = np.concatenate([found.values * 1.05, [0.09, 0.12, 0.09]])
@@ -149,7 +149,9 @@ class TestNonlinearParameters:
         judge = least_squares(residual, start, x_scale=size, xtol=1e-12, ftol=1e-12)
         assert found.options.shape is not None
         np.testing.assert_allclose(found.options.shape, judge.x[-3:], rtol=2e-3)
-        inside = np.abs(np.array(found.options.shape) - [0.08, 0.15, 0.1]) < 3.0 * found.shape_sigma
+        inside = (
+            np.abs(np.array(found.options.shape) - [0.08, 0.15, 0.1]) < 3.0 * found.nonlinear_sigma
+        )
         assert inside.all()
 
     def test_efficiencies_and_load_friction_are_found(self, robot, truth, run) -> None:
@@ -160,11 +162,11 @@ class TestNonlinearParameters:
             arm = friction(robot, change.pop("terms"), **change)
             # Without rotors: their inertia merges with the links', and gears do not transmit it.
             options = ModelOptions(rotors=False)
-            model = options.build(arm).with_shape(shape)
+            model = options.build(arm).with_nonlinear(shape)
             signals = run(model, truth(model), samples=6000)
             found = estimate_smoothed(arm, [signals], options=options)
             assert found.options.shape is not None
-            off = np.abs(np.array(found.options.shape) - shape) / found.shape_sigma
+            off = np.abs(np.array(found.options.shape) - shape) / found.nonlinear_sigma
             # The first axis is vertical: it carries no gravity and tells little.
             assert (off[1:] < 3.0).all()
             assert np.abs(np.array(found.options.shape) - shape)[1:].max() < 0.02
@@ -236,4 +238,4 @@ def test_the_model_file_s_words_hold_for_every_term(robot, truth, run) -> None:
     arm = friction(robot, ("coulomb", "viscous", "stribeck"))
     model = RobotModel.from_description(arm)
     found = estimate_smoothed(arm, [run(model, truth(model))])
-    assert found.options.build(arm).shape_values == pytest.approx(found.options.shape)
+    assert found.options.build(arm).nonlinear_values == pytest.approx(found.options.shape)

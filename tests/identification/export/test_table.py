@@ -33,7 +33,7 @@ def test_csv_reads_back(estimate: Estimate, truth: ExportModel) -> None:
     rows = list(csv.DictReader(io.StringIO(text, newline="")))
     identified = [row for row in rows if row["kind"] == "identified"]
     assert [row["name"] for row in identified] == list(estimate.base.names)
-    assert [row["words"] for row in identified] == list(estimate.base.words)
+    assert [row["words"] for row in identified] == list(estimate.base.expressions)
     assert [row["unit"] for row in identified] == list(estimate.base.units)
     for key, values in (("value", estimate.values), ("sigma", estimate.sigma)):
         np.testing.assert_array_equal([float(row[key]) for row in identified], values)
@@ -65,8 +65,8 @@ def test_json_says_where_the_values_come_from(estimate: Estimate) -> None:
 
 
 def test_no_text_is_a_formula_to_a_spreadsheet(estimate: Estimate) -> None:
-    words = ("-m2 + m3", "=cmd()", *estimate.base.words[2:])
-    hostile = replace(estimate, base=replace(estimate.base, words=words))
+    words = ("-m2 + m3", "=cmd()", *estimate.base.expressions[2:])
+    hostile = replace(estimate, base=replace(estimate.base, expressions=words))
     for row in csv.DictReader(io.StringIO(csv_table(hostile))):
         for name in ("kind", "name", "words", "unit"):
             assert not row[name].startswith(("=", "+", "-", "@"))

@@ -26,7 +26,7 @@ class TestCounts:
         base = base_parameters(arm_of(spring=True))
         assert sum(base.rigid_body) == 14
         assert len(base) == 16
-        assert "k_spring - 201.02 sx2 - 96.492 m3" in base.words  # 9.81 / (0.488 x 0.100)
+        assert "k_spring - 201.02 sx2 - 96.492 m3" in base.expressions  # 9.81 / (0.488 x 0.100)
 
     @pytest.mark.parametrize("kind", ["external", "combined"])
     def test_with_the_base_wrench_there_are_20(self, kind: ModelKind) -> None:
@@ -43,13 +43,13 @@ class TestCounts:
         assert [name for name in base.names if name.startswith("Im")] == ["Im1", "Im2", "Im3"]
 
     def test_do_not_depend_on_the_samples(self) -> None:
-        models = [base_parameters(arm_of(), seed=seed).words for seed in range(5)]
+        models = [base_parameters(arm_of(), seed=seed).expressions for seed in range(5)]
         assert len(set(models)) == 1
 
 
 class TestWords:
     def test_name_each_combination_with_its_head_first(self) -> None:
-        assert base_parameters(arm_of()).words == (
+        assert base_parameters(arm_of()).expressions == (
             "Izz1 + Iyy2 + 0.2304 m3 + Iyy3",
             "sx2 + 0.48 m3",
             "sy2",
@@ -68,12 +68,12 @@ class TestWords:
         )
 
     def test_of_a_rotor_count_its_gear_twice(self) -> None:
-        words = base_parameters(arm_of(rotors=True)).words
+        words = base_parameters(arm_of(rotors=True)).expressions
         assert "Izz1 + Iyy2 + 0.2304 m3 + Iyy3 + 14641 Im1" in words  # 121^2
         assert "Izz2 + 0.2304 m3 + 23715 Im2" in words  # 153^2 + 2 x 153
 
     def test_do_not_flip_a_coin_at_a_rounding_tie(self) -> None:
-        words = base_parameters(RobotModel.from_description(load_robot("ur10e"))).words
+        words = base_parameters(RobotModel.from_description(load_robot("ur10e"))).expressions
         assert "sx3 - 0.57155 m4 - 0.57155 m5 - 0.57155 m6" in words
 
     def test_come_with_the_head_s_unit(self) -> None:
@@ -166,7 +166,7 @@ class TestIndependentColumns:
         base = independent_columns(
             np.hstack([2.0 * column, column]), ("m2", "Izz1"), ("kg", "kg m^2")
         )
-        assert base.words == ("Izz1 + 2 m2",)
+        assert base.expressions == ("Izz1 + 2 m2",)
 
     def test_refuse_a_regressor_without_any_effect(self) -> None:
         with pytest.raises(EstimationError, match="zero"):

@@ -150,7 +150,7 @@ def test_a_payload_is_told_from_the_last_link_by_runs_with_and_without(arm: Any)
 def test_a_gears_efficiency_is_recovered(arm: Any) -> None:
     """Behind the gear are the arm's links and spring; its friction is not."""
     robot = with_joints(arm.robot, efficiency=0.95, rotor=None)
-    model = RobotModel.from_description(robot).with_shape([0.7, 0.8, 0.75])
+    model = RobotModel.from_description(robot).with_nonlinear([0.7, 0.8, 0.75])
     theta = truth(arm, model)
     estimate = estimate_smoothed(robot, [measured(arm, model, theta)])
     assert estimate.options.shape is not None
@@ -165,7 +165,7 @@ class TestBaseParameters:
         words = [
             base_parameters(
                 RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
-            ).words
+            ).expressions
             for robot in (arm.robot, coupled)
         ]
         assert words[0] == words[1]
@@ -177,8 +177,8 @@ class TestBaseParameters:
         robot = arm.robot.model_copy(update={"spring": spring})
         base = base_parameters(RobotModel.from_description(robot, rotors=False, friction=False))
         assert len(base) == 15 - 2 + 6
-        assert "A1_spring - 9.81 sy2" in base.words
-        assert "B1_spring - 9.81 sx2 - 4.7088 m3" in base.words  # 9.81 x 0.480
+        assert "A1_spring - 9.81 sy2" in base.expressions
+        assert "B1_spring - 9.81 sx2 - 4.7088 m3" in base.expressions  # 9.81 x 0.480
 
     def test_all_of_a_payload_and_of_every_friction_are_seen(self, arm: Any) -> None:
         terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
@@ -186,12 +186,12 @@ class TestBaseParameters:
         base = base_parameters(model)
         groups = model.parameter_groups
         for group in ("payload", "friction"):
-            assert set(model.parameter_names[groups[group]]) <= set(base.words)
+            assert set(model.parameter_names[groups[group]]) <= set(base.expressions)
 
     def test_a_plain_armature_merges_as_a_rotor_does(self, arm: Any) -> None:
         robot = with_joints(arm.robot, rotor=None, armature=True)
         model = RobotModel.from_description(robot, friction=False, spring=False)
         base = base_parameters(model)
-        assert "Izz1 + Iyy2 + 0.2304 m3 + Iyy3 + Ia1" in base.words
-        assert "Izz2 + 0.2304 m3 + Ia2" in base.words
-        assert "Ia3" in base.words
+        assert "Izz1 + Iyy2 + 0.2304 m3 + Iyy3 + Ia1" in base.expressions
+        assert "Izz2 + 0.2304 m3 + Ia2" in base.expressions
+        assert "Ia3" in base.expressions

@@ -25,7 +25,7 @@ def test_friction_terms_replace_those_of_every_joint(robot) -> None:
     model = ModelOptions(friction_terms=("asymmetric", "stribeck")).build(robot)
     names = model.parameter_names[model.parameter_groups["friction"]]
     assert names == tuple(f"{symbol}_axis{j}" for j in (1, 2, 3) for symbol in ("fcp", "fcn", "fs"))
-    assert model.shape_names == ("vs_axis1", "vs_axis2", "vs_axis3")
+    assert model.nonlinear_names == ("vs_axis1", "vs_axis2", "vs_axis3")
     assert robot.joints[0].friction == ("coulomb", "viscous")
 
 
@@ -40,8 +40,10 @@ def test_a_payload_is_added_behind(robot) -> None:
 
 def test_shape_sets_the_nonlinear_parameters(robot) -> None:
     options = ModelOptions(friction_terms=("stribeck",), shape=(0.1, 0.2, 0.3))
-    np.testing.assert_array_equal(options.build(robot).shape_values, [0.1, 0.2, 0.3])
-    with pytest.raises(EstimationError, match=r"3 shape parameters \(vs_axis1, vs_axis2, vs_axis3"):
+    np.testing.assert_array_equal(options.build(robot).nonlinear_values, [0.1, 0.2, 0.3])
+    with pytest.raises(
+        EstimationError, match=r"3 nonlinear parameters \(vs_axis1, vs_axis2, vs_axis3"
+    ):
         ModelOptions(friction_terms=("stribeck",), shape=(0.1,)).build(robot)
 
 

@@ -31,7 +31,7 @@ def estimate() -> Estimate:
         values=np.zeros(b),
         covariance_noise=None,
         covariance_residual=np.eye(b),
-        covariance_honest=np.eye(b),
+        covariance_jackknife=np.eye(b),
         condition_number=1.0,
         equations=100,
         residual_nm=np.ones(3),

@@ -127,8 +127,8 @@ def test_a_joint_that_rubs_more_is_found_and_named(monday: Estimate, dry: Estima
 
 
 def test_another_combination_is_another_parameter(monday: Estimate, tuesday: Estimate) -> None:
-    words = ("something else", *tuesday.base.words[1:])
-    other = replace(tuesday, base=replace(tuesday.base, words=words))
+    words = ("something else", *tuesday.base.expressions[1:])
+    other = replace(tuesday, base=replace(tuesday.base, expressions=words))
     difference = compare_estimates(monday, other)
     assert difference.only_first == difference.only_second == (monday.base.names[0],)
     assert monday.base.names[0] not in difference.names

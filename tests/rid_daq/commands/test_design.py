@@ -57,7 +57,7 @@ def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
         values=values,
         covariance_noise=None,
         covariance_residual=np.diag(sigma**2),
-        covariance_honest=np.diag(sigma**2),
+        covariance_jackknife=np.diag(sigma**2),
         condition_number=30.0,
         equations=600,
         residual_nm=np.array([6.0, 6.0, 3.0]),

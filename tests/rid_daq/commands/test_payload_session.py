@@ -18,7 +18,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
 from identification.payload.periodic_runs import PeriodicRuns
 from rid_daq.app import run
-from rid_daq.jobs.payload_job import Weighing, payload_runs
+from rid_daq.jobs.payload_job import PayloadRequest, payload_runs
 from rid_daq.jobs.payload_watch import MassWatch, WarmUpWatch, period_powers
 from rid_daq.runs.run_data import read_run
 
@@ -69,7 +69,7 @@ def test_the_mass_that_is_followed_is_the_one_that_is_reported(
     weighed: tuple[Path, dict[str, Any], int],
 ) -> None:
     runs, document, _ = weighed
-    weighing = Weighing()
+    weighing = PayloadRequest()
     unloaded = read_run(RunFolder.open(runs / document["done"]["unloaded"]))
     before = payload_runs([unloaded], [False], weighing.band_hz, weighing.standstill_rad_s)
     assert isinstance(before, PeriodicRuns)

@@ -9,8 +9,8 @@ import pytest
 
 from config.load import load_robot
 from config.robot.robot import FrictionTerm
+from dynamics.model.nonlinear_slopes import nonlinear_slopes
 from dynamics.model.robot_model import RobotModel, load_torque, regressor
-from dynamics.model.shape_slopes import shape_slopes
 from dynamics.terms.conditions import Conditions
 
 
@@ -34,13 +34,15 @@ def test_they_are_central_differences(
     v *= 0.1
     theta = random.normal(size=len(model.parameter_names))
     conditions = Conditions(load_nm=load_torque(model, q, v, a, theta))
-    slopes = shape_slopes(model, q, v, a, theta, conditions)
-    assert slopes.shape == (40, 3, len(model.shape_names))
+    slopes = nonlinear_slopes(model, q, v, a, theta, conditions)
+    assert slopes.shape == (40, 3, len(model.nonlinear_names))
     step = 1e-6
     for k in range(slopes.shape[2]):
         up, down = (
             regressor(
-                model.with_shape(model.shape_values + side * np.eye(len(model.shape_names))[k]),
+                model.with_nonlinear(
+                    model.nonlinear_values + side * np.eye(len(model.nonlinear_names))[k]
+                ),
                 q,
                 v,
                 a,
@@ -57,5 +59,5 @@ def test_they_are_central_differences(
 def test_a_model_without_them_has_none() -> None:
     model = RobotModel.from_description(load_robot("ir361"))
     theta = np.zeros(len(model.parameter_names))
-    assert shape_slopes(model, *np.zeros((3, 5, 3)), theta).shape == (5, 3, 0)
-    assert replace(model).shape_names == ()
+    assert nonlinear_slopes(model, *np.zeros((3, 5, 3)), theta).shape == (5, 3, 0)
+    assert replace(model).nonlinear_names == ()

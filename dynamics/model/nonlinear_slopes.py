@@ -11,7 +11,7 @@ from dynamics.terms.conditions import Conditions
 from dynamics.terms.friction import Friction
 
 
-def shape_slopes(
+def nonlinear_slopes(
     model: RobotModel,
     q: npt.ArrayLike,
     v: npt.ArrayLike,
@@ -19,7 +19,7 @@ def shape_slopes(
     parameters: npt.ArrayLike,
     conditions: Conditions | None = None,
 ) -> FloatArray:
-    """Return the derivative of the torque by `model.shape_names`, (samples, n, shape parameters).
+    """Return the derivative of the torque by `model.nonlinear_names`, (samples, n, any).
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def shape_slopes(
     theta = checked_parameters(model, parameters)
     motion = model.motion(q, v, a, conditions)
     parts = [
-        term.shape_slopes(motion, theta[columns])
+        term.nonlinear_slopes(motion, theta[columns])
         for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True)
         if isinstance(term, Friction)
     ]
-    return np.concatenate([*parts, model.transmission.shape_slopes(motion)], axis=2)
+    return np.concatenate([*parts, model.transmission.nonlinear_slopes(motion)], axis=2)

@@ -27,7 +27,7 @@ Solve = Callable[[RobotModel, FloatArray | None], Solution]
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeFit:
+class NonlinearFit:
     """A model with fitted nonlinear parameters, and the standard values it is linearised at."""
 
     model: RobotModel
@@ -36,7 +36,7 @@ class ShapeFit:
     cost: float
 
 
-def fit_shape(model: RobotModel, base: BaseParameters, solve: Solve) -> ShapeFit:
+def fit_nonlinear(model: RobotModel, base: BaseParameters, solve: Solve) -> NonlinearFit:
     """Fit the nonlinear parameters together with the linear ones.
 
     Parameters
@@ -56,14 +56,14 @@ def fit_shape(model: RobotModel, base: BaseParameters, solve: Solve) -> ShapeFit
     standard = base.to_standard(solve(model, None).values)
     best = _at(model, standard, base, solve)
     for _ in range(MOST_STEPS):
-        low, high = best.model.shape_bounds.T
-        start, step = best.model.shape_values, best.solution.values[len(base) :]
+        low, high = best.model.nonlinear_bounds.T
+        start, step = best.model.nonlinear_values, best.solution.values[len(base) :]
         sigma = np.sqrt(np.diagonal(best.solution.covariance)[len(base) :])
         if np.all(np.abs(np.clip(start + step, low, high) - start) <= SETTLED_SIGMAS * sigma):
             break
         for halving in range(MOST_HALVINGS):
             moved = np.clip(start + step / 2.0**halving, low, high)
-            tried = _at(best.model.with_shape(moved), best.standard, base, solve)
+            tried = _at(best.model.with_nonlinear(moved), best.standard, base, solve)
             if tried.cost < best.cost:
                 best = tried
                 break
@@ -79,15 +79,17 @@ def step_prior(model: RobotModel, b: int, width: int | None = None) -> Triangle:
     speed of a Stribeck term whose coefficient comes out as zero. They stand behind `b` base
     parameters, of `width` unknowns in all.
     """
-    low, high = model.shape_bounds.T
+    low, high = model.nonlinear_bounds.T
     columns = np.arange(b, b + len(low))
     return Triangle.empty(width or b + len(low), columns).add(
         np.diag(1.0 / (high - low)), np.zeros(len(low))
     )
 
 
-def _at(model: RobotModel, standard: FloatArray, base: BaseParameters, solve: Solve) -> ShapeFit:
+def _at(
+    model: RobotModel, standard: FloatArray, base: BaseParameters, solve: Solve
+) -> NonlinearFit:
     """Solve at a model, with the slopes taken at the linear optimum there."""
     values, cost = solve(model, standard).leading(len(base))
     standard = base.to_standard(values)
-    return ShapeFit(model, standard, solve(model, standard), cost)
+    return NonlinearFit(model, standard, solve(model, standard), cost)

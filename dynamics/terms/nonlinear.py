@@ -1,4 +1,4 @@
-"""`ShapeParameter`: a parameter that the torque is not linear in."""
+"""`NonlinearParameter`: a parameter that the torque is not linear in."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class ShapeParameter:
+class NonlinearParameter:
     """One nonlinear parameter: its name, unit, value and the range that it must stay in."""
 
     name: str
