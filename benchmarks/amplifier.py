@@ -29,7 +29,7 @@ from config.cell.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
 from config.load import load_bundled_or_path
 from drivers.amplifier.frames import encode_row, row_layout
 from drivers.amplifier.stream import AmplifierStream
-from drivers.ports.transport import open_serial
+from drivers.ports.serial_link import open_serial
 
 RATE_HZ = 1000
 BAR = 20.0

@@ -42,10 +42,10 @@ from benchmarks.cyclic_bus import BITRATE, HEARTBEAT_S, Scenario, served
 from benchmarks.lateness import calm_p99
 from config.cell.cell import CanBusConfig, DriveSafety
 from drivers.canopen.frames import heartbeat_cob_id, rpdo_cob_id, tpdo_cob_id
-from drivers.ports.transport import open_can
+from drivers.ports.can_link import open_can
 from drivers.servo.cia402 import AxisUnits
 from drivers.servo.cyclic_exchange import READING_S, CyclicExchange
-from drivers.servo.supervision import DriveWatch
+from drivers.servo.drive_watch import DriveWatch
 
 CPU_RATIO, JITTER_RATIO = 5.0, 1.3
 ROUNDS, ROUND_S = 9, 6.0

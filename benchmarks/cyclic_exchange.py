@@ -22,10 +22,10 @@ import can
 import numpy as np
 
 from config.cell.cell import DriveSafety
-from drivers.ports.transport import CanLink
+from drivers.ports.can_link import CanLink
 from drivers.servo.cia402 import AxisUnits
 from drivers.servo.cyclic_exchange import CyclicExchange
-from drivers.servo.supervision import DriveWatch
+from drivers.servo.drive_watch import DriveWatch
 
 AXES = 3
 BAR_US = 150.0

@@ -38,8 +38,8 @@ from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress
-from acquisition.task.stop_reason import StopCode
 from benchmarks.lateness import calm_p99
 from config.load import LoadedCell, load_cell
 from config.motion.motion import FourierJoint, FourierMotion

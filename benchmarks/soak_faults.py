@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
+from acquisition.supervision.supervisor import Supervisor
 from acquisition.task.position_loop import PositionLoop
-from acquisition.task.supervisor import Supervisor
 from benchmarks.cyclic_exchange import SocketBus, driver_cycle, play_drives
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import REST_RAD_S, OnlineFeedforward

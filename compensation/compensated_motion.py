@@ -16,7 +16,7 @@ from compensation.online.online import in_order
 from compensation.period_blend import turning_rows, with_period
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from drivers.servo.wrist_coupling import WristCoupling
+from config.robot.wrist_coupling import WristCoupling
 from identification.estimation.estimate import Estimate, predict
 
 

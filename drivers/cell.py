@@ -9,8 +9,8 @@ from types import TracebackType
 from config.cell.cell import CellConfig
 from config.errors import DeviceFaultError, DriverError, RidDaqError
 from config.robot.robot import RobotDescription
+from drivers.ports.can_link import CanLink, open_can
 from drivers.ports.clock import Clock
-from drivers.ports.transport import CanLink, open_can
 from drivers.servo.axes import CanServoAxes
 
 

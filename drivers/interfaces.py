@@ -90,9 +90,10 @@ class ServoAxes(Protocol):
     """All axes of a robot, commanded together, in the cyclic synchronous velocity mode.
 
     In order: `bring_up`, `start`, `enable`; then, every cycle, `sync`, `collect`, `command`,
-    `beat`; at the end `quick_stop` and `disable`. Arrays have one element a joint, base to flange;
-    they are overwritten by every `collect`. With a coupled wrist, `position` is the joints' all the
-    same, and so are the velocities of `command`; everything else is that of the joint's drive.
+    `send_heartbeat`; at the end `quick_stop` and `disable`. Arrays have one element a joint, base
+    to flange; they are overwritten by every `collect`. With a coupled wrist, `position` is the
+    joints' all the same, and so are the velocities of `command`; everything else is that of the
+    joint's drive.
     """
 
     joint_names: tuple[str, ...]
@@ -143,8 +144,8 @@ class ServoAxes(Protocol):
         """Send velocities [rad/s, joint side]; False: not sent, the axes were stopped instead."""
 
     @abstractmethod
-    def beat(self, now_s: float) -> None:
-        """Send this computer's sign of life when it is due."""
+    def send_heartbeat(self, now_s: float) -> None:
+        """Send this computer's heartbeat when it is due."""
 
     @abstractmethod
     def take_events(self) -> tuple[DriveEvent, ...]:

@@ -20,7 +20,7 @@ from config.robot.robot import RobotDescription
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from config.simulation.plant import PlantConfig
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
-from drivers.ports.transport import CanLink, open_can
+from drivers.ports.can_link import CanLink, open_can
 from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 from mock_hw.bus.bus_client import BusClient
 from mock_hw.bus.hub_client import HubClient

@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import LimitError, PreflightError
 from config.robot.robot import RobotDescription
-from drivers.servo.wrist_coupling import WristCoupling
+from config.robot.wrist_coupling import WristCoupling
 
 CHUNK_ROWS = 10_000
 LIMIT_MARGIN_SHARE = 0.05

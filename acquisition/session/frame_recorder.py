@@ -16,8 +16,7 @@ from typing import Final
 from config.cell.cell import CanBusConfig
 from config.errors import ConfigError, RecordingError, RidDaqError, TransportError
 from config.process.termination import leave_terminal, termination_held
-from drivers.ports.python_can import can
-from drivers.ports.python_can_bus import open_bus
+from drivers.ports.python_can import can, open_bus
 
 LISTENED: Final = ("rid_sim", "socketcan", "udp_multicast")
 """The interfaces that several programs can open at once."""

@@ -9,8 +9,8 @@ from multiprocessing.connection import wait
 
 from acquisition.session.plate_block import PlateBlock, PlateState
 from acquisition.session.plate_recorder import PlateTask, run_plate_recorder
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock, Progress
-from acquisition.task.stop_reason import StopCode
 from config.cell.plate import CHANNEL_NAMES
 from config.errors import RecordingError
 from config.process.termination import termination_held

@@ -36,6 +36,7 @@ from acquisition.session.processes import (
     start_processes,
 )
 from acquisition.session.timing import CycleStatistics, cycle_statistics
+from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import (
     ControlBlock,
     Progress,
@@ -46,7 +47,6 @@ from acquisition.task.joint_values import JointWatch
 from acquisition.task.process import run_cyclic_task
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion, SetPointSource
-from acquisition.task.stop_reason import StopCode, StopReason
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile

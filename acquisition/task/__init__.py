@@ -1,5 +1,5 @@
-"""The cyclic task: the loop that moves the robot, and all that decides whether it may.
+"""The cyclic task: the loop that moves the robot, and its way to rest.
 
-No log and no file in the cycle's path. Begin with `cyclic_task.py`, then `supervisor.py` and
-`stop_sequence.py`.
+No log and no file in the cycle's path. Begin with `cyclic_task.py`, then `stop_sequence.py`; what
+decides whether the motion may go on stands in `acquisition/supervision`.
 """

@@ -12,13 +12,13 @@ from math import isnan, nan
 from typing import Any
 
 from acquisition.motion.phase import Phase
+from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.shared_memory import SharedMemory
 from acquisition.task.states import MonitorState as MonitorState
 from acquisition.task.states import Pace as Pace
 from acquisition.task.states import Progress as Progress
 from acquisition.task.states import RecorderState as RecorderState
 from acquisition.task.states import TaskState as TaskState
-from acquisition.task.stop_reason import StopCode, StopReason
 from config import errors
 from config.errors import DriverError, RidDaqError
 

@@ -17,14 +17,14 @@ from acquisition.motion.approach import approach
 from acquisition.motion.collision import refuse_collision
 from acquisition.motion.limits import refuse_pose
 from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from acquisition.supervision.supervisor import Supervisor
 from acquisition.task.control_block import ControlBlock, Pace, RecorderState, TaskState
 from acquisition.task.monitor_rounds import MonitorRounds
 from acquisition.task.position_loop import PositionLoop
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import SetPoint, SetPointSource
-from acquisition.task.stop_reason import StopCode, StopReason
 from acquisition.task.stop_sequence import StopSequence
-from acquisition.task.supervisor import Supervisor
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import DriverError, SafetyStop
@@ -169,7 +169,7 @@ class CyclicTask:
             way.position,
             self._period_s,
             "the way to the motion's start",
-            meanwhile=lambda: self._axes.beat(self._clock.now_s()),
+            meanwhile=lambda: self._axes.send_heartbeat(self._clock.now_s()),
         )
 
     def _stream(self, way: MotionSamples, source: SetPointSource) -> StopReason | None:
@@ -285,7 +285,7 @@ class CyclicTask:
                     )
         if reason is not None:
             axes.quick_stop()
-        axes.beat(self._clock.now_s())
+        axes.send_heartbeat(self._clock.now_s())
         full = self._write(target, time_s, lateness_s, exchange_s, command, supervisor.valid)
         self._control.set_progress(target.sample_index, target.phase, self._cycle)
         self._cycle += 1
@@ -362,7 +362,7 @@ class CyclicTask:
         lateness_s, periods = self._wake()
         time_s, exchange_s = self._exchange()
         axes.quick_stop()
-        axes.beat(self._clock.now_s())
+        axes.send_heartbeat(self._clock.now_s())
         valid = [int(received) for received in axes.received.tolist()]
         self._write(here, time_s, lateness_s, exchange_s, self._rest, valid)
         self._control.set_progress(-1, Phase.HOLD, self._cycle)

@@ -11,7 +11,7 @@ import numpy as np
 
 from acquisition.motion.period_ends import period_ends
 from acquisition.motion.samples import MotionSamples
-from acquisition.task.stop_reason import StopReason
+from acquisition.supervision.stop_reason import StopReason
 from config.arrays import FloatArray
 
 

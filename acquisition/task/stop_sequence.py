@@ -6,11 +6,11 @@ is next, with its brake.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 
 from acquisition.motion.limits import position_bounds
 from acquisition.task.control_block import ControlBlock
-from acquisition.task.slowing_down import SlowingDown
 from config.cell.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot.robot import RobotDescription
@@ -21,6 +21,10 @@ from drivers.servo.stop_ramp import LONGEST_STOP_S
 STOP_MARGIN_S = 0.5
 REST_VELOCITY = 0.01
 REST_CYCLES = 5
+LOOK_S = 0.02
+OBEY_S = 0.045
+LEAST_SHARE = 0.5
+SLACK = 0.1
 
 
 class StopSequence:
@@ -127,3 +131,52 @@ class StopSequence:
                 f"the drives of {', '.join(unconfirmed)} did not confirm being disabled: check them"
                 " before going near the robot"
             )
+
+
+class SlowingDown:
+    """Whether every axis slows down as its quick stop must make it: at half the rate at least.
+
+    Speeds are taken over some cycles, so that an encoder's increment is no speed. The first of them
+    is what the axis had; where an axis was not seen, nothing is judged.
+
+    Parameters
+    ----------
+    deceleration : float
+        What the drives were told [rad/s² or m/s²].
+    period_s : float
+        The cycle time [s].
+    position : sequence of float, length joints
+        Where the axes are [rad or m].
+    began_s : float
+        When that was so [s].
+    """
+
+    def __init__(
+        self, deceleration: float, period_s: float, position: Sequence[float], began_s: float
+    ) -> None:
+        self._least = LEAST_SHARE * deceleration
+        self._cycles = math.ceil(LOOK_S / period_s)
+        self._count = 0
+        self._at = [(began_s, value) for value in position]
+        self._first: list[tuple[float, float] | None] = [None] * len(position)
+
+    def deaf(self, time_s: float, position: Sequence[float], received: Sequence[bool]) -> list[int]:
+        """Return the axes that are too fast, by number, after one more cycle at `time_s` [s]."""
+        self._count += 1
+        if self._count % self._cycles:
+            return []
+        found = []
+        for i, (now, answered) in enumerate(zip(position, received, strict=True)):
+            then_s, then = self._at[i]
+            if not answered or time_s <= then_s:
+                continue
+            self._at[i] = (time_s, now)
+            speed = abs(now - then) / (time_s - then_s)
+            first = self._first[i]
+            if first is None:
+                self._first[i] = (time_s, speed)
+            elif time_s - first[0] >= OBEY_S:
+                allowed = first[1] - self._least * (time_s - first[0])
+                if speed > max(allowed, SLACK):
+                    found.append(i)
+        return found

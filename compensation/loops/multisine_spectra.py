@@ -19,7 +19,7 @@ from config.cell.cell import ButterworthFilter
 from config.errors import DataQualityError
 from config.motion.motion import MultisineMotion
 from config.robot.robot import RobotDescription
-from drivers.servo.wrist_coupling import WristCoupling
+from config.robot.wrist_coupling import WristCoupling
 
 Complex = NDArray[np.complex128]
 

@@ -22,7 +22,7 @@ from drivers.amplifier.simulated_arrivals import ArrivalReader, arrivals_path
 from drivers.amplifier.stream import AmplifierStream, StreamCounts
 from drivers.device_text import printable
 from drivers.interfaces import ForcePlate, PlateRead, PlateSetting
-from drivers.ports.transport import SerialLink, open_serial
+from drivers.ports.serial_link import SerialLink, open_serial
 
 
 class SerialAmplifier(ForcePlate):

@@ -7,7 +7,7 @@ from config.cell.plate import CHANNEL_NAMES
 from config.errors import DeviceTimeoutError, ProtocolError, TransportError
 from drivers.amplifier.codec import AmplifierCodec, Answer, LineSplitter
 from drivers.device_text import printable
-from drivers.ports.transport import SerialLink
+from drivers.ports.serial_link import SerialLink
 
 ANSWER_TIMEOUT_S = 2.0
 PROBE_TIMEOUT_S = 0.15

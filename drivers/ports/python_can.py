@@ -1,13 +1,18 @@
-"""python-can, imported without asammdf: its reader of MDF files costs every process half a second.
+"""python-can: its buses opened, with its many kinds of failure as sentences for people.
 
-That package comes with what is needed to export recordings (the extra `mdf4`), and brings pandas
-along. Nothing here reads or writes MDF files through python-can.
+It is imported without asammdf, whose reader of MDF files costs every process half a second. That
+package comes with what is needed to export recordings (the extra `mdf4`), and brings pandas along.
+Nothing here reads or writes MDF files through python-can.
 """
 
 from __future__ import annotations
 
+import difflib
 import sys
-from typing import Final
+from typing import Any, Final
+
+from config.cell.cell import CanBusConfig
+from config.errors import ConfigError, RidDaqError, TransportError
 
 _READER: Final = "asammdf"
 
@@ -20,4 +25,55 @@ else:
     finally:
         del sys.modules[_READER]
 
-__all__ = ["can"]
+__all__ = ["can", "not_opened", "open_bus"]
+
+_FAILURES: Final = (  # whatever a driver that is missing, or does not suit, makes python-can raise
+    can.CanError,
+    OSError,
+    ValueError,
+    TypeError,
+    ImportError,
+    AttributeError,
+    NotImplementedError,
+)
+
+
+def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
+    """Open a bus; one that somebody else drives, to hear every frame on it, `listening`.
+
+    UDP multicast stays on this computer.
+
+    Raises
+    ------
+    ConfigError
+        The interface is unknown.
+    TransportError
+        Its driver is missing or the channel cannot be opened.
+    """
+    options: dict[str, Any] = {"channel": config.channel, "bitrate": config.bitrate}
+    try:
+        if config.interface == "udp_multicast":
+            group, _, port = config.channel.partition("@")
+            options = {"channel": group, "hop_limit": 0} | ({"port": int(port)} if port else {})
+        elif config.interface == "rid_sim" and not listening:
+            options["participant"] = True
+        return can.Bus(interface=config.interface, ignore_config=True, **options)
+    except _FAILURES as error:
+        raise not_opened(config, error) from error
+
+
+def not_opened(config: CanBusConfig, error: Exception) -> RidDaqError:
+    """Return what a person should know who wanted to open a bus."""
+    known = sorted(can.VALID_INTERFACES)
+    if config.interface not in known:
+        close = difflib.get_close_matches(config.interface, known, n=1)
+        meant = f"; did you mean {close[0]}?" if close else "."
+        return ConfigError(
+            f"can.interface: python-can knows no {config.interface!r}{meant} It knows:"
+            f" {', '.join(known)}"
+        )
+    return TransportError(
+        f"CAN bus {config.interface}:{config.channel} cannot be opened ({error});"
+        " check can.interface and can.channel in the cell file, and that the adapter is"
+        " plugged in and up"
+    )

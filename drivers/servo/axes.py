@@ -16,20 +16,19 @@ from numpy.typing import NDArray
 from config.cell.cell import CellConfig
 from config.errors import DeviceFaultError, DeviceTimeoutError, DriverError, SafetyStop
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 from drivers.canopen.heartbeat import HeartbeatProducer, heartbeat_frame
 from drivers.canopen.nmt import NmtCommand, NmtState, nmt_frame
 from drivers.interfaces import DriveEvent, DriveSetting
-from drivers.ports.transport import CanLink
+from drivers.ports.can_link import CanLink
 from drivers.servo.axis_answer import AxisAnswer, answers_of, refuse_fault
 from drivers.servo.bring_up import axes_in_joint_order, check_bus_load, refuse_red, wait_for_boot_up
 from drivers.servo.cia402 import FOLLOWS_COMMAND, ControlWord, PowerState, next_controlword
 from drivers.servo.cyclic_exchange import CyclicExchange
-from drivers.servo.other_senders import other_senders
+from drivers.servo.drive_watch import DriveWatch, other_senders
 from drivers.servo.service import DriveService
 from drivers.servo.setup import DriveSetup, SetupResult
 from drivers.servo.stop_ramp import LONGEST_STOP_S
-from drivers.servo.supervision import DriveWatch
-from drivers.servo.wrist_coupling import WristCoupling
 
 COLLECT_FRACTION = 0.6
 START_TIMEOUT_S = 2.0
@@ -69,7 +68,7 @@ class CanServoAxes:
     ----------
     service : DriveService
         What is asked of the drives one by one, outside the cyclic exchange.
-    last_beat_s
+    last_heartbeat_s
         When this computer's heartbeat was last sent, on the link's clock [s].
 
     Raises
@@ -109,9 +108,9 @@ class CanServoAxes:
         self.service = DriveService(link, cell, self._axes, self._watch)
         self._setups: tuple[SetupResult, ...] = ()
         self._phase = _Phase.CLOSED
-        self.last_beat_s = -math.inf
-        self._beats = HeartbeatProducer(cell.drive_safety.master_heartbeat_ms / 1000.0)
-        self._beat = heartbeat_frame(cell.drive_safety.master_node_id, NmtState.OPERATIONAL)
+        self.last_heartbeat_s = -math.inf
+        self._heartbeats = HeartbeatProducer(cell.drive_safety.master_heartbeat_ms / 1000.0)
+        self._heartbeat = heartbeat_frame(cell.drive_safety.master_node_id, NmtState.OPERATIONAL)
 
     def bring_up(self) -> None:
         """Reset, configure and read back every drive (CiA 301 order); no power, no motion.
@@ -180,11 +179,11 @@ class CanServoAxes:
             ) from error
         return True
 
-    def beat(self, now_s: float) -> None:
+    def send_heartbeat(self, now_s: float) -> None:
         """Send this computer's heartbeat when it is due at `now_s` [s]."""
-        if self._beats.due(now_s):
-            self.last_beat_s = now_s
-            self._link.send(self._beat)
+        if self._heartbeats.due(now_s):
+            self.last_heartbeat_s = now_s
+            self._link.send(self._heartbeat)
 
     def take_events(self) -> tuple[DriveEvent, ...]:
         """Return what the drives reported since the last call, at most 64 events."""
@@ -207,7 +206,7 @@ class CanServoAxes:
 
     def bus_notes(self) -> tuple[str, ...]:
         """Return who else sends on this bus, as far as it could be seen."""
-        return other_senders(self._axes, self._exchange, self._watch)
+        return other_senders(self._axes, self._watch, self.second_answers, self.contradictions)
 
     @property
     def lost_frames(self) -> int:
@@ -228,7 +227,7 @@ class CanServoAxes:
         self._phase = _Phase.STARTED
         now_s = self._clock.now_s()
         self._watch.arm(now_s)
-        self.beat(now_s)
+        self.send_heartbeat(now_s)
         self._order(NmtCommand.START)
         until_s = now_s + START_TIMEOUT_S
         waiting = list(self.joint_names)
@@ -382,7 +381,7 @@ class CanServoAxes:
         self._clock.sleep_until(self._exchange.sync_time_s + cycle_time_s)
         now_s = self.sync()
         self.collect(now_s + COLLECT_FRACTION * cycle_time_s)
-        self.beat(self._clock.now_s())
+        self.send_heartbeat(self._clock.now_s())
         self._exchange.send_words(words)
 
     def _order(self, command: NmtCommand) -> None:

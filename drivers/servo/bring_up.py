@@ -16,9 +16,9 @@ from config.robot.robot import RobotDescription
 from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
 from drivers.canopen.nmt import NmtCommand, nmt_frame
 from drivers.interfaces import DriveSetting
-from drivers.ports.transport import CanLink
+from drivers.ports.can_link import CanLink
+from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.requirements import STATUS_EVENT_MS
-from drivers.servo.supervision import DriveWatch
 
 FULL_BYTES = (8, 8)
 TRIMMED_BYTES = (4, 6)

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config.errors import TransportError
+from config.robot.wrist_coupling import WristCoupling
 from drivers.canopen.frames import SYNC, Frame, tpdo_cob_id
+from drivers.ports.can_link import CanLink
 from drivers.ports.can_ports import Arrival
-from drivers.ports.transport import CanLink
 from drivers.servo.cia402 import AxisUnits, PowerState
 from drivers.servo.command_frames import Frames, FullCommands, TrimmedCommands
-from drivers.servo.supervision import DriveWatch
-from drivers.servo.wrist_coupling import WristCoupling
+from drivers.servo.drive_watch import DriveWatch
 
 _ANSWER = struct.Struct("<Hih")
 _TRIMMED_ANSWER = struct.Struct("<ih")

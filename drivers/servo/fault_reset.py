@@ -13,7 +13,7 @@ from config.cell.cell import DriveAxis
 from drivers.canopen.emcy import code_text
 from drivers.canopen.frames import Frame
 from drivers.canopen.sdo import SdoAbort, abort_text
-from drivers.ports.transport import CanLink
+from drivers.ports.can_link import CanLink
 from drivers.servo.cia402 import ControlWord, PowerState, state_of
 from drivers.servo.sdo_port import SdoPort
 

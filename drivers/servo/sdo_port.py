@@ -8,7 +8,7 @@ from config.errors import ProtocolError
 from drivers.canopen.frames import Frame, sdo_answer_cob_id
 from drivers.canopen.sdo import SdoAbort, SdoCode, object_name
 from drivers.canopen.sdo_client import SdoClient
-from drivers.ports.transport import CanLink
+from drivers.ports.can_link import CanLink
 
 MISSING = (SdoCode.NO_OBJECT, SdoCode.NO_SUBINDEX)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from config.cell.cell import CellConfig, DriveAxis
-from drivers.ports.transport import CanLink
+from drivers.ports.can_link import CanLink
 from drivers.servo.bring_up import listen_for_masters
 from drivers.servo.cia402 import PowerState, state_of
+from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.fault_reset import FaultReset, reset_fault
 from drivers.servo.sdo_port import SdoPort
-from drivers.servo.supervision import DriveWatch
 
 
 class DriveService:

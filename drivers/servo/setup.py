@@ -25,7 +25,7 @@ from drivers.canopen.pdo import (
 from drivers.canopen.sdo import SdoAbort, abort_text, object_name
 from drivers.device_text import printable
 from drivers.interfaces import DriveSetting
-from drivers.ports.transport import CanLink
+from drivers.ports.can_link import CanLink
 from drivers.servo.cia402 import (
     CYCLIC_SYNCHRONOUS_VELOCITY,
     DRIVE_PROFILE,

@@ -79,7 +79,7 @@ def _silent_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[s
     due_s = clock.now_s()
     while clock.now_s() < since_s + patience_s and any(map(math.isnan, noticed.values())):
         due_s = _cycle(axes, clock, cell, due_s)
-        axes.beat(clock.now_s())
+        axes.send_heartbeat(clock.now_s())
         axes.quick_stop()  # the drives watch for set-points; this one moves nothing
         for event in axes.take_events():
             if event.kind is EventKind.HEARTBEAT_LOST and math.isnan(noticed[event.joint]):
@@ -97,7 +97,7 @@ def _silent_computer(
     axes.bring_up()
     axes.start()
     due_s = axes.enable() if powered else clock.now_s()
-    since_s = axes.last_beat_s
+    since_s = axes.last_heartbeat_s
     patience_s = 3e-3 * cell.drive_safety.master_heartbeat_timeout_ms
     rest = np.zeros(len(axes.joint_names))
     while clock.now_s() < since_s + patience_s and any(math.isnan(s) for s, _ in acted.values()):

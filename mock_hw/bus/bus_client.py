@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 
 from config.errors import TransportError
-from drivers.ports.transport import CanLink
+from drivers.ports.can_link import CanLink
 from mock_hw.bus.arbitration import FOREVER_NS, WireFrame
 
 DEAD_BUS_S = 0.005

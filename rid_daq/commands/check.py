@@ -236,7 +236,7 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
         sync_s = axes.sync()
         axes.collect(sync_s + COLLECT_FRACTION * cycle_time_s)
         exchanges_s.append(clock.now_s() - sync_s)
-        axes.beat(clock.now_s())
+        axes.send_heartbeat(clock.now_s())
         axes.quick_stop()  # the drives watch for set-points; this one moves nothing
         missing = [
             count + (not received)

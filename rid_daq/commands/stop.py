@@ -12,8 +12,8 @@ from typing import Annotated
 
 import typer
 
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock, TaskState
-from acquisition.task.stop_reason import StopCode
 from config.formats.bounded_file import read_file
 from config.formats.yaml_tree import MAX_BYTES
 from rid_daq.session.running_sessions import RunningSession, running_sessions

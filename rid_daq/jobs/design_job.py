@@ -12,7 +12,7 @@ import numpy as np
 import typer
 
 from acquisition.motion.fourier import samples_of_period
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError

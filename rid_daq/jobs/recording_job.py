@@ -15,10 +15,10 @@ from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress, TaskState
 from acquisition.task.joint_values import JointValues
 from acquisition.task.set_points import SetPointSource
-from acquisition.task.stop_reason import StopCode
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile

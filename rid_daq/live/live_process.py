@@ -10,9 +10,9 @@ import resource
 import socket
 from typing import Any
 
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
-from acquisition.task.stop_reason import StopCode
 from config.process.termination import leave_terminal
 from rid_daq.live.access import Access
 from rid_daq.live.picture import MotionPicture, ShownMotion

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 from enum import IntEnum
 
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from config.errors import (
     ConfigError,
     DataQualityError,

@@ -115,7 +115,7 @@ class FakeAxes:
             self._pending[self.reversed_joint] *= -1.0
         return True
 
-    def beat(self, now_s: float) -> None:
+    def send_heartbeat(self, now_s: float) -> None:
         pass
 
     def bus_notes(self) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from drivers.canopen.nmt import NmtCommand, NmtState, next_nmt_state, parse_nmt
 from drivers.canopen.pdo import INVALID, MappedObject, split
 from drivers.canopen.sdo import SdoAbort, SdoCode
 from drivers.canopen.sdo_server import SdoServer
-from drivers.ports.transport import CanLink
+from drivers.ports.can_link import CanLink
 from drivers.servo.axes import CanServoAxes
 from drivers.servo.cia402 import PowerState, after_controlword
 
@@ -310,7 +310,7 @@ class Bench:
         self.sync_time_s = self.axes.sync()
         self.axes.collect(self.sync_time_s + 0.6 * self.cell.cycle_time_s)
         sent = self.axes.command(np.array(velocity, dtype=np.float64))
-        self.axes.beat(clock.now_s())
+        self.axes.send_heartbeat(clock.now_s())
         return sent
 
     def arrives(self, frame: Frame, after_next_sync_s: float) -> None:

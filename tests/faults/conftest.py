@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import MotionSamples
+from acquisition.supervision.stop_reason import StopReason
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
-from acquisition.task.stop_reason import StopReason
 from config.cell.cell import CellConfig
 from config.errors import RidDaqError, TransportError
 from config.load import LoadedCell, load_cell

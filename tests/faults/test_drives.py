@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from acquisition.motion.samples import MotionSamples
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from config.load import LoadedCell
 
 T = 0.008

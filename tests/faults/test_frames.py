@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from acquisition.motion.samples import MotionSamples
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from config.errors import ProtocolError
 from drivers.servo.axes import CanServoAxes
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from acquisition.motion.samples import MotionSamples
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from config.errors import DeviceTimeoutError
 from rid_daq.preflight.bus_check import sender_lines
 
@@ -155,7 +155,7 @@ def test_the_preflight_tells_who_else_sends(
         for _ in range(cycles):
             clock.sleep_until(clock.now_s() + 0.001)
             axes.collect(axes.sync() + 0.005)
-            axes.beat(clock.now_s())
+            axes.send_heartbeat(clock.now_s())
             axes.quick_stop()
         lines = sender_lines(cell, cycles)
     assert [line.verdict for line in lines] == verdicts

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from acquisition.motion.samples import MotionSamples
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from config.errors import PreflightError
 from drivers.servo.cia402 import PowerState
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from acquisition.motion.samples import MotionSamples
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from config.load import LoadedCell, to_yaml
 from config.motion.motion import FourierMotion
 from mock_hw.cell import SimulatedCell

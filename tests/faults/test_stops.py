@@ -15,8 +15,8 @@ import pytest
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
-from acquisition.task.stop_reason import StopCode
 from config.cell.cell import Supervision
 from config.errors import PreflightError
 from config.load import LoadedCell

@@ -25,7 +25,7 @@ from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from config.cell.cell import CanBusConfig, CellConfig
 from config.errors import ConfigError, LockedError
 from config.load import LoadedCell, load_cell
@@ -66,7 +66,7 @@ with open_cell(config, load_cell("ir361").robot) as cell:
         cell.clock.sleep_until(next_s)
         now_s = cell.axes.sync()
         cell.axes.collect(now_s + 0.6 * config.cycle_time_s)
-        cell.axes.beat(now_s)
+        cell.axes.send_heartbeat(now_s)
         assert cell.axes.command(np.full(3, {SPEED_RAD_S} * np.sin(cycle * 0.02)))
         if cycle == 40:
             print("moving", flush=True)
@@ -165,7 +165,7 @@ def move(served: Served, cell: Cell, cycles: int) -> None:
         cell.clock.sleep_until(next_s)
         now_s = cell.axes.sync()
         cell.axes.collect(now_s + 1.0)
-        cell.axes.beat(now_s)
+        cell.axes.send_heartbeat(now_s)
         assert cell.axes.received.all()
         assert cell.axes.command(np.full(3, SPEED_RAD_S * np.sin(0.1 * cycle)))
 

@@ -53,7 +53,7 @@ def move():
             now_s = cell.axes.sync()
             cell.axes.collect(now_s + 0.6 * config.cycle_time_s)
             assert cell.axes.command(np.full(3, {SPEED_RAD_S} * np.sin(cycle * 0.02)))
-            cell.axes.beat(now_s)
+            cell.axes.send_heartbeat(now_s)
             if cycle == 100:
                 print("moving", flush=True)
             if cycle > 100 and abs(np.sin(cycle * 0.02)) > 0.99 and "once" in sys.argv:
@@ -95,7 +95,7 @@ def run_a_little(simulated: SimulatedCell, loaded: LoadedCell) -> AxisSnapshot:
             cell.axes.collect(now_s + 0.6 * simulated.cell.cycle_time_s)
             assert cell.axes.received.all()
             assert cell.axes.command(np.full(3, SPEED_RAD_S * math.sin(0.05 * cycle)))
-            cell.axes.beat(now_s)
+            cell.axes.send_heartbeat(now_s)
         assert cell.axes.take_events() == ()
         truth = simulated.axes()
         assert truth.enabled.all()
@@ -149,7 +149,7 @@ def simulated_drive_faults(simulated: SimulatedCell, cell: Cell) -> None:
         for _ in range(4):
             cell.clock.sleep_until(cell.clock.now_s() + cell.config.cycle_time_s)
             cell.axes.collect(cell.axes.sync() + 0.6 * cell.config.cycle_time_s)
-            cell.axes.beat(cell.clock.now_s())
+            cell.axes.send_heartbeat(cell.clock.now_s())
     assert any(event.kind.is_fault for event in cell.axes.take_events())
 
 

@@ -86,7 +86,7 @@ def swing(cell: Cell, amplifier: SerialAmplifier, cycles: int) -> Reads:
         moving = cycle < 0.6 * cycles
         speed = 0.5 * math.sin(0.03 * cycle) if moving else 0.0
         assert cell.axes.command(np.full(3, speed))
-        cell.axes.beat(now_s)
+        cell.axes.send_heartbeat(now_s)
         reads.add(amplifier.read(0.0))
     for read in amplifier.stop(time.monotonic() + ENOUGH_S):
         reads.add(read)

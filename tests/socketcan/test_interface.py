@@ -24,8 +24,8 @@ from config.errors import TransportError
 from config.load import LoadedCell, load_cell
 from drivers.canopen.frames import Frame
 from drivers.cell import Cell, open_cell
+from drivers.ports.can_link import CanLink, open_can
 from drivers.ports.socketcan_port import SocketCanPort, transmit_queue_frames
-from drivers.ports.transport import CanLink, open_can
 from mock_hw.cell import SimulatedCell
 from rid_daq.preflight.bus_check import bus_lines
 
@@ -310,7 +310,7 @@ def drive(
         cell.axes.collect(until_s)
         assert cell.axes.received.all()
         assert cell.axes.command(np.full(3, 0.1))
-        cell.axes.beat(cell.clock.now_s())
+        cell.axes.send_heartbeat(cell.clock.now_s())
     return cycles
 
 

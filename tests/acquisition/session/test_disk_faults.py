@@ -28,11 +28,11 @@ from acquisition.journal.mcap_writer import MOST_LOST_S
 from acquisition.motion.samples import MotionSamples
 from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.record import RING_ROWS, RING_S
+from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock, RecorderState, TaskState
 from acquisition.task.cyclic_task import RING_LIMIT, CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
-from acquisition.task.stop_reason import StopCode, StopReason
 from config.cell.cell import CellConfig
 from config.process.termination import TERMINATION
 from config.robot.robot import RobotDescription

@@ -17,7 +17,7 @@ from acquisition.processing.plate_alignment import stream_clock, with_plate
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import RecordOutcome, record_motion
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from config.cell.cell import CellConfig
 from config.load import LoadedCell, load_cell
 from config.motion.motion import FourierJoint, FourierMotion

@@ -19,8 +19,8 @@ from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.plate_preparation import plate_zero_n, prepare_plate
 from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress
-from acquisition.task.stop_reason import StopCode
 from config.errors import PreflightError
 from config.load import LoadedCell, load_cell
 from config.motion.motion import FourierJoint, FourierMotion

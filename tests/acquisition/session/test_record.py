@@ -29,8 +29,8 @@ from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import RecordOutcome, record_motion
 from acquisition.session.repair import repair_journal
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress, TaskState
-from acquisition.task.stop_reason import StopCode
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.load import LoadedCell, load_cell
 from config.motion.motion import FourierJoint, FourierMotion

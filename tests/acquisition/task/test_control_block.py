@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 
 from acquisition.motion.samples import Phase
+from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock, TaskState
-from acquisition.task.stop_reason import StopCode, StopReason
 from config.errors import DriverError, PreflightError, RidDaqError, TransportError
 
 

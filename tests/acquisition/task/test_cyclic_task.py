@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock, RecorderState, TaskState
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
-from acquisition.task.stop_reason import StopCode, StopReason
 from config.cell.cell import CellConfig
 from config.errors import PreflightError, TransportError
 from config.robot.robot import RobotDescription

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.task.slowing_down import LOOK_S, OBEY_S, SLACK, SlowingDown
+from acquisition.task.stop_sequence import LOOK_S, OBEY_S, SLACK, SlowingDown
 
 DECELERATION = 10.0
 

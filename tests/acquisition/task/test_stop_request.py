@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from acquisition.motion.plan import plan_motion
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock, TaskState
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
-from acquisition.task.stop_reason import StopCode
 from config.load import load_cell
 from config.motion.motion import FourierJoint, FourierMotion
 from drivers.cell import open_cell

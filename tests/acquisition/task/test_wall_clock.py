@@ -31,7 +31,7 @@ from config.robot.robot import RobotDescription
 ROOT = Path(__file__).resolve().parents[3]
 FLOORS = ("acquisition", "compensation", "config", "drivers", "dynamics", "identification")
 LABELS_ONLY = {"acquisition/runs/folder.py"}
-TO_READ_STAMPS = {"drivers/ports/kernel_stamps.py"}
+TO_READ_STAMPS = {"drivers/ports/socketcan_port.py"}
 WALL_CLOCK = {
     ("time", "time"), ("time", "time_ns"), ("time", "localtime"), ("time", "gmtime"),
     ("time", "strftime"), ("datetime", "now"), ("datetime", "utcnow"), ("datetime", "today"),

@@ -17,7 +17,7 @@ from compensation.online.online import OnlineFeedforward
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
 from config.motion.motion import MultipointMotion
-from drivers.servo.wrist_coupling import WristCoupling
+from config.robot.wrist_coupling import WristCoupling
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import RobotModel, torque
 from rid_daq.jobs.truth import true_parameters

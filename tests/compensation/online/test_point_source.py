@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acquisition.motion.samples import Phase
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from compensation.feedforward.inverse import CYCLES_TO_ACT, feedforward
 from compensation.online.online import OnlineFeedforward
 from compensation.online.path_kernels import ARRIVED, STATE

@@ -20,7 +20,7 @@ from config.robot.robot import RobotDescription
 from drivers.canopen.frames import Frame
 from drivers.canopen.sdo import SdoAbort, SdoCode
 from drivers.canopen.sdo_server import SdoServer
-from drivers.ports.transport import open_can
+from drivers.ports.can_link import open_can
 from drivers.servo.sdo_port import SdoPort
 from drivers.servo.setup import DriveSetup
 

@@ -4,7 +4,7 @@ import pytest
 
 from config.cell.cell import CanBusConfig
 from config.errors import ConfigError, TransportError
-from drivers.ports.transport import open_can
+from drivers.ports.can_link import open_can
 
 
 def test_an_interface_that_nobody_knows_is_told_with_those_that_are_known() -> None:

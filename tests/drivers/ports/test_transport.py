@@ -12,10 +12,10 @@ import pytest
 from config.cell.cell import CanBusConfig, CellConfig, DriveSafety
 from config.errors import TransportError
 from drivers.canopen.frames import SYNC, Frame
+from drivers.ports.can_link import CanLink, open_can
 from drivers.ports.clock import MonotonicClock
-from drivers.ports.transport import CanLink, open_can
 from drivers.servo.cyclic_exchange import CyclicExchange
-from drivers.servo.supervision import DriveWatch
+from drivers.servo.drive_watch import DriveWatch
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from drivers.canopen.emcy import Emergency, emcy_frame
 from drivers.canopen.frames import SYNC, Frame
 from drivers.canopen.heartbeat import heartbeat_frame
 from drivers.canopen.nmt import NmtState
-from drivers.ports.transport import CanLink
+from drivers.ports.can_link import CanLink
 from drivers.servo.axes import CanServoAxes
 from drivers.servo.bring_up import check_bus_load
 from drivers.servo.cia402 import PowerState

@@ -9,10 +9,10 @@ import pytest
 
 from config.cell.cell import DriveSafety
 from drivers.interfaces import EventKind
+from drivers.ports.can_link import CanLink
 from drivers.ports.can_ports import Arrival
-from drivers.ports.transport import CanLink
 from drivers.servo.cyclic_exchange import TELLING_S, CyclicExchange
-from drivers.servo.supervision import DriveWatch
+from drivers.servo.drive_watch import DriveWatch
 
 TIMEOUT_S = 0.1
 ANSWER = struct.pack("<Hih", 0x27, 111, 0)

@@ -9,9 +9,9 @@ import pytest
 
 from config.load import load_robot
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 from drivers.canopen.frames import Frame, rpdo_cob_id
 from drivers.servo.axes import CanServoAxes
-from drivers.servo.wrist_coupling import WristCoupling
 
 COUPLING = ((1.0, 0.0, 0.0), (0.5, 1.0, 0.0), (-0.25, 0.2, 1.0))
 

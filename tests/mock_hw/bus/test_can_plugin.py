@@ -16,7 +16,7 @@ import pytest
 
 from config.cell.cell import CanBusConfig
 from drivers.canopen.frames import SYNC, Frame
-from drivers.ports.transport import open_can
+from drivers.ports.can_link import open_can
 from mock_hw.bus.can_plugin import RidSimBus
 from mock_hw.bus.wire_time import frame_bits
 

@@ -20,7 +20,7 @@ from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from compensation.feedforward.tracking_error import tracking_error
 from compensation.loops.loop_file import read_loops
 from compensation.online.online import OnlineFeedforward

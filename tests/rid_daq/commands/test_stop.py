@@ -18,8 +18,8 @@ from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock, Progress, TaskState
-from acquisition.task.stop_reason import StopCode
 from config.load import LoadedCell, load_cell
 from config.motion.motion import FourierJoint, FourierMotion
 from mock_hw.cell import SimulatedCell

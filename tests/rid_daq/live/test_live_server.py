@@ -23,9 +23,9 @@ import numpy as np
 import pytest
 
 from acquisition.journal.cycle_row import row_dtype
+from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock, TaskState
 from acquisition.task.ring import Ring
-from acquisition.task.stop_reason import StopCode, StopReason
 from config.load import load_cell
 from rid_daq.live.access import Access
 from rid_daq.live.live_process import MOST_DESCRIPTORS, run_live_page

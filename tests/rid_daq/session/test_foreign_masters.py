@@ -16,7 +16,7 @@ from acquisition.motion.phase import Phase
 from acquisition.motion.plan import plan_motion
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from config.load import LoadedCell, load_cell
 from config.motion.motion import FourierJoint, FourierMotion
 from drivers.cell import open_cell

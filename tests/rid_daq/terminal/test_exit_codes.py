@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from acquisition.task.stop_reason import StopCode
+from acquisition.supervision.stop_reason import StopCode
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
-from acquisition.task.stop_reason import StopCode, StopReason
+from acquisition.supervision.stop_reason import StopCode, StopReason
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from drivers.canopen.frames import tpdo_cob_id

@@ -10,13 +10,13 @@ from collections import deque
 from collections.abc import Sequence
 
 from acquisition.motion.limits import position_bounds
-from acquisition.task.second_answers import SecondAnswers
-from acquisition.task.stop_reason import StopCode, StopReason
-from acquisition.task.stuck_encoders import StuckEncoders
+from acquisition.supervision.second_answers import SecondAnswers
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from acquisition.supervision.stuck_encoders import StuckEncoders
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 from drivers.interfaces import DriveEvent, EventKind
-from drivers.servo.wrist_coupling import WristCoupling
 
 LATE_FRACTION = 0.5
 PLAUSIBLE_FACTOR = 1.5

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.ports.kernel_stamps import KernelStamps, both_clocks
+from drivers.ports.socketcan_port import KernelStamps, both_clocks
 
 CYCLE_NS = 8_000_000
 NOW_NS = 10**15

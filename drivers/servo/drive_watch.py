@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 
-from config.cell.cell import DriveSafety
+import numpy as np
+from numpy.typing import NDArray
+
+from config.cell.cell import DriveAxis, DriveSafety
 from config.errors import LockedError
 from drivers.canopen.emcy import parse_emcy
 from drivers.canopen.frames import (
@@ -236,6 +239,40 @@ class DriveWatch:
             self._events.append(event)
         else:
             self.dropped_events += 1
+
+
+def other_senders(
+    axes: Sequence[DriveAxis],
+    watch: DriveWatch,
+    second_answers: NDArray[np.int64],
+    contradictions: NDArray[np.int64],
+) -> tuple[str, ...]:
+    """Return a sentence for each drive whose identifier two devices send, and one for nobody's.
+
+    Parameters
+    ----------
+    axes : sequence of DriveAxis
+        The drives.
+    watch : DriveWatch
+        Where frames of nobody are counted.
+    second_answers, contradictions : ndarray of int64, shape (axes,)
+        In how many cycles each drive's identifier answered twice, and with other data.
+    """
+    notes = [
+        f"{axis.joint}: node {axis.node_id} answered twice in {cycles} cycle{'s' * (cycles != 1)},"
+        f" {differing} of them with other data: two devices send with its identifier, or a gateway"
+        " repeats it"
+        for axis, cycles, differing in zip(
+            axes, second_answers.tolist(), contradictions.tolist(), strict=True
+        )
+        if cycles
+    ]
+    if watch.unexpected_frames:
+        notes.append(
+            f"{watch.unexpected_frames} frames came with identifiers that nobody in the cell has"
+            f" ({watch.unexpected_identifiers}): another device or program sends on this bus"
+        )
+    return tuple(notes)
 
 
 @lru_cache(maxsize=MOST_EVENTS)  # a drive that floods the bus says the same again and again

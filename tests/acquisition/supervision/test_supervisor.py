@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from acquisition.task.stop_reason import StopCode, StopReason
-from acquisition.task.supervisor import Supervisor
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from acquisition.supervision.supervisor import Supervisor
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from drivers.interfaces import DriveEvent, EventKind

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acquisition.task.stop_reason import StopCode, StopReason
+from acquisition.supervision.stop_reason import StopCode, StopReason
 from config.cell.cell import Supervision
 from config.robot.robot import RobotDescription
 
