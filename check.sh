@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Every check and every test; what CI runs.
+# Every check, and every test that is not marked as slow or as to be run alone: .ci/run runs those too.
 set -euo pipefail
 cd "$(dirname "$0")"
 . ./environment.sh
@@ -14,4 +14,5 @@ step $bin/pyright & # both take one core
 pyright=$!
 step $bin/mypy
 wait $pyright
-step $bin/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder "$@"
+step $bin/python -m pytest -q -m "not slow and not alone" -n 2 \
+    --dist loadfile --no-loadscope-reorder --durations 20 "$@"

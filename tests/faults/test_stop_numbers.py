@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -18,7 +17,6 @@ from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, S
 from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
 from tests.builders.obedient_cell import Outcome
 
-CELLS = 2000 if os.environ.get("RID_DAQ_SLOW") else 250
 CYCLES = 80
 Measured = Callable[[str], None]
 
@@ -118,10 +116,6 @@ def cells(draw: st.DrawFn) -> tuple[CellConfig, RobotDescription, int]:
 SEEN: Counter[str] = Counter()
 
 
-@settings(
-    max_examples=CELLS, deadline=None, derandomize=True, database=None,
-    suppress_health_check=list(HealthCheck), phases=(Phase.generate,),
-)  # fmt: skip
 @given(made=cells(), share=st.floats(0.02, 1.0), sign=st.sampled_from((1, -1)))
 def every_axis_stops_where_the_preflight_is_green(
     made: tuple[CellConfig, RobotDescription, int], share: float, sign: int
@@ -155,12 +149,16 @@ def every_axis_stops_where_the_preflight_is_green(
 
 @pytest.mark.timeout(1500)
 @pytest.mark.fault(39)
-def test_every_axis_stops_where_the_preflight_is_green(measured: Measured) -> None:
+@pytest.mark.parametrize("cells", [250, pytest.param(2000, marks=pytest.mark.slow)])
+def test_every_axis_stops_where_the_preflight_is_green(measured: Measured, cells: int) -> None:
     SEEN.clear()
-    every_axis_stops_where_the_preflight_is_green()
-    assert SEEN["tried"] >= CELLS
-    assert SEEN["moved"] >= CELLS / 10, "too few cells were let move"
-    assert SEEN["refused"] >= CELLS / 10, "too few cells were refused"
+    settings(
+        max_examples=cells, deadline=None, derandomize=True, database=None,
+        suppress_health_check=list(HealthCheck), phases=(Phase.generate,),
+    )(every_axis_stops_where_the_preflight_is_green)()  # fmt: skip
+    assert SEEN["tried"] >= cells
+    assert SEEN["moved"] >= cells / 10, "too few cells were let move"
+    assert SEEN["refused"] >= cells / 10, "too few cells were refused"
     measured(
         f"{SEEN['tried']} cells: {SEEN['refused']} refused before power, {SEEN['moved']} moved and"
         " stopped within the stated time, inside their range or without power"

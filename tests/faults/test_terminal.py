@@ -23,6 +23,8 @@ from acquisition.runs.folder import RunFolder
 from config.load import to_yaml
 from config.motion.motion import FourierMotion
 
+pytestmark = pytest.mark.slow
+
 PATIENCE_S = 120.0
 SUSPEND = b"\x1a"
 LEADER = """

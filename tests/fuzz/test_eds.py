@@ -1,7 +1,7 @@
 """Data sheets that were changed by chance: read, or refused with a file and a line, in little time.
 
-100,000 changed sheets: bytes flipped, cut, doubled and replaced by what has broken parsers before,
-lines deleted, doubled, moved. Then files of the largest size that there may be.
+Changed sheets, 100,000 of them in CI: bytes flipped, cut, doubled and replaced by what has broken
+parsers before, lines deleted, doubled, moved. Then files of the largest size that there may be.
 """
 
 from __future__ import annotations
@@ -106,15 +106,14 @@ def outcome(data: bytes) -> str:
     return "read"
 
 
-def test_sheets_changed_anywhere_are_read_or_refused_with_their_line() -> None:
+@pytest.mark.parametrize("sheets", [10_000, pytest.param(100_000, marks=pytest.mark.slow)])
+def test_sheets_changed_anywhere_are_read_or_refused_with_their_line(sheets: int) -> None:
     chance = random.Random(4)
     counts: Counter[str] = Counter()
-    for _ in range(
-        100_000
-    ):  # a sheet takes 60 us: one that hangs is ended by the test's time limit
+    for _ in range(sheets):  # one that hangs is ended by the test's time limit
         counts[outcome(changed(SMALL, chance))] += 1
-    assert counts["read"] > 20_000
-    assert counts.total() - counts["read"] > 20_000
+    assert counts["read"] > 0.2 * sheets
+    assert counts.total() - counts["read"] > 0.2 * sheets
     assert len(counts) > 50  # as many kinds of faults were found, and all were told
 
 

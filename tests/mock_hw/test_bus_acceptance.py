@@ -1,18 +1,21 @@
 """One acceptance suite for simulated drives on every bus: bring-up, preflight, recording, stops.
 
-What a bus cannot do, it is not asked: `virtual` lives in one process, so that no session of several
-processes can use it and nobody can die alone there. SocketCAN is tested where RID_DAQ_SOCKETCAN
-names an interface that is up, and then alone; tests/socketcan provides a kernel that has one.
+They run in real time, with nothing beside them, and stalls of the computer are no verdict
+(tests/builders/stalls.py). What a bus cannot do, it is not asked: `virtual` lives in one process,
+so that no session of several processes can use it and nobody can die alone there. SocketCAN is
+tested where RID_DAQ_SOCKETCAN names an interface that is up; tests/socketcan provides a kernel that
+has one.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,8 +36,12 @@ from config.motion.motion import FourierJoint, FourierMotion
 from drivers.cell import Cell, open_cell
 from mock_hw.cell import SimulatedCell
 from rid_daq.commands.check import preflight
+from tests.builders.stalls import where_time_runs
+
+pytestmark = pytest.mark.alone
 
 PATIENCE_S = 30.0
+STALL_S = 0.01
 SPEED_RAD_S = 0.3
 SOCKETCAN = os.environ.get("RID_DAQ_SOCKETCAN", "")
 
@@ -46,6 +53,7 @@ CHANNELS = {
     "virtual": "accept",
 }
 SESSIONS = ["socketcan"] if SOCKETCAN else ["rid_sim", "udp_multicast", "slcan"]
+SHARED = [name for name in SESSIONS if name != "slcan"]  # whose port is one program's alone
 RECORDED = [name for name in SESSIONS if name != "rid_sim"]  # tests/acquisition records there
 
 MOVE_FOR_EVER = f"""
@@ -73,7 +81,7 @@ with open_cell(config, load_cell("ir361").robot) as cell:
 """
 
 
-def patient_cell(interface: str, channel: str, **changes: object) -> LoadedCell:
+def patient_cell(interface: str, channel: str) -> LoadedCell:
     """Return the bundled cell without a plate on a bus, with limits for a loaded test machine."""
     loaded = load_cell("ir361")
     safety = loaded.config.drive_safety.model_copy(
@@ -103,7 +111,7 @@ def patient_cell(interface: str, channel: str, **changes: object) -> LoadedCell:
         "drive_safety": safety,
         "supervision": supervision,
     }
-    return replace(loaded, config=loaded.config.model_copy(update=values | changes))
+    return replace(loaded, config=loaded.config.model_copy(update=values))
 
 
 @dataclass
@@ -112,6 +120,7 @@ class Served:
 
     loaded: LoadedCell
     simulated: SimulatedCell
+    folder: Path
 
     @property
     def cell(self) -> CellConfig:
@@ -130,18 +139,34 @@ class Served:
             time.sleep(0.05)
 
 
-def serve(interface: str, **changes: object) -> Iterator[Served]:
-    loaded = patient_cell(interface, CHANNELS[interface], **changes)
+Scenario = Callable[[Served], None]
+
+
+@contextlib.contextmanager
+def serve(interface: str, folder: Path) -> Iterator[Served]:
+    loaded = patient_cell(interface, CHANNELS[interface])
     assert loaded.plant is not None
     with SimulatedCell(
         loaded.config, loaded.robot, loaded.plant, realtime=True, seed=2
     ) as simulated:
-        yield Served(loaded, simulated)
+        yield Served(loaded, simulated, folder)
 
 
-@pytest.fixture(scope="module", params=SESSIONS)
-def served(request: pytest.FixtureRequest) -> Iterator[Served]:
-    yield from serve(request.param)
+def on(*interfaces: str) -> Callable[[Scenario], Callable[..., None]]:
+    """Make a test of what happens on drives of its own on each of these buses."""
+
+    def decorate(scenario: Scenario) -> Callable[..., None]:
+        @pytest.mark.parametrize("interface", interfaces)
+        def test(interface: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+            def attempt() -> None:
+                with serve(interface, tmp_path_factory.mktemp("acceptance")) as served:
+                    scenario(served)
+
+            where_time_runs(attempt, STALL_S)
+
+        return test
+
+    return decorate
 
 
 def motion(loaded: LoadedCell) -> MotionSamples:
@@ -185,21 +210,23 @@ def assert_moves(served: Served) -> None:
     assert not served.simulated.axes().enabled.any()
 
 
+@on(*SESSIONS)
 def test_drives_are_brought_up_moved_and_disabled(served: Served) -> None:
     assert_moves(served)
     assert_moves(served)  # a second master after the first has gone
 
 
-def test_the_preflight_is_green_and_moves_nothing(served: Served, tmp_path: Path) -> None:
-    lines, problem = preflight(served.loaded, served.cell, tmp_path, 1.0)
+@on(*SESSIONS)
+def test_the_preflight_is_green_and_moves_nothing(served: Served) -> None:
+    lines, problem = preflight(served.loaded, served.cell, served.folder, 1.0)
     assert problem is None
     assert [line for line in lines if line.verdict == "red"] == []
     assert not served.simulated.axes().enabled.any()
 
 
-@pytest.mark.parametrize("served", RECORDED, indirect=True, scope="module")
-def test_a_short_motion_is_recorded_whole(served: Served, tmp_path: Path) -> None:
-    folder = RunFolder.create(tmp_path / "runs", "accept")
+@on(*RECORDED)
+def test_a_short_motion_is_recorded_whole(served: Served) -> None:
+    folder = RunFolder.create(served.folder / "runs", "accept")
     samples = motion(served.loaded)
     outcome = record_motion(served.cell, served.loaded.robot, samples, folder)
     assert outcome.complete, outcome.stop
@@ -208,9 +235,9 @@ def test_a_short_motion_is_recorded_whole(served: Served, tmp_path: Path) -> Non
     assert not served.simulated.axes().enabled.any()
 
 
-@pytest.mark.parametrize("served", RECORDED, indirect=True, scope="module")
-def test_a_drives_fault_stops_the_motion(served: Served, tmp_path: Path) -> None:
-    folder = RunFolder.create(tmp_path / "runs", "fault")
+@on(*RECORDED)
+def test_a_drives_fault_stops_the_motion(served: Served) -> None:
+    folder = RunFolder.create(served.folder / "runs", "fault")
     narrow = served.cell.drive_safety.model_copy(
         update={"following_error_rad": 2e-3, "following_error_timeout_ms": 0}
     )
@@ -224,6 +251,7 @@ def test_a_drives_fault_stops_the_motion(served: Served, tmp_path: Path) -> None
         assert any(drive.was_faulty for drive in opened.axes.service.reset_faults())
 
 
+@on(*SESSIONS)
 def test_a_killed_hosts_axes_come_to_rest_by_themselves(served: Served) -> None:
     host = subprocess.Popen(
         [sys.executable, "-c", MOVE_FOR_EVER, served.cell.model_dump_json()], stdout=subprocess.PIPE
@@ -239,9 +267,8 @@ def test_a_killed_hosts_axes_come_to_rest_by_themselves(served: Served) -> None:
     assert_moves(served)  # a person re-arms: bring-up works again
 
 
+@on(*SHARED)
 def test_a_foreign_master_is_noticed_before_anything_is_sent(served: Served) -> None:
-    if served.cell.can.interface == "slcan":
-        pytest.skip("an slcan adapter's port is one program's alone: nobody else can be on it")
     with other_master(served.cell.can) as bus, served.open() as cell:
         bus.send(can.Message(arbitration_id=0x80, is_extended_id=False))
         with pytest.raises(LockedError, match="it sends SYNC"):
@@ -255,9 +282,9 @@ def other_master(bus: CanBusConfig) -> can.BusABC:
     return can.Bus(interface=bus.interface, channel=bus.channel)
 
 
-def test_virtual_serves_one_process() -> None:
-    for served in serve("virtual"):
-        assert_moves(served)
+@on("virtual")
+def test_virtual_serves_one_process(served: Served) -> None:
+    assert_moves(served)
 
 
 def test_simulated_time_belongs_to_rid_sim() -> None:

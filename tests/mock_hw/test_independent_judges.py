@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import queue
 import shutil
 import subprocess
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import canopen
 import pytest
+from canopen.emcy import EmcyError
 from canopen.objectdictionary import ODRecord, ODVariable
 from canopen.profiles.p402 import BaseNode402
 
@@ -17,6 +20,7 @@ from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.drive.objects import DriveIdentity, drive_entries
 
+PATIENCE_S = 120.0
 TYPES = {"B": 5, "b": 2, "H": 6, "h": 3, "I": 7, "i": 4, "s": 9}
 
 
@@ -62,13 +66,20 @@ def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
     return objects
 
 
+def reset(node: canopen.RemoteNode, command: str) -> None:
+    """Send an NMT command that ends in a boot-up message, and wait for that."""
+    booted = threading.Event()
+    node.nmt.add_heartbeat_callback(lambda state: booted.set() if state == 0 else None)
+    node.nmt.state = command
+    assert booted.wait(PATIENCE_S)
+
+
 def test_canopen_brings_a_drive_to_operation_enabled_and_reads_its_position(
     network: canopen.Network, simulated: SimulatedCell, loaded: LoadedCell
 ) -> None:
     node = BaseNode402(1, dictionary(loaded, 0))
     network.add_node(node)
-    node.nmt.state = "RESET COMMUNICATION"
-    node.nmt.wait_for_bootup(5.0)
+    reset(node, "RESET COMMUNICATION")
     assert node.sdo[0x1008].raw == "rid-daq simulated servo drive"
     assert node.sdo[0x1000].raw & 0xFFFF == 402
     node.sdo[0x6060].raw = 9
@@ -93,8 +104,7 @@ def test_canopen_maps_a_pdo_of_its_own_and_gets_it_with_sync(
 ) -> None:
     node = canopen.RemoteNode(2, dictionary(loaded, 1))
     network.add_node(node)
-    node.nmt.state = "RESET"
-    node.nmt.wait_for_bootup(5.0)
+    reset(node, "RESET")
     node.tpdo.read()
     node.tpdo[2].clear()
     node.tpdo[2].add_variable(0x6064)
@@ -103,9 +113,11 @@ def test_canopen_maps_a_pdo_of_its_own_and_gets_it_with_sync(
     node.tpdo[2].trans_type = 1
     node.tpdo[2].enabled = True
     node.tpdo[2].save()
+    came = threading.Event()
+    node.tpdo[2].add_callback(lambda _: came.set())
     node.nmt.state = "OPERATIONAL"
     network.sync.transmit()
-    assert node.tpdo[2].wait_for_reception(5.0) is not None
+    assert came.wait(PATIENCE_S)
     assert node.tpdo[2][0].raw == node.sdo[0x6064].raw
 
 
@@ -114,8 +126,7 @@ def test_canopen_sees_aborts_heartbeats_and_emergencies(
 ) -> None:
     node = canopen.RemoteNode(3, dictionary(loaded, 2))
     network.add_node(node)
-    node.nmt.state = "RESET"
-    node.nmt.wait_for_bootup(5.0)
+    reset(node, "RESET")
     with pytest.raises(canopen.SdoAbortedError) as refused:
         node.sdo.download(0x605A, 0, b"\x03\x00")
     assert refused.value.code == 0x0609_0030
@@ -123,11 +134,12 @@ def test_canopen_sees_aborts_heartbeats_and_emergencies(
         node.sdo.upload(0x2345, 0)
     assert unknown.value.code == 0x0602_0000
     node.sdo[0x1017].raw = 20
-    assert node.nmt.wait_for_heartbeat(5.0) == "PRE-OPERATIONAL"
+    assert node.nmt.wait_for_heartbeat(PATIENCE_S) == "PRE-OPERATIONAL"
     node.sdo[0x1016][1].raw = 0x7F << 16 | 30
+    emergencies: queue.SimpleQueue[EmcyError] = queue.SimpleQueue()
+    node.emcy.add_callback(emergencies.put)
     network.send_message(0x77F, b"\x05")
-    emergency = node.emcy.wait(timeout=5.0)
-    assert emergency is not None
+    emergency = emergencies.get(timeout=PATIENCE_S)
     assert (emergency.code, emergency.register) == (0x8130, 0x11)
 
 
@@ -152,7 +164,7 @@ def test_tsharks_canopen_dissector_accepts_the_log(loaded: LoadedCell, tmp_path:
         capture_output=True,
         text=True,
         check=True,
-        timeout=60.0,
+        timeout=PATIENCE_S,
     ).stdout.splitlines()
     assert len(dissected) == len(log.read_text().splitlines()) > 500
     rows = [row.split("\t") for row in dissected]

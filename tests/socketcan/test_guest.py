@@ -25,6 +25,7 @@ MISSING = [name for name in NEEDED if shutil.which(name) is None]
 PATIENCE_S = 580
 
 pytestmark = [
+    pytest.mark.alone,
     pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}"),
     pytest.mark.timeout(PATIENCE_S + 20),
     pytest.mark.skipif(sys.platform != "linux", reason="user-mode-linux runs on Linux alone"),
@@ -103,9 +104,5 @@ def test_a_disk_that_dies_in_motion(
     measured(f"EIO of a block device that dies: {figures['failing disk']}")
 
 
-@pytest.mark.skipif(
-    "RID_DAQ_SLOW" not in os.environ,
-    reason="a minute of real time, to be run alone: set RID_DAQ_SLOW=1, as CI does",
-)
 def test_the_acceptance_suite(tmp_path: Path) -> None:
     assert_passed(boot(tmp_path, "tests/mock_hw/test_bus_acceptance.py", "-k", "socketcan"))

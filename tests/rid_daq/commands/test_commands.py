@@ -346,6 +346,7 @@ def test_a_run_that_is_not_periodic_is_identified_through_the_anti_alias_filter(
         assert axis["relative_error_percent"] < 5.0
 
 
+@pytest.mark.slow
 def test_a_recording_ends_when_the_accuracy_is_reached(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -36,6 +36,8 @@ from rid_daq.app import run
 from rid_daq.session.cells import reachable_cell
 from tests.builders.told import document
 
+pytestmark = pytest.mark.slow
+
 CIRCLE = """
 kind: circle
 robot: ir361

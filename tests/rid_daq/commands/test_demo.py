@@ -7,6 +7,8 @@ import pytest
 
 from rid_daq.app import run
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_whole_demo_reaches_what_it_is_held_to(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

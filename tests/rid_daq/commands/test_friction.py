@@ -16,6 +16,8 @@ from config.load import load_cell, load_motion, to_yaml
 from config.motion.motion import ConstantVelocityMotion, FourierJoint, ReversedMotion, SpeedRuns
 from rid_daq.app import run
 
+pytestmark = pytest.mark.slow
+
 CELL = load_cell("ir361")
 STEADY = ConstantVelocityMotion(
     kind="constant_velocity",

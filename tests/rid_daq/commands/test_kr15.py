@@ -45,6 +45,8 @@ from rid_daq.app import run
 from rid_daq.jobs.truth import true_parameters
 from rid_daq.runs.run_data import read_run
 
+pytestmark = pytest.mark.slow
+
 HARMONICS: dict[str, tuple[float, list[float], list[float]]] = {
     "axis1": (
         0.0,

@@ -21,6 +21,8 @@ from config.simulation.faults import FaultScript, FrameFault
 from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
 
+pytestmark = pytest.mark.slow
+
 PATIENCE_S = 300.0
 
 

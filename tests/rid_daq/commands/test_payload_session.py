@@ -22,6 +22,8 @@ from rid_daq.jobs.payload_job import PayloadRequest, payload_runs
 from rid_daq.jobs.payload_watch import MassWatch, WarmUpWatch, period_powers
 from rid_daq.runs.run_data import read_run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def motion(six_axis_motion: Callable[[int], Path]) -> Path:

@@ -28,6 +28,8 @@ from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
 from tests.builders.told import document
 
+pytestmark = pytest.mark.slow
+
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 200.0]}\n"
 

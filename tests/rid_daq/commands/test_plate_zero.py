@@ -26,6 +26,8 @@ from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.plant.rigid_bodies import BaseWrench
 from rid_daq.app import run
 
+pytestmark = pytest.mark.slow
+
 JUMP_PC = (300.0, -150.0, 90.0, 0.0, -180.0, 120.0, 60.0, -30.0)
 DRIFT_PC_S = (-1.5, 0.9, -0.3, 0.0, 0.5, -0.4, 0.3, 0.0)
 # The cell is zeroed once for many tests, which therefore share a worker.
