@@ -39,7 +39,7 @@ from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
 from rid_daq.live.access import Access
-from rid_daq.live.live_page import LivePage, live_page
+from rid_daq.live.live_page import LiveOptions, LivePage, live_page
 from rid_daq.terminal.console import Console
 
 CLIENTS = 1000
@@ -125,7 +125,7 @@ def bench() -> Iterator[Bench]:
     ours, theirs = context.Pipe()
     with (
         tempfile.TemporaryDirectory() as folder,
-        live_page(Console(), True, "127.0.0.1:0") as page,
+        live_page(Console(), LiveOptions(True, "127.0.0.1:0")) as page,
         SimulatedCell(config, loaded.robot, plant, realtime=True, seed=1) as simulated,
     ):
         assert page is not None

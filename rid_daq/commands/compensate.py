@@ -17,15 +17,13 @@ from compensation.feedforward.file import Origin, TuningEntry, write_feedforward
 from compensation.feedforward.repeated_error import repeated_error
 from compensation.feedforward.torque_limits import refuse_torque
 from compensation.feedforward.tuning import tune
-from compensation.loops.loop_file import read_loops
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import in_order
-from config.errors import ConfigError
-from config.load import load_cell, load_motion
+from config.load import load_cell
 from config.motion.motion import AnyMotion
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
-from rid_daq.commands.record import check_robot
+from rid_daq.jobs.cell_files import loops_for, motion_for
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run, sha256_of
 from rid_daq.runs.run_data import Unfinished, tell_lacks
 from rid_daq.session.cells import CellName
@@ -63,11 +61,8 @@ def compensate(
     console = Console(as_json)
     refuse_output(output, overwrite)
     loaded = load_cell(cell)
-    asked = load_motion(motion)
-    check_robot(asked, loaded, motion)
-    robot, loops = read_loops(loop)
-    if robot != loaded.robot.name:
-        raise ConfigError(f"{loop}: is of robot {robot!r}, the cell has {loaded.robot.name!r}")
+    asked = motion_for(motion, loaded)
+    loops = loops_for(loop, loaded)
     samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
     estimate = read_estimate(model)
     tuning, notes = None, []

@@ -9,7 +9,7 @@ from typing import Annotated, Final, get_args
 import typer
 
 from acquisition.runs.catalogue import find_runs
-from config.errors import ConfigError, EstimationError
+from config.errors import ConfigError
 from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
 from identification.estimation.file import read_estimate
 from identification.model.options import ModelOptions
@@ -17,9 +17,8 @@ from identification.payload.body import REPORTED
 from identification.payload.equations import Procedure
 from identification.payload.file import write_payload
 from identification.payload.procedures import PayloadOptions
-from identification.payload.solution import Known
 from identification.payload.verdict import PayloadLimits
-from rid_daq.jobs.payload_job import PayloadRequest, weigh_runs
+from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, known_quantity, weigh_runs
 from rid_daq.report.payload_section import payload_section, payload_verdict, tell_payload
 from rid_daq.report.result import write_result
 from rid_daq.runs.flange import compared
@@ -28,8 +27,6 @@ from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.output_file import Overwrite, refuse_output
-
-PAYLOAD: Final = "payload.json"
 
 
 class How(StrEnum):
@@ -174,25 +171,3 @@ def identify(
         console.next_step("payload", "export", output, "--to", "FORMAT", "-o", "FILE")
     else:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
-
-
-def known_quantity(text: str) -> Known:
-    """Return what a word such as m=2.805+-0.005 says.
-
-    Raises
-    ------
-    ConfigError
-        It says nothing that can be meant.
-    """
-    name, equals, rest = text.partition("=")
-    value, _, sigma = rest.replace("±", "+-").partition("+-")
-    try:
-        if not equals:
-            raise ValueError
-        return Known(name.strip(), float(value), float(sigma) if sigma else 0.0)
-    except EstimationError as error:
-        raise ConfigError(f"--known {text}: {error}") from None
-    except ValueError:
-        raise ConfigError(
-            f"--known {text}: give NAME=VALUE or NAME=VALUE+-SIGMA, such as m=2.805+-0.005"
-        ) from None

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from acquisition.processing.periods import average_periods
 from acquisition.processing.smoothing import smooth_nonperiodic
+from config.errors import ConfigError, EstimationError
 from identification.equations.deconvolution import without_torque_filter
 from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
 from identification.payload.file import PayloadResult
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, Runs, weigh
 from identification.payload.smoothed_runs import SmoothedRuns
+from identification.payload.solution import Known
 from identification.payload.verdict import PayloadLimits, Repeats, checks, repeated
 from rid_daq.jobs.identification_job import one_robot
 from rid_daq.runs.run_data import RunData
+
+PAYLOAD: Final = "payload.json"
 
 
 @dataclass(frozen=True)
@@ -94,3 +99,25 @@ def weigh_runs(
     if weighing.how.procedure != "difference" and estimate.rank == len(estimate.values):
         repeats = repeated(robot, runs, weighing.how)
     return PayloadResult(estimate, checks(estimate, weighing.limits, repeats)), repeats
+
+
+def known_quantity(text: str) -> Known:
+    """Return what a word such as m=2.805+-0.005 says.
+
+    Raises
+    ------
+    ConfigError
+        It says nothing that can be meant.
+    """
+    name, equals, rest = text.partition("=")
+    value, _, sigma = rest.replace("±", "+-").partition("+-")
+    try:
+        if not equals:
+            raise ValueError
+        return Known(name.strip(), float(value), float(sigma) if sigma else 0.0)
+    except EstimationError as error:
+        raise ConfigError(f"--known {text}: {error}") from None
+    except ValueError:
+        raise ConfigError(
+            f"--known {text}: give NAME=VALUE or NAME=VALUE+-SIGMA, such as m=2.805+-0.005"
+        ) from None

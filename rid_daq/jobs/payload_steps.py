@@ -1,183 +1,255 @@
-"""`PayloadSteps`: the motions of a guided payload session, and what of them is done already."""
+"""`PayloadGuide`: the motions of a payload session, one after the other, and what was asked."""
 
 from __future__ import annotations
 
-import json
 import math
-import sys
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Literal
+from pathlib import Path
+from typing import Final
 
-import typer
-from pydantic import Field, JsonValue, ValidationError
+from pydantic import JsonValue
 
 from acquisition.motion.plan import plan_motion
-from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import RunStatus
-from acquisition.session.record import RecordOutcome, record_motion
-from config.cell.cell import CellConfig
+from acquisition.processing.periods import average_periods
 from config.errors import ConfigError, PreflightError
-from config.formats.json_file import parse_json
-from config.load import LoadedCell, to_yaml
-from config.model import ConfigModel
+from config.load import to_yaml
 from config.motion.motion import FourierMotion
-from rid_daq.jobs.payload_watch import Watch
-from rid_daq.jobs.recording_job import ended_words, how_it_ended, progress_shown, tell_notes
-from rid_daq.live.live_page import LivePage
-from rid_daq.runs.flange import note_flange
-from rid_daq.session.session import unfinished
-from rid_daq.session.versions import software_versions
-from rid_daq.terminal.clearance import asked
+from identification.payload.periodic_runs import PeriodicRuns
+from identification.payload.solution import Known
+from identification.payload.verdict import PayloadLimits
+from rid_daq.jobs.payload_job import PayloadRequest
+from rid_daq.jobs.payload_state import LOADED, UNLOADED, SessionState, is_weighed
+from rid_daq.jobs.payload_watch import MassWatch, WarmUpWatch
+from rid_daq.jobs.recorded_run import RecordedRun
+from rid_daq.jobs.run_session import RunRequest, RunSession, Watch
+from rid_daq.live.live_page import LiveOptions
+from rid_daq.preflight.preflight import preflight
+from rid_daq.report.sections import motion_sentence
+from rid_daq.runs.run_data import MOTION
+from rid_daq.terminal.clearance import require_yes
 from rid_daq.terminal.console import Console
 
-if TYPE_CHECKING:
-    from mock_hw.cell import SimulatedCell
-
-STATE: Final = "session.json"
-SCHEMA: Final = "rid-daq payload session 1"
-
-
-class _State(ConfigModel):
-    """What stands in the file of a session's state."""
-
-    format: Literal["rid-daq payload session 1"] = Field(alias="schema")
-    cell: str
-    done: dict[str, str]
-    facts: dict[str, Any]
-
-
-@dataclass
-class SessionState:
-    """Which steps of a session are done: step to run id; written after every step.
-
-    Attributes
-    ----------
-    folder : RunFolder
-        The session's own folder.
-    cell : str
-        Name of the cell.
-    done : dict
-        Step to id of its run, in the order of recording.
-    facts : dict
-        What was measured on the way: drift, skipped steps.
-    """
-
-    folder: RunFolder
-    cell: str
-    done: dict[str, str] = field(default_factory=dict)
-    facts: dict[str, Any] = field(default_factory=dict)
-
-    def write(self) -> None:
-        """Write the state into the session's folder.
-
-        Raises
-        ------
-        RecordingError
-            It cannot be written.
-        """
-        document = {
-            "schema": SCHEMA,
-            "cell": self.cell,
-            "done": self.done,
-            "facts": self.facts,
-        }
-        self.folder.write(STATE, (json.dumps(document, indent=1) + "\n").encode())
-
-    @classmethod
-    def read(cls, folder: RunFolder) -> SessionState:
-        """Read the state of an interrupted session.
-
-        Raises
-        ------
-        ConfigError
-            The folder is not of a payload session.
-        """
-        if not folder.file(STATE).exists():
-            raise ConfigError(f"{folder.path}: is not the folder of a payload session")
-        try:
-            document = _State.model_validate(parse_json(folder.read(STATE)))
-        except (ConfigError, ValidationError) as error:
-            first = error.errors()[0] if isinstance(error, ValidationError) else None
-            said = f"{'.'.join(map(str, first['loc']))}: {first['msg']}" if first else str(error)
-            raise ConfigError(
-                f"{folder.file(STATE)}: not the state of a payload session ({said}); was it edited?"
-            ) from None
-        return cls(folder, document.cell, document.done, document.facts)
+PREFLIGHT_S: Final = 0.5
+REHEARSAL: Final = "rehearsal"
+WARM_UP: Final = "warm-up"
 
 
 @dataclass(frozen=True)
-class PayloadSteps:
-    """Records the motions of a session, one after the other, on one cell.
+class PayloadSessionRequest:
+    """What `rid-daq payload CELL` was asked for.
 
     Attributes
     ----------
-    loaded : LoadedCell
-        The cell and its files.
-    cell : CellConfig
-        The cell as it is reachable.
-    console : Console
-        Where progress is shown.
-    simulated : SimulatedCell or None
-        The mock hardware, where it was started here.
-    page : LivePage, optional
-        Where it is shown too.
+    cell : str
+        A bundled name or a cell file.
+    runs : Path
+        The folder of the run folders.
+    motion : Path or None
+        A periodic motion; one is searched if None.
+    periods, repeats : int
+        Periods of each run at most, and runs with the payload.
+    model : Path or None
+        The unloaded robot, in place of the unloaded run.
+    payload : str or None
+        What is hung on a simulated robot.
+    known : tuple of Known
+        What is known otherwise.
+    until_mass_kg : float or None
+        2 sigma of the mass that ends a loaded run.
+    rehearsal_percent : float
+        Speed of the rehearsal; 0 skips it.
+    warm_up_percent, warm_up_periods : float, int
+        Change of friction in a period that is warm, and periods at most; 0 percent skip it.
+    limits : PayloadLimits
+        How sure the payload must be.
+    label : str
+        What to call the session and its runs.
+    resume : str or None
+        The session that is gone on with.
+    yes : bool
+        Whether every question is answered with yes.
+    seed : int
+        Of the motion and a simulated cell.
+    live : LiveOptions
+        Whether and where it is shown.
     """
 
-    loaded: LoadedCell
-    cell: CellConfig
+    cell: str
+    runs: Path
+    motion: Path | None = None
+    periods: int = 18
+    repeats: int = 1
+    model: Path | None = None
+    payload: str | None = None
+    known: tuple[Known, ...] = ()
+    until_mass_kg: float | None = None
+    rehearsal_percent: float = 25.0
+    warm_up_percent: float = 1.0
+    warm_up_periods: int = 30
+    limits: PayloadLimits = field(default_factory=PayloadLimits)
+    label: str = "payload"
+    resume: str | None = None
+    yes: bool = False
+    seed: int = 0
+    live: LiveOptions = field(default_factory=LiveOptions)
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """The steps that the payload is estimated from."""
+        loaded = tuple(f"{LOADED} {i + 1}" for i in range(self.repeats))
+        return (UNLOADED, *loaded) if self.model is None else loaded
+
+
+@dataclass(frozen=True)
+class Step:
+    """One motion of a session: its name, what is driven, and what follows it."""
+
+    name: str
+    motion: FourierMotion
+    watch: Watch | None = None
+
+
+@dataclass(frozen=True)
+class StepFailed:
+    """A step that was stopped, or lost too much; the session can be resumed."""
+
+    name: str
+    run: RecordedRun
+    session_id: str
+
+
+@dataclass(frozen=True)
+class PayloadGuide:
+    """Does the steps of a session, and keeps what is done.
+
+    Attributes
+    ----------
+    request : PayloadSessionRequest
+        What was asked for.
+    session : RunSession
+        Records the motions.
+    state : SessionState
+        What is done.
+    motion : FourierMotion
+        What the payload is weighed by.
+    weighing : PayloadRequest
+        How it will be estimated.
+    console : Console
+        Where it is told, and a person asked.
+    """
+
+    request: PayloadSessionRequest
+    session: RunSession
+    state: SessionState
+    motion: FourierMotion
+    weighing: PayloadRequest
     console: Console
-    simulated: SimulatedCell | None = None
-    page: LivePage | None = None
 
-    def record(
-        self, motion: FourierMotion, folder: RunFolder, role: str, watch: Watch | None = None
-    ) -> RecordOutcome:
-        """Record a motion into a run folder and close it; the watch may end it early.
-
-        Raises
-        ------
-        PreflightError, DriverError, RecordingError
-            Nothing was moved, or nothing was recorded.
-        """
-        samples = plan_motion(motion, self.loaded.robot, self.cell.cycle_time_s)
-        for name, content in self.loaded.files.items():
-            folder.write(name, content)
-        folder.write("motion.yaml", to_yaml(motion, f"Of a payload session: {role}.").encode())
-        facts: dict[str, JsonValue] = {"robot": self.loaded.robot.name}
-        if self.simulated is not None:
-            facts |= note_flange(folder, self.loaded, self.simulated.attached)
-        periods = len(samples) / (samples.samples_per_period or len(samples))
-        onlooker = None
-        if self.page is not None:
-            title = f"Payload session: {role}"
-            onlooker = self.page.onlooker(title, samples, self.cell, self.loaded.robot)
-        with unfinished(folder), self.console.progress(role, periods, "periods") as display:
-            show = progress_shown(samples, self._shown(display.update, watch))
-            outcome = record_motion(
-                self.cell,
-                self.loaded.robot,
-                samples,
-                folder,
-                on_progress=show,
-                enough=None if watch is None else watch.enough,
-                drive_profile=self.loaded.drive_profile,
-                onlooker=onlooker,
+    def lead(self) -> StepFailed | None:
+        """Do what is left to do; return the step that failed, where one did."""
+        request, session = self.request, self.session
+        if session.simulated is None and request.payload is not None:
+            raise ConfigError(
+                f"--payload is for a simulated cell that is started here, not for {request.cell}"
             )
-        status = RunStatus.COMPLETE if outcome.complete else RunStatus.STOPPED
-        tell_notes(self.console, outcome)
-        with how_it_ended(ended_words(outcome, role)):
-            folder.finish(status, facts | {"rows": outcome.rows})
-        return outcome
+        self._preflight()
+        config = session.loaded.config
+        empty = ", no payload attached" if UNLOADED in request.wanted else ""
+        clear = f"Nobody in cell {config.name}, emergency stop at hand{empty}?"
+        require_yes(self.console, clear, request.yes or config.simulated)
+        for step in self._steps():
+            run = self._recorded(step)
+            weighed = is_weighed(step.name)
+            if weighed and run.quality is not None:
+                for sentence in run.quality.sentences():
+                    self.console.say(f"{step.name}: {sentence}")
+            if run.outcome.stop is not None or (weighed and run.exit_code):
+                return StepFailed(step.name, run, self.state.folder.run_id)
+            self.state.note_step(step.name, run.folder.run_id)
+        return None
 
-    def _shown(
-        self, show: Callable[[float, str], None], watch: Watch | None
-    ) -> Callable[[float, str], None]:
-        def shown(done: float, line: str) -> None:
-            said = "" if watch is None else watch.line()
-            show(done, f"{line}; {said}" if said else line)
+    def _preflight(self) -> None:
+        lines, problem = preflight(
+            self.session.loaded, self.session.cell, self.request.runs, PREFLIGHT_S
+        )
+        red = [line for line in lines if line.verdict == "red"]
+        for line in red:
+            self.console.say(f"RED {line.where}, {line.what}: {line.next_action}")
+        if problem is not None:
+            raise problem
+        if red:
+            raise PreflightError(f"red lines in the preflight: {len(red)}; see `rid-daq check`")
+        self.console.say(f"Preflight: {len(lines)} lines, none red.")
 
-        return shown
+    def _steps(self) -> Iterator[Step]:
+        """Yield the steps that are left; between them the payload is attached."""
+        request, done = self.request, self.state.done
+        if request.rehearsal_percent and REHEARSAL not in done:
+            share, cycle_s = request.rehearsal_percent / 100.0, self.session.cell.cycle_time_s
+            yield Step(REHEARSAL, rehearsal_of(self.motion, share, cycle_s))
+        warm = UNLOADED in request.wanted and UNLOADED not in done
+        if warm:
+            yield from self._warm_up()
+            yield Step(UNLOADED, self.motion)
+        self._attach()
+        if not warm:
+            yield from self._warm_up()
+        for name in request.wanted:
+            if name not in done:
+                before, goal_kg = self._averages(), request.until_mass_kg
+                robot = self.session.loaded.robot
+                watch = MassWatch(robot, before, self.weighing, goal_kg)
+                yield Step(name, self.motion, watch)
+
+    def _warm_up(self) -> Iterator[Step]:
+        request = self.request
+        if not request.warm_up_percent:
+            self.state.note_fact("warm_up", "skipped")
+            return
+        watch = WarmUpWatch(request.warm_up_percent)
+        most = {"periods": request.warm_up_periods, "transient_periods": 0}
+        yield Step(WARM_UP, self.motion.model_copy(update=most), watch)
+        fact: JsonValue = {
+            "drift_percent": watch.drift_percent,
+            "periods": watch.periods,
+            "verdict": "settled" if watch.settled else "NOT settled",
+        }
+        self.state.note_fact("warm_up", fact)
+
+    def _attach(self) -> None:
+        simulated, payload = self.session.simulated, self.request.payload
+        if simulated is None:
+            attach = "The robot stands still, its power is off. Attach the payload; leave."
+            require_yes(self.console, attach, self.request.yes)
+            return
+        simulated.attach(payload)
+        self.console.say(f"On the simulated flange: {payload or 'nothing'}.")
+
+    def _recorded(self, step: Step) -> RecordedRun:
+        cell, loaded = self.session.cell, self.session.loaded
+        text = to_yaml(step.motion, f"Of a payload session: {step.name}.")
+        return self.session.record(
+            RunRequest(
+                f"{self.request.label} {step.name}"[:64],
+                f"Payload session: {step.name}. {motion_sentence(step.motion)}",
+                plan_motion(step.motion, loaded.robot, cell.cycle_time_s),
+                role=step.name,
+                files={MOTION: text.encode()},
+                watch=step.watch,
+            )
+        )
+
+    def _averages(self) -> PeriodicRuns | None:
+        """Return the runs so far that the payload is estimated from."""
+        if not self.state.weighed:
+            return None
+        return PeriodicRuns(
+            tuple(average_periods(item.recording) for item in self.state.runs()),
+            tuple(name != UNLOADED for name in self.state.weighed),
+            self.weighing.band_hz,
+            self.weighing.standstill_rad_s,
+        )
 
 
 def rehearsal_of(motion: FourierMotion, speed: float, cycle_s: float) -> FourierMotion:
@@ -186,27 +258,3 @@ def rehearsal_of(motion: FourierMotion, speed: float, cycle_s: float) -> Fourier
     return motion.model_copy(
         update={"period_s": cycles * cycle_s, "periods": 1, "transient_periods": 0}
     )
-
-
-def new_run(root: RunFolder, label: str, role: str) -> RunFolder:
-    """Return a new run folder beside a session's own."""
-    text = f"{label} {role}"[:64]
-    return RunFolder.create(root.path.parent, text, software=software_versions())
-
-
-def require_yes(console: Console, question: str, answered: bool) -> None:
-    """Ask a person, unless a flag answers.
-
-    Raises
-    ------
-    PreflightError
-        Nobody can be asked, or the answer is no.
-    """
-    if answered:
-        console.say(question)
-        console.say("  answered by flag")
-        return
-    if not sys.stdin.isatty():
-        raise PreflightError(f"{question} Nobody can be asked here: answer by the flags (--yes)")
-    if not asked(typer.confirm, f"{question} Done?"):
-        raise PreflightError("nothing was moved further: the answer was no")

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -23,18 +21,6 @@ from rid_daq.jobs.payload_job import PayloadRequest
 
 FEWEST_PERIODS = 4
 FITTED_PERIODS = 6
-
-
-class Watch(Protocol):
-    """Looks at the periods so far and says whether they are enough."""
-
-    @abstractmethod
-    def enough(self, journal: Path, periods: int) -> bool:
-        """Return whether the motion may end after the period under way."""
-
-    @abstractmethod
-    def line(self) -> str:
-        """Say in a few words how far it is."""
 
 
 class WarmUpWatch:
@@ -74,6 +60,10 @@ class WarmUpWatch:
         self.drift_percent, self.periods = float(change[worst]), len(power)
         self.worst = recording.joint_names[worst]
         return self.settled
+
+    def sentences(self) -> list[str]:
+        """Say for the report how much the power still changed."""
+        return [self.line()]
 
     def line(self) -> str:
         """Say how much the power still changes."""
@@ -139,6 +129,10 @@ class MassWatch:
         two_sigma = 2.0 * float(estimate.sigma[0])
         self._said = f"{periods} periods: {estimate.reported[0]:.3f} ± {two_sigma:.2g} kg"
         return self._goal_kg is not None and two_sigma <= self._goal_kg
+
+    def sentences(self) -> list[str]:
+        """Say for the report what the mass was."""
+        return [self._said] if self._said else []
 
     def line(self) -> str:
         """Say what the mass is so far."""

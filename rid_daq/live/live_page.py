@@ -48,6 +48,26 @@ Certificate = Annotated[
 
 
 @dataclass(frozen=True)
+class LiveOptions:
+    """Whether a motion is shown in a browser, and where.
+
+    Attributes
+    ----------
+    wanted : bool
+        Whether it is shown.
+    listen : str
+        Address and port.
+    token, certificate : Path or None
+        Files of the page's secret, and of its certificate and key.
+    """
+
+    wanted: bool = False
+    listen: str = DEFAULT_LISTEN
+    token: Path | None = None
+    certificate: Path | None = None
+
+
+@dataclass(frozen=True)
 class LivePage:
     """A page that listens already, and shows the motions that it is made an onlooker of."""
 
@@ -71,13 +91,7 @@ class LivePage:
 
 
 @contextlib.contextmanager
-def live_page(
-    console: Console,
-    live: bool,
-    listen: str = DEFAULT_LISTEN,
-    token: Path | None = None,
-    certificate: Path | None = None,
-) -> Iterator[LivePage | None]:
+def live_page(console: Console, options: LiveOptions) -> Iterator[LivePage | None]:
     """Yield a page whose address has been told, where one is wanted.
 
     Raises
@@ -85,14 +99,14 @@ def live_page(
     ConfigError
         It must not be served there, or cannot.
     """
-    if not live:
-        if (listen, token, certificate) != (DEFAULT_LISTEN, None, None):
+    if not options.wanted:
+        if options != LiveOptions():
             raise ConfigError(
                 "--listen, --token and --certificate are of the live page: add --live"
             )
         yield None
         return
-    access = Access.of_options(listen, token, certificate)
+    access = Access.of_options(options.listen, options.token, options.certificate)
     access.tls()
     with _listen(access) as listener:
         access = replace(access, port=listener.getsockname()[1])

@@ -14,7 +14,7 @@ from acquisition.task.joint_values import JointValues, JointWatch
 from acquisition.task.ring import Ring
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
-from rid_daq.terminal.motion_words import motion_words
+from rid_daq.terminal.motion_progress import motion_words
 
 ZERO_CELSIUS_K = 273.15
 RATE_AFTER_S = 2.0

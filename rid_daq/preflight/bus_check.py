@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from config.cell.cell import CellConfig
+from drivers.canopen.bus_load import LOAD_LIMIT
 from drivers.canopen.frames import tpdo_cob_id
 from drivers.cell import Cell
 from drivers.ports.socketcan_port import transmit_queue_frames
+from drivers.servo.bring_up import bus_load
 from rid_daq.preflight.check_line import CheckLine
 
 LONGEST_QUEUE = 128
@@ -31,7 +33,7 @@ def bus_lines(cell: CellConfig) -> list[CheckLine]:
             found="unknown" if found is None else str(found),
             verdict="ok" if good else "red",
             next_action=f"ip link set {cell.can.channel} txqueuelen {max(10, least)}",
-        )
+        ),
     ]
 
 
@@ -69,3 +71,16 @@ def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
             )
         )
     return lines
+
+
+def load_line(cell: CellConfig) -> CheckLine:
+    """Return how much of its time a cell's bus is busy."""
+    load = bus_load(cell)
+    return CheckLine(
+        where=f"{cell.can.interface}:{cell.can.channel}",
+        what="bus load",
+        required=f"≤ {100.0 * LOAD_LIMIT:.0f} %",
+        found=f"{100.0 * load:.1f} %",
+        verdict="ok" if load <= LOAD_LIMIT else "red",
+        next_action="choose a longer cycle_time_ms or a higher bit rate",
+    )

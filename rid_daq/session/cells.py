@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -32,37 +33,56 @@ Seed = Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")]
 """An option of the commands that move a cell."""
 
 
+@dataclass(frozen=True)
+class Simulation:
+    """How mock hardware that a command starts is.
+
+    Attributes
+    ----------
+    realtime : bool
+        Whether it runs at the clock's pace instead of as fast as it can.
+    seed : int
+        Of its noise.
+    payload : str or None
+        What hangs at the robot's flange, by its name in the plant file.
+    faults : FaultScript
+        What goes wrong in it.
+    """
+
+    realtime: bool = False
+    seed: int = 0
+    payload: str | None = None
+    faults: FaultScript = NO_SCRIPT
+
+    def with_faults(self, faults: FaultScript) -> Simulation:
+        """Return the same with a fault script."""
+        return replace(self, faults=faults)
+
+
 @contextlib.contextmanager
-def reachable_cell(
-    loaded: LoadedCell,
-    *,
-    realtime: bool = False,
-    seed: int = 0,
-    unmodelled: bool = True,
-    payload: str | None = None,
-    faults: FaultScript = NO_SCRIPT,
-    any_sheets: bool = False,
-) -> Iterator[CellConfig]:
+def reachable_cell(loaded: LoadedCell, *, any_sheets: bool = False) -> Iterator[CellConfig]:
+    """Yield the cell with devices behind its bus; parameters and errors as `mountable_cell`."""
+    with mountable_cell(loaded, any_sheets=any_sheets) as (cell, _):
+        yield cell
+
+
+@contextlib.contextmanager
+def mountable_cell(
+    loaded: LoadedCell, simulation: Simulation | None = None, *, any_sheets: bool = False
+) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
     """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
 
     A real cell, and a simulated one that `rid-daq mock` serves, are taken as they are. Otherwise
-    a simulated cell's mock hardware is started on a bus of this session's own.
+    a simulated cell's mock hardware is started on a bus of this session's own, and yielded too:
+    payloads can be mounted on it while it runs.
 
     Parameters
     ----------
-    loaded
+    loaded : LoadedCell
         The cell file and what it names.
-    realtime
-        Let mock hardware run at the clock's pace instead of as fast as it can.
-    seed
-        Of the mock hardware's noise.
-    unmodelled
-        Whether the plant has the effects that no model has.
-    payload
-        What hangs at a simulated robot's flange, by its name in the plant file.
-    faults
-        What goes wrong in mock hardware.
-    any_sheets
+    simulation : Simulation, optional
+        How mock hardware that is started here is.
+    any_sheets : bool
         Whether the caller itself says what the drives' data sheets lack.
 
     Raises
@@ -77,33 +97,8 @@ def reachable_cell(
     TransportError
         The mock hardware does not start.
     """
-    with mountable_cell(
-        loaded,
-        realtime=realtime,
-        seed=seed,
-        unmodelled=unmodelled,
-        payload=payload,
-        faults=faults,
-        any_sheets=any_sheets,
-    ) as (cell, _):
-        yield cell
-
-
-@contextlib.contextmanager
-def mountable_cell(
-    loaded: LoadedCell,
-    *,
-    realtime: bool = False,
-    seed: int = 0,
-    unmodelled: bool = True,
-    payload: str | None = None,
-    faults: FaultScript = NO_SCRIPT,
-    any_sheets: bool = False,
-) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
-    """Yield the cell as `reachable_cell` does, and its mock hardware where that was started here.
-
-    Payloads can be mounted on the latter while it runs. Parameters and errors as there.
-    """
+    simulation = simulation or Simulation()
+    payload, faults = simulation.payload, simulation.faults
     cell = loaded.config
     refuse_one_process(cell)
     if not any_sheets:
@@ -132,9 +127,8 @@ def mountable_cell(
             cell,
             loaded.robot,
             loaded.plant if payload is None else loaded.plant.with_payload(payload),
-            realtime=realtime or cell.can.interface != SIMULATED,
-            seed=seed,
-            unmodelled=unmodelled,
+            realtime=simulation.realtime or cell.can.interface != SIMULATED,
+            seed=simulation.seed,
             profile=loaded.amplifier_profile,
             drive_profile=loaded.drive_profile,
             faults=faults,

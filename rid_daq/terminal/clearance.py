@@ -10,6 +10,7 @@ import typer
 
 from config.cell.cell import CellConfig
 from config.errors import PreflightError
+from rid_daq.terminal.console import Console
 
 T = TypeVar("T")
 
@@ -66,3 +67,21 @@ def require_cleared(cell: CellConfig, cleared: bool) -> None:
     )
     if answer != cell.name:
         raise PreflightError(f"nothing was moved: {answer!r} is not {cell.name!r}; {advice}")
+
+
+def require_yes(console: Console, question: str, answered: bool) -> None:
+    """Ask a person, unless a flag answers.
+
+    Raises
+    ------
+    PreflightError
+        Nobody can be asked, or the answer is no.
+    """
+    if answered:
+        console.say(question)
+        console.say("  answered by flag")
+        return
+    if not sys.stdin.isatty():
+        raise PreflightError(f"{question} Nobody can be asked here: answer by the flags (--yes)")
+    if not asked(typer.confirm, f"{question} Done?"):
+        raise PreflightError("nothing was moved further: the answer was no")

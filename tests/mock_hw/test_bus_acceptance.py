@@ -35,7 +35,7 @@ from config.load import LoadedCell, load_cell
 from config.motion.motion import FourierJoint, FourierMotion
 from drivers.cell import Cell, open_cell
 from mock_hw.cell import SimulatedCell
-from rid_daq.commands.check import preflight
+from rid_daq.preflight.preflight import preflight
 from tests.builders.stalls import where_time_runs
 
 pytestmark = pytest.mark.alone

@@ -183,7 +183,7 @@ def test_other_commands_measure_from_that_zero(
 
 
 def interrupting(after_row: int, sent: list[int]) -> Callable[..., Callable[[Progress], None]]:
-    from rid_daq.jobs.recording_job import progress_shown
+    from rid_daq.terminal.motion_progress import progress_shown
 
     def wrapped(*arguments: Any) -> Callable[[Progress], None]:
         show = progress_shown(*arguments)
@@ -209,7 +209,7 @@ def test_ctrl_c_leaves_the_drives_disabled_and_nothing_written(
     cell = make_cell(tmp_path)
     before = cell.read_bytes()
     sent: list[int] = []
-    monkeypatch.setattr("rid_daq.jobs.recording_job.progress_shown", interrupting(after_row, sent))
+    monkeypatch.setattr("rid_daq.jobs.run_session.progress_shown", interrupting(after_row, sent))
     words = ["plate", "zero", str(cell), "--write", "--runs", str(tmp_path / "runs"), *QUICK]
     with served(cell, monkeypatch, tmp_path) as simulated:
         assert run(words) == 130

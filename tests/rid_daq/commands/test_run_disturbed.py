@@ -16,7 +16,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
 from acquisition.task.control_block import ControlBlock, Progress, RecorderState
 from rid_daq.app import run
-from rid_daq.jobs import recording_job
+from rid_daq.jobs import run_session
 from tests.builders.told import document
 
 INTO = 100
@@ -29,7 +29,7 @@ Meddle = Callable[[Disturb], None]
 @pytest.fixture
 def meddle(monkeypatch: pytest.MonkeyPatch) -> Meddle:
     """Return what lets somebody do something to the run folder while the robot moves."""
-    whole = recording_job.record_motion
+    whole = run_session.record_motion
 
     def meddled(disturb: Disturb) -> None:
         def record(*arguments: Any, on_progress: Callable[[Progress], None], **options: Any) -> Any:
@@ -44,7 +44,7 @@ def meddle(monkeypatch: pytest.MonkeyPatch) -> Meddle:
 
             return whole(*arguments, on_progress=look, **options)
 
-        monkeypatch.setattr("rid_daq.jobs.recording_job.record_motion", record)
+        monkeypatch.setattr("rid_daq.jobs.run_session.record_motion", record)
 
     return meddled
 

@@ -14,7 +14,7 @@ import pytest
 from acquisition.runs.folder import RunFolder
 from config.errors import RecordingError
 from rid_daq.app import run
-from rid_daq.jobs import recording_job
+from rid_daq.jobs import run_session
 from rid_daq.terminal.console import output_error
 
 NOTE = "the drives of axis2 did not confirm being disabled"
@@ -27,13 +27,13 @@ def lost(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(folder: RunFolder, _result: dict[str, Any]) -> Path:
         raise RecordingError(f"{folder.path}/result.json: cannot be written: Input/output error")
 
-    whole = recording_job.record_motion
+    whole = run_session.record_motion
 
     def with_note(*arguments: Any, **options: Any) -> Any:
         return replace(whole(*arguments, **options), notes=(NOTE,))
 
-    monkeypatch.setattr("rid_daq.commands.record.write_result", refuse)
-    monkeypatch.setattr("rid_daq.jobs.recording_job.record_motion", with_note)
+    monkeypatch.setattr("rid_daq.jobs.run_session.write_result", refuse)
+    monkeypatch.setattr("rid_daq.jobs.run_session.record_motion", with_note)
 
 
 def test_a_motion_goes_on_where_nobody_takes_what_is_said(

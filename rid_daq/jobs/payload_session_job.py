@@ -1,0 +1,183 @@
+"""A guided payload session: check, rehearse, warm up, run, attach, run, weigh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from acquisition.motion.plan import plan_motion
+from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from config.errors import ConfigError
+from config.load import LoadedCell, load_cell, load_motion, load_robot, to_yaml
+from config.motion.motion import FourierMotion
+from identification.estimation.file import read_estimate
+from identification.payload.file import PayloadResult, write_payload
+from identification.payload.motion import PayloadSearch, design_payload_motion
+from identification.payload.procedures import PayloadOptions
+from rid_daq.jobs.cell_files import motion_for
+from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, weigh_runs
+from rid_daq.jobs.payload_state import UNLOADED, SessionState
+from rid_daq.jobs.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
+from rid_daq.jobs.run_session import open_session
+from rid_daq.report.payload_section import payload_section, payload_verdict
+from rid_daq.report.result import Result, new_result, write_result
+from rid_daq.report.sections import cell_section, motion_sentence, run_section
+from rid_daq.runs.flange import compared
+from rid_daq.runs.run_data import MOTION, ROBOT, require_own
+from rid_daq.session.cells import Simulation
+from rid_daq.session.session import unfinished
+from rid_daq.session.versions import software_versions
+from rid_daq.terminal.console import Console
+
+PERIOD_S: Final = 7.2
+
+
+@dataclass(frozen=True)
+class PayloadWeighed:
+    """A session that came to its end.
+
+    Attributes
+    ----------
+    state : SessionState
+        What was done.
+    judged : PayloadResult
+        The payload.
+    result : dict
+        The session's result.
+    file, report : Path
+        Where payload and report are.
+    """
+
+    state: SessionState
+    judged: PayloadResult
+    result: Result
+    file: Path
+    report: Path
+
+
+def weigh_payload(request: PayloadSessionRequest, console: Console) -> PayloadWeighed | StepFailed:
+    """Lead through a session, or go on with an interrupted one.
+
+    Raises
+    ------
+    ConfigError, PreflightError
+        It was refused before anything moved, or a person said no.
+    RidDaqError
+        As `RunSession.recording` and `weigh_runs`.
+    """
+    loaded = load_cell(request.cell)
+    weighing = PayloadRequest(
+        how=PayloadOptions(
+            procedure="together" if request.model is None else "model",
+            robot=None if request.model is None else read_estimate(request.model),
+            known=request.known,
+        ),
+        limits=request.limits,
+    )
+    if request.resume is None:
+        state, motion = _begun(request, loaded)
+    else:
+        state, motion = _resumed(request, request.resume, loaded)
+        console.say(f"Resumed; done already: {', '.join(state.done) or 'nothing'}.")
+    console.say(motion_sentence(motion))
+    if any(name not in state.done for name in request.wanted):
+        simulation = Simulation(seed=request.seed)
+        with (
+            unfinished(state.folder),
+            open_session(loaded, request.runs, console, simulation, request.live) as session,
+        ):
+            guide = PayloadGuide(request, session, state, motion, weighing, console)
+            failed = guide.lead()
+        if failed is not None:
+            return failed
+    return _weighed(state, loaded, weighing, motion)
+
+
+def _begun(
+    request: PayloadSessionRequest, loaded: LoadedCell
+) -> tuple[SessionState, FourierMotion]:
+    """Return a new session's state and motion."""
+    if request.motion is not None:
+        motion = _periodic(motion_for(request.motion, loaded))
+    else:
+        cycle_s = loaded.config.cycle_time_s
+        period_s = round(PERIOD_S / cycle_s) * cycle_s
+        search = PayloadSearch(loaded.robot, period_s, cycle_s, workspace=loaded.config.workspace)
+        motion = design_payload_motion(search, seed=request.seed, periods=request.periods)
+    folder = RunFolder.create(
+        request.runs, request.label, kind="payload session", software=software_versions()
+    )
+    for name, content in loaded.files.items():
+        folder.write(name, content)
+    folder.write(MOTION, to_yaml(motion, "Of a payload session.").encode())
+    state = SessionState(folder, loaded.config.name)
+    state.write()
+    plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)  # within all limits, or refused
+    return state, motion
+
+
+def _resumed(
+    request: PayloadSessionRequest, session: str, loaded: LoadedCell
+) -> tuple[SessionState, FourierMotion]:
+    """Return an interrupted session's state and motion."""
+    state = SessionState.read(find_run(request.runs, session))
+    if state.cell != loaded.config.name:
+        raise ConfigError(f"--resume {session}: was a session on cell {state.cell}")
+    require_own(state.folder)
+    if load_robot(str(state.folder.file(ROBOT))) != loaded.robot:
+        raise ConfigError(
+            f"--resume {session}: the robot file of cell {state.cell} has changed since: put the"
+            " old one back, or begin a new session"
+        )
+    motion = _periodic(load_motion(state.folder.file(MOTION)))
+    plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    return state, motion
+
+
+def _periodic(motion: object) -> FourierMotion:
+    if not isinstance(motion, FourierMotion):
+        raise ConfigError("a payload session needs a periodic (fourier) motion")
+    return motion
+
+
+def _weighed(
+    state: SessionState, loaded: LoadedCell, weighing: PayloadRequest, motion: FourierMotion
+) -> PayloadWeighed:
+    """Weigh the payload from the session's runs, judge it, and write the report."""
+    data = state.runs()
+    carried = [name != UNLOADED for name in state.weighed]
+    judged, repeats = weigh_runs(data, carried, weighing)
+    file = state.folder.file(PAYLOAD)
+    write_payload(file, judged)
+    state.folder.write(PAYLOAD, file.read_bytes())
+    result = new_result(f"Payload session on {loaded.config.name}", loaded.robot.name)
+    result["cell"] = cell_section(loaded.config)
+    section = payload_section(judged, repeats)
+    section["findings"] += compared(data, carried, judged)
+    section["findings"] += _warm_up_finding(state.facts.get("warm_up"))
+    result["payload"] = section
+    result["runs"] = [
+        run_section(name, motion_sentence(motion), item.recording, item.robot)
+        for name, item in zip(state.weighed, data, strict=True)
+    ]
+    result["verdict"] = payload_verdict(judged)
+    result["timing"] = {
+        "created_utc": state.folder.manifest().created_utc,
+        "run_ids": list(state.done.values()),
+    }
+    report = write_result(state.folder, result)
+    word = "passed" if judged.passed else "failed"
+    state.folder.finish(RunStatus.COMPLETE, {"robot": loaded.robot.name, "verdict": word})
+    return PayloadWeighed(state, judged, result, file, report)
+
+
+def _warm_up_finding(warm: Any) -> list[str]:
+    if not isinstance(warm, dict):
+        return []
+    return [
+        f"Warm-up: {warm['verdict']} after {warm['periods']} periods; friction still changed by"
+        f" {warm['drift_percent'] or 0.0:.2f} % a period."
+    ]

@@ -1,0 +1,198 @@
+"""Zeroing the force plate: read it, turn axis 1, read it, go back, read it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from acquisition.plate_zero.plate_zero import (
+    PlateOffset,
+    ZeroTurn,
+    find_offset,
+    plan_turn,
+    rest_samples,
+    turn_samples,
+)
+from acquisition.recording.plate_geometry import PlateGeometry
+from acquisition.session.plate_preparation import discharge_plate
+from config.arrays import IntArray
+from config.cell.cell import CellConfig
+from config.cell.plate import PlateConfig, PlateZero
+from config.errors import ConfigError, DataQualityError
+from config.load import bundled_names, load_cell
+from rid_daq.jobs.recorded_run import RecordedRun
+from rid_daq.jobs.run_session import RunRequest, RunSession, open_session
+from rid_daq.report.zero_section import as_zero, zero_section, zero_verdict
+from rid_daq.runs.plate_zero_lines import write_zero, zero_lines
+from rid_daq.runs.run_data import RunData
+from rid_daq.session.cells import Simulation
+from rid_daq.terminal.clearance import require_cleared
+from rid_daq.terminal.console import Console
+
+ZERO_FILE: Final = "zero.yaml"
+STAND_S: Final = 0.5
+
+
+@dataclass(frozen=True)
+class PlateZeroRequest:
+    """What `rid-daq plate zero` was asked for.
+
+    Attributes
+    ----------
+    cell : str
+        A bundled name or a cell file.
+    runs : Path
+        The folder of the run folders.
+    pose : sequence of float or None
+        The pose about which axis 1 is turned [rad or m]; the middle of every range if None.
+    read_s, settle_s : float
+        How long each reading lasts, and the rest before it [s].
+    write, cleared : bool
+        Whether the zero goes into the cell file, and whether a person has cleared the cell.
+    label : str
+        What to call the run.
+    simulation : Simulation
+        How a simulated cell is.
+    """
+
+    cell: str
+    runs: Path
+    pose: Sequence[float] | None = None
+    read_s: float = 5.0
+    settle_s: float = 2.0
+    write: bool = False
+    cleared: bool = False
+    label: str = "plate zero"
+    simulation: Simulation = field(default_factory=Simulation)
+
+
+@dataclass(frozen=True)
+class PlateZeroed:
+    """What was found.
+
+    Attributes
+    ----------
+    run : RecordedRun
+        The turn; the way to its first pose where that was stopped.
+    zero : PlateZero or None
+        The zero; None where the motion was stopped.
+    lines : str
+        It as the cell file has it.
+    written : Path or None
+        The cell file that it was written into.
+    approach_only : bool
+        Whether the robot was stopped on its way to the first pose, which is not kept.
+    """
+
+    run: RecordedRun
+    zero: PlateZero | None = None
+    lines: str = ""
+    written: Path | None = None
+    approach_only: bool = False
+
+
+def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
+    """Find the plate's offsets, and write them into the cell file where that is asked.
+
+    Raises
+    ------
+    ConfigError, PreflightError
+        It was refused before anything moved.
+    DataQualityError, RidDaqError
+        The plate's side of the recording cannot be used; or as `RunSession.recording`.
+    """
+    loaded = load_cell(request.cell)
+    plate = loaded.config.plate
+    if plate is None or loaded.amplifier_profile is None:
+        raise ConfigError(f"cell {loaded.config.name} has no plate: there is nothing to zero")
+    if request.write and request.cell in bundled_names("cells"):
+        raise ConfigError(
+            f"--write: {request.cell} is bundled with the program; `rid-daq init` makes a cell of"
+            " your own"
+        )
+    pose = None if request.pose is None else np.array(request.pose)
+    turn = plan_turn(loaded.robot, pose)
+    cycle_s = loaded.config.cycle_time_s
+    samples, readings = turn_samples(loaded.robot, turn, request.settle_s, request.read_s, cycle_s)
+    require_cleared(loaded.config, request.cleared)
+    with open_session(loaded, request.runs, console, request.simulation) as session:
+        approach = _approach(session, turn, console)
+        if approach.outcome.stop is not None:
+            return PlateZeroed(approach, approach_only=True)
+        console.say("2 of 4: the amplifier is reset and operates")
+        discharge_plate(_plate_of(session.cell), loaded.amplifier_profile)
+        console.say("3 of 4: reading, axis 1 there, reading, back, reading")
+        words = "Axis 1 to one side, to the other and back, with a reading at rest on each."
+        asked = RunRequest(request.label, words, samples, role="zeroing")
+        with replace(session, cell=_without_zero(session.cell)).recording(asked) as run:
+            if run.outcome.stop is not None:
+                return PlateZeroed(run)
+            found = _offset(run.data, _plate_of(session.cell), turn, readings)
+            judged = zero_verdict(found, turn, plate)
+            run.result["title"] = f"Zero of the plate of {loaded.config.name}"
+            run.result["plate_zero"] = zero_section(found, turn)
+            run.result["verdict"] = judged
+            run.facts["zeroed"] = judged["passed"]
+            zero = as_zero(found, turn)
+            source = f"found by `rid-daq plate zero`, run {run.folder.run_id}"
+            lines = zero_lines(zero, source)
+            run.folder.write(ZERO_FILE, lines.encode())
+    written = None
+    if request.write and judged["passed"]:
+        written = Path(request.cell)
+        write_zero(written, zero, source)
+    return PlateZeroed(run, zero, lines, written)
+
+
+def _plate_of(cell: CellConfig) -> PlateConfig:
+    assert cell.plate is not None
+    return cell.plate
+
+
+def _without_zero(cell: CellConfig) -> CellConfig:
+    """Return the cell with its plate as the channels show it."""
+    return cell.model_copy(update={"plate": _plate_of(cell).model_copy(update={"zero": None})})
+
+
+def _approach(session: RunSession, turn: ZeroTurn, console: Console) -> RecordedRun:
+    """Go to the first pose and stop there, drives off, without a recording to keep."""
+    console.say(f"1 of 4: to the first pose ({', '.join(f'{q:.3f}' for q in turn.first)})")
+    bare = session.cell.model_copy(update={"plate": None})
+    there = rest_samples(session.loaded.robot, turn.first, STAND_S, bare.cycle_time_s)
+    with tempfile.TemporaryDirectory(prefix="rid-daq-") as place:
+        apart = replace(session, cell=bare, runs=Path(place))
+        return apart.record(RunRequest("approach", "To the first pose.", there, role="approach"))
+
+
+def _offset(
+    data: RunData | None, plate: PlateConfig, turn: ZeroTurn, readings: Sequence[range]
+) -> PlateOffset:
+    """Return what the recorded turn shows.
+
+    Raises
+    ------
+    DataQualityError
+        The plate's side of it cannot be used.
+    """
+    if data is None:
+        raise DataQualityError("nothing was recorded: the plate is not zeroed")
+    both = data.recording
+    if both.reaction is None:
+        raise DataQualityError(f"the plate is not zeroed: {'; '.join(data.damage)}")
+    number: IntArray = np.full(len(both), -1, dtype=np.int64)
+    for k, rows in enumerate(readings):
+        inside = (both.sample_index >= rows.start) & (both.sample_index < rows.stop)
+        number[inside & both.valid] = k
+    return find_offset(
+        PlateGeometry.from_config(plate),
+        turn,
+        both.time_s,
+        number,
+        both.reaction.channels_n,
+        both.reaction.valid,
+    )

@@ -1,0 +1,180 @@
+"""Recording the motion of a file: planned, checked, rehearsed where asked, driven and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.rehearsal import SLOWER, rehearsal
+from acquisition.motion.samples import MotionSamples
+from acquisition.runs.manifest import require_label
+from acquisition.session.frame_recorder import require_listenable
+from compensation.feedforward.file import LARGEST_FILE_BYTES
+from compensation.feedforward.torque_limits import refuse_torque
+from config.cell.cell import CellConfig
+from config.formats.bounded_file import read_file
+from config.formats.yaml_tree import MAX_BYTES
+from config.load import load_cell, load_faults
+from config.motion.motion import AnyMotion
+from config.simulation.faults import NO_SCRIPT, FaultScript
+from rid_daq.jobs.accuracy_watch import AccuracyWatch
+from rid_daq.jobs.cell_files import estimate_for, motion_bytes, motion_for, with_feedforward
+from rid_daq.jobs.recorded_run import RecordedRun
+from rid_daq.jobs.run_session import RunRequest, open_session
+from rid_daq.live.live_page import LiveOptions
+from rid_daq.report.sections import motion_sentence
+from rid_daq.runs.run_data import FEEDFORWARD, MOTION
+from rid_daq.session.cells import Simulation
+from rid_daq.session.session import as_label
+from rid_daq.terminal.clearance import require_cleared
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.exit_codes import ExitCode
+
+REHEARSAL_ALONE = "That was the rehearsal; nothing else was driven."
+
+
+@dataclass(frozen=True)
+class RecordRequest:
+    """What `rid-daq record` was asked for.
+
+    Attributes
+    ----------
+    cell : str
+        A bundled name or a cell file.
+    motion : Path
+        The motion file.
+    runs : Path
+        The folder of the run folders.
+    until : sequence of str
+        Accuracies that end the motion early.
+    feedforward, model, faults : Path or None
+        Pre-compensation, the model that refuses torques beyond the limits, and a fault script.
+    label : str or None
+        What to call the run; the motion file's name if None.
+    simulation : Simulation
+        How a simulated cell is.
+    rehearse, frames, cleared : bool
+        Whether it is driven slowly first, every frame is kept, a person has cleared the cell.
+    live : LiveOptions
+        Whether and where it is shown.
+    """
+
+    cell: str
+    motion: Path
+    runs: Path
+    until: Sequence[str] = ()
+    feedforward: Path | None = None
+    model: Path | None = None
+    faults: Path | None = None
+    label: str | None = None
+    simulation: Simulation = field(default_factory=Simulation)
+    rehearse: bool = False
+    frames: bool = False
+    cleared: bool = False
+    live: LiveOptions = field(default_factory=LiveOptions)
+
+
+@dataclass(frozen=True)
+class MotionRecorded:
+    """What became of it.
+
+    Attributes
+    ----------
+    run : RecordedRun
+        The run; that of the rehearsal where the motion was stopped there.
+    motion : AnyMotion
+        What was asked for.
+    accuracy : AccuracyWatch or None
+        What followed the periods.
+    rehearsal_only : bool
+        Whether the rehearsal was stopped, and nothing else was driven.
+    """
+
+    run: RecordedRun
+    motion: AnyMotion
+    accuracy: AccuracyWatch | None
+    rehearsal_only: bool = False
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """What a script is told: also that a goal of the accuracy was not reached."""
+        missed = self.accuracy is not None and not self.accuracy.reached
+        return self.run.exit_code or (ExitCode.VERDICT_FAILED if missed else ExitCode.DONE)
+
+
+def record_motion_file(request: RecordRequest, console: Console) -> MotionRecorded:
+    """Record a motion on a cell into a new run folder.
+
+    Raises
+    ------
+    ConfigError, PreflightError
+        It was refused before anything moved.
+    RidDaqError
+        As `RunSession.recording`.
+    """
+    loaded = load_cell(request.cell)
+    motion = motion_for(request.motion, loaded)
+    samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    if request.model is not None:
+        refuse_torque(motion, samples, estimate_for(request.model, loaded), loaded.robot)
+    if request.feedforward is not None:
+        samples = with_feedforward(request.feedforward, motion, samples)
+    accuracy = None
+    if request.until or samples.samples_per_period is not None:
+        accuracy = AccuracyWatch(request.until, loaded.robot, samples)
+    name = request.label or as_label(request.motion.stem)
+    require_label(name)
+    require_cleared(loaded.config, request.cleared)
+    if request.frames:
+        require_listenable(loaded.config.can)
+    script = _fault_script(request, loaded.config)
+    asked = RunRequest(
+        name,
+        motion_sentence(motion),
+        samples,
+        files=_files(request, motion),
+        watch=accuracy,
+        frames=request.frames,
+    )
+    simulation = request.simulation.with_faults(script)
+    with open_session(loaded, request.runs, console, simulation, request.live) as session:
+        if request.rehearse:
+            run = session.record(_rehearsal(name, samples))
+            if run.outcome.stop is not None:
+                return MotionRecorded(run, motion, accuracy, rehearsal_only=True)
+            console.say(f"Rehearsed at 1/{SLOWER:g} of the speed: {run.folder.path}")
+        return MotionRecorded(session.record(asked), motion, accuracy)
+
+
+def _fault_script(request: RecordRequest, cell: CellConfig) -> FaultScript:
+    """Load a fault script, whose full disk must be one that may be filled."""
+    if request.faults is None:
+        return NO_SCRIPT
+    script = load_faults(request.faults, cell)
+    if any(fault.kind == "disk_full" for fault in script.program):
+        from mock_hw.host.full_disk import refuse_shared_disk
+
+        refuse_shared_disk(request.runs)
+    return script
+
+
+def _files(request: RecordRequest, motion: AnyMotion) -> dict[str, bytes]:
+    """Return what the run was made from, beside the cell's own files."""
+    files = {MOTION: motion_bytes(motion, request.motion)}
+    if request.faults is not None:
+        files["faults.yaml"] = read_file(request.faults, MAX_BYTES)
+    if request.feedforward is not None:
+        files[FEEDFORWARD] = read_file(request.feedforward, LARGEST_FILE_BYTES)
+    return files
+
+
+def _rehearsal(name: str, samples: MotionSamples) -> RunRequest:
+    return RunRequest(
+        f"{name[:54]} rehearsal",
+        f"A rehearsal of {name} at 1/{SLOWER:g} of its speed.",
+        rehearsal(samples),
+        role="rehearsal",
+        epilogue=REHEARSAL_ALONE,
+    )

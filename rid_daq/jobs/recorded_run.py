@@ -1,0 +1,188 @@
+"""`RecordedRun`: a motion that was recorded, read, judged and reported; and the words for it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import JsonValue
+
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from acquisition.session.record import RecordOutcome
+from acquisition.supervision.stop_reason import StopCode
+from config.errors import RecordingError
+from rid_daq.report.result import REPORT, Result
+from rid_daq.report.sections import loop_sentence
+from rid_daq.runs.run_data import RunData
+from rid_daq.runs.run_quality import RunQuality
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
+from rid_daq.terminal.motion_progress import place_words
+
+_AGAIN = "Start again when you are ready; the robot goes to the start by itself."
+_WHAT_TO_DO = {
+    StopCode.INTERRUPTED: _AGAIN,
+    StopCode.STOP_COMMAND: _AGAIN,
+    StopCode.STOP_BUTTON: _AGAIN,
+    StopCode.RECORDER: "Check the disk (free space, speed) and who else works in the run folder,"
+    " then start again.",
+    StopCode.BUS: "Then run `rid-daq check`.",
+    StopCode.MISSED_FRAMES: "Check cable and bus load, then run `rid-daq check`.",
+    StopCode.SECOND_ANSWERS: "Take the other sender off the bus, then run `rid-daq check`.",
+    StopCode.PLATE_LINE: "Check the amplifier's cable and adapter, then run `rid-daq check`.",
+    StopCode.PLATE_OVERLOAD: "Choose a larger plate.amplifier.range_n, and zero the plate again.",
+    StopCode.POINTS_LOST: "See that the program that sends points keeps up, then start it again.",
+    StopCode.POINTS_REFUSED: "Correct the path that is sent, then start again.",
+    StopCode.LATE_CYCLE: "Take load off this computer, or allow real-time scheduling; then start"
+    " again.",
+}
+_CHECK = "Find the cause at the robot before you start again; `rid-daq check` reads the drives."
+_NOT_GOOD = "Recorded, but not good enough to go on with"
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """A recorded motion with its report.
+
+    Attributes
+    ----------
+    folder : RunFolder
+        Where it is.
+    outcome : RecordOutcome
+        What became of the motion.
+    data : RunData or None
+        What was measured; None where no row could be read.
+    quality : RunQuality or None
+        How whole it is; None where the motion was stopped.
+    result : dict
+        The result document; more may be added until it is written.
+    facts : dict
+        What the manifest says of the run; more may be added until it is written.
+    """
+
+    folder: RunFolder
+    outcome: RecordOutcome
+    data: RunData | None
+    quality: RunQuality | None
+    result: Result
+    facts: dict[str, JsonValue] = field(default_factory=dict)
+
+    @property
+    def report(self) -> Path:
+        """The report's file."""
+        return self.folder.file(REPORT)
+
+    @property
+    def status(self) -> RunStatus:
+        """Complete, or stopped."""
+        return RunStatus.COMPLETE if self.outcome.complete else RunStatus.STOPPED
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """What a command that recorded this and nothing else tells a script."""
+        stop = self.outcome.stop
+        if stop is not None:
+            return exit_code_of_stop(stop.code, self.outcome.interrupted_by)
+        good = self.quality is None or self.quality.good
+        return ExitCode.DONE if good else ExitCode.DATA_QUALITY
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether it holds whole periods."""
+        return self.data is not None and self.data.is_periodic
+
+    @property
+    def stop_sentence(self) -> str:
+        """What stopped, where in the motion, and what to do; empty for a complete run."""
+        stop = self.outcome.stop
+        if stop is None:
+            return ""
+        place = "" if self.data is None else f" {place_words(self.data.recording)}"
+        return f"{stop_words(self.outcome)}{place} {_WHAT_TO_DO.get(stop.code, _CHECK)}"
+
+    @property
+    def timing_sentence(self) -> str:
+        """How well the loop kept its time."""
+        return loop_sentence(self.outcome.statistics)
+
+    def set_verdict(self, goals: Sequence[str]) -> None:
+        """Put into the result how the motion ended, how far its goals are, and what is lost."""
+        judged: dict[str, Any] = self.result["verdict"]
+        if self.outcome.stop is not None:
+            judged["headline"], judged["sentence"] = "Stopped before its end", self.stop_sentence
+            judged["passed"] = False
+            return
+        judged["headline"] = "Recorded completely"
+        sentences = [". ".join(goals or [self.timing_sentence])]
+        if self.quality is not None:
+            sentences += self.quality.sentences()
+            if not self.quality.good:
+                judged["headline"], judged["passed"] = _NOT_GOOD, False
+                sentences.insert(0, self.quality.trouble)
+        judged["sentence"] = " ".join(f"{line.removesuffix('.')}." for line in sentences)
+
+    def document(self) -> dict[str, Any]:
+        """Return what programs are told of the run."""
+        return {
+            "run": self.folder.run_id,
+            "folder": str(self.folder.path),
+            "report": str(self.report),
+            "status": self.status.value,
+            "rows": self.outcome.rows,
+            **stop_document(self.outcome),
+            "quality": None if self.quality is None else self.quality.to_dict(),
+            "statistics": self.outcome.statistics.to_dict(),
+        }
+
+    def print_verdict(self, console: Console) -> bool:
+        """Say what it has lost, how it ended and where it is; return whether it can be used."""
+        trouble = self.stop_sentence
+        if self.quality is not None:
+            for sentence in self.quality.sentences():
+                console.say(sentence)
+            if not self.quality.good:
+                trouble = f"{_NOT_GOOD}: {self.quality.trouble}"
+        if trouble:
+            console.verdict(False, trouble)
+            console.say(f"Kept: {self.outcome.rows} rows in {self.folder.path}")
+        else:
+            console.verdict(True, f"Recorded: {self.folder.path}")
+        console.say(f"Report: {self.report}")
+        return not trouble
+
+
+def stop_words(outcome: RecordOutcome) -> str:
+    """Return what stopped a motion, as a sentence; empty where nothing did."""
+    if outcome.stop is None:
+        return ""
+    text = f"{outcome.stop.text.removesuffix('.')}."
+    return f"S{text[1:]}" if text.startswith("stopped ") else f"Stopped: {text}"
+
+
+def stop_document(outcome: RecordOutcome) -> dict[str, Any]:
+    """Return what programs are told of a motion's end: `stop`, None where it came, and `notes`."""
+    stop = outcome.stop
+    return {
+        "stop": None if stop is None else {"code": stop.code.name, "text": stop.text},
+        "notes": list(outcome.notes),
+    }
+
+
+@contextlib.contextmanager
+def ending_said(outcome: RecordOutcome, epilogue: str = "") -> Iterator[None]:
+    """Say how a motion ended also where its run folder cannot be read or written any more.
+
+    Raises
+    ------
+    RecordingError
+        What failed, after how the motion ended and an epilogue.
+    """
+    try:
+        yield
+    except RecordingError as error:
+        ended = stop_words(outcome) or "The motion ended as planned."
+        raise RecordingError(" ".join(filter(None, (ended, epilogue, str(error))))) from error

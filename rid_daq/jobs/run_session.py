@@ -1,0 +1,282 @@
+"""`RunSession`: every recording of the program: folder, motion, reading, judgement, report."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Protocol
+
+from pydantic import JsonValue
+
+from acquisition.motion.samples import MotionSamples
+from acquisition.runs.folder import RunFolder
+from acquisition.session.frame_recorder import FrameRecorder
+from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.task.set_points import SetPointSource
+from config.cell.cell import CellConfig
+from config.errors import RecordingError, TransportError
+from config.load import LoadedCell
+from rid_daq.jobs.recorded_run import RecordedRun, ending_said
+from rid_daq.live.live_page import LiveOptions, LivePage, live_page
+from rid_daq.report.result import new_result, write_result
+from rid_daq.report.sections import average_section, cell_section, loop_section, run_section
+from rid_daq.runs.flange import note_flange
+from rid_daq.runs.run_data import read_run
+from rid_daq.runs.run_quality import run_quality
+from rid_daq.session.cells import Simulation, mountable_cell
+from rid_daq.session.session import unfinished
+from rid_daq.session.versions import software_versions
+from rid_daq.terminal.console import Console, Progress
+from rid_daq.terminal.motion_progress import progress_shown, total_of
+
+if TYPE_CHECKING:
+    from mock_hw.cell import SimulatedCell
+
+FRAMES: Final = "frames.blf"
+
+Record = Callable[[MotionSamples | SetPointSource], RecordOutcome]
+"""Runs planned rows, or a source of set-points, into the run folder of a request."""
+
+
+class Watch(Protocol):
+    """Looks at the periods so far, and says whether they are enough."""
+
+    @abstractmethod
+    def enough(self, journal: Path, periods: int) -> bool:
+        """Return whether the motion may end after the period under way."""
+
+    @abstractmethod
+    def line(self) -> str:
+        """Say in a few words how far it is; empty where there is nothing to say."""
+
+    @abstractmethod
+    def sentences(self) -> Sequence[str]:
+        """Say for the report how far it came."""
+
+
+class Display(Protocol):
+    """Shows how a motion goes: a `Console`, or what stands for one."""
+
+    @abstractmethod
+    def say(self, text: str = "") -> None:
+        """Show a sentence."""
+
+    @abstractmethod
+    def progress(
+        self, title: str, total: float | None, unit: str
+    ) -> AbstractContextManager[Progress]:
+        """Show how far a long step is."""
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """What is recorded into one run folder.
+
+    Attributes
+    ----------
+    label : str
+        What people call the run.
+    sentence : str
+        What is driven.
+    samples : MotionSamples or None
+        The planned rows; None where points come from elsewhere.
+    drive : callable, optional
+        Makes the set-points while the run folder is open, and hands them to the `Record` that it
+        is called with; the planned rows are driven where it is left out.
+    role : str
+        What the motion is for: names it on the terminal and in the report.
+    files : mapping
+        Name to content of what is written into the folder beside the cell's own files.
+    watch : Watch, optional
+        Follows the periods, and may end the motion.
+    frames : bool
+        Whether every frame on the bus is recorded too.
+    epilogue : str
+        Said after how the motion ended where its run is all that was driven of a longer job.
+    """
+
+    label: str
+    sentence: str
+    samples: MotionSamples | None
+    drive: Callable[[Record], RecordOutcome] | None = None
+    role: str = "recording"
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    watch: Watch | None = None
+    frames: bool = False
+    epilogue: str = ""
+
+
+@dataclass(frozen=True)
+class RunSession:
+    """Records motions on one cell, each into a run folder of its own.
+
+    Attributes
+    ----------
+    loaded : LoadedCell
+        The cell and its files.
+    cell : CellConfig
+        The cell as it is reachable.
+    runs : Path
+        The folder of the run folders.
+    display : Display
+        Where progress is shown.
+    simulated : SimulatedCell or None
+        The mock hardware, where it was started here: what it carries is noted.
+    page : LivePage or None
+        Where motions are shown too.
+    """
+
+    loaded: LoadedCell
+    cell: CellConfig
+    runs: Path
+    display: Display
+    simulated: SimulatedCell | None = None
+    page: LivePage | None = None
+
+    def record(self, request: RunRequest) -> RecordedRun:
+        """Record a motion, judge it and write its report; also where the motion was stopped.
+
+        Raises
+        ------
+        RidDaqError
+            As `recording`.
+        """
+        with self.recording(request) as run:
+            return run
+
+    @contextlib.contextmanager
+    def recording(self, request: RunRequest) -> Iterator[RecordedRun]:
+        """Record a motion and judge it; write its report when the `with` is left.
+
+        What the body of the `with` adds to the run's result and facts is written too. A run that
+        is left by an error is marked as stopped, with the reason.
+
+        Raises
+        ------
+        PreflightError, DriverError, RecordingError
+            Nothing was moved, or nothing was recorded (`record_motion`).
+        RecordingError
+            The run folder cannot be read or written; the message says how the motion ended.
+        """
+        folder = RunFolder.create(self.runs, request.label, software=software_versions())
+        with unfinished(folder):
+            facts: dict[str, JsonValue] = {"robot": self.loaded.robot.name}
+            for name, content in self.loaded.files.items():
+                folder.write(name, content)
+            if self.simulated is not None:
+                facts |= note_flange(folder, self.loaded, self.simulated.attached)
+            for name, content in request.files.items():
+                folder.write(name, content)
+            created_utc = folder.manifest().created_utc
+            started_s = time.monotonic()
+            with self._frames(folder, request.frames):
+                outcome = self._drive(folder, request)
+            elapsed_s = time.monotonic() - started_s
+            with ending_said(outcome, request.epilogue):
+                run = self._judged(folder, request, outcome)
+                run.facts.update(facts, rows=outcome.rows)
+                run.result["timing"] = {
+                    "elapsed_s": elapsed_s,
+                    "created_utc": created_utc,
+                    "loops": [loop_section(request.role, outcome.statistics)],
+                }
+                yield run
+                write_result(folder, run.result)
+                folder.finish(run.status, run.facts)
+
+    def _drive(self, folder: RunFolder, request: RunRequest) -> RecordOutcome:
+        """Drive what was asked for, and say what a person should know of it."""
+        robot, samples, watch = self.loaded.robot, request.samples, request.watch
+        observer = None
+        if self.page is not None and samples is not None:
+            observer = self.page.onlooker(request.sentence, samples, self.cell, robot)
+
+        def record(driven: MotionSamples | SetPointSource) -> RecordOutcome:
+            with self.display.progress(request.role, *total_of(samples)) as shown:
+                outcome = record_motion(
+                    self.cell,
+                    robot,
+                    driven,
+                    folder,
+                    on_progress=progress_shown(
+                        samples,
+                        robot.joint_names,
+                        shown.update,
+                        (lambda: "") if watch is None else watch.line,
+                    ),
+                    enough=None if watch is None else watch.enough,
+                    profile=self.loaded.amplifier_profile,
+                    drive_profile=self.loaded.drive_profile,
+                    onlooker=observer,
+                )
+            for note in outcome.notes:
+                self.display.say(f"note: {note}")
+            return outcome
+
+        if request.drive is not None:
+            return request.drive(record)
+        assert samples is not None
+        return record(samples)
+
+    def _judged(
+        self, folder: RunFolder, request: RunRequest, outcome: RecordOutcome
+    ) -> RecordedRun:
+        """Read what was recorded, once, and judge it."""
+        robot = self.loaded.robot
+        result = new_result(f"Recording on {self.cell.name}", robot.name)
+        result["cell"] = cell_section(self.cell)
+        data = read_run(folder, unfinished=True) if outcome.rows else None
+        quality = None
+        if data is not None:
+            stop = None if outcome.stop is None else outcome.stop.text
+            section = run_section(request.role, request.sentence, data.recording, robot, stop)
+            result["runs"] = [section]
+            quality = run_quality(data.recording) if outcome.complete else None
+        if quality is not None and quality.average is not None:
+            result["average"] = average_section(quality.average, robot)
+        run = RecordedRun(folder, outcome, data, quality, result)
+        run.set_verdict([] if request.watch is None else request.watch.sentences())
+        return run
+
+    @contextlib.contextmanager
+    def _frames(self, folder: RunFolder, wanted: bool) -> Iterator[None]:
+        """Record the bus's frames into a run for as long as the `with` lasts.
+
+        What goes wrong with them on the way is told and costs nothing else.
+        """
+        if not wanted:
+            yield
+            return
+        with FrameRecorder(self.cell.can, folder.file(FRAMES)) as recorder:
+            yield
+            try:
+                self.display.say(f"{FRAMES}: {recorder.finish()} frames")
+            except (RecordingError, TransportError) as error:
+                self.display.say(f"note: {FRAMES} is not whole: {error}")
+
+
+@contextlib.contextmanager
+def open_session(
+    loaded: LoadedCell,
+    runs: Path,
+    console: Console,
+    simulation: Simulation | None = None,
+    live: LiveOptions | None = None,
+) -> Iterator[RunSession]:
+    """Yield a session on a cell that is reachable, and held alone, as long as the `with` lasts.
+
+    Raises
+    ------
+    RidDaqError
+        As `live_page` and `mountable_cell`.
+    """
+    with (
+        live_page(console, live or LiveOptions()) as page,
+        mountable_cell(loaded, simulation) as (cell, simulated),
+    ):
+        yield RunSession(loaded, cell, runs, console, simulated, page)

@@ -1,0 +1,126 @@
+"""Following a path with the compensation computed on line: from a motion file or point by point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from acquisition.motion.plan import plan_motion
+from acquisition.motion.samples import MotionSamples
+from acquisition.runs.manifest import require_label
+from acquisition.session.record import RecordOutcome
+from compensation.loops import loop_file
+from compensation.online.online import OnlineFeedforward
+from compensation.online.stream import StreamOptions, stream_motion, stream_socket
+from config.cell.cell import CellConfig
+from config.errors import ConfigError
+from config.formats.bounded_file import read_file
+from config.load import LoadedCell, load_cell
+from identification.estimation import file as estimate_file
+from identification.estimation.file import read_estimate
+from rid_daq.jobs.cell_files import loops_for, motion_bytes, motion_for
+from rid_daq.jobs.recorded_run import RecordedRun
+from rid_daq.jobs.run_session import Record, RunRequest, open_session
+from rid_daq.report.sections import motion_sentence
+from rid_daq.runs.run_data import MOTION
+from rid_daq.session.cells import Simulation
+from rid_daq.session.session import as_label
+from rid_daq.terminal.clearance import require_cleared
+from rid_daq.terminal.console import Console
+
+
+@dataclass(frozen=True)
+class StreamRequest:
+    """What `rid-daq stream` was asked for.
+
+    Attributes
+    ----------
+    cell : str
+        A bundled name or a cell file.
+    model, loop : Path
+        A model by `identify`, velocity loops by `loop`.
+    runs : Path
+        The folder of the run folders.
+    motion : Path or None
+        The motion file; None where another program sends points.
+    socket : Path or None
+        Where that program is listened to.
+    options : StreamOptions
+        How the path is streamed.
+    label : str or None
+        What to call the run; the motion file's name if None.
+    simulation : Simulation
+        How a simulated cell is.
+    cleared : bool
+        Whether a person has cleared the cell.
+    """
+
+    cell: str
+    model: Path
+    loop: Path
+    runs: Path
+    motion: Path | None = None
+    socket: Path | None = None
+    options: StreamOptions = field(default_factory=StreamOptions)
+    label: str | None = None
+    simulation: Simulation = field(default_factory=Simulation)
+    cleared: bool = False
+
+
+def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
+    """Stream a path and record it into a new run folder.
+
+    Raises
+    ------
+    ConfigError, PreflightError
+        It was refused before anything moved.
+    RidDaqError
+        As `RunSession.recording`.
+    """
+    loaded = load_cell(request.cell)
+    words, samples, files = _planned(request, loaded)
+    loops = loops_for(request.loop, loaded)
+    estimate = read_estimate(request.model)
+    forward = OnlineFeedforward.identified(loaded.config, loaded.robot, estimate, loops)
+    name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
+    require_label(name)
+    require_cleared(loaded.config, request.cleared)
+    files["model.json"] = read_file(request.model, estimate_file.LARGEST_FILE_BYTES)
+    files["loops.json"] = read_file(request.loop, loop_file.LARGEST_FILE_BYTES)
+    options = request.options
+    with open_session(loaded, request.runs, console, request.simulation) as session:
+        cell = session.cell
+
+        def drive(record: Record) -> RecordOutcome:
+            if samples is not None:
+                return stream_motion(cell, forward, samples, record, options)
+            path = request.socket or _default_socket(cell)
+            listening = _listening(console, path, options.patience_s)
+            return stream_socket(cell, forward, path, record, options, listening)
+
+        asked = RunRequest(name, words, samples, drive, role="streaming", files=files)
+        return session.record(asked)
+
+
+def _planned(
+    request: StreamRequest, loaded: LoadedCell
+) -> tuple[str, MotionSamples | None, dict[str, bytes]]:
+    """Return what is driven in words, its rows where they are known, and its file."""
+    if request.motion is None:
+        return "Points that another program sent.", None, {}
+    if request.socket is not None:
+        raise ConfigError("points come from the motion file or over --socket: give one of them")
+    motion = motion_for(request.motion, loaded)
+    samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    return motion_sentence(motion), samples, {MOTION: motion_bytes(motion, request.motion)}
+
+
+def _default_socket(cell: CellConfig) -> Path:
+    from mock_hw.host.runtime_directory import runtime_directory
+
+    return runtime_directory() / f"{cell.name}.points"
+
+
+def _listening(console: Console, path: Path, patience_s: float) -> Callable[[], None]:
+    return lambda: console.say(f"Waiting up to {patience_s:g} s for points at {path}")

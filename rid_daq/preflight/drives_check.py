@@ -1,0 +1,149 @@
+"""What the preflight has to say of the drives: brought up, read back, their answers counted."""
+
+from __future__ import annotations
+
+import math
+
+from config.cell.cell import CellConfig
+from config.errors import DriverError, PreflightError, RidDaqError
+from config.robot.robot import RobotDescription
+from drivers.cell import Cell, open_cell
+from drivers.interfaces import DriveSetting
+from drivers.servo.axes import COLLECT_FRACTION
+from rid_daq.preflight.bus_check import sender_lines
+from rid_daq.preflight.check_line import CheckLine
+from rid_daq.preflight.watch_check import watch_lines
+
+_NEXT: dict[str, str] = {
+    "1018": "this is another drive than the data sheet (eds) or identity of the axis says: see that"
+    " the right drive has this node id, or name the sheet of this drive and firmware; where that is"
+    " known to do, identity says what the drive may answer",
+    "1016": "this drive would not stop when this computer dies: set 1016h in the drive's own tool,"
+    " or name its node in drive_safety.allow_drive_without_watchdog",
+    "6007": "this drive would not stop when this computer dies: set 6007h in the drive's own tool,"
+    " or name its node in drive_safety.allow_drive_without_watchdog",
+    "605A": "choose quick_stop_option as the drive has it, or change the drive",
+    "605E": "choose fault_reaction_option as the drive has it, or change the drive",
+    "6065": "change drive_safety.following_error_rad, or the drive",
+    "6066": "change drive_safety.following_error_timeout_ms, or the drive",
+    "6072": "change drive_safety.torque_limit_fraction, or the drive",
+    "6084": "change drive_safety.quick_stop_deceleration_rad_s2, or the drive",
+    "6085": "change drive_safety.quick_stop_deceleration_rad_s2, or the drive",
+}
+_NEXT_OTHERWISE = "the drive did not take this setting: see its manual, or set it in its own tool"
+
+
+class DriveTrouble(Exception):  # noqa: N818
+    """A device did not go along: what was found until then, and why."""
+
+    def __init__(self, lines: list[CheckLine], error: RidDaqError) -> None:
+        super().__init__(str(error))
+        self.lines = lines
+        self.error = error
+
+
+def check_drives(
+    cell: CellConfig, robot: RobotDescription, seconds: float
+) -> tuple[list[CheckLine], list[float]]:
+    """Bring every drive up, read it back, and count its answers; no power.
+
+    Return the lines, and where the joints stand [rad or m].
+
+    Raises
+    ------
+    DriveTrouble
+        A device did not go along; with the lines until then.
+    """
+    lines: list[CheckLine] = []
+    try:
+        with open_cell(cell, robot) as opened:
+            try:
+                opened.axes.bring_up()
+            finally:
+                lines = [_setting(setting) for setting in opened.axes.settings()]
+            opened.axes.start()
+            lines += _answers(opened, seconds)
+            position = opened.axes.position.tolist()
+            if not any(line.verdict == "red" for line in lines):
+                lines += watch_lines(opened)
+    except (DriverError, PreflightError) as error:
+        raise DriveTrouble(lines, error) from error
+    return lines, position
+
+
+def _setting(setting: DriveSetting) -> CheckLine:
+    action = setting.next_action or _NEXT.get(setting.object_name[:4].upper(), _NEXT_OTHERWISE)
+    return CheckLine(
+        where=f"{setting.joint}, node {setting.node_id}",
+        what=f"{setting.object_name} {setting.name}",
+        required=setting.required,
+        found=setting.found,
+        verdict=setting.verdict,
+        next_action=action if setting.verdict == "red" else "",
+        of_drive=True,
+    )
+
+
+def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
+    """Count the answers to SYNC over some seconds."""
+    axes, clock = opened.axes, opened.clock
+    cycle_time_s = opened.config.cycle_time_s
+    cycles = max(1, round(seconds / cycle_time_s))
+    missing = [0] * len(axes.joint_names)
+    exchanges_s: list[float] = []
+    due_s = clock.now_s()
+    for _ in range(cycles):
+        due_s = max(due_s + cycle_time_s, clock.now_s())
+        clock.sleep_until(due_s)
+        sync_s = axes.sync()
+        axes.collect(sync_s + COLLECT_FRACTION * cycle_time_s)
+        exchanges_s.append(clock.now_s() - sync_s)
+        axes.send_heartbeat(clock.now_s())
+        axes.quick_stop()  # the drives watch for set-points; this one moves nothing
+        missing = [
+            count + (not received)
+            for count, received in zip(missing, axes.received.tolist(), strict=True)
+        ]
+    exchanges_s.sort()
+    slow_s = exchanges_s[math.ceil(0.99 * len(exchanges_s)) - 1]
+    in_time = slow_s < COLLECT_FRACTION * cycle_time_s
+    events = [event.text for event in axes.take_events() if event.kind.is_fault]
+    lines = [
+        CheckLine(
+            where=f"{axis.joint}, node {axis.node_id}",
+            what=f"answers missing of {cycles}",
+            required="0",
+            found=str(count),
+            verdict="ok" if count == 0 else "red",
+            next_action="check cable, termination and the adapter's buffers",
+            of_drive=True,
+        )
+        for axis, count in zip(opened.config.axes, missing, strict=True)
+    ]
+    lines += sender_lines(opened, cycles)
+    lines.append(
+        CheckLine(
+            where="drives",
+            what="from SYNC to the last answer, 99 of 100",
+            required=f"< {1e3 * COLLECT_FRACTION * cycle_time_s:.1f} ms",
+            found=f"{1e3 * slow_s:.2f} ms",
+            verdict="ok" if in_time else "red",
+            next_action="" if in_time else "look at the bus load and the adapter's latency",
+        )
+    )
+    if axes.lost_frames:
+        lines.append(
+            CheckLine(
+                opened.config.can.channel,
+                "frames lost by this computer",
+                "0",
+                str(axes.lost_frames),
+                "red",
+                "raise net.core.rmem_max, and see what else loads this computer",
+            )
+        )
+    if events:
+        lines.append(
+            CheckLine("drives", "faults", "none", "; ".join(events), "red", "see the drive")
+        )
+    return lines

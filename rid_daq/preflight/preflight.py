@@ -1,0 +1,48 @@
+"""`preflight`: every device and every safety setting of a cell; any red line means no motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from config.cell.cell import CellConfig
+from config.errors import DriverError, RidDaqError
+from config.load import LoadedCell
+from rid_daq.preflight.bus_check import bus_lines, load_line
+from rid_daq.preflight.check_line import CheckLine
+from rid_daq.preflight.computer_check import computer_lines
+from rid_daq.preflight.drives_check import DriveTrouble, check_drives
+from rid_daq.preflight.monitor_check import monitor_lines
+from rid_daq.preflight.plate_check import PlateCheck
+from rid_daq.preflight.sheet_check import sheet_lines
+
+
+def preflight(
+    loaded: LoadedCell, reachable: CellConfig, runs: Path, seconds: float
+) -> tuple[list[CheckLine], RidDaqError | None]:
+    """Return the lines of the preflight of a reachable cell, and what ended it early."""
+    sheets = sheet_lines(loaded)
+    lines = [load_line(loaded.config), *bus_lines(reachable), *computer_lines(runs), *sheets]
+    plate = PlateCheck(reachable, loaded.amplifier_profile)
+    problem = _attempt(plate.before)
+    lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
+    drives: list[CheckLine] = []
+    position: list[float] = []
+    fit = all(line.verdict != "red" for line in sheets)
+    try:
+        if fit:
+            drives, position = check_drives(reachable, loaded.robot, seconds)
+    except DriveTrouble as trouble:
+        drives, problem = trouble.lines, trouble.error
+    if fit and problem is None:
+        problem = _attempt(lambda: plate.after(position))
+    return [*lines, *plate.lines, *drives], problem
+
+
+def _attempt(step: Callable[[], object]) -> RidDaqError | None:
+    """Do one step of the plate's check; return what went wrong, so that the drives are checked."""
+    try:
+        step()
+    except DriverError as error:
+        return error
+    return None

@@ -1,0 +1,105 @@
+"""How far a motion is and how it goes, in words: on the terminal and on the live page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.recording.recording import Recording
+from acquisition.task.control_block import Progress, TaskState
+from acquisition.task.joint_values import JointValues
+
+_STATES = {
+    TaskState.STARTING: "starting",
+    TaskState.BRING_UP: "configuring the drives",
+    TaskState.ENABLING: "switching the drives on",
+    TaskState.STOPPING: "stopping",
+    TaskState.FINISHED: "power off",
+}
+_PHASES = {
+    Phase.APPROACH: "approach",
+    Phase.RUN_IN: "run-in",
+    Phase.TRANSIENT: "transient period",
+    Phase.MAIN: "measuring",
+    Phase.RUN_OUT: "run-out",
+    Phase.HOLD: "hold",
+}
+
+
+def motion_words(progress: Progress) -> str:
+    """Return what the cyclic task is doing."""
+    if progress.state is TaskState.MOVING:
+        return _PHASES[progress.phase]
+    return _STATES[progress.state]
+
+
+def total_of(samples: MotionSamples | None) -> tuple[float | None, str]:
+    """Return how long a motion is and in what that is counted: periods, seconds or points."""
+    if samples is None:
+        return None, "points"
+    if samples.samples_per_period is None:
+        return samples.duration_s, "s"
+    return len(samples) / samples.samples_per_period, "periods"
+
+
+def progress_shown(
+    samples: MotionSamples | None,
+    joint_names: Sequence[str],
+    show: Callable[[float, str], None],
+    watched: Callable[[], str],
+) -> Callable[[Progress], None]:
+    """Return what shows the cyclic task's progress, counted as `total_of` counts.
+
+    Parameters
+    ----------
+    samples : MotionSamples or None
+        The motion; None where no rows are planned.
+    joint_names : sequence of str
+        Base to flange.
+    show : callable
+        Takes how much is done, and a line about how it goes.
+    watched : callable
+        Says what is estimated meanwhile; empty where nothing is.
+    """
+    done = 0.0
+
+    def update(progress: Progress) -> None:
+        nonlocal done
+        row = progress.sample_index
+        if row >= 0:
+            done = float(row) if samples is None else _done(samples, row)
+        line = motion_words(progress)
+        if progress.state is TaskState.MOVING:
+            load = "" if progress.joints is None else load_words(progress.joints, joint_names)
+            line = "; ".join(filter(None, (line, load, watched())))
+        show(done, line)
+
+    return update
+
+
+def load_words(joints: JointValues, names: Sequence[str]) -> str:
+    """Say how much of their limits torque and following error take, each of the worst joint."""
+    torque, error = int(joints.torque_share.argmax()), int(joints.following_error_share.argmax())
+    return (
+        f"torque {joints.torque_share[torque]:.0%} ({names[torque]}), following error"
+        f" {joints.following_error_share[error]:.0%} ({names[error]}) of the limit"
+    )
+
+
+def place_words(recording: Recording) -> str:
+    """Say how far into the motion a recording goes."""
+    moved = recording.sample_index[recording.sample_index >= 0]
+    if len(moved) == 0 or recording.sample_period_s is None:
+        return "The motion had not begun."
+    phase = Phase(int(recording.phase[recording.sample_index >= 0][-1]))
+    into_s = float(moved[-1]) * recording.sample_period_s
+    period = ""
+    if recording.samples_per_period is not None and phase is Phase.MAIN:
+        first = moved[recording.phase[recording.sample_index >= 0] == Phase.MAIN][0]
+        period = f", period {int(moved[-1] - first) // recording.samples_per_period + 1}"
+    return f"That was {into_s:.2f} s into the motion ({_PHASES[phase]}{period})."
+
+
+def _done(samples: MotionSamples, row: int) -> float:
+    per_unit = samples.samples_per_period or 1.0 / samples.sample_period_s
+    return row / per_unit
