@@ -9,9 +9,7 @@ from typing import Any, Final, Protocol
 
 from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import MotionSamples
-from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
-from acquisition.session.record import RecordOutcome
 from compensation.compensated_motion import compensated_motion
 from compensation.feedforward.file import Origin, TuningEntry, feedforward_bytes
 from compensation.feedforward.repeated_error import repeated_error
@@ -26,6 +24,7 @@ from config.motion.motion import AnyMotion, CircleMotion, MultisineMotion
 from config.motion.path_motion import ArcSegment, LineSegment, PathMotion, SplineSegment
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
+from rid_daq.jobs.recorded_run import RecordedRun
 from rid_daq.report.sections import motion_sentence, run_section
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.run_data import FEEDFORWARD
@@ -33,15 +32,6 @@ from rid_daq.runs.tracking_section import followed, tracking_section
 
 NEAR: Final = (0.1, -0.1, 0.4)
 BAND_HZ: Final = (0.75, 15.0)
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """One recorded motion of the story."""
-
-    folder: RunFolder
-    outcome: RecordOutcome
-    recording: Recording
 
 
 class Record(Protocol):
@@ -54,7 +44,7 @@ class Record(Protocol):
         motion: AnyMotion,
         planned: MotionSamples | None = None,
         files: Mapping[str, bytes] | None = None,
-    ) -> Recorded:
+    ) -> RecordedRun:
         """Return what was recorded."""
 
 
@@ -138,7 +128,7 @@ def tell_paths(
     fitted = [fit_velocity_loop(response) for response in responses]
     write_loops(root.path / "loops.json", fitted, robot.name, excited.folder.run_id)
     loops = in_order(robot.joint_names, estimate.robot.joint_names, fitted)
-    runs: list[tuple[str, AnyMotion, Recorded]] = [("Multisine", motions.multisine, excited)]
+    runs: list[tuple[str, AnyMotion, RecordedRun]] = [("Multisine", motions.multisine, excited)]
     pairs: list[tuple[MotionRun, MotionRun]] = []
     tuning: Tuning | None = None
     reference = ""

@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 import contextlib
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pydantic import JsonValue
 
-from acquisition.journal.cycles import read_journal
 from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import MotionSamples
 from acquisition.processing.periods import average_periods
 from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import RunStatus
-from acquisition.session.record import RecordOutcome, record_motion
-from acquisition.task.control_block import Progress, TaskState
-from config.cell.cell import CellConfig
-from config.errors import ConfigError, RecordingError, SafetyStop
-from config.load import LoadedCell, load_cell, to_yaml
+from config.errors import ConfigError, SafetyStop
+from config.load import load_cell, to_yaml
 from config.motion.motion import AnyMotion, FourierMotion, MultipointMotion
-from config.robot.robot import RobotDescription
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
 from identification.validation.torque_prediction import validate
 from mock_hw.cell import SimulatedCell
-from rid_daq.demo.demo_paths import PathMotions, Recorded, tell_paths
+from rid_daq.demo.demo_paths import PathMotions, tell_paths
+from rid_daq.jobs.recorded_run import RecordedRun
+from rid_daq.jobs.run_session import RunRequest, RunSession
 from rid_daq.jobs.truth import true_parameters
 from rid_daq.report.curves import period_curves, torque_curves, validation_section
 from rid_daq.report.sections import (
@@ -38,8 +32,9 @@ from rid_daq.report.sections import (
     motion_sentence,
     run_section,
 )
+from rid_daq.runs.run_data import MOTION
 from rid_daq.session.session import hold_cell
-from rid_daq.session.versions import software_versions
+from rid_daq.terminal.console import Progress
 
 DEMO_CELL = "ir361"
 
@@ -95,16 +90,18 @@ def tell_story(
         ) as simulated,
         hold_cell(simulated.cell),
     ):
-        tell = _Recorder(folder, loaded, simulated.cell, unmodelled, show)
-        excited = tell.record("excitation", motions.excitation)
-        validated = tell.record("validation", motions.validation)
-        show(tell.done_s, "identifying")
+        bare = simulated.cell.model_copy(update={"plate": None})  # the story is of the joints
+        told = _Told(show)
+        record = _Recorder(RunSession(loaded, bare, folder.path / _name(unmodelled), told), told)
+        excited = record("excitation", motions.excitation)
+        validated = record("validation", motions.validation)
+        show(told.done_s, "identifying")
         average = average_periods(excited.recording)
         estimate = estimate_periodic(robot, [average], cell_name=cell.name)
         write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
         chapter: dict[str, Any] = {"runs": [], "run_ids": []}
         if unmodelled and motions.paths is not None:
-            chapter = tell_paths(tell.record, motions.paths, robot, cell, estimate, folder)
+            chapter = tell_paths(record, motions.paths, robot, cell, estimate, folder)
     truth = estimate.base.from_standard(true_parameters(estimate.model, robot, plant))
     noise_nm = np.sqrt(average.torque_variance)
     validation = validate(estimate, validated.recording, noise_nm=noise_nm)
@@ -139,25 +136,50 @@ def tell_story(
     }
 
 
-class _Recorder:
-    """Records motions one after the other on one simulated cell."""
+class _Told:
+    """Shows the motions of a story one after the other, in seconds of motion."""
 
-    def __init__(
-        self, folder: RunFolder, loaded: LoadedCell, cell: CellConfig, unmodelled: bool, show: Show
-    ) -> None:
-        self._root = folder.path / _name(unmodelled)
-        self._loaded = loaded
-        self._cell = cell
+    def __init__(self, show: Show) -> None:
         self._show = show
         self.done_s = 0.0
+        self.motion_s = 0.0
 
-    def record(
+    def say(self, text: str = "") -> None:
+        """Leave it to the run's folder."""
+
+    @contextlib.contextmanager
+    def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
+        """Show how much of a motion is done."""
+        yield _Motion(self._show, title, self.done_s, self.motion_s / (total or 1.0))
+        self.done_s += self.motion_s
+
+
+@dataclass(frozen=True)
+class _Motion:
+    show: Show
+    title: str
+    before_s: float
+    unit_s: float
+
+    def update(self, done: float, line: str) -> None:
+        """Show how far the story is."""
+        self.show(self.before_s + done * self.unit_s, self.title)
+
+
+@dataclass(frozen=True)
+class _Recorder:
+    """Records the motions of a story in one session."""
+
+    session: RunSession
+    told: _Told
+
+    def __call__(
         self,
         role: str,
         motion: AnyMotion,
         planned: MotionSamples | None = None,
         files: Mapping[str, bytes] | None = None,
-    ) -> Recorded:
+    ) -> RecordedRun:
         """Record one motion into a run folder of its own, as planned where that is given.
 
         Raises
@@ -165,39 +187,17 @@ class _Recorder:
         SafetyStop
             It did not come to its end.
         """
-        robot = self._loaded.robot
-        samples = planned or plan_motion(motion, robot, self._cell.cycle_time_s)
-        folder = RunFolder.create(self._root, role, software=software_versions())
-        for name, content in self._loaded.files.items():
-            folder.write(name, content)
-        folder.write("motion.yaml", to_yaml(motion).encode())
-        for name, content in (files or {}).items():
-            folder.write(name, content)
-        outcome = self._run(robot, samples, folder, role)
-        facts: dict[str, JsonValue] = {"robot": robot.name, "rows": outcome.rows}
-        if outcome.stop is not None:
-            with contextlib.suppress(RecordingError):  # of a disk that may be why it was stopped
-                folder.finish(RunStatus.STOPPED, facts)
-            why = "; ".join((outcome.stop.text, *outcome.notes))
+        session = self.session
+        samples = planned or plan_motion(motion, session.loaded.robot, session.cell.cycle_time_s)
+        self.told.motion_s = samples.duration_s
+        both = {MOTION: to_yaml(motion).encode(), **(files or {})}
+        run = session.record(
+            RunRequest(role, motion_sentence(motion), samples, role=role, files=both)
+        )
+        if run.outcome.stop is not None:
+            why = "; ".join((run.outcome.stop.text, *run.outcome.notes))
             raise SafetyStop(f"the demo's {role} was stopped: {why}")
-        folder.finish(RunStatus.COMPLETE, facts)
-        self.done_s += samples.duration_s
-        return Recorded(folder, outcome, read_journal(outcome.path).recording())
-
-    def _run(
-        self, robot: RobotDescription, samples: MotionSamples, folder: RunFolder, role: str
-    ) -> RecordOutcome:
-        shown_s = 0.0
-
-        def on_progress(progress: Progress) -> None:
-            nonlocal shown_s
-            now_s = time.monotonic()
-            if progress.state is TaskState.MOVING and now_s - shown_s > 0.2:
-                shown_s = now_s
-                into_s = max(0, progress.sample_index) * samples.sample_period_s
-                self._show(self.done_s + into_s, role)
-
-        return record_motion(self._cell, robot, samples, folder, on_progress=on_progress)
+        return run
 
 
 def _name(unmodelled: bool) -> str:

@@ -10,11 +10,12 @@ from typing import Any
 
 from pydantic import JsonValue
 
+from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from acquisition.session.record import RecordOutcome
 from acquisition.supervision.stop_reason import StopCode
-from config.errors import RecordingError
+from config.errors import DataQualityError, RecordingError
 from rid_daq.report.result import REPORT, Result
 from rid_daq.report.sections import loop_sentence
 from rid_daq.runs.run_data import RunData
@@ -70,6 +71,19 @@ class RecordedRun:
     quality: RunQuality | None
     result: Result
     facts: dict[str, JsonValue] = field(default_factory=dict)
+
+    @property
+    def recording(self) -> Recording:
+        """What was measured.
+
+        Raises
+        ------
+        DataQualityError
+            Nothing was.
+        """
+        if self.data is None:
+            raise DataQualityError(f"{self.folder.path}: nothing was recorded in this run")
+        return self.data.recording
 
     @property
     def report(self) -> Path:
