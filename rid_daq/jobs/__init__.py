@@ -1,4 +1,4 @@
 """What commands do, without their options: record, identify, weigh, design, recover.
 
-No options and no command line. Begin with `recording_job.py`.
+No options and no command line. Begin with `run_session.py`.
 """

@@ -1,5 +1,5 @@
 """What is checked before a motion, as lines that are red or not.
 
 Each file asks one device or this computer; what a drive must hold stands in `drivers/servo`. Begin
-with `check_line.py`.
+with `preflight.py`.
 """
