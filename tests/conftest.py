@@ -141,7 +141,7 @@ class ServedAmplifier(threading.Thread):
 
     def close(self) -> None:
         os.write(self._woken, b"x")
-        self.join(20.0)
+        self.join(120.0)
         self._port.close()
         os.close(self._wake)
         os.close(self._woken)

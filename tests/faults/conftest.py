@@ -215,9 +215,9 @@ class Rig:
 
         self._threads = [threading.Thread(target=serve_hub), threading.Thread(target=serve_drives)]
         self._threads[0].start()
-        assert ready.wait(20.0)
+        assert ready.wait(120.0)
         self._threads[1].start()
-        assert served.wait(60.0)
+        assert served.wait(120.0)
         channel = cell.can.model_copy(update={"channel": str(self.path)})
         self.config = cell.model_copy(update={"can": channel})
 
@@ -228,7 +228,7 @@ class Rig:
     def close(self) -> None:
         os.write(self._stopper, b"x")
         for thread in self._threads:
-            thread.join(20.0)
+            thread.join(120.0)
             assert not thread.is_alive()
         os.close(self._stop)
         os.close(self._stopper)

@@ -57,7 +57,7 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
         thread = threading.Thread(target=run)
         thread.start()
         stoppers.append((stopper, thread))
-        assert ready.wait(10.0)
+        assert ready.wait(120.0)
         hubs.append(ServedHub(path, log))
         return hubs[-1]
 
@@ -67,7 +67,7 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
             client.close()
     for stopper, thread in stoppers:
         os.write(stopper, b"x")
-        thread.join(10.0)
+        thread.join(120.0)
         assert not thread.is_alive()
         os.close(stopper)
 

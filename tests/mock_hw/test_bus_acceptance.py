@@ -40,7 +40,7 @@ from tests.builders.stalls import where_time_runs
 
 pytestmark = pytest.mark.alone
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 STALL_S = 0.01
 SPEED_RAD_S = 0.3
 SOCKETCAN = os.environ.get("RID_DAQ_SOCKETCAN", "")

@@ -21,7 +21,7 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.plant.rigid_bodies import BaseWrench
 
 Array = np.ndarray[Any, np.dtype[Any]]
-ENOUGH_S = 20.0
+ENOUGH_S = 120.0
 
 
 @pytest.fixture(scope="module")

@@ -38,7 +38,7 @@ from config.process.termination import TERMINATION
 from config.robot.robot import RobotDescription
 
 HEADER = JournalHeader(joint_names=("joint1", "joint2", "joint3"), sample_period_s=0.008)
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 @pytest.fixture(autouse=True)

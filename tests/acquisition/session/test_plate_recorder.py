@@ -201,7 +201,7 @@ def test_it_runs_as_a_process_of_its_own(serve_amplifier: Serve, tmp_path: Path)
         args=(PlateTask(served.plate, served.profile, path), block, os.getpid()),
     )
     process.start()
-    process.join(60.0)
+    process.join(120.0)
     assert (process.exitcode, block.error) == (0, None)
     assert len(read_plate_journal(path).rows) == block.status(0.0).rows == ROWS
 

@@ -37,7 +37,7 @@ from config.motion.motion import FourierJoint, FourierMotion
 from mock_hw.cell import SimulatedCell
 from tests.builders.recording_program import RECORD
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 RAMP_S = 0.25
 
 

@@ -107,6 +107,6 @@ def test_another_program_finds_the_motion_that_a_process_has_under_way() -> None
         control = ControlBlock.of_process(program.pid)
         assert control is not None
         control.request_stop(StopCode.STOP_COMMAND)
-        told, _ = program.communicate("\n", timeout=60.0)
+        told, _ = program.communicate("\n", timeout=120.0)
     assert told == f"{int(StopCode.STOP_COMMAND)} 0\n"
     assert ControlBlock.of_process(program.pid) is None

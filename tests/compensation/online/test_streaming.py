@@ -132,7 +132,7 @@ class TestIterator:
                 yield point
 
         with PointFeed(ring, gate(), points()) as fed:
-            fed.wait(20, 30.0)
+            fed.wait(20, 120.0)
             assert asked <= 21
             got: list[Points] = []
             while not ring.ended or ring.room < 20:
@@ -146,7 +146,7 @@ class TestIterator:
 
         ring = PointRing.create(3, 10)
         with PointFeed(ring, gate(), points()) as fed:
-            fed.wait(10, 30.0)
+            fed.wait(10, 120.0)
         assert ring.written == 3
         assert ring.failed is PointsFailed.LOST
         assert "no inverse kinematics here" in ring.failure
@@ -161,7 +161,7 @@ class TestIterator:
             PointFeed(ring, gate(), points()) as fed,
             pytest.raises(ConfigError, match=r"no points: .*no file"),
         ):
-            fed.wait(10, 30.0)
+            fed.wait(10, 120.0)
 
     def test_points_of_another_robot_are_refused(self) -> None:
         ring = PointRing.create(3, 10)
@@ -192,7 +192,7 @@ def served() -> Iterator[tuple[Path, PointRing]]:
         thread.start()
         yield path, ring
         over.set()
-        thread.join(30.0)
+        thread.join(120.0)
         assert not thread.is_alive()
 
 

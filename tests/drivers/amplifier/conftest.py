@@ -21,7 +21,7 @@ from drivers.amplifier.frames import encode_event, event_layout
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 CODEC = AmplifierCodec(PROFILE)
-ENOUGH_S = 20.0
+ENOUGH_S = 120.0
 RANGES = (2500.0,) * 4 + (5000.0,) * 4
 SENSITIVITIES = (-7.5,) * 4 + (-3.8,) * 4
 

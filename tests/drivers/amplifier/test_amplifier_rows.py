@@ -19,7 +19,7 @@ from drivers.amplifier.simulated_arrivals import ArrivalWriter, arrivals_path
 from drivers.interfaces import PlateRead
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
-ENOUGH_S = 20.0
+ENOUGH_S = 120.0
 Plug = Callable[..., Any]
 
 

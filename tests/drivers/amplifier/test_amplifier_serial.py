@@ -16,7 +16,7 @@ from drivers.amplifier.amplifier import open_amplifier
 from drivers.amplifier.codec import Request
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
-ENOUGH_S = 20.0
+ENOUGH_S = 120.0
 Plug = Callable[..., Any]
 
 

@@ -77,7 +77,7 @@ def device(network: canopen.Network) -> Iterator[OurDevice]:
     device.start()
     yield device
     network.send_message(0x7FF, b"", remote=True)
-    device.join(10.0)
+    device.join(120.0)
     device.bus.shutdown()
 
 

@@ -132,6 +132,9 @@ sys.exit(os.waitstatus_to_exitcode(status))
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_a_forked_process_has_threads_of_its_own() -> None:
     run = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", FORK], timeout=60, capture_output=True, check=False
+        [sys.executable, "-W", "ignore", "-c", FORK],
+        timeout=120.0,
+        capture_output=True,
+        check=False,
     )
     assert run.returncode == 0, run.stderr.decode()

@@ -14,7 +14,7 @@ from drivers.amplifier.amplifier import open_amplifier
 from mock_hw.amplifier.port import PlateSettings
 from mock_hw.amplifier.process import ServedAmplifier, SwingingLoad
 
-ENOUGH_S = 20.0
+ENOUGH_S = 120.0
 
 
 def settings_at(path: Path) -> PlateSettings:

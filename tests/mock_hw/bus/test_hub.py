@@ -29,7 +29,7 @@ def test_a_wait_ends_exactly_when_it_says(serve: Serve) -> None:
     for until_ns in (1, 8 * MS, 3_600_000 * MS):
         assert client.wait(until_ns) == []
         assert client.now_ns == until_ns
-    assert time.monotonic() - start_s < 10.0
+    assert time.monotonic() - start_s < 600.0, "an hour of the bus takes no hour"
 
 
 def test_a_frame_arrives_after_its_time_on_the_wire(serve: Serve) -> None:

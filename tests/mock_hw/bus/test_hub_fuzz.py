@@ -50,7 +50,7 @@ def connect(client: socket.socket, hub: Any) -> None:
 
 def join(hub: Any, role: Role) -> Any:
     """Join once there is room at the door."""
-    give_up_s = time.monotonic() + 60.0
+    give_up_s = time.monotonic() + 120.0
     while True:
         try:
             return hub.join(role)

@@ -23,7 +23,7 @@ from config.simulation.faults import FaultScript
 from mock_hw.host.full_disk import FullDisk
 from mock_hw.host.program_faults import ProgramFaults
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 CHILD = """
 import sys
 file = open(sys.argv[2], "xb", buffering=0) if len(sys.argv) > 2 else None

@@ -95,7 +95,7 @@ def test_what_a_cell_left_whose_processes_were_killed_at_once_goes_at_the_next_s
                 ends.callback(os.close, process)
                 signal.pidfd_send_signal(process, signal.SIGSTOP)
             program.kill()
-            program.wait(60.0)
+            program.wait(120.0)
             with private_folder("next"):
                 assert (left / "ir361.sock").is_socket(), "its hub and drives outlive the program"
             for process in processes:

@@ -99,7 +99,7 @@ class Workshop:
         self.service.send_late_answers()
         port = self.link._client.socket if self.link is not None else None
         if isinstance(port, serial.Serial):  # a pseudo-terminal passes bytes on when it pleases
-            give_up_s = time.monotonic() + 10.0
+            give_up_s = time.monotonic() + 120.0
             while not port.in_waiting and time.monotonic() < give_up_s:
                 os.sched_yield()
 
@@ -235,7 +235,7 @@ def authority(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     def openssl(*words: str) -> None:
         command = ["openssl", *words]
-        subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=60)
+        subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=120.0)
 
     key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes")
     for name in ("ca", "other"):
@@ -316,7 +316,7 @@ class TestMbpoll:
 
     def poll(self, *words: str) -> str:
         command = ["mbpoll", "-1", "-q", "-t", "4", *words]
-        run = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+        run = subprocess.run(command, capture_output=True, text=True, timeout=120.0, check=False)
         return run.stdout + run.stderr
 
     def values(self, text: str) -> dict[int, int]:
@@ -367,7 +367,7 @@ def test_tsharks_modbus_dissector_reads_what_was_said(workshop: Workshop, tmp_pa
         capture_output=True,
         text=True,
         check=True,
-        timeout=60.0,
+        timeout=120.0,
     ).stdout.splitlines()
     values = f"1000,0,{7209000 >> 16},{7209000 & 0xFFFF}"
     assert dissected == [

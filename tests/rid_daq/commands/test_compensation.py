@@ -367,7 +367,7 @@ def streamed(
     capsys.readouterr()
     words = ["stream", str(workshop / "arm.yaml"), "--socket", str(path), "--json"]
     code = run([*words, *model_of(workshop)])
-    sender.join(60.0)
+    sender.join(120.0)
     assert not sender.is_alive()
     return code, heard[0] if heard else None, document(capsys)
 

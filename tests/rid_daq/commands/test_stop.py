@@ -84,7 +84,7 @@ def test_a_motion_is_stopped_from_another_process_and_seen_to_rest(
             simulated.cell, loaded.robot, samples, folder, on_progress=stop_once
         )
         axes = simulated.axes()
-    said, _ = commands[0].communicate(timeout=60.0)
+    said, _ = commands[0].communicate(timeout=120.0)
     assert commands[0].returncode == 0
     (session,) = json.loads(said)["sessions"]
     assert (session["process"], session["cell"]) == (os.getpid(), "ir361")

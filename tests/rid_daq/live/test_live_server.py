@@ -33,7 +33,7 @@ from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.live.server import MOST_STREAMS, MOST_WAITING
 
 TOKEN = "t" * 40
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 STOP = b"POST /stop HTTP/1.1\r\nHost: %s\r\nContent-Type: application/json\r\n"
 STOP_BODY = b"Content-Length: 2\r\n\r\n{}"
 

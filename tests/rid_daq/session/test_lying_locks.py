@@ -98,7 +98,7 @@ def test_no_lie_leads_to_a_stranger_or_keeps_a_session_from_being_stopped(
     session = people.session()
     assert run(["stop", "--json"]) == 4, "what holds a lock and is no session is told"
     told = json.loads(capsys.readouterr().out)["sessions"]
-    assert session.wait(60.0) == 143
+    assert session.wait(120.0) == 143
     strangers = [innocent, *liars]
     assert all(lives(stranger) for stranger in strangers)
     stopped = [entry for entry in told if entry["stopped"]]
@@ -126,7 +126,7 @@ fcntl.flock(forged, fcntl.LOCK_EX)
 """
     session = people.session(forge, user=COLLEAGUE)
     code, told = people.stop(user=0)
-    assert session.wait(60.0) == 143, "the session is his own, and so is what he loses"
+    assert session.wait(120.0) == 143, "the session is his own, and so is what he loses"
     assert lives(innocent)
     assert code == 4
     assert sorted((entry["process"], entry["stopped"]) for entry in told) == [
@@ -175,7 +175,7 @@ def test_a_session_that_ends_as_it_is_told_is_no_failure(
 
     def end() -> None:
         session.kill()
-        session.wait(60.0)
+        session.wait(120.0)
 
     def open_late(pid: int) -> int:
         descriptor = opened(pid)
@@ -213,7 +213,7 @@ def test_a_session_whose_memory_makes_no_sense_is_ended_by_its_signal(
 ) -> None:
     session = people.session(memory)
     assert run(["stop"]) == code
-    assert session.wait(60.0) == 143
+    assert session.wait(120.0) == 143
     said = capsys.readouterr().out
     assert ("whether its axes rest was not seen" in said) == bool(code)
 
@@ -237,7 +237,7 @@ def test_an_error_of_any_kind_is_that_sessions_alone(
     found = [broken, *running_sessions()]
     monkeypatch.setattr("rid_daq.commands.stop.running_sessions", lambda cell: found)
     assert run(["stop"]) == 4
-    assert session.wait(60.0) == 143
+    assert session.wait(120.0) == 143
     assert "could not be stopped from here: the sky fell" in capsys.readouterr().out
 
 
@@ -256,7 +256,7 @@ def test_a_lock_that_another_user_left_is_taken_over_and_stopped_by_who_has_it_n
 ) -> None:
     dead = people.session(user=COLLEAGUE)
     dead.kill()
-    dead.wait(60.0)
+    dead.wait(120.0)
     left = {path.stat().st_uid for path in locks.iterdir()}
     assert left == {COLLEAGUE}, "he was killed: his files stay"
     session = people.session(user=NEXT)
@@ -268,10 +268,10 @@ def test_a_lock_that_another_user_left_is_taken_over_and_stopped_by_who_has_it_n
     code, told = people.stop(user=NEXT)
     assert code == 0
     assert [(entry["process"], entry["stopped"]) for entry in told] == [(session.pid, True)]
-    assert session.wait(60.0) == 143
+    assert session.wait(120.0) == 143
     again = people.session(user=COLLEAGUE)
     assert people.stop(user=0)[0] == 0, "root stops everybody's"
-    assert again.wait(60.0) == 143
+    assert again.wait(120.0) == 143
     measured("a dead colleague's lock: taken over; `stop` by its new holder and by root: no other")
 
 
@@ -292,14 +292,14 @@ theirs.touch()
     with pytest.raises(LockedError, match=rf"process {blocker.pid}: rid-daq"), hold_cell(cell):
         pass
     blocker.kill()
-    blocker.wait(60.0)
+    blocker.wait(120.0)
     refused = people.start(PERSON.replace("with hold_cell(cell):", TELL), NEXT, "hold")
-    said, _ = refused.communicate(timeout=60.0)
+    said, _ = refused.communicate(timeout=120.0)
     assert f".{NEXT}.session: cannot be written: Operation not permitted." in said
     assert "let its owner or root remove it" in said
     lock.chmod(0)
     refused = people.start(PERSON.replace("with hold_cell(cell):", TELL), NEXT, "hold")
-    said, _ = refused.communicate(timeout=60.0)
+    said, _ = refused.communicate(timeout=120.0)
     assert "cannot open the lock file: Permission denied; its owner or root can remove it" in said
     measured("a lock file that cannot be taken over: exit 7 with whose turn it is")
 
