@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.metadata
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -62,3 +64,55 @@ def test_a_process_of_a_cell_starts_without_what_it_does_not_use(module: str) ->
         [sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True
     )
     assert shown.stdout == "set()\n"
+
+
+WIDEST = 8
+BEING_CHANGED = {
+    "acquisition/session/record.py: record_motion",
+    "compensation/loops/multisine_motion.py: multisine_motion",
+    "identification/design/two_harmonic.py: design_two_harmonic",
+    "identification/estimation/estimators.py: estimate_periodic",
+    "identification/estimation/estimators.py: estimate_smoothed",
+    "mock_hw/cell.py: __init__",
+    "rid_daq/jobs/multisine_job.py: write_multisine",
+}
+"""Functions that are wider for now; the list only shrinks."""
+
+
+def functions_of(path: Path) -> Iterator[tuple[str, int, bool]]:
+    """Yield name, width and whether it is compiled, of every function of a file."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            given = node.args
+            names = [each.arg for each in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
+            width = len([name for name in names if name not in ("self", "cls")])
+            width += (given.vararg is not None) + (given.kwarg is not None)
+            marks = " ".join(map(ast.unparse, node.decorator_list))
+            yield node.name, width, "kernel" in marks or "njit" in marks
+
+
+def test_a_function_takes_at_most_eight_parameters() -> None:
+    """Commands have one a user's option; compiled kernels take arrays one by one."""
+    wide = set()
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            place = str(path.relative_to(ROOT))
+            for name, width, compiled in functions_of(path):
+                is_command = place.startswith("rid_daq/commands/") and not name.startswith("_")
+                if width > WIDEST and not compiled and not is_command:
+                    wide.add(f"{place}: {name}")
+    assert wide <= BEING_CHANGED
+
+
+def test_no_command_imports_another() -> None:
+    """A group names its commands; what commands share stands in the rooms below them."""
+    commands = ROOT / "rid_daq" / "commands"
+    found = {
+        f"{path.name}: {node.module}"
+        for path in commands.glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom)
+        and (node.module or "").startswith("rid_daq.commands")
+        and not (node.module or "").startswith(f"rid_daq.commands.{path.stem}_")
+    }
+    assert found == set()

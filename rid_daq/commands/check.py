@@ -9,7 +9,7 @@ import typer
 
 from config.errors import PreflightError, RidDaqError
 from config.load import load_cell
-from rid_daq.preflight.check_line import CheckLine
+from rid_daq.preflight.bus_check import CheckLine
 from rid_daq.preflight.preflight import preflight
 from rid_daq.session.cells import CellName, reachable_cell
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder

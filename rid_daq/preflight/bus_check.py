@@ -1,6 +1,10 @@
-"""What the preflight looks at on the bus itself: its transmit queue, and who else sends on it."""
+"""`CheckLine`, a line of the preflight; and those of the bus: load, queue, senders, watches."""
 
 from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
 
 from config.cell.cell import CellConfig
 from drivers.canopen.bus_load import LOAD_LIMIT
@@ -8,10 +12,28 @@ from drivers.canopen.frames import tpdo_cob_id
 from drivers.cell import Cell
 from drivers.ports.socketcan_port import transmit_queue_frames
 from drivers.servo.bring_up import bus_load
-from rid_daq.preflight.check_line import CheckLine
+from drivers.servo.watchdog_test import WatchTrial, try_watches
 
 LONGEST_QUEUE = 128
 SPARE_FRAMES = 2
+_DRIVE = (
+    "this drive went on without this computer: it must not be moved; see its manual on 1016h and"
+    " 6007h, or name its node in drive_safety.allow_drive_without_watchdog"
+)
+_COMPUTER = "this drive's heartbeat ended and was not missed: check 1017h in the drive"
+
+
+@dataclass(frozen=True)
+class CheckLine:
+    """One line of the preflight: what was measured, what is required, what to do if red."""
+
+    where: str
+    what: str
+    required: str
+    found: str
+    verdict: Literal["ok", "red", "allowed", "shown"]
+    next_action: str = ""
+    of_drive: bool = False
 
 
 def bus_lines(cell: CellConfig) -> list[CheckLine]:
@@ -84,3 +106,53 @@ def load_line(cell: CellConfig) -> CheckLine:
         verdict="ok" if load <= LOAD_LIMIT else "red",
         next_action="choose a longer cycle_time_ms or a higher bit rate",
     )
+
+
+def watch_lines(opened: Cell) -> list[CheckLine]:
+    """Let both watches run out once on drives at rest.
+
+    Raises
+    ------
+    DriverError, PreflightError
+        As of `drivers.servo.watchdog_test.try_watches`.
+    """
+    trials = try_watches(opened.axes, opened.clock, opened.config)
+    safety = opened.config.drive_safety
+    cycle_s = opened.config.cycle_time_s
+    allowed = safety.allow_drive_without_watchdog
+    lines = []
+    for trial in trials:
+        limit_s = 1e-3 * safety.master_heartbeat_timeout_ms + 2.0 * cycle_s
+        lines.append(_drive_line(trial, limit_s, excused=trial.node_id in allowed))
+        limit_s = 1e-3 * safety.drive_heartbeat_timeout_ms + cycle_s
+        good = trial.noticed_s <= limit_s
+        lines.append(
+            CheckLine(
+                where=f"{trial.joint}, node {trial.node_id}",
+                what="its silence is noticed after",
+                required=f"≤ {1e3 * limit_s:.0f} ms",
+                found=_after(trial.noticed_s),
+                verdict="ok" if good else "red",
+                next_action="" if good else _COMPUTER,
+                of_drive=True,
+            )
+        )
+    return lines
+
+
+def _drive_line(trial: WatchTrial, limit_s: float, *, excused: bool) -> CheckLine:
+    good = trial.acted_s <= limit_s
+    how = f", {trial.how}" if good else ""
+    return CheckLine(
+        where=f"{trial.joint}, node {trial.node_id}",
+        what="without this computer it acts after" + (", powered" if trial.powered else ""),
+        required=f"≤ {1e3 * limit_s:.0f} ms",
+        found=_after(trial.acted_s) + how,
+        verdict="ok" if good else ("allowed" if excused else "red"),
+        next_action="" if good or excused else _DRIVE,
+        of_drive=True,
+    )
+
+
+def _after(time_s: float) -> str:
+    return "never" if math.isnan(time_s) else f"{1e3 * time_s:.0f} ms"

@@ -17,7 +17,7 @@ from acquisition.task.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY, bec
 from config.errors import RecordingError
 from config.process.termination import ignore_termination, termination_held
 from drivers.ports.clock import MonotonicClock
-from rid_daq.preflight.check_line import CheckLine
+from rid_daq.preflight.bus_check import CheckLine
 
 WRITE_BYTES = 4 << 20
 SLOWEST_BYTES_S = 1e6

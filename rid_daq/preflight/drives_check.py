@@ -10,9 +10,7 @@ from config.robot.robot import RobotDescription
 from drivers.cell import Cell, open_cell
 from drivers.interfaces import DriveSetting
 from drivers.servo.axes import COLLECT_FRACTION
-from rid_daq.preflight.bus_check import sender_lines
-from rid_daq.preflight.check_line import CheckLine
-from rid_daq.preflight.watch_check import watch_lines
+from rid_daq.preflight.bus_check import CheckLine, sender_lines, watch_lines
 
 _NEXT: dict[str, str] = {
     "1018": "this is another drive than the data sheet (eds) or identity of the axis says: see that"

@@ -12,7 +12,7 @@ from config.errors import DriverError
 from config.robot.robot import RobotDescription
 from drivers.interfaces import MonitorReading, MotorData
 from drivers.modbus.drive_monitor import open_drive_monitor
-from rid_daq.preflight.check_line import CheckLine
+from rid_daq.preflight.bus_check import CheckLine
 
 KELVIN_AT_0_C = 273.15
 CONSTANT_TOLERANCE = 0.01

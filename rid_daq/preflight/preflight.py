@@ -8,8 +8,7 @@ from pathlib import Path
 from config.cell.cell import CellConfig
 from config.errors import DriverError, RidDaqError
 from config.load import LoadedCell
-from rid_daq.preflight.bus_check import bus_lines, load_line
-from rid_daq.preflight.check_line import CheckLine
+from rid_daq.preflight.bus_check import CheckLine, bus_lines, load_line
 from rid_daq.preflight.computer_check import computer_lines
 from rid_daq.preflight.drives_check import DriveTrouble, check_drives
 from rid_daq.preflight.monitor_check import monitor_lines

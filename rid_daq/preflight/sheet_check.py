@@ -7,7 +7,7 @@ from config.errors import PreflightError
 from config.formats.eds import ElectronicDataSheet
 from config.load import LoadedCell
 from drivers.servo.eds_check import SheetFinding, sheet_findings
-from rid_daq.preflight.check_line import CheckLine
+from rid_daq.preflight.bus_check import CheckLine
 
 MOST_TOLD = 4
 

@@ -12,7 +12,7 @@ import pytest
 from config.load import LoadedCell
 from drivers.cell import open_cell
 from drivers.servo.watchdog_test import try_watches
-from rid_daq.preflight.watch_check import watch_lines
+from rid_daq.preflight.bus_check import watch_lines
 
 Measured = Callable[[str], None]
 
