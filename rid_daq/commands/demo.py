@@ -15,7 +15,7 @@ from config.motion.motion import MultipointMotion
 from identification.design.two_harmonic import design_two_harmonic
 from rid_daq.demo.demo_paths import PathMotions
 from rid_daq.demo.demo_story import DEMO_CELL, Motions
-from rid_daq.demo.side_by_side import run_stories
+from rid_daq.demo.parallel import run_stories
 from rid_daq.report.result import Result, check, new_result, verdict, write_result
 from rid_daq.report.sections import cell_section, truth_case
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, unfinished

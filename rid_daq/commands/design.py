@@ -28,8 +28,8 @@ from rid_daq.report.sections import units
 from rid_daq.session.cells import CellName
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.inapplicable_options import is_given, refuse_inapplicable
 from rid_daq.terminal.output_file import Overwrite, refuse_output
-from rid_daq.terminal.unread_options import is_given, refuse_unread
 
 DEFAULT_PERIOD_S = 10.0
 DEFAULT_PERIODS = 16
@@ -154,7 +154,7 @@ def design(
     harmonic an axis. The motion written has passed the check of every limit, ramps included.
     """
     console = Console(as_json)
-    _refuse_unread(context, kind, method)
+    _refuse_inapplicable(context, kind, method)
     refuse_output(output, overwrite)
     loaded = load_cell(cell)
     robot = loaded.robot
@@ -237,17 +237,17 @@ def design(
         raise typer.Exit(ExitCode.INTERRUPTED if interrupted else ExitCode.TERMINATED)
 
 
-def _refuse_unread(context: typer.Context, kind: Kind, method: Method) -> None:
+def _refuse_inapplicable(context: typer.Context, kind: Kind, method: Method) -> None:
     """Refuse what the kind, or the method, of this motion does not know."""
     by = f"with --kind {kind.value}"
     if kind is Kind.CONSTANT_VELOCITY:
-        refuse_unread(context, _PERIODIC | _OF_MULTISINES | _OF_EXCITATIONS | {"model"}, by)
+        refuse_inapplicable(context, _PERIODIC | _OF_MULTISINES | _OF_EXCITATIONS | {"model"}, by)
     elif kind is Kind.MULTISINE:
-        refuse_unread(context, _OF_EXCITATIONS, by)
+        refuse_inapplicable(context, _OF_EXCITATIONS, by)
     else:
-        refuse_unread(context, _OF_MULTISINES, by)
+        refuse_inapplicable(context, _OF_MULTISINES, by)
         others = {"tries"} if method is Method.OPTIMAL else _OF_OPTIMAL | {"model"}
-        refuse_unread(context, others, f"with --method {method.value}")
+        refuse_inapplicable(context, others, f"with --method {method.value}")
 
 
 def _write(

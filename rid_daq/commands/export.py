@@ -25,8 +25,8 @@ from identification.export.table import csv_table, json_table
 from rid_daq.runs.run_data import RunData, Unfinished, read_run, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.output_file import Overwrite, refuse_output
-from rid_daq.terminal.unread_options import refuse_unread
 
 
 class Format(StrEnum):
@@ -101,11 +101,11 @@ def export(
     console = Console(as_json)
     refuse_output(output, overwrite)
     if not _is_model(what):
-        refuse_unread(context, {"as_identified", "despite_misfit"}, "with a recording")
+        refuse_inapplicable(context, {"as_identified", "despite_misfit"}, "with a recording")
         data = _recorded(find_run(runs, what), to, unfinished)
         _export_recording(console, data, to, output)
         return
-    refuse_unread(context, {"unfinished"}, "with a model file")
+    refuse_inapplicable(context, {"unfinished"}, "with a model file")
     if to in _RECORDINGS_ONLY:
         raise ConfigError(f"--to {to.value} is for recordings, and {what} is a model file")
     if as_identified and to not in _NEED_NO_LINKS:
@@ -115,7 +115,7 @@ def export(
         )
     estimate = read_estimate(Path(what))
     if as_identified:
-        refuse_unread(context, {"despite_misfit"}, "with --as-identified")
+        refuse_inapplicable(context, {"despite_misfit"}, "with --as-identified")
         chosen, sentence = _identified(estimate), "Parameters as identified."
     else:
         found = consistent(estimate)

@@ -9,11 +9,11 @@ import typer
 
 from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload_job import known_quantity
-from rid_daq.jobs.payload_session_job import PayloadWeighed, weigh_payload
-from rid_daq.jobs.payload_steps import PayloadSessionRequest, StepFailed
-from rid_daq.jobs.recorded_run import stop_document
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
+from rid_daq.recording.payload_session_job import PayloadWeighed, weigh_payload
+from rid_daq.recording.payload_steps import PayloadSessionRequest, StepFailed
+from rid_daq.recording.recorded_run import stop_document
 from rid_daq.report.payload_section import tell_payload
 from rid_daq.session.cells import CellName
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder

@@ -8,8 +8,8 @@ import typer
 
 from config.cell.plate import PlateZero
 from config.errors import ConfigError
-from rid_daq.jobs.plate_zero_job import PlateZeroed, PlateZeroRequest, zero_plate
-from rid_daq.jobs.recorded_run import stop_document
+from rid_daq.recording.plate_zero_job import PlateZeroed, PlateZeroRequest, zero_plate
+from rid_daq.recording.recorded_run import stop_document
 from rid_daq.report.zero_section import tell_zero
 from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder

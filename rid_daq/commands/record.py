@@ -14,16 +14,16 @@ from config.motion.motion import (
     ReversedMotion,
 )
 from config.motion.path_motion import JointPathMotion, JointTableMotion, PathMotion
-from rid_daq.jobs.accuracy_watch import AccuracyWatch
-from rid_daq.jobs.record_job import (
+from rid_daq.live.access import DEFAULT_LISTEN
+from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
+from rid_daq.recording.accuracy_watch import AccuracyWatch
+from rid_daq.recording.record_job import (
     REHEARSAL_ALONE,
     MotionRecorded,
     RecordRequest,
     record_motion_file,
 )
-from rid_daq.jobs.recorded_run import stop_document
-from rid_daq.live.access import DEFAULT_LISTEN
-from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
+from rid_daq.recording.recorded_run import stop_document
 from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared

@@ -36,8 +36,8 @@ from identification.sensitivity.problem import (
 from rid_daq.jobs.truth import true_parameters
 from rid_daq.report.render import number
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.output_file import Overwrite, refuse_output
-from rid_daq.terminal.unread_options import refuse_unread
 
 PAYLOAD = "medium"
 
@@ -120,7 +120,7 @@ def sensitivity(
     refuse_output(output, overwrite)
     if not draws:
         doubts = {"doubt_torque_percent", "doubt_links_percent", "doubt_rotors_percent"}
-        refuse_unread(context, doubts | {"seed", "scheduler"}, "without draws")
+        refuse_inapplicable(context, doubts | {"seed", "scheduler"}, "without draws")
     problems = _problems(load_cell(cell), payload, model, motion)
     how: Comparison | None = None
     if against is not None:

@@ -9,12 +9,12 @@ import typer
 
 from compensation.online.point_source import BUFFER_S
 from compensation.online.stream import CLIENT_PATIENCE_S, StreamOptions
-from rid_daq.jobs.stream_job import StreamRequest, stream_path
+from rid_daq.recording.stream_job import StreamRequest, stream_path
 from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.unread_options import refuse_unread
+from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 
 
 def stream(
@@ -67,7 +67,7 @@ def stream(
     """
     console = Console(as_json)
     if motion is not None:
-        refuse_unread(context, {"wait"}, "with a motion file")
+        refuse_inapplicable(context, {"wait"}, "with a motion file")
     request = StreamRequest(
         cell=cell,
         model=model,

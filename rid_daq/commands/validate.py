@@ -39,7 +39,7 @@ from rid_daq.runs.run_data import RunData, Unfinished, read_run, result_of, tell
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
-from rid_daq.terminal.unread_options import refuse_unread
+from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 
 
 def validate(
@@ -89,15 +89,15 @@ def validate(
     console = Console(as_json)
     if is_motion_file(run):
         of_runs = {"limits", "band_hz", "standstill_rad_s", "unfinished"}
-        refuse_unread(context, of_runs, "with a motion file")
+        refuse_inapplicable(context, of_runs, "with a motion file")
         _predict(console, read_estimate(model), Path(run), base, cell, mass_kg)
         return
-    refuse_unread(context, {"cell"}, "with a run, which has its own")
+    refuse_inapplicable(context, {"cell"}, "with a run, which has its own")
     if not base:
-        refuse_unread(context, {"mass_kg"}, "without --base-limits")
+        refuse_inapplicable(context, {"mass_kg"}, "without --base-limits")
     estimate = read_estimate(model)
     if estimate.options.kind == "external":
-        refuse_unread(context, {"limits"}, "with an external model, which knows no friction")
+        refuse_inapplicable(context, {"limits"}, "with an external model, which knows no friction")
     data = read_run(find_run(runs, run), unfinished=unfinished)
     notes = tell_lacks(console, [data])
     validation = compare(

@@ -24,7 +24,7 @@ from config.motion.motion import AnyMotion, CircleMotion, MultisineMotion
 from config.motion.path_motion import ArcSegment, LineSegment, PathMotion, SplineSegment
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
-from rid_daq.jobs.recorded_run import RecordedRun
+from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.report.sections import motion_sentence, run_section
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.run_data import FEEDFORWARD

@@ -21,9 +21,9 @@ from identification.estimation.file import write_estimate
 from identification.validation.torque_prediction import validate
 from mock_hw.cell import SimulatedCell
 from rid_daq.demo.demo_paths import PathMotions, tell_paths
-from rid_daq.jobs.recorded_run import RecordedRun
-from rid_daq.jobs.run_session import RunRequest, RunSession
 from rid_daq.jobs.truth import true_parameters
+from rid_daq.recording.recorded_run import RecordedRun
+from rid_daq.recording.run_session import RunRequest, RunSession
 from rid_daq.report.curves import period_curves, torque_curves, validation_section
 from rid_daq.report.sections import (
     average_section,

@@ -18,7 +18,7 @@ from compensation.online.point_server import PointServer, PointService
 from config.cell.cell import CanBusConfig
 from config.load import load_cell
 from mock_hw.host.device_process import DeviceProcess, leave_signals_to_parent
-from rid_daq.demo.side_by_side import run_stories
+from rid_daq.demo.parallel import run_stories
 from rid_daq.preflight.computer_check import computer_lines
 from rid_daq.terminal.console import Console
 

@@ -19,7 +19,7 @@ from acquisition.runs.manifest import RECORDING
 from identification.payload.periodic_runs import PeriodicRuns
 from rid_daq.app import run
 from rid_daq.jobs.payload_job import PayloadRequest, payload_runs
-from rid_daq.jobs.payload_watch import MassWatch, WarmUpWatch, period_powers
+from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch, period_powers
 from rid_daq.runs.run_data import read_run
 
 pytestmark = pytest.mark.slow

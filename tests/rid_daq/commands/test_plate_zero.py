@@ -209,7 +209,9 @@ def test_ctrl_c_leaves_the_drives_disabled_and_nothing_written(
     cell = make_cell(tmp_path)
     before = cell.read_bytes()
     sent: list[int] = []
-    monkeypatch.setattr("rid_daq.jobs.run_session.progress_shown", interrupting(after_row, sent))
+    monkeypatch.setattr(
+        "rid_daq.recording.run_session.progress_shown", interrupting(after_row, sent)
+    )
     words = ["plate", "zero", str(cell), "--write", "--runs", str(tmp_path / "runs"), *QUICK]
     with served(cell, monkeypatch, tmp_path) as simulated:
         assert run(words) == 130

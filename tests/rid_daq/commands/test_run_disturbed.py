@@ -16,7 +16,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
 from acquisition.task.control_block import ControlBlock, Progress, RecorderState
 from rid_daq.app import run
-from rid_daq.jobs import run_session
+from rid_daq.recording import run_session
 from tests.builders.told import document
 
 INTO = 100
@@ -44,7 +44,7 @@ def meddle(monkeypatch: pytest.MonkeyPatch) -> Meddle:
 
             return whole(*arguments, on_progress=look, **options)
 
-        monkeypatch.setattr("rid_daq.jobs.run_session.record_motion", record)
+        monkeypatch.setattr("rid_daq.recording.run_session.record_motion", record)
 
     return meddled
 

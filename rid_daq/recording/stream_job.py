@@ -20,8 +20,8 @@ from config.load import LoadedCell, load_cell
 from identification.estimation import file as estimate_file
 from identification.estimation.file import read_estimate
 from rid_daq.jobs.cell_files import loops_for, motion_bytes, motion_for
-from rid_daq.jobs.recorded_run import RecordedRun
-from rid_daq.jobs.run_session import Record, RunRequest, open_session
+from rid_daq.recording.recorded_run import RecordedRun
+from rid_daq.recording.run_session import Record, RunRequest, open_session
 from rid_daq.report.sections import motion_sentence
 from rid_daq.runs.run_data import MOTION
 from rid_daq.session.cells import Simulation

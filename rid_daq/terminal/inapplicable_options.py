@@ -15,7 +15,7 @@ def is_given(context: typer.Context, name: str) -> bool:
     return source is not None and source.name == "COMMANDLINE"
 
 
-def refuse_unread(context: typer.Context, unread: Collection[str], because: str) -> None:
+def refuse_inapplicable(context: typer.Context, unread: Collection[str], because: str) -> None:
     """Refuse options that were given and have no effect.
 
     Parameters

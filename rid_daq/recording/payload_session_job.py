@@ -19,9 +19,9 @@ from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import PayloadOptions
 from rid_daq.jobs.cell_files import motion_for
 from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, weigh_runs
-from rid_daq.jobs.payload_state import UNLOADED, SessionState
-from rid_daq.jobs.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
-from rid_daq.jobs.run_session import open_session
+from rid_daq.recording.payload_state import UNLOADED, SessionState
+from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
+from rid_daq.recording.run_session import open_session
 from rid_daq.report.payload_section import payload_section, payload_verdict
 from rid_daq.report.result import Result, new_result, write_result
 from rid_daq.report.sections import cell_section, motion_sentence, run_section

@@ -25,8 +25,8 @@ from config.cell.cell import CellConfig
 from config.cell.plate import PlateConfig, PlateZero
 from config.errors import ConfigError, DataQualityError
 from config.load import bundled_names, load_cell
-from rid_daq.jobs.recorded_run import RecordedRun
-from rid_daq.jobs.run_session import RunRequest, RunSession, open_session
+from rid_daq.recording.recorded_run import RecordedRun
+from rid_daq.recording.run_session import RunRequest, RunSession, open_session
 from rid_daq.report.zero_section import as_zero, zero_section, zero_verdict
 from rid_daq.runs.plate_zero_lines import write_zero, zero_lines
 from rid_daq.runs.run_data import RunData

@@ -19,11 +19,11 @@ from config.formats.yaml_tree import MAX_BYTES
 from config.load import load_cell, load_faults
 from config.motion.motion import AnyMotion
 from config.simulation.faults import NO_SCRIPT, FaultScript
-from rid_daq.jobs.accuracy_watch import AccuracyWatch
 from rid_daq.jobs.cell_files import estimate_for, motion_bytes, motion_for, with_feedforward
-from rid_daq.jobs.recorded_run import RecordedRun
-from rid_daq.jobs.run_session import RunRequest, open_session
 from rid_daq.live.live_page import LiveOptions
+from rid_daq.recording.accuracy_watch import AccuracyWatch
+from rid_daq.recording.recorded_run import RecordedRun
+from rid_daq.recording.run_session import RunRequest, open_session
 from rid_daq.report.sections import motion_sentence
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION
 from rid_daq.session.cells import Simulation

@@ -19,12 +19,12 @@ from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.solution import Known
 from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload_job import PayloadRequest
-from rid_daq.jobs.payload_state import LOADED, UNLOADED, SessionState, is_weighed
-from rid_daq.jobs.payload_watch import MassWatch, WarmUpWatch
-from rid_daq.jobs.recorded_run import RecordedRun
-from rid_daq.jobs.run_session import RunRequest, RunSession, Watch
 from rid_daq.live.live_page import LiveOptions
 from rid_daq.preflight.preflight import preflight
+from rid_daq.recording.payload_state import LOADED, UNLOADED, SessionState, is_weighed
+from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
+from rid_daq.recording.recorded_run import RecordedRun
+from rid_daq.recording.run_session import RunRequest, RunSession, Watch
 from rid_daq.report.sections import motion_sentence
 from rid_daq.runs.run_data import MOTION
 from rid_daq.terminal.clearance import require_yes

@@ -14,7 +14,7 @@ import pytest
 from acquisition.runs.folder import RunFolder
 from config.errors import RecordingError
 from rid_daq.app import run
-from rid_daq.jobs import run_session
+from rid_daq.recording import run_session
 from rid_daq.terminal.console import output_error
 
 NOTE = "the drives of axis2 did not confirm being disabled"
@@ -32,8 +32,8 @@ def lost(monkeypatch: pytest.MonkeyPatch) -> None:
     def with_note(*arguments: Any, **options: Any) -> Any:
         return replace(whole(*arguments, **options), notes=(NOTE,))
 
-    monkeypatch.setattr("rid_daq.jobs.run_session.write_result", refuse)
-    monkeypatch.setattr("rid_daq.jobs.run_session.record_motion", with_note)
+    monkeypatch.setattr("rid_daq.recording.run_session.write_result", refuse)
+    monkeypatch.setattr("rid_daq.recording.run_session.record_motion", with_note)
 
 
 def test_a_motion_goes_on_where_nobody_takes_what_is_said(

@@ -21,8 +21,8 @@ from acquisition.task.set_points import SetPointSource
 from config.cell.cell import CellConfig
 from config.errors import RecordingError, TransportError
 from config.load import LoadedCell
-from rid_daq.jobs.recorded_run import RecordedRun, ending_said
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
+from rid_daq.recording.recorded_run import RecordedRun, ending_said
 from rid_daq.report.result import new_result, write_result
 from rid_daq.report.sections import average_section, cell_section, loop_section, run_section
 from rid_daq.runs.flange import note_flange
