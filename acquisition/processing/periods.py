@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.motion.samples import Phase
-from acquisition.processing.reaction_average import ReactionAverage, ReactionPeriods, cut_reaction
+from acquisition.processing.reaction_average import (
+    GapLimits,
+    ReactionAverage,
+    ReactionPeriods,
+    cut_reaction,
+)
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, IntArray, read_only
 from config.cell.cell import ButterworthFilter
@@ -219,9 +224,7 @@ def _cut_reaction(
         good,
         samples,
         recording.sample_period_s,
-        longest_gap=LONGEST_GAP,
-        missing_limit=MISSING_FRACTION_LIMIT,
-        rejected_limit=rejected_limit,
+        GapLimits(LONGEST_GAP, MISSING_FRACTION_LIMIT, rejected_limit),
     )
 
 

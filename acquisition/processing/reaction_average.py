@@ -141,6 +141,25 @@ class ReactionPeriods:
         )
 
 
+@dataclass(frozen=True)
+class GapLimits:
+    """How much of a period may be missing, and how many periods may be rejected.
+
+    Attributes
+    ----------
+    longest_gap : int
+        Samples in sequence that a period may miss.
+    missing : float
+        Share of its samples that it may miss.
+    rejected : int
+        Periods that may be rejected.
+    """
+
+    longest_gap: int
+    missing: float
+    rejected: int
+
+
 def cut_reaction(
     reaction: Reaction,
     rows: IntArray,
@@ -148,16 +167,12 @@ def cut_reaction(
     good: BoolArray,
     samples: int,
     sample_period_s: float,
-    *,
-    longest_gap: int,
-    missing_limit: float,
-    rejected_limit: int,
+    limits: GapLimits,
 ) -> ReactionPeriods | None:
     """Cut a plate's channels into periods; None where too few channels are left to say anything.
 
-    A channel is left out where more of the good periods than `rejected_limit`, or a quarter of
-    them, miss more than `missing_limit` of its samples or more than `longest_gap` in sequence, or
-    drift faster than the plate's limit.
+    A channel is left out where more of the good periods than the limits allow, or a quarter of
+    them, miss too many of its samples, or drift faster than the plate's limit.
 
     Parameters
     ----------
@@ -171,7 +186,7 @@ def cut_reaction(
         Samples of a period, K.
     sample_period_s : float
         Time between samples [s].
-    longest_gap, missing_limit, rejected_limit : int, float, int
+    limits : GapLimits
         What `average_periods` bears.
     """
     c, periods = len(reaction.channel_names), len(good)
@@ -181,13 +196,13 @@ def cut_reaction(
     present = there.reshape(periods, samples, c)
     broken = np.array(
         [
-            [_misses(present[m, :, k], longest_gap, missing_limit) for k in range(c)]
+            [_misses(present[m, :, k], limits.longest_gap, limits.missing) for k in range(c)]
             for m in range(periods)
         ]
     )
     too_fast = _too_fast(values, present, reaction.drift_limit_n_s, samples * sample_period_s)
     broken |= too_fast != 0.0
-    used = broken[good].sum(axis=0) <= min(rejected_limit, int(good.sum()) // 4)
+    used = broken[good].sum(axis=0) <= min(limits.rejected, int(good.sum()) // 4)
     if used.sum() < FEWEST_CHANNELS:
         return None
     present = present | ~used
