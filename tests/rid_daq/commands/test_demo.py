@@ -10,11 +10,32 @@ from rid_daq.app import run
 pytestmark = pytest.mark.slow
 
 
+NUMBERS = Path(__file__).with_name("demo_numbers.json")
+SECTIONS = ("average", "estimate", "validation", "tracking", "truth", "without_unmodelled")
+
+
+def numbers(value: object, place: str) -> dict[str, float]:
+    """Return the numbers of a result by where they stand, without the curves of pictures."""
+    if isinstance(value, bool | str) or value is None:
+        return {}
+    if isinstance(value, int | float):
+        return {place: value}
+    assert isinstance(value, dict | list)
+    found: dict[str, float] = {}
+    for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+        if key != "drawn":
+            found |= numbers(part, f"{place}.{key}")
+    return found
+
+
 def test_the_whole_demo_reaches_what_it_is_held_to(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["demo", "--json", "--runs", str(tmp_path)]) == 0
     document = json.loads(capsys.readouterr().out)
+    found = {place: n for key in SECTIONS for place, n in numbers(document[key], key).items()}
+    # bit by bit on one computer; another one's arithmetic may round otherwise
+    assert found == pytest.approx(json.loads(NUMBERS.read_text()), rel=1e-6, abs=1e-12)
     assert document["average"]["periods_kept"] == 16
     assert document["validation"]["has_floor"]
     assert all(axis["error_over_floor"] <= 1.3 for axis in document["validation"]["axes"])
