@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.motion.fourier import FourierTrajectory
 from acquisition.processing.periods import PeriodAverage
 from config.arrays import FloatArray
 from config.load import load_robot
@@ -53,7 +52,7 @@ def coverage(experiments: int) -> Coverage:
     """Simulate and identify many experiments, and count."""
     robot = load_robot("ir361")
     motion = design_two_harmonic(robot, PERIOD_S, CYCLE_S, tries=50)
-    trajectory = FourierTrajectory.from_motion(motion, robot, CYCLE_S)
+    trajectory = motion.trajectory(robot, CYCLE_S)
     samples = round(PERIOD_S / CYCLE_S)
     times = np.arange(samples * OVERSAMPLING) * CYCLE_S / OVERSAMPLING
     q, v, a = (

@@ -22,9 +22,8 @@ from typing import cast
 import joblib
 import numpy as np
 
-from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.kinds.fourier import FourierMotion
 from config.load import load_robot
-from config.motion.motion import FourierMotion
 from config.robot.bodies import Box, Plane, Workspace
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import regressor
@@ -67,7 +66,7 @@ def task() -> ExcitationProblem:
 def condition(problem: ExcitationProblem, motion: FourierMotion) -> float:
     """Return a motion's condition number by the problem's criterion."""
     points = 40 * max(len(joint.sine) for joint in motion.joints)
-    grid = FourierTrajectory.from_motion(motion, problem.robot, PERIOD_S / points)
+    grid = motion.trajectory(problem.robot, PERIOD_S / points)
     times = grid.sample_times_s
     phi = regressor(
         problem.model, grid.position(times), grid.velocity(times), grid.acceleration(times)

@@ -28,13 +28,12 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.journal.cycles import read_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import RecordOutcome, record_motion
 from acquisition.task.control_block import Progress, TaskState
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
@@ -150,7 +149,7 @@ def motion(bench: Bench, seconds: float) -> MotionSamples:
         ramp_s=1.0,
         joints=joints,
     )
-    return plan_motion(asked, robot, bench.loaded.config.cycle_time_s)
+    return asked.plan(robot, bench.loaded.config.cycle_time_s)
 
 
 def lateness(bench: Bench, seconds: float) -> tuple[np.ndarray, np.ndarray, float]:

@@ -34,7 +34,7 @@ from can.io import CanutilsLogReader
 from numpy.typing import NDArray
 
 from acquisition.journal.cycles import read_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import RecordOutcome, record_motion
@@ -42,7 +42,6 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress
 from benchmarks.lateness import calm_p99
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from config.simulation.faults import DriveFault, FaultScript, FrameFault
 from drivers.canopen.frames import (
     SYNC_COB_ID,
@@ -175,7 +174,7 @@ class Bench:
                 FourierJoint(joint=name, sine=(0.2,), cosine=(0.1,)) for name in robot.joint_names
             ),
         )
-        self._samples: MotionSamples = plan_motion(motion, robot, loaded.config.cycle_time_s)
+        self._samples: MotionSamples = motion.plan(robot, loaded.config.cycle_time_s)
 
     def move(self, on_progress: Callable[[Progress], None] | None = None) -> RecordOutcome:
         """Drive the motion until it ends or is stopped."""

@@ -30,13 +30,12 @@ from typing import Any, Final
 import numpy as np
 
 from acquisition.journal.cycles import read_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import RecordOutcome, record_motion
 from benchmarks.soak_faults import FAULTS, QUICK, Fault
 from config.errors import RidDaqError
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from config.simulation.faults import FaultScript
 from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
@@ -181,7 +180,7 @@ def _live_through(
     if left_s < LEAST_S:
         return f"only {left_s:.1f} s are left to move before it: the faults are too close", 0
     motion = _motion(loaded, left_s + AFTER_S)
-    samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     run = RunFolder.create(folder, "soak")
     try:
         outcome = record_motion(cell.cell, loaded.robot, samples, run)

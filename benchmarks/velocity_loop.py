@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from acquisition.motion.plan import plan_motion
 from benchmarks.closed_loop import closed_loop
 from compensation.loops.loop_measurement import measure_loops
 from compensation.loops.multisine_motion import multisine_motion
@@ -89,7 +88,7 @@ def prove(seeds: int, period_s: float | None = None) -> Proof:
     for seed in range(seeds):
         truth = drawn_plant(cell, seed)
         motion = multisine_motion(cell.robot, cell.config, period_s=period_s, seed=seed)
-        samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+        samples = motion.plan(cell.robot, cell.config.cycle_time_s)
         recording = closed_loop(cell, truth, samples, seed)
         spectra = multisine_spectra(recording, motion, cell.robot)
         found = measure_loops(recording, motion, cell.robot, cell.config.position_gain_per_s)

@@ -1,4 +1,4 @@
-"""Loading of cell, robot, motion and plant files, with errors that say file, line and column."""
+"""Loading of cell, robot, plant and all other YAML files: errors say file, line and column."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, RootModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from config.cell.amplifier_profile import AmplifierProfile, require_line
@@ -23,10 +23,6 @@ from config.formats.bounded_file import read_file
 from config.formats.eds import ElectronicDataSheet
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, YamlTree, dump_yaml, parse_yaml
-from config.motion.import_map import ImportMap
-from config.motion.joint_table import with_table
-from config.motion.motion import AnyMotion, Motion
-from config.motion.path_motion import JointTableMotion
 from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
@@ -35,8 +31,6 @@ T = TypeVar("T")
 
 _MANIFEST = "manifest.json"  # what makes a folder a run's
 _MANIFEST_BYTES = 4 << 20
-
-_MOTION: TypeAdapter[AnyMotion] = TypeAdapter(Motion)
 
 
 @dataclass(frozen=True)
@@ -71,11 +65,11 @@ def load_cell(reference: str) -> LoadedCell:
     ConfigError
         A file is missing or says something that cannot be meant.
     """
-    text, name, folder = _read(reference, "cells", None)
+    text, name, folder = read_named(reference, "cells", None)
     cell_tree = parse_yaml(text, name)
     cell = validate(cell_tree, CellConfig)
     kept = folder if folder is not None and _is_run_folder(folder) else None
-    robot_text, robot_name, _ = _read(cell.robot, "robots", folder, kept, "robot.yaml")
+    robot_text, robot_name, _ = read_named(cell.robot, "robots", folder, kept, "robot.yaml")
     robot = validate(parse_yaml(robot_text, robot_name), RobotDescription)
     files = {"cell.yaml": text, "robot.yaml": robot_text}
     moved = tuple(axis.joint for axis in cell.axes)
@@ -86,14 +80,14 @@ def load_cell(reference: str) -> LoadedCell:
         )
     plant = None
     if cell.plant is not None:
-        plant_text, plant_name, _ = _read(cell.plant, "plants", folder, kept, "plant.yaml")
+        plant_text, plant_name, _ = read_named(cell.plant, "plants", folder, kept, "plant.yaml")
         plant_tree = parse_yaml(plant_text, plant_name)
         plant = validate(plant_tree, PlantConfig)
         _check_plant(plant_tree, plant, robot)
         files["plant.yaml"] = plant_text
     profile = None
     if cell.plate is not None:
-        profile_text, profile_name, _ = _read(
+        profile_text, profile_name, _ = read_named(
             cell.plate.amplifier.profile, "profiles", folder, kept, "amplifier.yaml"
         )
         profile = validate(parse_yaml(profile_text, profile_name), AmplifierProfile)
@@ -101,7 +95,7 @@ def load_cell(reference: str) -> LoadedCell:
         files["amplifier.yaml"] = profile_text
     drive_profile = None
     if cell.monitor is not None:
-        drive_text, drive_name, _ = _read(
+        drive_text, drive_name, _ = read_named(
             cell.monitor.profile, "profiles", folder, kept, "drives.yaml"
         )
         drive_profile = validate(parse_yaml(drive_text, drive_name), DriveProfile)
@@ -126,43 +120,8 @@ def load_robot(reference: str) -> RobotDescription:
     ConfigError
         The file is missing or says something that cannot be meant.
     """
-    text, name, _ = _read(reference, "robots", None)
+    text, name, _ = read_named(reference, "robots", None)
     return validate(parse_yaml(text, name), RobotDescription)
-
-
-def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
-    """Load an import map, bundled or a path, and the robot that it names.
-
-    Raises
-    ------
-    ConfigError
-        A file is missing or says something that cannot be meant, or the joints do not match.
-    """
-    text, name, folder = _read(reference, "maps", None)
-    tree = parse_yaml(text, name)
-    import_map = validate(tree, ImportMap)
-    robot_text, robot_name, _ = _read(import_map.robot, "robots", folder)
-    robot = validate(parse_yaml(robot_text, robot_name), RobotDescription)
-    if import_map.joint_names != robot.joint_names:
-        raise ConfigError(
-            f"{tree.where(('joints',))}: joints are {', '.join(import_map.joint_names)}, robot"
-            f" {robot.name} has {', '.join(robot.joint_names)}: name them alike, base to flange"
-        )
-    return import_map, robot
-
-
-def load_motion(path: str | Path) -> AnyMotion:
-    """Load a motion file; the rows of a table that it names are in what is returned.
-
-    Raises
-    ------
-    ConfigError
-        The file is missing or says something that cannot be meant.
-    """
-    text, name, folder = _read(str(path), "motions", None)
-    tree = parse_yaml(text, name)
-    motion = validate(tree, _MOTION)
-    return with_table(motion, folder) if isinstance(motion, JointTableMotion) else motion
 
 
 def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
@@ -174,7 +133,7 @@ def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
         The file is missing, says something that cannot be meant, or names a joint that the cell
         does not have.
     """
-    text, name, _ = _read(str(path), "faults", None)
+    text, name, _ = read_named(str(path), "faults", None)
     tree = parse_yaml(text, name)
     script = validate(tree, FaultScript)
     joints = [axis.joint for axis in cell.axes]
@@ -197,50 +156,37 @@ def load_bundled_or_path(reference: str, kind: str, model: type[T]) -> T:
     ConfigError
         The file is missing or says something that cannot be meant.
     """
-    text, name, _ = _read(reference, kind, None)
+    text, name, _ = read_named(reference, kind, None)
     return validate(parse_yaml(text, name), model)
 
 
-def bundled_names(kind: str) -> tuple[str, ...]:
-    """Return the names bundled under `kind`: cells, robots, plants, maps, profiles."""
-    folder = resources.files("config") / "bundled" / kind
-    if not folder.is_dir():
-        return ()
-    return tuple(sorted(item.name[:-5] for item in folder.iterdir() if item.name.endswith(".yaml")))
-
-
-def to_yaml(model: BaseModel, comment: str = "") -> str:
-    """Return a configuration model as YAML text that loads back to an equal model."""
-    return dump_yaml(model.model_dump(mode="json"), comment)
-
-
-def validate(tree: YamlTree, model: type[T] | TypeAdapter[T]) -> T:
-    """Turn a YAML tree into a validated model, strictly: no value is converted silently.
-
-    Raises
-    ------
-    ConfigError
-        One line an error, each with `file:line:column`, the key, and what is allowed.
-    """
-    adapter = model if isinstance(model, TypeAdapter) else TypeAdapter(model)
-    try:
-        return adapter.validate_json(tree.json())
-    except ValidationError as error:
-        details = error.errors(include_url=False)
-        lines = [_describe(tree, detail, model) for detail in details[:20]]
-        if len(details) > 20:
-            lines.append(f"{tree.name}: … and {len(details) - 20} more")
-        raise ConfigError("\n".join(lines)) from None
-
-
-def _read(
+def read_named(
     reference: str,
     kind: str,
     folder: Path | None,
     kept: Path | None = None,
     kept_name: str = "",
 ) -> tuple[bytes, str, Path | None]:
-    """Return a file's bytes, its name and its folder; of a run folder `kept`, the copy in it."""
+    """Return a file's bytes, its name and its folder.
+
+    Parameters
+    ----------
+    reference : str
+        A name bundled under `kind`, or a path.
+    kind : str
+        The folder of bundled files: cells, robots, plants, maps, profiles.
+    folder : Path or None
+        Where a relative path begins; the working folder where there is none.
+    kept : Path, optional
+        A run folder; the copy in it, `kept_name`, takes the place of what is named.
+    kept_name : str
+        The copy's name.
+
+    Raises
+    ------
+    ConfigError
+        There is no such file, or it cannot be read; the text names what there is.
+    """
     if kept is not None and (kept / kept_name).is_file():
         reference, folder = str(kept.absolute() / kept_name), None
     looks_like_path = "/" in reference or "\\" in reference or reference.endswith((".yaml", ".yml"))
@@ -262,6 +208,37 @@ def _read(
         return read_file(path, MAX_BYTES), str(path), path.parent
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
+
+
+def bundled_names(kind: str) -> tuple[str, ...]:
+    """Return the names bundled under `kind`: cells, robots, plants, maps, profiles."""
+    folder = resources.files("config") / "bundled" / kind
+    if not folder.is_dir():
+        return ()
+    return tuple(sorted(item.name[:-5] for item in folder.iterdir() if item.name.endswith(".yaml")))
+
+
+def to_yaml(model: BaseModel, comment: str = "") -> str:
+    """Return a configuration model as YAML text that loads back to an equal model."""
+    return dump_yaml(model.model_dump(mode="json"), comment)
+
+
+def validate(tree: YamlTree, model: type[T]) -> T:
+    """Turn a YAML tree into a validated model, strictly: no value is converted silently.
+
+    Raises
+    ------
+    ConfigError
+        One line an error, each with `file:line:column`, the key, and what is allowed.
+    """
+    try:
+        return TypeAdapter(model).validate_json(tree.json())
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+        lines = [_describe(tree, detail, model) for detail in details[:20]]
+        if len(details) > 20:
+            lines.append(f"{tree.name}: … and {len(details) - 20} more")
+        raise ConfigError("\n".join(lines)) from None
 
 
 def _is_run_folder(folder: Path) -> bool:
@@ -354,8 +331,6 @@ def _models_at(
     annotation: Any, path: tuple[int | str, ...], kinds: set[int | str]
 ) -> list[type[BaseModel]]:
     """Collect the models at `path` below a model or annotation, of these kinds if any is."""
-    if isinstance(annotation, TypeAdapter):
-        annotation = Motion
     models = _models_in(annotation)
     models = [model for model in models if kinds & _kinds(model)] or models
     if not path:
@@ -379,6 +354,8 @@ def _kinds(model: type[BaseModel]) -> set[str]:
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
     if inspect.isclass(annotation):
+        if issubclass(annotation, RootModel):
+            return _models_in(annotation.model_fields["root"].annotation)
         return [annotation] if issubclass(annotation, BaseModel) else []
     arguments = typing.get_args(annotation)
     if typing.get_origin(annotation) is Annotated:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.csv.import_map import ImportJoint, ImportMap
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.motion.import_map import ImportJoint, ImportMap
 from config.robot.robot import Joint, RobotDescription
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6}

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.csv.columns import ImportColumns
+from acquisition.csv.import_map import ImportMap, RowRange
 from acquisition.csv.report import DamagedRow, ImportReport, group_damaged
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import GAP_STEPS, resample_periods
@@ -21,7 +22,6 @@ from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import ConfigError, DataQualityError
 from config.formats.bounded_file import read_file
-from config.motion.import_map import ImportMap, RowRange
 from config.robot.robot import RobotDescription
 
 LARGEST_FILE_BYTES = 500_000_000

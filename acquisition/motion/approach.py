@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from acquisition.motion.ramps import join, rest_to_rest, rest_to_rest_duration, standstill
-from acquisition.motion.samples import MotionSamples, Phase, phases_of, verify_limits
+from acquisition.motion.limits import verify_limits
+from acquisition.motion.ramps import rest_to_rest, rest_to_rest_duration
+from acquisition.motion.samples import MotionSamples, Phase, join, phases_of, standstill
 from config.arrays import FloatArray, read_only
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription

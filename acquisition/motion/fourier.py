@@ -9,8 +9,6 @@ import numpy as np
 
 from config.arrays import FloatArray, read_only
 from config.errors import ConfigError
-from config.motion.motion import FourierMotion
-from config.robot.robot import RobotDescription
 
 
 def samples_of_period(period_s: float, sample_period_s: float) -> int:
@@ -86,41 +84,6 @@ class FourierTrajectory:
         object.__setattr__(self, "offset", offset)
         object.__setattr__(self, "sine", sine)
         object.__setattr__(self, "cosine", cosine)
-
-    @classmethod
-    def from_motion(
-        cls, motion: FourierMotion, robot: RobotDescription, sample_period_s: float
-    ) -> FourierTrajectory:
-        """Return the trajectory of a motion file, its joints in the robot's order.
-
-        Raises
-        ------
-        ConfigError
-            A joint of the robot is missing, unknown or named twice, the period is not a whole
-            number of samples, or a harmonic is beyond half the sampling frequency.
-        """
-        given = [joint.joint for joint in motion.joints]
-        if sorted(given) != sorted(robot.joint_names):
-            raise ConfigError(
-                f"the motion moves joints {', '.join(given)}; robot {robot.name!r} needs each of"
-                f" {', '.join(robot.joint_names)} once (amplitude 0 where it stands still)"
-            )
-        by_name = {joint.joint: joint for joint in motion.joints}
-        joints = [by_name[name] for name in robot.joint_names]
-        harmonics = max(len(joint.sine) for joint in joints)
-        sine = np.zeros((harmonics, len(joints)))
-        cosine = np.zeros((harmonics, len(joints)))
-        for column, joint in enumerate(joints):
-            sine[: len(joint.sine), column] = joint.sine
-            cosine[: len(joint.cosine), column] = joint.cosine
-        return cls(
-            joint_names=robot.joint_names,
-            sample_period_s=sample_period_s,
-            samples_per_period=samples_of_period(motion.period_s, sample_period_s),
-            offset=np.array([joint.offset for joint in joints]),
-            sine=sine,
-            cosine=cosine,
-        )
 
     @property
     def period_s(self) -> float:

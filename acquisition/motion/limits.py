@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acquisition.motion.ramps import Path
+from acquisition.motion.samples import JointTrajectory, MotionSamples
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
-from config.errors import LimitError, PreflightError
+from config.errors import ConfigError, LimitError, PreflightError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
 
@@ -18,7 +18,7 @@ LIMIT_MARGIN_SHARE = 0.05
 
 
 def violations(
-    path: Path, robot: RobotDescription, sample_period_s: float, oversampling: int = 10
+    path: JointTrajectory, robot: RobotDescription, sample_period_s: float, oversampling: int = 10
 ) -> list[str]:
     """Return what exceeds which limit, in words: the worst of each joint, quantity and side."""
     limits = [joint.limits for joint in robot.joints]
@@ -38,7 +38,7 @@ def violations(
         bounds.append(("velocity of the motor", *velocity))
     worst: dict[tuple[str, int, float], tuple[float, str]] = {}
     for first in range(0, len(path.position) - 1, CHUNK_ROWS):
-        chunk = Path(*(values[first : first + CHUNK_ROWS + 1] for values in path))
+        chunk = JointTrajectory(*(values[first : first + CHUNK_ROWS + 1] for values in path))
         fine: tuple[FloatArray, ...] = _between_rows(chunk, sample_period_s, oversampling)
         if coupling is not None:
             fine = (*fine, coupling.to_motors(fine[1]))
@@ -62,7 +62,9 @@ def violations(
     return [words for _, words in worst.values()]
 
 
-def _between_rows(path: Path, sample_period_s: float, oversampling: int) -> Path:
+def _between_rows(
+    path: JointTrajectory, sample_period_s: float, oversampling: int
+) -> JointTrajectory:
     """Return the quintic through the rows at `oversampling` points per sample period."""
     h = sample_period_s
     q0, v0, a0 = path.position[:-1], h * path.velocity[:-1], h**2 * path.acceleration[:-1]
@@ -82,7 +84,7 @@ def _between_rows(path: Path, sample_period_s: float, oversampling: int) -> Path
     position = q0 + x * (v0 + x * (a0 / 2.0 + x * (c3 + x * (c4 + x * c5))))
     velocity = v0 + x * (a0 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
     acceleration = a0 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))
-    return Path(
+    return JointTrajectory(
         rows(position, path.position),
         rows(velocity / h, path.velocity),
         rows(acceleration / h**2, path.acceleration),
@@ -101,6 +103,48 @@ def refuse(broken: list[str], what: str) -> None:
     """Raise `LimitError` where a path, called `what`, exceeds anything."""
     if broken:
         raise beyond_limits(broken, what)
+
+
+def verify_limits(
+    samples: MotionSamples, robot: RobotDescription, *, oversampling: int = 10
+) -> None:
+    """Check position, velocity and acceleration between the samples, not only at them.
+
+    The motion is rebuilt as the quintic through each pair of neighbouring rows (their positions,
+    velocities and accelerations), so a step in the rows shows up as the speed that it takes.
+
+    Parameters
+    ----------
+    samples : MotionSamples
+        The motion.
+    robot : RobotDescription
+        The limits.
+    oversampling : int
+        Points looked at per sample period.
+
+    Raises
+    ------
+    ConfigError
+        A limit is exceeded; the text names every joint, value and limit.
+    """
+    if samples.joint_names != robot.joint_names:
+        raise ConfigError(
+            f"the motion is for joints {', '.join(samples.joint_names)}, robot {robot.name!r} has"
+            f" {', '.join(robot.joint_names)}"
+        )
+    path = JointTrajectory(samples.position, samples.velocity, samples.acceleration)
+    refuse(violations(path, robot, samples.sample_period_s, oversampling), "the motion")
+    if samples.feedforward is not None:
+        fastest = np.abs(samples.feedforward).max(axis=0)
+        refuse(
+            [
+                f"feedforward of joint {joint.name!r} reaches {speed:.4g} per second, its speed"
+                f" limit is {joint.limits.velocity:g}"
+                for joint, speed in zip(robot.joints, fastest, strict=True)
+                if speed > joint.limits.velocity
+            ],
+            "the feedforward",
+        )
 
 
 def refuse_pose(robot: RobotDescription, position: Sequence[float]) -> None:

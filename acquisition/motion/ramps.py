@@ -9,26 +9,18 @@ run-out is the same, backwards.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.samples import JointTrajectory
 from config.arrays import FloatArray
 
 QUINTIC_PEAK_VELOCITY = 15.0 / 8.0
 QUINTIC_PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 
 
-class Path(NamedTuple):
-    """Samples of a piece of motion, each array of shape (samples, joints)."""
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-
-
-def run_in(trajectory: FourierTrajectory, samples: int) -> Path:
+def run_in(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
     """Return the samples from rest up to, and not including, the start of the first period.
 
     Parameters
@@ -43,7 +35,7 @@ def run_in(trajectory: FourierTrajectory, samples: int) -> Path:
     return _at_clock(trajectory, -0.5 * duration_s, x, duration_s)
 
 
-def run_out(trajectory: FourierTrajectory, samples: int) -> Path:
+def run_out(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
     """Return the samples from the end of the last period (its time zero) to rest, both included.
 
     Parameters
@@ -61,13 +53,13 @@ def run_out(trajectory: FourierTrajectory, samples: int) -> Path:
 
 def _at_clock(
     trajectory: FourierTrajectory, start_s: float, x: FloatArray, duration_s: float
-) -> Path:
+) -> JointTrajectory:
     """Return the trajectory at s(x) = start + duration * integral of the rate from 0 to x."""
     clock_s = start_s + duration_s * (2.5 * x**4 - 3.0 * x**5 + x**6)
     rate = (x**3 * (10.0 - 15.0 * x + 6.0 * x**2))[:, np.newaxis]
     rate_change = (30.0 * x**2 * (1.0 - x) ** 2 / duration_s)[:, np.newaxis]
     velocity = trajectory.velocity(clock_s)
-    return Path(
+    return JointTrajectory(
         position=trajectory.position(clock_s),
         velocity=velocity * rate,
         acceleration=trajectory.acceleration(clock_s) * rate**2 + velocity * rate_change,
@@ -92,7 +84,9 @@ def rest_to_rest_duration(
     return float(np.maximum(by_velocity, by_acceleration).max())
 
 
-def rest_to_rest(start: FloatArray, end: FloatArray, samples: int, sample_period_s: float) -> Path:
+def rest_to_rest(
+    start: FloatArray, end: FloatArray, samples: int, sample_period_s: float
+) -> JointTrajectory:
     """Return a quintic move of class C2 between two poses at rest, all joints together.
 
     Parameters
@@ -107,19 +101,8 @@ def rest_to_rest(start: FloatArray, end: FloatArray, samples: int, sample_period
     x = (np.arange(samples) / samples)[:, np.newaxis]
     duration_s = samples * sample_period_s
     travel = end - start
-    return Path(
+    return JointTrajectory(
         position=start + travel * (x**3 * (10.0 - 15.0 * x + 6.0 * x**2)),
         velocity=travel / duration_s * (30.0 * x**2 * (1.0 - x) ** 2),
         acceleration=travel / duration_s**2 * (60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)),
     )
-
-
-def standstill(pose: FloatArray, samples: int) -> Path:
-    """Return `samples` rows at rest in a pose of shape (joints,)."""
-    zero = np.zeros((samples, len(pose)))
-    return Path(position=zero + pose, velocity=zero, acceleration=zero)
-
-
-def join(pieces: list[Path]) -> Path:
-    """Return the pieces one after the other."""
-    return Path(*(np.concatenate(arrays) for arrays in zip(*pieces, strict=True)))

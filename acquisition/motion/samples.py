@@ -1,17 +1,52 @@
-"""`MotionSamples`: a motion as the cyclic task streams it, one row a cycle, verified."""
+"""`MotionSamples`: a motion as the cyclic task streams it, one row a cycle; and pieces of it."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
-from acquisition.motion.limits import refuse, violations
-from acquisition.motion.phase import Phase as Phase
-from acquisition.motion.ramps import Path
 from config.arrays import FloatArray, PhaseArray, read_only
 from config.errors import ConfigError
-from config.robot.robot import RobotDescription
+
+
+class Phase(IntEnum):
+    """What a sample of a motion is for."""
+
+    APPROACH = 0
+    RUN_IN = 1
+    TRANSIENT = 2
+    MAIN = 3
+    RUN_OUT = 4
+    HOLD = 5
+
+
+class JointTrajectory(NamedTuple):
+    """Samples of a piece of motion.
+
+    Attributes
+    ----------
+    position, velocity, acceleration : ndarray, shape (samples, joints)
+        rad or m, and per second, per second squared.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+def standstill(pose: FloatArray, samples: int) -> JointTrajectory:
+    """Return `samples` rows at rest in a pose of shape (joints,)."""
+    zero = np.zeros((samples, len(pose)))
+    return JointTrajectory(position=zero + pose, velocity=zero, acceleration=zero)
+
+
+def join(pieces: list[JointTrajectory]) -> JointTrajectory:
+    """Return the pieces one after the other."""
+    return JointTrajectory(*(np.concatenate(arrays) for arrays in zip(*pieces, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,49 +118,42 @@ class MotionSamples:
         """Time from the first sample to the last [s]."""
         return (len(self) - 1) * self.sample_period_s
 
+    @property
+    def period_ends(self) -> dict[int, int]:
+        """The rows at which a whole number of main periods is over, and that number.
 
-def verify_limits(
-    samples: MotionSamples, robot: RobotDescription, *, oversampling: int = 10
-) -> None:
-    """Check position, velocity and acceleration between the samples, not only at them.
-
-    The motion is rebuilt as the quintic through each pair of neighbouring rows (their positions,
-    velocities and accelerations), so a step in the rows shows up as the speed that it takes.
-
-    Parameters
-    ----------
-    samples : MotionSamples
-        The motion.
-    robot : RobotDescription
-        The limits.
-    oversampling : int
-        Points looked at per sample period.
-
-    Raises
-    ------
-    ConfigError
-        A limit is exceeded; the text names every joint, value and limit.
-    """
-    if samples.joint_names != robot.joint_names:
-        raise ConfigError(
-            f"the motion is for joints {', '.join(samples.joint_names)}, robot {robot.name!r} has"
-            f" {', '.join(robot.joint_names)}"
-        )
-    path = Path(samples.position, samples.velocity, samples.acceleration)
-    refuse(violations(path, robot, samples.sample_period_s, oversampling), "the motion")
-    if samples.feedforward is not None:
-        fastest = np.abs(samples.feedforward).max(axis=0)
-        refuse(
-            [
-                f"feedforward of joint {joint.name!r} reaches {speed:.4g} per second, its speed"
-                f" limit is {joint.limits.velocity:g}"
-                for joint, speed in zip(robot.joints, fastest, strict=True)
-                if speed > joint.limits.velocity
-            ],
-            "the feedforward",
-        )
+        From each of them the motion may go on with the row of the last one, the run-out, since all
+        lie at the same point of the same path. Empty where the motion is not periodic.
+        """
+        if self.samples_per_period is None:
+            return {}
+        begin = int(np.argmax(self.phase == Phase.MAIN))
+        counts = range(1, self.periods + 1)
+        return {begin + count * self.samples_per_period: count for count in counts}
 
 
 def phases_of(*counts: tuple[Phase, int]) -> PhaseArray:
     """Return the phase of each row from (phase, rows) pairs."""
     return np.concatenate([np.full(rows, phase, dtype=np.uint8) for phase, rows in counts])
+
+
+def with_rests(
+    path: JointTrajectory, dwell_s: float, joint_names: tuple[str, ...], sample_period_s: float
+) -> MotionSamples:
+    """Return a path with a rest before and after; the rows in between are its main part.
+
+    Parameters
+    ----------
+    path : JointTrajectory
+        From rest to rest.
+    dwell_s : float
+        How long each rest is [s], one row at least.
+    joint_names : tuple of str
+        Base to flange.
+    sample_period_s : float
+        Time between rows [s].
+    """
+    rest = max(1, math.ceil(dwell_s / sample_period_s))
+    before, after = standstill(path.position[0], rest), standstill(path.position[-1], rest)
+    phase = phases_of((Phase.HOLD, rest), (Phase.MAIN, len(path.position)), (Phase.HOLD, rest))
+    return MotionSamples(joint_names, sample_period_s, *join([before, path, after]), phase)

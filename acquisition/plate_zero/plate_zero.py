@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.motion.approach import approach
-from acquisition.motion.ramps import Path, join, standstill
-from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.motion.samples import JointTrajectory, MotionSamples, Phase, join, standstill
 from acquisition.recording.plate_geometry import PlateGeometry
 from config.arrays import BoolArray, FloatArray, IntArray, read_only
 from config.cell.plate import CHANNEL_NAMES, CHANNELS
@@ -187,13 +186,13 @@ def turn_samples(
     settle = max(1, math.ceil(settle_s / sample_period_s))
     read = max(2, math.ceil(read_s / sample_period_s))
     poses = (turn.first, turn.second, turn.first)
-    paths: list[Path] = []
+    paths: list[JointTrajectory] = []
     readings: list[range] = []
     rows = 0
     for number, pose in enumerate(poses):
         if number:
             way = approach(poses[number - 1], pose, robot, sample_period_s)
-            paths.append(Path(way.position, way.velocity, way.acceleration))
+            paths.append(JointTrajectory(way.position, way.velocity, way.acceleration))
             rows += len(way)
         paths.append(standstill(pose, settle + read))
         readings.append(range(rows + settle, rows + settle + read))

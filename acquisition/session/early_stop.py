@@ -8,7 +8,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from acquisition.journal.cycles import read_journal
-from acquisition.motion.period_ends import period_ends
 from acquisition.motion.samples import MotionSamples
 from acquisition.task.control_block import ControlBlock, Progress
 from config.errors import RecordingError, RidDaqError
@@ -40,7 +39,7 @@ class PeriodJudge:
         self, path: Path, samples: MotionSamples, control: ControlBlock, enough: Enough
     ) -> None:
         self._path = path
-        self._ends = period_ends(samples)
+        self._ends = samples.period_ends
         self._control = control
         self._enough = enough
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="period judge")

@@ -20,7 +20,8 @@ from acquisition.journal.cycles import read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.plate import PLATE_RECORDING
 from acquisition.motion.collision import refuse_collision
-from acquisition.motion.samples import MotionSamples, verify_limits
+from acquisition.motion.limits import verify_limits
+from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
 from acquisition.session.cycle_recorder import run_recorder

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from math import isnan, nan
 from typing import Any
 
-from acquisition.motion.phase import Phase
+from acquisition.motion.samples import Phase
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.shared_memory import SharedMemory
 from acquisition.task.states import MonitorState as MonitorState

@@ -9,7 +9,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from acquisition.motion.period_ends import period_ends
 from acquisition.motion.samples import MotionSamples
 from acquisition.supervision.stop_reason import StopReason
 from config.arrays import FloatArray
@@ -119,7 +118,7 @@ class PlannedMotion:
     @property
     def period_ends(self) -> Mapping[int, int]:
         """Rows at which so many periods are over."""
-        return period_ends(self.samples)
+        return self.samples.period_ends
 
     @property
     def stop(self) -> StopReason | None:

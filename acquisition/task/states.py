@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from acquisition.motion.phase import Phase
+from acquisition.motion.samples import Phase
 
 if TYPE_CHECKING:
     from acquisition.task.joint_values import JointValues  # `rid-daq stop` does not wait for numpy

@@ -9,6 +9,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field
 
+from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import MotionSamples
 from compensation.feedforward.inverse import FeedforwardTuning
 from compensation.feedforward.tuning import Tuning
@@ -16,7 +17,6 @@ from config.errors import ConfigError
 from config.formats.json_file import read_json_file
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
-from config.motion.motion import AnyMotion, Motion
 
 FORMAT: Final = "rid-daq feedforward 1"
 LARGEST_FILE_BYTES: Final = 500_000_000
@@ -92,7 +92,7 @@ class FeedforwardFile(ConfigModel):
     format: Literal["rid-daq feedforward 1"]
     cycle_time_ms: Annotated[int, Field(ge=1)]
     joints: tuple[str, ...]
-    motion: Motion
+    motion: AnyMotion
     origin: Origin = Origin()
     feedforward: tuple[tuple[float, ...], ...] = Field(min_length=2)
 

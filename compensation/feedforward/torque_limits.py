@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from acquisition.motion.cartesian_path import segment_at
+from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import MotionSamples
 from config.errors import LimitError
-from config.motion.motion import AnyMotion
-from config.motion.path_motion import PathMotion
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate, predict
 
@@ -17,6 +15,17 @@ def refuse_torque(
     motion: AnyMotion, samples: MotionSamples, estimate: Estimate, robot: RobotDescription
 ) -> None:
     """Refuse a motion that takes more torque than a joint has.
+
+    Parameters
+    ----------
+    motion : AnyMotion
+        What its file says.
+    samples : MotionSamples
+        The motion as planned.
+    estimate : Estimate
+        The model that predicts its torque.
+    robot : RobotDescription
+        The limits.
 
     Raises
     ------
@@ -30,8 +39,9 @@ def refuse_torque(
             continue
         unit = "N m" if joint.type == "revolute" else "N"
         where = f"at {row * samples.sample_period_s:.4g} s"
-        if isinstance(motion, PathMotion):
-            where += f", {segment_at(motion, robot, samples.sample_period_s, row)},"
+        place = motion.where(robot, samples.sample_period_s, row)
+        if place:
+            where += f", {place},"
         raise LimitError(
             f"{where} the motion takes {torque[row, j]:.4g} {unit} of joint {joint.name!r} by the"
             f" model, its limit is {joint.limits.torque:g}: drive it more slowly"

@@ -17,11 +17,11 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.recording.recording import Recording
 from compensation.loops.multisine_spectra import MultisineSpectra, multisine_spectra
 from config.arrays import BoolArray, FloatArray, read_only
 from config.errors import DataQualityError
-from config.motion.motion import MultisineMotion
 from config.robot.robot import RobotDescription
 
 Complex = NDArray[np.complex128]

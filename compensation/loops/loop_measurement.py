@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import filter_response
 from compensation.loops.axis_mechanics import fit_axis_mechanics
@@ -26,7 +27,6 @@ from compensation.loops.frequency_response import (
 )
 from compensation.loops.multisine_spectra import MultisineSpectra, multisine_spectra
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
-from config.motion.motion import MultisineMotion
 from config.robot.robot import RobotDescription
 
 IMAGES: Final = (-2, -1, 1, 2)

@@ -7,12 +7,11 @@ from typing import Final, Literal
 
 import numpy as np
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multisine import MultisineJoint, MultisineMotion
 from acquisition.motion.samples import MotionSamples
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
-from config.motion.motion import MultisineJoint, MultisineMotion
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 from dynamics.model.cad import cad_parameters
@@ -153,7 +152,7 @@ def multisine_motion(
             ),
         )
         try:
-            samples = plan_motion(motion, robot, cycle_s)
+            samples = motion.plan(robot, cycle_s)
         except ConfigError as error:
             reason = str(error)
             speed, swing = SMALLER * speed, SMALLER * swing

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.motion.multisine import excited_lines, speed_phasors
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import filter_response
@@ -17,7 +16,6 @@ from compensation.loops.command_path import interpolation_response
 from config.arrays import FloatArray, IntArray, PhaseArray
 from config.cell.cell import ButterworthFilter
 from config.errors import DataQualityError
-from config.motion.motion import MultisineMotion
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
 
@@ -124,8 +122,8 @@ def multisine_spectra(
     return MultisineSpectra(
         joint_names=robot.joint_names,
         frequency_hz=frequency_hz,
-        lines=excited_lines(motion, robot),
-        reference=tuple(phasors[whole] for phasors in speed_phasors(motion, robot)),
+        lines=motion.excited_lines(robot),
+        reference=tuple(phasors[whole] for phasors in motion.speed_phasors(robot)),
         torque=torque,
         error=reach * spectra(of_motors(commands)) - velocity,
         velocity=velocity,
@@ -153,7 +151,7 @@ def realisation_starts(
     numbers = list(range(len(parts)))
     if len(parts) != motion.realisations:
         # Some are missing altogether: where each stands in the motion tells which it is.
-        planned = plan_motion(motion, robot, recording.sample_period_s).phase
+        planned = motion.plan(robot, recording.sample_period_s).phase
         expected = np.array([first for first, _ in _main_parts(planned)])
         indices = [int(recording.sample_index[first]) for first, _ in parts]
         numbers = [int(np.argmin(np.abs(expected - index))) for index in indices]

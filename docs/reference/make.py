@@ -17,39 +17,30 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from acquisition.csv.import_map import ImportMap
+from acquisition.motion.motion_file import AnyMotion
+from acquisition.motion.paths.segments import Segment
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
-from config.motion.import_map import ImportMap
-from config.motion.motion import CircleMotion, FourierMotion, MultipointMotion
-from config.motion.path_motion import (
-    ArcSegment,
-    CircleSegment,
-    JointPathMotion,
-    JointTableMotion,
-    LineSegment,
-    PathMotion,
-    SplineSegment,
-)
 from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
 
 HERE = Path(__file__).resolve().parent
+MOTIONS, SEGMENTS = (typing.get_args(typing.get_args(union)[0]) for union in (AnyMotion, Segment))
+
+
+def _said_kind(model: type[BaseModel]) -> str:
+    """Return what the key `kind` of a model says."""
+    return str(typing.get_args(model.model_fields["kind"].annotation)[0])
+
 
 PAGES = {
     "cell files": CellConfig,
     "robot files": RobotDescription,
-    "motion files: periodic excitation": FourierMotion,
-    "motion files: validation": MultipointMotion,
-    "motion files: circle": CircleMotion,
-    "motion files: path of the tool point": PathMotion,
-    "motion files: path, line": LineSegment,
-    "motion files: path, arc": ArcSegment,
-    "motion files: path, circle": CircleSegment,
-    "motion files: path, spline": SplineSegment,
-    "motion files: joint path": JointPathMotion,
-    "motion files: joint table": JointTableMotion,
+    **{f"motion files: {_said_kind(model)}": model for model in MOTIONS},
+    **{f"motion files: path, {_said_kind(model)}": model for model in SEGMENTS},
     "import maps": ImportMap,
     "drive profiles (Modbus registers)": DriveProfile,
     "amplifier profiles (strings and rows)": AmplifierProfile,

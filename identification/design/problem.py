@@ -14,9 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.motion.motion import FourierJoint, FourierMotion
 from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances

@@ -11,9 +11,9 @@ from typing import cast
 import joblib
 from scipy.optimize import minimize
 
+from acquisition.motion.kinds.fourier import FourierMotion
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.motion.motion import FourierMotion
 from config.process.termination import termination_held
 from identification.design.problem import ExcitationProblem
 from identification.design.verification import MotionCheck, check_motion

@@ -13,10 +13,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from acquisition.motion.fourier import FourierTrajectory
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from config.errors import ConfigError
-from config.motion.motion import FourierJoint, FourierMotion
 from config.robot.bodies import Workspace
 from config.robot.robot import Joint, RobotDescription
 from dynamics.geometry.clearances import Clearances
@@ -86,7 +84,7 @@ def design_two_harmonic(
     )
     clearances = Clearances.of(robot, workspace)
     for motion in drawn:
-        samples = plan_motion(motion, robot, sample_period_s)
+        samples = motion.plan(robot, sample_period_s)
         if (clearances.nearest(samples.position) >= clearances.margin_m).all():
             return motion
     raise ConfigError(
@@ -135,7 +133,7 @@ def _condition_number(
 ) -> float:
     harmonics = max(len(joint.sine) for joint in motion.joints)
     points = POINTS_PER_HIGHEST_HARMONIC * harmonics
-    trajectory = FourierTrajectory.from_motion(motion, robot, motion.period_s / points)
+    trajectory = motion.trajectory(robot, motion.period_s / points)
     times = trajectory.sample_times_s
     phi = base.columns(
         regressor(

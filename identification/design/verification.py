@@ -8,13 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from acquisition.motion.fourier import FourierTrajectory
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.motion.motion import FourierMotion
 from dynamics.model.base_wrench import base_wrench
 from dynamics.model.robot_model import regressor, torque
 from identification.design.criteria import Condition, DOptimal
@@ -105,7 +103,7 @@ def check_motion(
         The motion is not one of the robot's joints.
     """
     points = DENSE_POINTS_PER_HARMONIC * max(len(joint.sine) for joint in motion.joints)
-    grid = FourierTrajectory.from_motion(motion, problem.robot, motion.period_s / points)
+    grid = motion.trajectory(problem.robot, motion.period_s / points)
     times = grid.sample_times_s
     period = _Rows(grid.position(times), grid.velocity(times), grid.acceleration(times))
     broken: list[str] = []
@@ -137,7 +135,7 @@ def _with_ramps(
 ) -> _Rows:
     """Return a period and the ramps, as the cell would run them."""
     once = motion.model_copy(update={"periods": 1, "transient_periods": 0})
-    plan = plan_motion(once, problem.robot, sample_period_s)
+    plan = once.plan(problem.robot, sample_period_s)
     ramps = np.isin(plan.phase, (Phase.RUN_IN, Phase.RUN_OUT))
     planned = (plan.position, plan.velocity, plan.acceleration)
     return _Rows(

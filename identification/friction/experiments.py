@@ -13,15 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import qr
 
-from acquisition.motion.constant_velocity import ConstantRun, constant_velocity_runs
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.constant_velocity import ConstantRun, ConstantVelocityMotion
+from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import Derivatives, differentiate_on_bins, divide_filter
 from config.arrays import BoolArray, FloatArray
 from config.errors import DataQualityError, EstimationError
-from config.motion.motion import ConstantVelocityMotion, ReversedMotion
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import regressor
 from identification.friction.curve import FrictionCurve
@@ -62,7 +61,7 @@ def constant_velocity_curves(
     EstimationError
         A joint's motor hardly turns where the joint moves alone.
     """
-    _, runs = constant_velocity_runs(motion, robot, _sample_period(recording))
+    _, runs = motion.runs(robot, _sample_period(recording))
     curves = []
     for joint in dict.fromkeys(run.joint for run in runs):
         of_joint = [run for run in runs if run.joint == joint]
@@ -281,7 +280,7 @@ def _two_parts(
 ) -> tuple[Recording, Recording]:
     """Cut the recording into two periodic ones."""
     sample_period_s = _sample_period(recording)
-    samples = plan_motion(motion, robot, sample_period_s)
+    samples = motion.plan(robot, sample_period_s)
     rest = np.flatnonzero(samples.phase == Phase.HOLD)
     period = round(motion.period_s / sample_period_s)
     index = recording.sample_index

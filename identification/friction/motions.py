@@ -6,9 +6,11 @@ from typing import Final
 
 import numpy as np
 
+from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion, SpeedRuns
+from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.kinds.reversed import ReversedMotion
 from config.arrays import BoolArray, FloatArray
 from config.errors import ConfigError
-from config.motion.motion import ConstantVelocityMotion, FourierMotion, ReversedMotion, SpeedRuns
 from config.robot.bodies import Workspace
 from config.robot.robot import Joint, RobotDescription
 from dynamics.geometry.clearances import Clearances

@@ -16,10 +16,9 @@ from typing import Final
 
 import numpy as np
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.motion.motion import FourierJoint, FourierMotion
 from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
@@ -304,7 +303,7 @@ def design_payload_motion(
         if not search.is_clear(search.path(coefficients)[0]):
             continue
         found = search.motion_of(search.improved(coefficients, seed, steps), motion)
-        if search.is_clear(plan_motion(found, search.robot, search.sample_period_s).position):
+        if search.is_clear(found.plan(search.robot, search.sample_period_s).position):
             return found
     raise ConfigError(
         f"none of {draws} motions shows a payload and keeps clear of the robot's own bodies and of"

@@ -9,8 +9,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from acquisition.motion.plan import plan_motion
-from acquisition.motion.samples import verify_limits
+from acquisition.motion.limits import verify_limits
+from acquisition.motion.motion_file import AnyMotion
 from acquisition.runs.catalogue import find_run
 from compensation.compensated_motion import compensated_motion
 from compensation.feedforward.file import Origin, TuningEntry, write_feedforward
@@ -20,7 +20,6 @@ from compensation.feedforward.tuning import tune
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import in_order
 from config.load import load_cell
-from config.motion.motion import AnyMotion
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from rid_daq.jobs.cell_files import loops_for, motion_for
@@ -63,7 +62,7 @@ def compensate(
     loaded = load_cell(cell)
     asked = motion_for(motion, loaded)
     loops = loops_for(loop, loaded)
-    samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
+    samples = asked.plan(loaded.robot, loaded.config.cycle_time_s)
     estimate = read_estimate(model)
     tuning, notes = None, []
     if reference is not None:

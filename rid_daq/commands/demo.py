@@ -7,11 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.load import load_cell, to_yaml
-from config.motion.motion import MultipointMotion
 from identification.design.two_harmonic import design_two_harmonic
 from rid_daq.demo.demo_paths import PathMotions
 from rid_daq.demo.demo_story import DEMO_CELL, Motions
@@ -75,8 +74,7 @@ def demo(
         console.say("Excitation designed by the two-harmonic heuristic, verified within limits.")
         cycle_s = loaded.config.cycle_time_s
         total_s = sum(
-            plan_motion(motion, loaded.robot, cycle_s).duration_s
-            for motion in (excitation, validation)
+            motion.plan(loaded.robot, cycle_s).duration_s for motion in (excitation, validation)
         )
         chapter = PathMotions.of_cell(loaded.robot, loaded.config, seed) if paths else None
         if chapter is not None:

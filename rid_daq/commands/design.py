@@ -11,19 +11,18 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.samples import MotionSamples
 from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
-from config.motion.motion import FourierMotion
 from config.robot.robot import RobotDescription
 from identification.design.two_harmonic import condition_number, design_two_harmonic
 from identification.estimation.file import read_estimate
 from identification.friction.motions import constant_velocity_motion, reversed_motion
 from rid_daq.jobs.design_job import Search, chosen_criterion, excitation_problem, search
 from rid_daq.jobs.multisine_job import Grid, Phases, write_multisine
-from rid_daq.report.friction_section import write_friction_motion
+from rid_daq.report.friction_section import say_speeds, write_friction_motion
 from rid_daq.report.sections import units
 from rid_daq.session.cells import CellName
 from rid_daq.terminal.console import AsJson, Console
@@ -159,12 +158,9 @@ def design(
     loaded = load_cell(cell)
     robot = loaded.robot
     if kind is Kind.CONSTANT_VELOCITY:
-        write_friction_motion(
-            console,
-            loaded,
-            constant_velocity_motion(robot, loaded.config.workspace, seed=seed),
-            output,
-        )
+        steady = constant_velocity_motion(robot, loaded.config.workspace, seed=seed)
+        write_friction_motion(console, loaded, steady, output)
+        say_speeds(console, steady)
         console.next_step("record", cell, output)
         return
     if kind is Kind.MULTISINE:
@@ -259,7 +255,7 @@ def _write(
     found: Search | None,
 ) -> None:
     """Write the motion file, and say what is in it."""
-    samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     condition = condition_number(loaded.robot, motion)
     axes = _use_of_limits(samples, loaded.robot)
     comment = (

@@ -7,10 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
+from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion
+from acquisition.motion.kinds.reversed import ReversedMotion
+from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
-from config.load import load_motion
-from config.motion.motion import ConstantVelocityMotion, ReversedMotion
 from identification.estimation.file import read_estimate
 from identification.friction.curve import FrictionCurve, joined
 from identification.friction.experiments import constant_velocity_curves, reversed_curves

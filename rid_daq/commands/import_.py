@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
+from acquisition.csv.import_map import RowRange, load_import_map
 from acquisition.csv.read import LARGEST_FILE_BYTES, import_csv, refuse_rows_beyond
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
-from config.load import load_import_map, to_yaml
-from config.motion.import_map import RowRange
+from config.load import to_yaml
 from rid_daq.report.result import verdict, write_result
 from rid_daq.runs.run_data import MAP, ROBOT, SOURCE, RunData, result_of
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished

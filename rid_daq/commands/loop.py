@@ -7,14 +7,15 @@ from typing import Annotated, Any
 
 import typer
 
+from acquisition.motion.kinds.multisine import MultisineMotion
+from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_run
 from compensation.loops.cascade import advise
 from compensation.loops.loop_file import write_loops
 from compensation.loops.loop_measurement import measure_loops
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
-from config.load import load_bundled_or_path, load_motion
-from config.motion.motion import MultisineMotion
+from config.load import load_bundled_or_path
 from rid_daq.report.render import number
 from rid_daq.report.result import write_result
 from rid_daq.report.velocity_loop_section import velocity_loop_section
@@ -74,13 +75,12 @@ def loop(
 
 def _motion(data: RunData) -> MultisineMotion:
     path = data.folder.file("motion.yaml")
-    motion = load_motion(path) if path.exists() else None
-    if isinstance(motion, MultisineMotion):
-        return motion
-    kind = "a recording from elsewhere" if motion is None else f"of a {motion.kind} motion"
-    raise ConfigError(
-        f"run {data.folder.run_id} is {kind}: record one by `rid-daq design --kind multisine`"
-    )
+    which = f"run {data.folder.run_id} is"
+    instead = "record one by `rid-daq design --kind multisine`"
+    if not path.exists():
+        raise ConfigError(f"{which} a recording from elsewhere: {instead}")
+    motion = load_motion(path)
+    return MultisineMotion.require(motion, f"{which} of a {motion.kind} motion: {instead}")
 
 
 def _tell(console: Console, section: dict[str, Any]) -> None:

@@ -7,13 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from config.motion.motion import (
-    CircleMotion,
-    ConstantVelocityMotion,
-    MultisineMotion,
-    ReversedMotion,
-)
-from config.motion.path_motion import JointPathMotion, JointTableMotion, PathMotion
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
 from rid_daq.recording.accuracy_watch import AccuracyWatch
@@ -133,7 +126,7 @@ def _print(console: Console, recorded: MotionRecorded) -> None:
     for sentence in [] if accuracy is None else accuracy.sentences():
         console.say(sentence)
     if run.print_verdict(console):
-        _print_next(console, recorded)
+        console.next_step(*recorded.motion.next_command(run.folder.path))
 
 
 def _accuracy_document(accuracy: AccuracyWatch) -> dict[str, Any]:
@@ -144,17 +137,3 @@ def _accuracy_document(accuracy: AccuracyWatch) -> dict[str, Any]:
         "periods": accuracy.periods,
         "goals": accuracy.sentences(),
     }
-
-
-def _print_next(console: Console, recorded: MotionRecorded) -> None:
-    asked, folder = recorded.motion, recorded.run.folder
-    if isinstance(asked, ConstantVelocityMotion | ReversedMotion):
-        console.next_step("friction", folder.path)
-    elif isinstance(asked, MultisineMotion):
-        console.next_step("loop", folder.path)
-    elif isinstance(asked, CircleMotion | PathMotion | JointPathMotion | JointTableMotion):
-        console.next_step("tracking", folder.path)
-    elif recorded.run.is_periodic:
-        console.next_step("identify", folder.path)
-    else:
-        console.next_step("validate", "MODEL", folder.path)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from acquisition.motion.samples import verify_limits
+from acquisition.motion.limits import verify_limits
 from acquisition.runs.catalogue import find_runs
 from compensation.feedforward.file import Origin, RefinementEntry, write_feedforward
 from compensation.feedforward.refinement import Refinement, refinement

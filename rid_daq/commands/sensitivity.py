@@ -9,12 +9,12 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.motion_file import load_motion
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.whole_file import write_whole
-from config.load import LoadedCell, load_cell, load_motion
-from config.motion.motion import FourierMotion
+from config.load import LoadedCell, load_cell
 from dynamics.model.robot_model import RobotModel
 from identification.consistency.closest_robot import consistent
 from identification.estimation.file import read_estimate
@@ -214,10 +214,10 @@ def _body(cell: LoadedCell, payload: str) -> PayloadBody:
 
 
 def _excitation(cell: LoadedCell, motion: str) -> Excitation:
-    loaded = load_motion(motion)
-    if not isinstance(loaded, FourierMotion):
-        raise ConfigError(f"--motion {motion}: sensitivity needs a periodic (fourier) motion")
-    trajectory = FourierTrajectory.from_motion(loaded, cell.robot, cell.config.cycle_time_s)
+    loaded = FourierMotion.require(
+        load_motion(motion), f"--motion {motion}: sensitivity needs a periodic (fourier) motion"
+    )
+    trajectory = loaded.trajectory(cell.robot, cell.config.cycle_time_s)
     samples = trajectory.samples_per_period
     time_s: FloatArray = np.arange(samples, dtype=np.float64) * cell.config.cycle_time_s
     return Excitation(

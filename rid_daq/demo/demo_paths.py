@@ -7,7 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.circle import CircleMotion
+from acquisition.motion.kinds.multisine import MultisineMotion
+from acquisition.motion.kinds.tool_path import PathMotion
+from acquisition.motion.motion_file import AnyMotion
+from acquisition.motion.paths.segments import ArcSegment, LineSegment, SplineSegment
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from compensation.compensated_motion import compensated_motion
@@ -20,12 +24,10 @@ from compensation.loops.multisine_motion import multisine_motion
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
 from compensation.online.online import in_order
 from config.cell.cell import CellConfig
-from config.motion.motion import AnyMotion, CircleMotion, MultisineMotion
-from config.motion.path_motion import ArcSegment, LineSegment, PathMotion, SplineSegment
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.report.sections import motion_sentence, run_section
+from rid_daq.report.sections import run_section
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.run_data import FEEDFORWARD
 from rid_daq.runs.tracking_section import followed, tracking_section
@@ -100,9 +102,7 @@ class PathMotions:
     def duration_s(self, robot: RobotDescription, cycle_time_s: float) -> float:
         """Return how long the chapter moves: the loops once, both paths twice [s]."""
         times = ((self.multisine, 1), (self.circle, 2), (self.path, 2))
-        return sum(
-            count * plan_motion(motion, robot, cycle_time_s).duration_s for motion, count in times
-        )
+        return sum(count * motion.plan(robot, cycle_time_s).duration_s for motion, count in times)
 
 
 def tell_paths(
@@ -133,7 +133,7 @@ def tell_paths(
     tuning: Tuning | None = None
     reference = ""
     for name, motion in (("circle", motions.circle), ("path", motions.path)):
-        planned = plan_motion(motion, robot, cell.cycle_time_s)
+        planned = motion.plan(robot, cell.cycle_time_s)
         plain = record(f"{name}-plain", motion, planned)
         if tuning is None:
             measured = repeated_error(planned, [plain.recording])
@@ -152,8 +152,7 @@ def tell_paths(
     return {
         "tracking": section,
         "runs": [
-            run_section(role, motion_sentence(motion), run.recording, robot)
-            for role, motion, run in runs
+            run_section(role, motion.describe(), run.recording, robot) for role, motion, run in runs
         ],
         "run_ids": [run.folder.run_id for _, _, run in runs],
     }

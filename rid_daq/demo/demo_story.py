@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.kinds.multipoint import MultipointMotion
+from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.processing.periods import average_periods
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, SafetyStop
 from config.load import load_cell, to_yaml
-from config.motion.motion import AnyMotion, FourierMotion, MultipointMotion
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
 from identification.validation.torque_prediction import validate
@@ -25,13 +26,7 @@ from rid_daq.jobs.truth import true_parameters
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession
 from rid_daq.report.curves import period_curves, torque_curves, validation_section
-from rid_daq.report.sections import (
-    average_section,
-    estimate_section,
-    loop_section,
-    motion_sentence,
-    run_section,
-)
+from rid_daq.report.sections import average_section, estimate_section, loop_section, run_section
 from rid_daq.runs.run_data import MOTION
 from rid_daq.session.session import hold_cell
 from rid_daq.terminal.console import Progress
@@ -108,7 +103,7 @@ def tell_story(
     floor = validate(replace(estimate, values=truth), validated.recording)
     return {
         "runs": [
-            run_section(role, motion_sentence(motion), run.recording, robot)
+            run_section(role, motion.describe(), run.recording, robot)
             for role, motion, run in (
                 ("Excitation", motions.excitation, excited),
                 ("Validation", motions.validation, validated),
@@ -188,12 +183,10 @@ class _Recorder:
             It did not come to its end.
         """
         session = self.session
-        samples = planned or plan_motion(motion, session.loaded.robot, session.cell.cycle_time_s)
+        samples = planned or motion.plan(session.loaded.robot, session.cell.cycle_time_s)
         self.told.motion_s = samples.duration_s
         both = {MOTION: to_yaml(motion).encode(), **(files or {})}
-        run = session.record(
-            RunRequest(role, motion_sentence(motion), samples, role=role, files=both)
-        )
+        run = session.record(RunRequest(role, motion.describe(), samples, role=role, files=both))
         if run.outcome.stop is not None:
             why = "; ".join((run.outcome.stop.text, *run.outcome.notes))
             raise SafetyStop(f"the demo's {role} was stopped: {why}")

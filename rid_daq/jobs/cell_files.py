@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from acquisition.motion.motion_file import AnyMotion, load_motion
 from acquisition.motion.samples import MotionSamples
 from compensation.feedforward.file import read_feedforward
 from compensation.loops.loop_file import read_loops
@@ -11,9 +12,7 @@ from compensation.loops.velocity_loop import VelocityLoop
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.formats.yaml_tree import MAX_BYTES
-from config.load import LoadedCell, load_motion, to_yaml
-from config.motion.motion import AnyMotion
-from config.motion.path_motion import JointTableMotion
+from config.load import LoadedCell
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 
@@ -38,9 +37,7 @@ def motion_for(path: Path, loaded: LoadedCell) -> AnyMotion:
 
 def motion_bytes(motion: AnyMotion, path: Path) -> bytes:
     """Return a motion file as a run folder keeps it: with the rows of a file that it names."""
-    if isinstance(motion, JointTableMotion):
-        return to_yaml(motion).encode()
-    return read_file(path, MAX_BYTES)
+    return motion.to_keep(read_file(path, MAX_BYTES))
 
 
 def estimate_for(path: Path, loaded: LoadedCell) -> Estimate:

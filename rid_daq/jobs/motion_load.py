@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.motion_file import load_motion
 from config.cell.cell import CellConfig
 from config.cell.plate import PlateLimits
 from config.errors import ConfigError
-from config.load import load_cell, load_motion
+from config.load import load_cell
 from identification.calibration.base_reaction import BaseLoad, base_load
 from identification.estimation.estimate import Estimate
 
@@ -57,7 +57,7 @@ def motion_load(
                 f"{what}: is for robot {robot!r}, cell {loaded.config.name} has"
                 f" {loaded.robot.name!r}"
             )
-    samples = plan_motion(asked, loaded.robot, loaded.config.cycle_time_s)
+    samples = asked.plan(loaded.robot, loaded.config.cycle_time_s)
     return base_load(
         estimate,
         np.arange(len(samples), dtype=np.float64) * samples.sample_period_s,

@@ -8,15 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.motion.multisine import crest_factor, excited_lines, speed_phasors
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multisine import MultisineMotion, crest_factor
 from compensation.loops.multisine_motion import limit_use, multisine_motion
 from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, to_yaml
-from config.motion.motion import MultisineMotion
 from identification.estimation.file import read_estimate
-from rid_daq.report.sections import motion_sentence, units
+from rid_daq.report.sections import units
 from rid_daq.terminal.console import Console
 
 
@@ -90,12 +88,12 @@ def write_multisine(
         estimate=estimate,
         seed=seed,
     )
-    samples = plan_motion(motion, robot, loaded.config.cycle_time_s)
+    samples = motion.plan(robot, loaded.config.cycle_time_s)
     use = limit_use(samples, robot, estimate)
-    lines, crests = excited_lines(motion, robot), _crest_factors(loaded, motion)
+    lines, crests = motion.excited_lines(robot), _crest_factors(loaded, motion)
     comment = (
         f"For robot {robot.name}, verified within its limits at {loaded.config.cycle_time_ms} ms."
-        f" {motion_sentence(motion)}"
+        f" {motion.describe()}"
     )
     write_whole(output, to_yaml(motion, comment).encode())
     axes: list[dict[str, Any]] = [
@@ -123,7 +121,7 @@ def write_multisine(
             "axes": axes,
         }
     )
-    console.say(f"{output}: {motion_sentence(motion)} {samples.duration_s:.0f} s in all.")
+    console.say(f"{output}: {motion.describe()} {samples.duration_s:.0f} s in all.")
     console.table(
         (
             "axis",
@@ -168,8 +166,8 @@ def _band(words: str) -> tuple[float, float]:
 def _crest_factors(loaded: LoadedCell, motion: MultisineMotion) -> list[float]:
     """Return each joint's largest crest factor over the realisations."""
     found = []
-    lines = excited_lines(motion, loaded.robot)
-    for own, phasors in zip(lines, speed_phasors(motion, loaded.robot), strict=True):
+    lines = motion.excited_lines(loaded.robot)
+    for own, phasors in zip(lines, motion.speed_phasors(loaded.robot), strict=True):
         points = 16 * int(own[-1])
         bins = np.zeros((len(phasors), points // 2 + 1), dtype=np.complex128)
         bins[:, own] = phasors

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from acquisition.motion.kinds.multipoint import MultipointMotion
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
@@ -14,7 +15,6 @@ from config.formats.urdf import read_urdf
 from config.formats.xml_tree import MAX_BYTES
 from config.formats.yaml_tree import dump_yaml
 from config.model import ConfigModel
-from config.motion.motion import MultipointMotion
 from config.robot.robot import Joint, RobotDescription
 from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
 from config.simulation.plant import LinkInertia, PlantConfig, SimulatedAxis

@@ -8,7 +8,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from acquisition.motion.phase import Phase
+from acquisition.motion.samples import Phase
 from acquisition.task.control_block import ControlBlock, Progress, RecorderState, TaskState
 from acquisition.task.joint_values import JointValues, JointWatch
 from acquisition.task.ring import Ring

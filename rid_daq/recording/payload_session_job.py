@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.motion_file import AnyMotion, load_motion
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
-from config.load import LoadedCell, load_cell, load_motion, load_robot, to_yaml
-from config.motion.motion import FourierMotion
+from config.load import LoadedCell, load_cell, load_robot, to_yaml
 from identification.estimation.file import read_estimate
 from identification.payload.file import PayloadResult, write_payload
 from identification.payload.motion import PayloadSearch, design_payload_motion
@@ -24,7 +24,7 @@ from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest,
 from rid_daq.recording.run_session import open_session
 from rid_daq.report.payload_section import payload_section, payload_verdict
 from rid_daq.report.result import Result, new_result, write_result
-from rid_daq.report.sections import cell_section, motion_sentence, run_section
+from rid_daq.report.sections import cell_section, run_section
 from rid_daq.runs.flange import compared
 from rid_daq.runs.run_data import MOTION, ROBOT, require_own
 from rid_daq.session.cells import Simulation
@@ -82,7 +82,7 @@ def weigh_payload(request: PayloadSessionRequest, console: Console) -> PayloadWe
     else:
         state, motion = _resumed(request, request.resume, loaded)
         console.say(f"Resumed; done already: {', '.join(state.done) or 'nothing'}.")
-    console.say(motion_sentence(motion))
+    console.say(motion.describe())
     if any(name not in state.done for name in request.wanted):
         simulation = Simulation(seed=request.seed)
         with (
@@ -115,7 +115,7 @@ def _begun(
     folder.write(MOTION, to_yaml(motion, "Of a payload session.").encode())
     state = SessionState(folder, loaded.config.name)
     state.write()
-    plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)  # within all limits, or refused
+    motion.plan(loaded.robot, loaded.config.cycle_time_s)  # within all limits, or refused
     return state, motion
 
 
@@ -133,14 +133,12 @@ def _resumed(
             " old one back, or begin a new session"
         )
     motion = _periodic(load_motion(state.folder.file(MOTION)))
-    plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    motion.plan(loaded.robot, loaded.config.cycle_time_s)
     return state, motion
 
 
-def _periodic(motion: object) -> FourierMotion:
-    if not isinstance(motion, FourierMotion):
-        raise ConfigError("a payload session needs a periodic (fourier) motion")
-    return motion
+def _periodic(motion: AnyMotion) -> FourierMotion:
+    return FourierMotion.require(motion, "a payload session needs a periodic (fourier) motion")
 
 
 def _weighed(
@@ -160,7 +158,7 @@ def _weighed(
     section["findings"] += _warm_up_finding(state.facts.get("warm_up"))
     result["payload"] = section
     result["runs"] = [
-        run_section(name, motion_sentence(motion), item.recording, item.robot)
+        run_section(name, motion.describe(), item.recording, item.robot)
         for name, item in zip(state.weighed, data, strict=True)
     ]
     result["verdict"] = payload_verdict(judged)

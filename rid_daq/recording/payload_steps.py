@@ -10,11 +10,10 @@ from typing import Final
 
 from pydantic import JsonValue
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.processing.periods import average_periods
 from config.errors import ConfigError, PreflightError
 from config.load import to_yaml
-from config.motion.motion import FourierMotion
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.solution import Known
 from identification.payload.verdict import PayloadLimits
@@ -25,7 +24,6 @@ from rid_daq.recording.payload_state import LOADED, UNLOADED, SessionState, is_w
 from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession, Watch
-from rid_daq.report.sections import motion_sentence
 from rid_daq.runs.run_data import MOTION
 from rid_daq.terminal.clearance import require_yes
 from rid_daq.terminal.console import Console
@@ -232,8 +230,8 @@ class PayloadGuide:
         return self.session.record(
             RunRequest(
                 f"{self.request.label} {step.name}"[:64],
-                f"Payload session: {step.name}. {motion_sentence(step.motion)}",
-                plan_motion(step.motion, loaded.robot, cell.cycle_time_s),
+                f"Payload session: {step.name}. {step.motion.describe()}",
+                step.motion.plan(loaded.robot, cell.cycle_time_s),
                 role=step.name,
                 files={MOTION: text.encode()},
                 watch=step.watch,

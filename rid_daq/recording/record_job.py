@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.rehearsal import SLOWER, rehearsal
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.manifest import require_label
@@ -17,14 +17,12 @@ from config.cell.cell import CellConfig
 from config.formats.bounded_file import read_file
 from config.formats.yaml_tree import MAX_BYTES
 from config.load import load_cell, load_faults
-from config.motion.motion import AnyMotion
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from rid_daq.jobs.cell_files import estimate_for, motion_bytes, motion_for, with_feedforward
 from rid_daq.live.live_page import LiveOptions
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, open_session
-from rid_daq.report.sections import motion_sentence
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION
 from rid_daq.session.cells import Simulation
 from rid_daq.session.session import as_label
@@ -116,7 +114,7 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
     """
     loaded = load_cell(request.cell)
     motion = motion_for(request.motion, loaded)
-    samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     if request.model is not None:
         refuse_torque(motion, samples, estimate_for(request.model, loaded), loaded.robot)
     if request.feedforward is not None:
@@ -132,7 +130,7 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
     script = _fault_script(request, loaded.config)
     asked = RunRequest(
         name,
-        motion_sentence(motion),
+        motion.describe(),
         samples,
         files=_files(request, motion),
         watch=accuracy,

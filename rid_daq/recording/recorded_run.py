@@ -105,11 +105,6 @@ class RecordedRun:
         return ExitCode.DONE if good else ExitCode.DATA_QUALITY
 
     @property
-    def is_periodic(self) -> bool:
-        """Whether it holds whole periods."""
-        return self.data is not None and self.data.is_periodic
-
-    @property
     def stop_sentence(self) -> str:
         """What stopped, where in the motion, and what to do; empty for a complete run."""
         stop = self.outcome.stop

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.manifest import require_label
 from acquisition.session.record import RecordOutcome
@@ -22,7 +21,6 @@ from identification.estimation.file import read_estimate
 from rid_daq.jobs.cell_files import loops_for, motion_bytes, motion_for
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Record, RunRequest, open_session
-from rid_daq.report.sections import motion_sentence
 from rid_daq.runs.run_data import MOTION
 from rid_daq.session.cells import Simulation
 from rid_daq.session.session import as_label
@@ -112,8 +110,8 @@ def _planned(
     if request.socket is not None:
         raise ConfigError("points come from the motion file or over --socket: give one of them")
     motion = motion_for(request.motion, loaded)
-    samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
-    return motion_sentence(motion), samples, {MOTION: motion_bytes(motion, request.motion)}
+    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
+    return motion.describe(), samples, {MOTION: motion_bytes(motion, request.motion)}
 
 
 def _default_socket(cell: CellConfig) -> Path:

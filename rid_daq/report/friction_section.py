@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion
+from acquisition.motion.kinds.reversed import ReversedMotion
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, to_yaml
-from config.motion.motion import ConstantVelocityMotion, ReversedMotion
 from config.robot.robot import RobotDescription
 from dynamics.terms.friction import Friction
 from identification.estimation.estimate import Estimate
 from identification.friction.curve import FrictionCurve, friction_columns
 from identification.friction.fits import CLEARLY_BETTER, FrictionFit
-from rid_daq.report.sections import motion_sentence, units
+from rid_daq.report.sections import units
 from rid_daq.terminal.console import Console
 
 LINE_POINTS = 120
@@ -149,24 +149,27 @@ def write_friction_motion(
     output: Path,
 ) -> None:
     """Verify a motion that measures friction, write it, and say what it does."""
-    samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     comment = (
         f"For robot {loaded.robot.name}, verified within its limits at"
-        f" {loaded.config.cycle_time_ms} ms. {motion_sentence(motion)}"
+        f" {loaded.config.cycle_time_ms} ms. {motion.describe()}"
     )
     write_whole(output, to_yaml(motion, comment).encode())
     console.document({"motion": str(output), "kind": motion.kind, "duration_s": samples.duration_s})
-    console.say(f"{output}: {motion_sentence(motion)} {samples.duration_s:.0f} s in all.")
-    if isinstance(motion, ConstantVelocityMotion):
-        console.table(
-            ("axis", "from", "to", "speeds"),
-            [
-                (
-                    spec.joint,
-                    f"{spec.low:.3f}",
-                    f"{spec.high:.3f}",
-                    ", ".join(f"{speed:g}" for speed in spec.speeds),
-                )
-                for spec in motion.joints
-            ],
-        )
+    console.say(f"{output}: {motion.describe()} {samples.duration_s:.0f} s in all.")
+
+
+def say_speeds(console: Console, motion: ConstantVelocityMotion) -> None:
+    """Say at which speeds, and where, each joint is run."""
+    console.table(
+        ("axis", "from", "to", "speeds"),
+        [
+            (
+                spec.joint,
+                f"{spec.low:.3f}",
+                f"{spec.high:.3f}",
+                ", ".join(f"{speed:g}" for speed in spec.speeds),
+            )
+            for spec in motion.joints
+        ],
+    )

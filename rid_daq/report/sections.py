@@ -12,15 +12,6 @@ from acquisition.processing.periods import PeriodAverage
 from acquisition.recording.recording import Recording
 from acquisition.session.timing import CycleStatistics
 from config.cell.cell import CellConfig
-from config.motion.motion import (
-    AnyMotion,
-    CircleMotion,
-    ConstantVelocityMotion,
-    FourierMotion,
-    MultisineMotion,
-    ReversedMotion,
-)
-from config.motion.path_motion import JointPathMotion, JointTableMotion, PathMotion
 from config.robot.robot import Joint, RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.validation.friction_selection import Comparison
@@ -41,39 +32,6 @@ def cell_section(cell: CellConfig) -> dict[str, Any]:
         "cycle_time_ms": cell.cycle_time_ms,
         "bus": f"{cell.can.interface}:{cell.can.channel}",
     }
-
-
-def motion_sentence(motion: AnyMotion) -> str:
-    """Say in a sentence what a motion file asks for."""
-    if isinstance(motion, FourierMotion):
-        harmonics = max(len(joint.sine) for joint in motion.joints)
-        return (
-            f"Fourier motion, {motion.periods} periods of {motion.period_s:g} s after"
-            f" {motion.transient_periods} transient, up to harmonic {harmonics}"
-            f" ({harmonics / motion.period_s:.3g} Hz)."
-        )
-    if isinstance(motion, ReversedMotion):
-        return f"{motion_sentence(motion.there())[:-1]}, and then the same path backwards."
-    if isinstance(motion, ConstantVelocityMotion):
-        runs = sum(2 * motion.repeats * len(joint.speeds) for joint in motion.joints)
-        return f"{runs} runs at constant speed, one joint at a time, both ways."
-    if isinstance(motion, CircleMotion):
-        return (
-            f"{motion.periods} turns of a circle of {2e3 * motion.radius_m:g} mm at"
-            f" {motion.speed_m_s:g} m/s, after {motion.transient_periods} to settle."
-        )
-    if isinstance(motion, MultisineMotion):
-        return (
-            f"{motion.realisations} multisines, {motion.periods} periods of {motion.period_s:g} s"
-            f" each, {motion.lowest_hz:g} to {motion.highest_hz:g} Hz."
-        )
-    if isinstance(motion, PathMotion):
-        return f"A path of {len(motion.segments)} segments at up to {motion.speed_m_s:g} m/s."
-    if isinstance(motion, JointPathMotion):
-        return f"A curve through {len(motion.points)} poses."
-    if isinstance(motion, JointTableMotion):
-        return f"A table of {len(motion.time_s)} rows of joint positions."
-    return f"Smooth moves through {motion.points} random points (seed {motion.seed})."
 
 
 def run_section(

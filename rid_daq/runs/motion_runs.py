@@ -6,15 +6,14 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.motion_file import AnyMotion, load_motion
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from compensation.feedforward.file import LARGEST_FILE_BYTES, FeedforwardFile, read_feedforward
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, DataQualityError
 from config.formats.bounded_file import read_file
-from config.load import load_bundled_or_path, load_motion
-from config.motion.motion import AnyMotion
+from config.load import load_bundled_or_path
 from rid_daq.runs.run_data import CELL, FEEDFORWARD, MOTION, RunData, read_run
 
 
@@ -46,7 +45,7 @@ class MotionRun:
 
     def samples(self) -> MotionSamples:
         """Return the motion as it was planned, with its feedforward."""
-        planned = plan_motion(self.motion, self.data.robot, self.cell.cycle_time_s)
+        planned = self.motion.plan(self.data.robot, self.cell.cycle_time_s)
         return planned if self.file is None else self.file.onto(planned)
 
     @property

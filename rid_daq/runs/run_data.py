@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from acquisition.csv.import_map import ImportMap
 from acquisition.csv.read import import_csv
 from acquisition.csv.report import ImportReport
 from acquisition.journal.cycles import read_journal
@@ -29,7 +30,6 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
 from config.errors import ConfigError, DataQualityError, LockedError, RecordingError
 from config.load import load_bundled_or_path, load_robot
-from config.motion.import_map import ImportMap
 from config.robot.robot import RobotDescription
 from rid_daq.report.result import RESULT, Result, new_result, read_result
 from rid_daq.report.sections import run_section

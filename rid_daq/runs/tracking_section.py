@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.motion.phase import Phase
+from acquisition.motion.samples import Phase
 from compensation.feedforward.tracking_error import TrackingError, tracking_error
 from config.arrays import FloatArray
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
-from rid_daq.report.sections import motion_sentence, rounded, units
+from rid_daq.report.sections import rounded, units
 from rid_daq.runs.motion_runs import MotionRun
 from rid_daq.runs.run_data import RunData
 
@@ -67,7 +67,7 @@ def followed(after: MotionRun, before: MotionRun | None) -> Followed:
         A run says nothing of where the robot should have been.
     """
     return Followed(
-        sentence=motion_sentence(after.motion),
+        sentence=after.motion.describe(),
         use=after.use,
         after=error_of(after.data),
         after_period=_period(after.data),

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
-from config.motion.motion import FourierJoint, FourierMotion
 from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
 from drivers.interfaces import DriveEvent, DriveSetting
 
@@ -185,16 +184,15 @@ def motion(robot: RobotDescription) -> MotionSamples:
         FourierJoint(joint=name, offset=0.0, sine=(0.1,), cosine=(0.05,))
         for name in robot.joint_names
     )
-    return plan_motion(
-        FourierMotion(
-            kind="fourier",
-            robot="test-arm",
-            period_s=0.8,
-            periods=2,
-            transient_periods=1,
-            ramp_s=0.8,
-            joints=joints,
-        ),
+    return FourierMotion(
+        kind="fourier",
+        robot="test-arm",
+        period_s=0.8,
+        periods=2,
+        transient_periods=1,
+        ramp_s=0.8,
+        joints=joints,
+    ).plan(
         robot,
         PERIOD_S,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.task.set_points import SetPoint
 from benchmarks.closed_loop import true_loops
@@ -18,7 +18,6 @@ from compensation.online.online import LARGEST_CORRECTION, REST_RAD_S, OnlineFee
 from compensation.online.point_ring import PointRing
 from compensation.online.point_source import PointSource
 from config.load import LoadedCell, load_cell
-from config.motion.motion import MultipointMotion
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import RobotModel
 from rid_daq.jobs.truth import true_parameters
@@ -91,7 +90,7 @@ def waves(seed: int, count: int, size: float = 0.5) -> Points:
 
 def planned(seed: int = 1) -> MotionSamples:
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=3, seed=seed)
-    return plan_motion(motion, CELL.robot, T)
+    return motion.plan(CELL.robot, T)
 
 
 def arrays(points: list[SetPoint]) -> tuple[Points, Points, Points]:

@@ -6,11 +6,10 @@ RECORD = """
 import json, sys
 from pathlib import Path
 from acquisition.session.record import record_motion
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from config.cell.cell import CellConfig
-from config.motion.motion import FourierMotion
 from config.robot.robot import RobotDescription
 
 def say(progress):
@@ -20,6 +19,6 @@ def say(progress):
 cell, robot, motion, folder = json.loads(sys.argv[1])
 cell = CellConfig.model_validate_json(cell)
 robot = RobotDescription.model_validate_json(robot)
-samples = plan_motion(FourierMotion.model_validate_json(motion), robot, cell.cycle_time_s)
+samples = FourierMotion.model_validate_json(motion).plan(robot, cell.cycle_time_s)
 record_motion(cell, robot, samples, RunFolder.open(Path(folder)), on_progress=say)
 """

@@ -7,14 +7,13 @@ from functools import partial
 
 import pytest
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from benchmarks.closed_loop import closed_loop
 from compensation.loops.frequency_response import frequency_responses
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
 from config.load import LoadedCell, load_cell
-from config.motion.motion import MultisineMotion
 from identification.design.two_harmonic import design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
@@ -50,7 +49,7 @@ def loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
             "joints": joints,
         }
     )
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     recording = drive(samples, 1)
     return [fit_velocity_loop(r) for r in frequency_responses(recording, motion, cell.robot)]
 
@@ -58,5 +57,5 @@ def loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
 @pytest.fixture(scope="session")
 def model(cell: LoadedCell, drive: Drive) -> Estimate:
     motion = design_two_harmonic(cell.robot, 10.0, cell.config.cycle_time_s, tries=100, periods=8)
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     return estimate_periodic(cell.robot, [average_periods(drive(samples, 2))])

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.motion.circle import circle_motion
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.circle import CircleMotion
+from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.recording.recording import Recording
 from compensation.compensated_motion import compensated_motion
@@ -19,7 +19,6 @@ from compensation.loops.loop_file import read_loops, write_loops
 from compensation.loops.velocity_loop import VelocityLoop
 from config.errors import ConfigError
 from config.load import LoadedCell
-from config.motion.motion import CircleMotion, MultipointMotion
 from dynamics.geometry.kinematics import Chain
 from identification.estimation.estimate import Estimate
 
@@ -65,7 +64,7 @@ def test_circles_come_an_order_of_magnitude_closer(
     max_ratio: float,
 ) -> None:
     """All unmodelled effects are on, and nothing is taken from the plant."""
-    samples = plan_motion(circle(centre, radius_m, speed), cell.robot, cell.config.cycle_time_s)
+    samples = circle(centre, radius_m, speed).plan(cell.robot, cell.config.cycle_time_s)
     before = error_of(cell, drive, samples)
     after = error_of(cell, drive, compensated_motion(samples, model, loops))
     assert before.mean_m > 5e-4
@@ -77,7 +76,7 @@ def test_a_motion_that_is_not_periodic_is_compensated_too(
     cell: LoadedCell, drive: Drive, loops: list[VelocityLoop], model: Estimate
 ) -> None:
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=6, seed=1)
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     before = error_of(cell, drive, samples)
     after = error_of(cell, drive, compensated_motion(samples, model, loops))
     assert after.mean_m < before.mean_m / 5.0
@@ -87,7 +86,7 @@ def test_run_in_period_and_run_out_join_without_a_jump(
     cell: LoadedCell, loops: list[VelocityLoop], model: Estimate
 ) -> None:
     motion = circle((0.575, -0.078, -1.724), 0.2, 0.6)
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     ahead = compensated_motion(samples, model, loops).feedforward
     assert ahead is not None
     steps = np.abs(np.diff(ahead, axis=0))
@@ -122,7 +121,7 @@ def test_loops_and_models_of_other_joints_are_refused(
     cell: LoadedCell, loops: list[VelocityLoop], model: Estimate
 ) -> None:
     motion = circle((0.575, -0.078, -1.724), 0.2, 0.6)
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     with pytest.raises(ConfigError, match="no velocity loop of axis1"):
         compensated_motion(samples, model, loops[1:])
     others = replace(samples, joint_names=("a", "b", "c"))
@@ -131,5 +130,5 @@ def test_loops_and_models_of_other_joints_are_refused(
 
 
 def test_a_circle_has_whole_cycles(cell: LoadedCell) -> None:
-    turns = circle_motion(circle((0.575, -0.078, -1.724), 0.2, 0.6), cell.robot, 0.008)
+    turns = circle((0.575, -0.078, -1.724), 0.2, 0.6).as_fourier(cell.robot, 0.008)
     assert turns.period_s == pytest.approx(2.096)

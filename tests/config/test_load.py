@@ -9,15 +9,7 @@ from pathlib import Path
 import pytest
 
 from config.errors import ConfigError
-from config.load import (
-    bundled_names,
-    load_cell,
-    load_import_map,
-    load_motion,
-    load_robot,
-    to_yaml,
-)
-from config.motion.motion import FourierJoint, FourierMotion
+from config.load import bundled_names, load_cell, load_robot
 
 
 def test_every_bundled_cell_and_robot_loads() -> None:
@@ -123,51 +115,3 @@ def test_the_position_points_at_the_key(tmp_path: Path) -> None:
 def test_an_unknown_cell_lists_the_bundled_ones() -> None:
     with pytest.raises(ConfigError, match=r"Bundled cells: .*ir361"):
         load_cell("nothing-like-it")
-
-
-def test_a_motion_written_reads_back_equal(tmp_path: Path) -> None:
-    motion = FourierMotion(
-        kind="fourier",
-        robot="ir361",
-        period_s=10.0,
-        joints=(FourierJoint(joint="A1", sine=(0.1, 1e-7), cosine=(0.0, -0.25)),),
-    )
-    path = tmp_path / "motion.yaml"
-    path.write_text(to_yaml(motion, "An excitation."))
-    assert load_motion(path) == motion
-
-
-def test_a_motion_of_an_unknown_kind_names_the_kinds(tmp_path: Path) -> None:
-    path = tmp_path / "motion.yaml"
-    path.write_text("robot: ir361\nkind: forier\n")
-    said = r"yaml:2:1: kind: there is no 'forier'; did you mean fourier.*, multipoint"
-    with pytest.raises(ConfigError, match=said):
-        load_motion(path)
-    path.write_text("robot: ir361\n")
-    with pytest.raises(ConfigError, match=r"yaml:1:1: the key 'kind' is missing. It is .*fourier"):
-        load_motion(path)
-
-
-def test_an_unknown_key_of_a_motion_names_the_allowed_ones(tmp_path: Path) -> None:
-    path = tmp_path / "motion.yaml"
-    path.write_text("kind: multipoint\nrobot: ir361\nseed: 1\nsped_fraction: 0.5\n")
-    with pytest.raises(ConfigError, match="did you mean speed_fraction"):
-        load_motion(path)
-
-
-def test_an_import_map_finds_its_robot_beside_itself_and_their_joints_must_match(
-    tmp_path: Path,
-) -> None:
-    (tmp_path / "robot.yaml").write_bytes(load_cell("ir361").files["robot.yaml"])
-    joints = "".join(f"  - {{joint: axis{n}, position: {n}, torque: {n + 3}}}\n" for n in (1, 2, 3))
-    text = (
-        f"name: m\nrobot: robot.yaml\ncolumns: 7\ntime: {{column: 0, unit: s}}\njoints:\n{joints}"
-    )
-    path = tmp_path / "map.yaml"
-    path.write_text(text + "plausible: {position: 7.0, speed: 4.0, torque: 800.0}\n")
-    import_map, robot = load_import_map(str(path))
-    assert robot == load_robot("ir361")
-    assert import_map.joint_names == robot.joint_names
-    path.write_text(path.read_text().replace("axis3", "axis4"))
-    with pytest.raises(ConfigError, match=r"map\.yaml:5:1: joints are .*axis4"):
-        load_import_map(str(path))

@@ -20,7 +20,7 @@ import pytest
 from numpy.typing import NDArray
 
 from acquisition.journal.cycle_row import row_dtype
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.supervision.stop_reason import StopReason
 from acquisition.task.control_block import ControlBlock
@@ -30,7 +30,6 @@ from acquisition.task.set_points import PlannedMotion
 from config.cell.cell import CellConfig
 from config.errors import RidDaqError, TransportError
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, sdo_request_cob_id
 from drivers.cell import Cell, open_cell
@@ -300,7 +299,7 @@ def motion_of(loaded: LoadedCell) -> Callable[[str, int], FourierMotion]:
 
 def fourier(loaded: LoadedCell, periods: int) -> MotionSamples:
     plan = plan_of(loaded, loaded.robot.name, periods)
-    return plan_motion(plan, loaded.robot, loaded.config.cycle_time_s)
+    return plan.plan(loaded.robot, loaded.config.cycle_time_s)
 
 
 def plan_of(loaded: LoadedCell, robot: str, periods: int) -> FourierMotion:

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
 from acquisition.runs.catalogue import find_run
 from config.load import to_yaml
-from config.motion.motion import FourierMotion
 from config.simulation.faults import FaultScript, FrameFault
 from rid_daq.app import run
 from rid_daq.runs.run_quality import run_quality

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition.motion.kinds.fourier import FourierMotion
 from config.load import LoadedCell, to_yaml
-from config.motion.motion import FourierMotion
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from identification.estimation.estimate import Estimate

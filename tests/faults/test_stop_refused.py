@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.supervision.stop_reason import StopCode
 from config.load import LoadedCell, to_yaml
-from config.motion.motion import FourierMotion
 from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
 from tests.builders.obedient_cell import Outcome, one_axis, rows_until

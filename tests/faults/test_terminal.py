@@ -19,9 +19,9 @@ from pathlib import Path
 import pytest
 
 from acquisition.journal.cycles import read_journal
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.runs.folder import RunFolder
 from config.load import to_yaml
-from config.motion.motion import FourierMotion
 
 pytestmark = pytest.mark.slow
 

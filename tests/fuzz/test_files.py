@@ -16,18 +16,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition.csv.import_map import load_import_map
 from acquisition.csv.read import import_csv
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.plate import read_plate_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.motion_file import load_motion
 from acquisition.runs.folder import RunFolder
 from acquisition.session.repair import examine_journal
 from compensation.feedforward.file import read_feedforward
 from compensation.loops.loop_file import read_loops
 from config.errors import RidDaqError
-from config.load import load_cell, load_faults, load_import_map, load_motion, load_robot
+from config.load import load_cell, load_faults, load_robot
 from identification.estimation.file import read_estimate
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import LoadFormat, load_data, read_load_data
@@ -125,7 +126,7 @@ def test_motion_files_up_to_their_samples(kind: str, tmp_path: Path) -> None:
     robot = load_robot("ir361")
 
     def read(path: Path) -> None:
-        plan_motion(load_motion(path), robot, 0.008)
+        load_motion(path).plan(robot, 0.008)
 
     assert survive(read, tmp_path / "motion.yaml", MOTIONS[kind], 100) > 25
 
@@ -138,7 +139,7 @@ def test_joint_tables(tmp_path: Path) -> None:
     robot = load_robot("ir361")
 
     def read(_path: Path) -> None:
-        plan_motion(load_motion(motion), robot, 0.008)
+        load_motion(motion).plan(robot, 0.008)
 
     assert survive(read, tmp_path / "table.csv", table, 100) > 25
 

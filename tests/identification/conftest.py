@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
-from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.recording.plate_geometry import PlateGeometry
 from acquisition.recording.reaction import reaction_of
@@ -24,7 +24,6 @@ from benchmarks.closed_loop import closed_loop
 from config.cell.cell import ButterworthFilter
 from config.cell.plate import AmplifierConfig, PlateConfig
 from config.load import LoadedCell, load_cell, load_robot
-from config.motion.motion import FourierMotion
 from config.robot.bodies import Capsule
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
@@ -86,7 +85,7 @@ def measure(arm: KnownArm) -> Measure:
         motion: FourierMotion | None = None,
         parameters: NDArray[np.float64] | None = None,
     ) -> Recording:
-        trajectory = FourierTrajectory.from_motion(motion or arm.motion, arm.robot, CYCLE_S)
+        trajectory = (motion or arm.motion).trajectory(arm.robot, CYCLE_S)
         samples = trajectory.samples_per_period
         random = np.random.default_rng(seed)
         times = np.arange(samples * FINE) * (CYCLE_S / FINE)
@@ -246,7 +245,7 @@ class SimulatedPlate:
     ) -> Recording:
         """Return a recording of whole periods with what the plate measured of them."""
         assert recording.sample_period_s is not None
-        trajectory = FourierTrajectory.from_motion(motion, cell.robot, recording.sample_period_s)
+        trajectory = motion.trajectory(cell.robot, recording.sample_period_s)
         at = np.arange(0.0, motion.period_s - STEP_S / 2.0, STEP_S)
         wrench = base_wrench(
             cell,

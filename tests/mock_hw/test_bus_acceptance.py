@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from acquisition.journal.cycles import read_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
@@ -32,7 +32,6 @@ from acquisition.supervision.stop_reason import StopCode
 from config.cell.cell import CanBusConfig, CellConfig
 from config.errors import ConfigError, LockedError
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from drivers.cell import Cell, open_cell
 from mock_hw.cell import SimulatedCell
 from rid_daq.preflight.preflight import preflight
@@ -174,10 +173,9 @@ def motion(loaded: LoadedCell) -> MotionSamples:
         FourierJoint(joint=name, offset=0.1, sine=(0.1,), cosine=(0.0,))
         for name in loaded.robot.joint_names
     )
-    return plan_motion(
-        FourierMotion(
-            kind="fourier", robot="ir361", period_s=1.0, periods=2, ramp_s=0.5, joints=joints
-        ),
+    return FourierMotion(
+        kind="fourier", robot="ir361", period_s=1.0, periods=2, ramp_s=0.5, joints=joints
+    ).plan(
         loaded.robot,
         loaded.config.cycle_time_s,
     )

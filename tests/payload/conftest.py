@@ -9,13 +9,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from config.load import load_robot
-from config.motion.motion import FourierMotion
 from config.robot.robot import RobotDescription
 from identification.design.two_harmonic import two_harmonic_draws
 from identification.payload.body import PayloadBody
@@ -136,7 +135,7 @@ def measured(
     gain: FloatArray | None = None,
 ) -> Recording:
     """Return periods as drives would tell them: band-limited torque, noise, rounded positions."""
-    trajectory = FourierTrajectory.from_motion(motion, robot, CYCLE_S)
+    trajectory = motion.trajectory(robot, CYCLE_S)
     samples = trajectory.samples_per_period
     random = np.random.default_rng(seed)
     times = np.arange(samples * FINE) * (CYCLE_S / FINE)

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.processing.periods import PeriodAverage
 from config.errors import EstimationError
-from config.motion.motion import FourierMotion
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition.csv.import_map import ImportMap
 from acquisition.csv.read import import_csv
 from acquisition.csv.report import ImportReport
 from acquisition.recording.recording import Recording
 from config.errors import ConfigError, DataQualityError
-from config.motion.import_map import ImportMap
 from config.robot.robot import RobotDescription
 
 ROWS = 300

@@ -12,12 +12,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from acquisition.csv.import_map import ImportMap, RowRange
 from acquisition.csv.read import import_csv, refuse_rows_beyond
 from acquisition.csv.report import DamagedRow, group_damaged
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
 from config.errors import ConfigError, DataQualityError, RidDaqError
-from config.motion.import_map import ImportMap, RowRange
 
 ROWS = 400
 W = 2.0 * math.pi * 0.5

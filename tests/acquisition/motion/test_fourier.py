@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.motion.fourier import FourierTrajectory, samples_of_period
+from acquisition.motion.fourier import samples_of_period
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from config.errors import ConfigError
 from config.load import load_robot
-from config.motion.motion import FourierJoint, FourierMotion
 
 ROBOT = load_robot("ir361")
 
@@ -32,7 +32,7 @@ def motion(**changes: object) -> FourierMotion:
 
 class TestTrajectory:
     def test_is_the_sum_of_2_30(self) -> None:
-        trajectory = FourierTrajectory.from_motion(motion(), ROBOT, 0.008)
+        trajectory = motion().trajectory(ROBOT, 0.008)
         t = np.array([0.0, 1.234, 9.9])
         w = 2.0 * np.pi / 10.0
         axis1 = (
@@ -49,7 +49,7 @@ class TestTrajectory:
         np.testing.assert_allclose(trajectory.acceleration(t)[:, 2], acceleration3, atol=1e-14)
 
     def test_repeats_after_its_period(self) -> None:
-        trajectory = FourierTrajectory.from_motion(motion(), ROBOT, 0.008)
+        trajectory = motion().trajectory(ROBOT, 0.008)
         assert trajectory.samples_per_period == 1250
         assert trajectory.harmonics == 3
         t = trajectory.sample_times_s
@@ -60,23 +60,23 @@ class TestTrajectory:
     def test_takes_the_joints_in_the_robots_order(self) -> None:
         given_order = motion()
         shuffled = motion(joints=given_order.joints[::-1])
-        a = FourierTrajectory.from_motion(given_order, ROBOT, 0.008)
-        b = FourierTrajectory.from_motion(shuffled, ROBOT, 0.008)
+        a = given_order.trajectory(ROBOT, 0.008)
+        b = shuffled.trajectory(ROBOT, 0.008)
         np.testing.assert_array_equal(a.offset, b.offset)
         np.testing.assert_array_equal(a.sine, b.sine)
 
     def test_cannot_be_changed(self) -> None:
-        trajectory = FourierTrajectory.from_motion(motion(), ROBOT, 0.008)
+        trajectory = motion().trajectory(ROBOT, 0.008)
         with pytest.raises(ValueError, match="read-only"):
             trajectory.sine[0, 0] = 1.0
 
     def test_refuses_a_missing_joint_by_name(self) -> None:
         with pytest.raises(ConfigError, match=r"axis1, axis2; robot 'ir361' needs .*axis3"):
-            FourierTrajectory.from_motion(motion(joints=motion().joints[:2]), ROBOT, 0.008)
+            motion(joints=motion().joints[:2]).trajectory(ROBOT, 0.008)
 
     def test_refuses_harmonics_beyond_half_the_sampling_frequency(self) -> None:
         with pytest.raises(ConfigError, match="harmonic 3 of a period of 6 samples"):
-            FourierTrajectory.from_motion(motion(period_s=0.6), ROBOT, 0.1)
+            motion(period_s=0.6).trajectory(ROBOT, 0.1)
 
 
 class TestSamplesOfPeriod:

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.motion.constant_velocity import constant_velocity_runs
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion, SpeedRuns
+from acquisition.motion.kinds.fourier import FourierJoint
+from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.samples import Phase
 from config.errors import ConfigError
 from config.formats.yaml_tree import parse_yaml
 from config.load import load_robot, to_yaml, validate
-from config.motion.motion import ConstantVelocityMotion, FourierJoint, ReversedMotion, SpeedRuns
 
 CYCLE_S = 0.008
 IR361 = load_robot("ir361")
@@ -33,8 +33,8 @@ TURN = SpeedRuns(joint="axis1", low=-2.0, high=2.0, speeds=(2.0,))
 
 def test_every_speed_is_held_both_ways_over_the_same_stretch() -> None:
     motion = steady(LIFT, TURN, repeats=2, longest_run_s=4.0)
-    samples = plan_motion(motion, IR361, CYCLE_S)
-    _, runs = constant_velocity_runs(motion, IR361, CYCLE_S)
+    samples = motion.plan(IR361, CYCLE_S)
+    _, runs = motion.runs(IR361, CYCLE_S)
     assert [(run.joint, run.speed) for run in runs] == [
         (joint, sign * speed)
         for joint, speeds in ((1, LIFT.speeds), (0, TURN.speeds))
@@ -67,7 +67,7 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_path(
     spec = SpeedRuns(joint="axis1", low=-2.5, high=2.5, speeds=(speed,))
     motion = steady(spec, dwell_s=dwell_s, acceleration_fraction=fraction)
     try:
-        samples = plan_motion(motion, IR361, cycle_s)
+        samples = motion.plan(IR361, cycle_s)
     except ConfigError as error:
         assert "s of constant speed between" in str(error)  # noqa: PT017
         return
@@ -94,7 +94,7 @@ def test_the_way_back_is_the_way_there_reversed() -> None:
             for name in IR361.joint_names
         ),
     )
-    samples = plan_motion(motion, IR361, CYCLE_S)
+    samples = motion.plan(IR361, CYCLE_S)
     hold = np.flatnonzero(samples.phase == Phase.HOLD)
     there, back = slice(0, hold[0]), slice(hold[-1] + 1, None)
     period = round(2.0 / CYCLE_S)
@@ -141,4 +141,4 @@ def test_a_motion_file_reads_back(motion: ConstantVelocityMotion) -> None:
 )
 def test_what_cannot_be_run_is_refused(motion: ConstantVelocityMotion, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        plan_motion(motion, IR361, CYCLE_S)
+        motion.plan(IR361, CYCLE_S)

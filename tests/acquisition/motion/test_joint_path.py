@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.motion.plan import plan_motion
-from acquisition.motion.samples import Phase, verify_limits
+from acquisition.motion.kinds.joint_path import JointPathMotion
+from acquisition.motion.kinds.joint_table import JointTableMotion
+from acquisition.motion.limits import verify_limits
+from acquisition.motion.motion_file import load_motion
+from acquisition.motion.samples import Phase
 from config.errors import ConfigError
-from config.load import load_motion, load_robot, to_yaml
-from config.motion.path_motion import JointPathMotion, JointTableMotion
+from config.load import load_robot, to_yaml
 
 ROBOT = load_robot("ir361")
 T = 0.008
@@ -43,7 +45,7 @@ def csv(rows: list[tuple[float, float, float, float]]) -> list[str]:
 
 @pytest.mark.parametrize("fraction", [0.3, 1.0])
 def test_a_curve_goes_through_its_poses_within_the_share_of_limits(fraction: float) -> None:
-    samples = plan_motion(joint_path(speed_fraction=fraction), ROBOT, T)  # type: ignore[arg-type]
+    samples = joint_path(speed_fraction=fraction).plan(ROBOT, T)  # type: ignore[arg-type]
     verify_limits(samples, ROBOT)
     for pose in POINTS:
         gap = np.abs(samples.position - pose).max(axis=1).min()
@@ -66,7 +68,7 @@ def test_a_curve_goes_through_its_poses_within_the_share_of_limits(fraction: flo
 def test_a_table_of_a_csv_file_is_followed_and_comes_into_the_motion(tmp_path: Path) -> None:
     motion = load_motion(written(tmp_path, csv(table())))
     assert isinstance(motion, JointTableMotion)
-    samples = plan_motion(motion, ROBOT, T)
+    samples = motion.plan(ROBOT, T)
     main = samples.position[samples.phase == Phase.MAIN]
     wanted = np.array(table())
     times = np.arange(len(main)) * T
@@ -99,7 +101,7 @@ def test_tables_that_cannot_be_meant_are_refused_by_their_row(
     tmp_path: Path, lines: list[str], words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
-        plan_motion(load_motion(written(tmp_path, lines)), ROBOT, T)
+        load_motion(written(tmp_path, lines)).plan(ROBOT, T)
 
 
 def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
@@ -130,4 +132,4 @@ def test_poses_that_cannot_be_reached_are_refused(
     points: tuple[tuple[float, ...], ...], words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
-        plan_motion(joint_path(points), ROBOT, T)  # type: ignore[arg-type]
+        joint_path(points).plan(ROBOT, T)  # type: ignore[arg-type]

@@ -5,19 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.motion.multisine import (
+from acquisition.motion.kinds.multisine import (
     LEAST_SLOW,
+    MultisineMotion,
     crest_factor,
-    excited_lines,
     low_crest_factor,
-    realisation_motions,
-    speed_phasors,
 )
-from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import Phase
 from config.errors import ConfigError
 from config.load import load_robot
-from config.motion.motion import MultisineMotion
 from config.robot.robot import RobotDescription
 
 STEP_S = 0.008
@@ -48,7 +44,7 @@ def multisine(grid: str = "random_odd", **changes: object) -> MultisineMotion:
 
 @pytest.mark.parametrize("grid", ["odd", "random_odd", "full"])
 def test_no_two_joints_share_a_line(robot: RobotDescription, grid: str) -> None:
-    lines = excited_lines(multisine(grid), robot)
+    lines = multisine(grid).excited_lines(robot)
     every = np.concatenate(lines)
     assert len(set(every.tolist())) == len(every)
     assert every.min() >= 0.5 * PERIOD_S
@@ -62,8 +58,8 @@ def test_no_two_joints_share_a_line(robot: RobotDescription, grid: str) -> None:
 
 def test_a_realisation_has_its_speeds_on_its_lines_alone(robot: RobotDescription) -> None:
     motion = multisine()
-    lines, phasors = excited_lines(motion, robot), speed_phasors(motion, robot)
-    samples = plan_motion(motion, robot, STEP_S)
+    lines, phasors = motion.excited_lines(robot), motion.speed_phasors(robot)
+    samples = motion.plan(robot, STEP_S)
     main = np.flatnonzero(samples.phase == Phase.MAIN)
     rows = round(PERIOD_S / STEP_S)
     for number in range(motion.realisations):
@@ -82,10 +78,10 @@ def test_a_realisation_has_its_speeds_on_its_lines_alone(robot: RobotDescription
 
 
 def test_realisations_differ_and_come_back_from_the_seed(robot: RobotDescription) -> None:
-    first, second, *_ = realisation_motions(multisine(), robot)
+    first, second, *_ = multisine().realised(robot)
     assert first != second
-    assert realisation_motions(multisine(), robot)[0] == first
-    assert realisation_motions(multisine(seed=1), robot)[0] != first
+    assert multisine().realised(robot)[0] == first
+    assert multisine(seed=1).realised(robot)[0] != first
 
 
 def test_peaks_are_made_small() -> None:
@@ -118,7 +114,7 @@ def test_what_cannot_be_excited_is_refused(
     robot: RobotDescription, changes: dict[str, object], words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
-        excited_lines(multisine(**changes), robot)
+        multisine(**changes).excited_lines(robot)
 
 
 def test_the_slow_sine_is_no_line() -> None:

@@ -8,14 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.motion.fourier import FourierTrajectory
-from acquisition.motion.ramps import (
-    join,
-    rest_to_rest,
-    rest_to_rest_duration,
-    run_in,
-    run_out,
-    standstill,
-)
+from acquisition.motion.ramps import rest_to_rest, rest_to_rest_duration, run_in, run_out
+from acquisition.motion.samples import join, standstill
 
 T = 0.01
 TRAJECTORY = FourierTrajectory(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from acquisition.motion.limits import verify_limits
 from acquisition.motion.rehearsal import rehearsal
-from acquisition.motion.samples import MotionSamples, verify_limits
+from acquisition.motion.samples import MotionSamples
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.motion.approach import approach
-from acquisition.motion.multipoint import random_poses
-from acquisition.motion.plan import plan_motion
-from acquisition.motion.samples import MotionSamples, Phase, verify_limits
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
+from acquisition.motion.kinds.multipoint import MultipointMotion
+from acquisition.motion.limits import verify_limits
+from acquisition.motion.samples import MotionSamples, Phase
 from config.errors import ConfigError
 from config.load import load_robot
-from config.motion.motion import FourierJoint, FourierMotion, MultipointMotion
 
 ROBOT = load_robot("ir361")
 T = 0.008
@@ -60,7 +60,7 @@ def largest_mismatch(samples: MotionSamples) -> tuple[float, float]:
 
 
 class TestFourierPlan:
-    samples = plan_motion(fourier(periods=3, transient_periods=2), ROBOT, T)
+    samples = fourier(periods=3, transient_periods=2).plan(ROBOT, T)
 
     def test_starts_and_ends_at_rest(self) -> None:
         for values in (self.samples.velocity, self.samples.acceleration):
@@ -86,7 +86,7 @@ class TestFourierPlan:
         assert acceleration < 1e-2
 
     def test_lengthens_the_ramp_until_the_limits_hold(self) -> None:
-        samples = plan_motion(fourier(amplitude=0.5, periods=1, ramp_s=0.05), ROBOT, T)
+        samples = fourier(amplitude=0.5, periods=1, ramp_s=0.05).plan(ROBOT, T)
         ramp_s = np.count_nonzero(samples.phase == Phase.RUN_IN) * T
         assert 0.1 < ramp_s < 4.0
         verify_limits(samples, ROBOT)
@@ -95,12 +95,12 @@ class TestFourierPlan:
         with pytest.raises(
             ConfigError, match=r"position of joint 'axis2' reaches [\d.]+ rad .*its limit is 1"
         ):
-            plan_motion(fourier(amplitude=2.0), ROBOT, T)
+            fourier(amplitude=2.0).plan(ROBOT, T)
 
     def test_of_16_periods_takes_well_under_a_second(self) -> None:
         motion = fourier()
         started = time.perf_counter()
-        samples = plan_motion(motion, ROBOT, T)
+        samples = motion.plan(ROBOT, T)
         assert time.perf_counter() - started < 0.8
         assert samples.periods == 16
 
@@ -118,7 +118,7 @@ class TestFourierPlan:
             amplitude, harmonics, ramp_s=ramp_s, transient_periods=transient, periods=1
         )
         try:
-            samples = plan_motion(motion, ROBOT, T)
+            samples = motion.plan(ROBOT, T)
         except ConfigError:
             return
         for column, joint in enumerate(ROBOT.joints):
@@ -132,8 +132,8 @@ class TestFourierPlan:
 class TestMultipointPlan:
     def test_visits_every_pose_at_rest(self) -> None:
         motion = multipoint(points=20)
-        samples = plan_motion(motion, ROBOT, T)
-        for pose in random_poses(motion, ROBOT):
+        samples = motion.plan(ROBOT, T)
+        for pose in motion.poses(ROBOT):
             here = (samples.position == pose).all(axis=1)
             assert here.any()
             np.testing.assert_array_equal(samples.velocity[here], 0.0)
@@ -142,12 +142,12 @@ class TestMultipointPlan:
         assert 20.0 < samples.duration_s < 60.0
 
     def test_is_the_same_for_the_same_seed_and_another_for_another(self) -> None:
-        one, same, other = (plan_motion(multipoint(seed=s), ROBOT, T) for s in (4, 4, 5))
+        one, same, other = (multipoint(seed=s).plan(ROBOT, T) for s in (4, 4, 5))
         np.testing.assert_array_equal(one.position, same.position)
         assert len(other) != len(one) or (other.position != one.position).any()
 
     def test_uses_its_fraction_of_range_and_speed(self) -> None:
-        samples = plan_motion(multipoint(range_fraction=0.5, speed_fraction=0.4), ROBOT, T)
+        samples = multipoint(range_fraction=0.5, speed_fraction=0.4).plan(ROBOT, T)
         for column, joint in enumerate(ROBOT.joints):
             limits = joint.limits
             middle = (limits.position_min + limits.position_max) / 2.0
@@ -157,7 +157,7 @@ class TestMultipointPlan:
             assert np.abs(samples.acceleration[:, column]).max() <= 0.4 * limits.acceleration
 
     def test_is_smooth(self) -> None:
-        velocity, acceleration = largest_mismatch(plan_motion(multipoint(), ROBOT, T))
+        velocity, acceleration = largest_mismatch(multipoint().plan(ROBOT, T))
         assert velocity < 0.02
         assert acceleration < 0.6  # quintic: the acceleration has corners at the poses
 
@@ -254,9 +254,9 @@ def test_an_endless_motion_is_refused_before_it_fills_the_memory(
     changes: dict[str, float],
 ) -> None:
     with pytest.raises(ConfigError, match=r"the motion takes .* at most 14400 s"):
-        plan_motion(fourier(**changes), load_robot("ir361"), 0.008)
+        fourier(**changes).plan(load_robot("ir361"), 0.008)
 
 
 def test_so_is_one_from_point_to_point() -> None:
     with pytest.raises(ConfigError, match=r"the motion takes .* at most 14400 s"):
-        plan_motion(multipoint(speed_fraction=1e-9), ROBOT, T)
+        multipoint(speed_fraction=1e-9).plan(ROBOT, T)

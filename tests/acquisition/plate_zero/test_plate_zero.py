@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion.samples import verify_limits
+from acquisition.motion.limits import verify_limits
 from acquisition.plate_zero.plate_zero import (
     PlateOffset,
     ZeroTurn,

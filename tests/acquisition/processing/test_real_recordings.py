@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acquisition.csv.import_map import ImportMap, RowRange
 from acquisition.csv.read import import_csv
 from acquisition.processing.periods import average_periods
 from acquisition.processing.smoothing import resample_periods, smooth_nonperiodic
 from config.load import load_bundled_or_path
-from config.motion.import_map import ImportMap, RowRange
 
 SOUND = (
     "ur-20_01_17-ptp_10_points",

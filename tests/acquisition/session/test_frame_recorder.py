@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 
 from acquisition.journal.cycles import read_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.runs.folder import RunFolder
 from acquisition.session.frame_recorder import FrameRecorder
 from acquisition.session.record import record_motion
 from config.cell.cell import CanBusConfig
 from config.errors import ConfigError, DriverError, RecordingError, TransportError
 from config.load import load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from drivers.canopen.frames import SYNC_COB_ID, tpdo_cob_id
 from mock_hw.cell import SimulatedCell
 
@@ -52,7 +51,7 @@ def test_it_holds_what_was_on_the_bus(simulated: SimulatedCell, log: Path, tmp_p
     )
     file = tmp_path / "frames.blf"
     with simulated as cell:
-        samples = plan_motion(motion, robot, cell.cell.cycle_time_s)
+        samples = motion.plan(robot, cell.cell.cycle_time_s)
         with FrameRecorder(cell.cell.can, file) as recorder:
             run = RunFolder.create(tmp_path / "runs", "frames")
             outcome = record_motion(cell.cell, robot, samples, run)

@@ -10,7 +10,7 @@ import pytest
 
 from acquisition.journal.cycles import read_journal
 from acquisition.journal.plate import PLATE_RECORDING, PlateRows, read_plate_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.processing.plate_alignment import stream_clock, with_plate
@@ -20,7 +20,6 @@ from acquisition.session.record import RecordOutcome, record_motion
 from acquisition.supervision.stop_reason import StopCode
 from config.cell.cell import CellConfig
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from mock_hw.amplifier.line_faults import FaultKind, LineFault, LineFaults
 from mock_hw.cell import SimulatedCell
 
@@ -52,7 +51,7 @@ def record(
         ramp_s=1.0,
         joints=joints,
     )
-    samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     assert loaded.plant is not None
     with SimulatedCell(
         cell or loaded.config,

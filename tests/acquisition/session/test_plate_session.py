@@ -14,7 +14,7 @@ import pytest
 
 from acquisition.journal.cycles import read_journal
 from acquisition.journal.plate import PLATE_RECORDING, PlateRows, read_plate_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.plate_preparation import plate_zero_n, prepare_plate
@@ -23,7 +23,6 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress
 from config.errors import PreflightError
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from drivers.amplifier.amplifier import open_amplifier
 from mock_hw.amplifier.line_faults import FaultKind, LineFault, LineFaults
 from mock_hw.cell import SimulatedCell
@@ -67,7 +66,7 @@ def record(loaded: LoadedCell, tmp_path: Path) -> Record:
         motion = FourierMotion(
             kind="fourier", robot="ir361", period_s=2.0, periods=periods, ramp_s=1.0, joints=joints
         )
-        samples = plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+        samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
         folder = RunFolder.create(tmp_path / "runs", "test")
         outcome = record_motion(
             simulated.cell.model_copy(update={"simulated": simulated_flag}),

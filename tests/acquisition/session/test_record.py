@@ -24,7 +24,7 @@ import pytest
 from acquisition.journal.cycle_row import row_struct
 from acquisition.journal.cycles import Journal, read_journal
 from acquisition.journal.mcap_writer import being_written
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import RecordOutcome, record_motion
@@ -33,7 +33,6 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress, TaskState
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from mock_hw.cell import SimulatedCell
 from tests.builders.recording_program import RECORD
 
@@ -72,12 +71,12 @@ def fourier(loaded: LoadedCell, periods: int) -> FourierMotion:
 
 @pytest.fixture
 def short(loaded: LoadedCell) -> MotionSamples:
-    return plan_motion(fourier(loaded, 2), loaded.robot, loaded.config.cycle_time_s)
+    return fourier(loaded, 2).plan(loaded.robot, loaded.config.cycle_time_s)
 
 
 @pytest.fixture
 def long(loaded: LoadedCell) -> MotionSamples:
-    return plan_motion(fourier(loaded, 500), loaded.robot, loaded.config.cycle_time_s)
+    return fourier(loaded, 500).plan(loaded.robot, loaded.config.cycle_time_s)
 
 
 Record = Callable[..., RecordOutcome]

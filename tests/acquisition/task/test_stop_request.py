@@ -9,14 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock, TaskState
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
 from config.load import load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
 
@@ -41,7 +40,7 @@ def test_every_axis_is_told_to_stop_before_the_sync_after_the_request(
             FourierJoint(joint=name, sine=(0.3,), cosine=(0.0,)) for name in robot.joint_names
         ),
     )
-    samples = plan_motion(motion, robot, loaded.config.cycle_time_s)
+    samples = motion.plan(robot, loaded.config.cycle_time_s)
     control, ring = ControlBlock.create(), Ring.create(3, 4096)
     looks = 0
 

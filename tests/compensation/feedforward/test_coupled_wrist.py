@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.samples import MotionSamples
 from benchmarks.closed_loop import plant_at, true_loops
 from compensation.compensated_motion import with_feedforward
@@ -16,7 +16,6 @@ from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import OnlineFeedforward
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
-from config.motion.motion import MultipointMotion
 from config.robot.wrist_coupling import WristCoupling
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import RobotModel, torque
@@ -67,7 +66,7 @@ def test_every_joint_of_a_coupled_wrist_comes_closer(
 ) -> None:
     assert cell.plant is not None
     motion = MultipointMotion(kind="multipoint", robot="kr15", points=2, seed=3)
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     model = RobotModel.from_description(cell.robot)
     values = true_parameters(model, cell.robot, cell.plant)
     torque_nm = torque(model, samples.position, samples.velocity, samples.acceleration, values)

@@ -10,9 +10,7 @@ import control
 import numpy as np
 import pytest
 
-from acquisition.motion.circle import circle_motion, circle_points
-from acquisition.motion.fourier import FourierTrajectory
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.circle import CircleMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.recording.recording import Recording
 from compensation.feedforward.inverse import InverseFilter, feedforward, periodic_feedforward
@@ -20,7 +18,6 @@ from compensation.feedforward.tracking_error import TrackingError, tracking_erro
 from compensation.loops.velocity_loop import VelocityLoop
 from config.errors import ConfigError
 from config.load import LoadedCell, load_robot
-from config.motion.motion import CircleMotion
 from dynamics.geometry.inverse_kinematics import follow
 from dynamics.geometry.kinematics import Chain, forward, link_transforms
 from dynamics.model.robot_model import RobotModel, torque
@@ -49,7 +46,7 @@ def loop(gain: float, integral_s: float) -> VelocityLoop:
 
 @pytest.fixture(scope="module")
 def samples(cell: LoadedCell) -> MotionSamples:
-    return plan_motion(circle(), cell.robot, cell.config.cycle_time_s)
+    return circle().plan(cell.robot, cell.config.cycle_time_s)
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +99,7 @@ class TestCircle:
         motion = circle(
             robot="ur10e", centre_m=tuple(centre.tolist()), radius_m=0.1, near=near, speed_m_s=0.2
         )
-        turns = FourierTrajectory.from_motion(circle_motion(motion, robot, 0.01), robot, 0.01)
+        turns = motion.as_fourier(robot, 0.01).trajectory(robot, 0.01)
         poses = link_transforms(chain, turns.position(turns.sample_times_s))[:, -1, :3, :3]
         wanted = link_transforms(chain, np.array([near]))[0, -1, :3, :3]
         np.testing.assert_allclose(poses, np.broadcast_to(wanted, poses.shape), atol=1e-7)
@@ -118,11 +115,11 @@ class TestCircle:
         self, cell: LoadedCell, changes: dict[str, object], words: str
     ) -> None:
         with pytest.raises(ConfigError, match=words):
-            plan_motion(circle(**changes), cell.robot, 0.008)
+            circle(**changes).plan(cell.robot, 0.008)
 
     def test_positions_are_those_that_were_wanted(self, cell: LoadedCell) -> None:
         chain = Chain.from_description(cell.robot)
-        points = circle_points(circle(), np.linspace(0.0, 1.0, 50))
+        points = circle().points(np.linspace(0.0, 1.0, 50))
         found = follow(chain, points, np.array([0.1, -0.1, 0.4]))
         np.testing.assert_allclose(forward(chain, found), points, atol=1e-10)
 

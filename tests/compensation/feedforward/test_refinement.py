@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.circle import CircleMotion
+from acquisition.motion.kinds.tool_path import PathMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.recording.recording import Recording
 from compensation.compensated_motion import compensated_motion
@@ -26,8 +27,6 @@ from compensation.loops.velocity_loop import VelocityLoop
 from compensation.period_blend import with_period
 from config.errors import ConfigError, DataQualityError
 from config.load import LoadedCell
-from config.motion.motion import CircleMotion
-from config.motion.path_motion import PathMotion
 from dynamics.geometry.kinematics import Chain
 from identification.estimation.estimate import Estimate
 
@@ -64,12 +63,12 @@ SPLINE = PathMotion.model_validate(
 
 @pytest.fixture(scope="module")
 def planned(cell: LoadedCell) -> MotionSamples:
-    return plan_motion(CIRCLE, cell.robot, cell.config.cycle_time_s)
+    return CIRCLE.plan(cell.robot, cell.config.cycle_time_s)
 
 
 @pytest.fixture(scope="module")
 def path(cell: LoadedCell) -> MotionSamples:
-    return plan_motion(SPLINE, cell.robot, cell.config.cycle_time_s)
+    return SPLINE.plan(cell.robot, cell.config.cycle_time_s)
 
 
 def error_of(cell: LoadedCell, drive: Drive, samples: MotionSamples) -> TrackingError:

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.motion.plan import plan_motion
 from acquisition.motion.samples import MotionSamples, Phase
 from benchmarks.closed_loop import closed_loop
 from compensation.loops.axis_mechanics import AxisMechanics, fit_axis_mechanics
@@ -134,7 +133,7 @@ def measured(cell: LoadedCell, smooth: PlantConfig) -> list[Cascade]:
     motion = multisine_motion(
         cell.robot, cell.config, period_s=4.0, periods=2, realisations=2, seed=3
     )
-    samples = plan_motion(motion, cell.robot, CYCLE_S)
+    samples = motion.plan(cell.robot, CYCLE_S)
     spectra = multisine_spectra(closed_loop(cell, smooth, samples, 3), motion, cell.robot)
     return [
         Cascade(fit_velocity_loop(g), fit_axis_mechanics(p), 15.0, CYCLE_S)

@@ -10,7 +10,7 @@ import control
 import numpy as np
 import pytest
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
 from benchmarks.closed_loop import closed_loop
@@ -27,7 +27,6 @@ from compensation.loops.multisine_spectra import multisine_spectra
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop, whiteness
 from config.errors import DataQualityError, EstimationError
 from config.load import LoadedCell
-from config.motion.motion import MultisineMotion
 
 Drive = Callable[..., Recording]
 FREQUENCY_HZ = np.arange(0.5, 15.0, 0.5)
@@ -56,7 +55,7 @@ def multisine(seed: int = 0, **changes: object) -> MultisineMotion:
 @pytest.fixture(scope="module")
 def recorded(cell: LoadedCell, drive: Drive) -> tuple[MultisineMotion, Recording]:
     motion = multisine()
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     return motion, drive(samples)
 
 
@@ -245,7 +244,7 @@ def test_friction_that_sticks_passes_for_inertia_without_the_slow_sine(cell: Loa
         motion = multisine_motion(
             cell.robot, cell.config, period_s=4.0, periods=2, realisations=2, slow=slow, seed=1
         )
-        samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+        samples = motion.plan(cell.robot, cell.config.cycle_time_s)
         recording = closed_loop(cell, cell.plant, samples, 1)
         found = measure_loops(recording, motion, cell.robot, cell.config.position_gain_per_s)
         inertia[slow] = np.array([each.mechanics.inertia for each in found.cascades])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion.fourier import FourierTrajectory
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from config.cell.plate import PlateLimits
@@ -35,7 +34,7 @@ def estimate(arm: Any, weigh: Weigh) -> Estimate:
 
 @pytest.fixture(scope="module")
 def motion(arm: Any) -> tuple[NDArray[np.float64], ...]:
-    trajectory = FourierTrajectory.from_motion(arm.motion, arm.robot, 0.008)
+    trajectory = arm.motion.trajectory(arm.robot, 0.008)
     at = trajectory.sample_times_s
     return at, trajectory.position(at), trajectory.velocity(at), trajectory.acceleration(at)
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion.fourier import FourierTrajectory
 from acquisition.processing.smoothing import SmoothedSignals
 from config.errors import EstimationError
 from dynamics.model.robot_model import torque
@@ -28,7 +27,7 @@ STEP_S = 0.01
 
 def measured(arm: Any, payload: bool, seed: int) -> SmoothedSignals:
     """Return 30 s of a run: torques over gains, with noise and a ripple that the model lacks."""
-    trajectory = FourierTrajectory.from_motion(arm.motion, arm.robot, STEP_S)
+    trajectory = arm.motion.trajectory(arm.robot, STEP_S)
     times = np.arange(3000) * STEP_S
     q, v, a = (
         f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)

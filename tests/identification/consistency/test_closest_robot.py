@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from acquisition.csv.import_map import ImportMap, RowRange
 from acquisition.csv.read import import_csv
 from acquisition.processing.smoothing import smooth_nonperiodic
 from benchmarks.consistency import with_noise
 from config.errors import EstimationError
 from config.load import load_bundled_or_path, load_robot
-from config.motion.import_map import ImportMap, RowRange
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, regressor, torque
 from dynamics.terms.conditions import Conditions

@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 from dask.distributed import LocalCluster
 
-from acquisition.motion.fourier import FourierTrajectory
 from config.errors import ConfigError
 from config.load import load_robot
 from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
@@ -84,7 +83,7 @@ def test_it_holds_every_limit_and_beats_the_heuristic(problem, refined) -> None:
 
 def test_limits_hold_between_the_samples(problem, refined) -> None:
     times = np.linspace(0.0, 10.0, 20_000)
-    path = FourierTrajectory.from_motion(refined.motion, problem.robot, CYCLE_S)
+    path = refined.motion.trajectory(problem.robot, CYCLE_S)
     q, v, a = path.position(times), path.velocity(times), path.acceleration(times)
     for j, joint in enumerate(problem.robot.joints):
         limits = joint.limits
@@ -106,7 +105,7 @@ def test_torque_and_self_collision_hold_the_motion_back(pinocchio_arm) -> None:
     )
     found = refine(task, 4, 0.002, iterations=60)
     assert found.check.broken == ()
-    path = FourierTrajectory.from_motion(found.motion, robot, 0.01)
+    path = found.motion.trajectory(robot, 0.01)
     times = path.sample_times_s
     data = pinocchio_arm.model.createData()
     for q, v, a in zip(

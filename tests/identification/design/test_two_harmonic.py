@@ -3,11 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.motion.fourier import FourierTrajectory
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierMotion
 from config.errors import ConfigError
 from config.load import load_robot
-from config.motion.motion import FourierMotion
 from config.robot.bodies import Plane, Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
@@ -33,7 +31,7 @@ def test_each_axis_has_one_low_and_one_high_harmonic(robot: RobotDescription) ->
 
 @pytest.mark.parametrize("seed", range(4))
 def test_every_limit_holds_with_room(robot: RobotDescription, seed: int) -> None:
-    trajectory = FourierTrajectory.from_motion(designed(robot, tries=1, seed=seed), robot, 0.008)
+    trajectory = designed(robot, tries=1, seed=seed).trajectory(robot, 0.008)
     times = np.linspace(0.0, 10.0, 20_000)
     for values, limit in (
         (trajectory.velocity(times), "velocity"),
@@ -77,10 +75,10 @@ def test_the_best_draw_that_keeps_clear_is_taken(robot: RobotDescription) -> Non
     wall = Plane(name="wall", normal=(0.0, 0.0, -1.0), offset_m=0.5)
     workspace = Workspace(planes=(wall,), clearance_m=0.02)
     motion = design_two_harmonic(robot, 10.0, 0.008, tries=50, workspace=workspace)
-    samples = plan_motion(motion, robot, 0.008)
+    samples = motion.plan(robot, 0.008)
     assert Clearances.of(robot, workspace).nearest(samples.position).min() >= 0.02
     free = design_two_harmonic(robot, 10.0, 0.008, tries=50)
-    path = plan_motion(free, robot, 0.008).position
+    path = free.plan(robot, 0.008).position
     assert Clearances.of(robot, workspace).nearest(path).min() < 0.02
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from acquisition.motion.kinds.fourier import FourierMotion
 from config.load import load_robot
-from config.motion.motion import FourierMotion
 from config.robot.bodies import Plane, Workspace
 from dynamics.model.cad import cad_parameters
 from identification.design.criteria import Condition

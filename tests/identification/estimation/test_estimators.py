@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion.fourier import FourierTrajectory
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.processing.periods import average_periods
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.recording.recording import Recording
 from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
-from config.motion.motion import FourierMotion
 from dynamics.model.robot_model import torque
 from identification.design.two_harmonic import design_two_harmonic
 from identification.equations import time_domain as time_equations
@@ -88,7 +86,7 @@ class TestPeriodic:
         motion = design_two_harmonic(
             arm.robot, 5.0, 0.008, highest_harmonic=6, tries=50, seed=3, periods=8
         )
-        samples = plan_motion(motion, arm.robot, 0.008)
+        samples = motion.plan(arm.robot, 0.008)
         estimates = [
             estimate_periodic(arm.robot, [average_periods(run(samples, seed))]) for seed in range(4)
         ]
@@ -100,7 +98,7 @@ class TestPeriodic:
     def test_trusting_sign_at_reversals_that_stick_is_what_spoils_the_intervals(
         self, arm: Any, run: Run
     ) -> None:
-        samples = plan_motion(arm.motion, arm.robot, 0.008)
+        samples = arm.motion.plan(arm.robot, 0.008)
         average = average_periods(run(samples, 0))
         trusting, careful = (
             deviations([estimate_periodic(arm.robot, [average], standstill_rad_s=speed)], arm.base)
@@ -149,7 +147,7 @@ class TestPeriodic:
 class TestSmoothed:
     @pytest.fixture
     def signals(self, arm: Any) -> SmoothedSignals:
-        trajectory = FourierTrajectory.from_motion(arm.motion, arm.robot, 0.01)
+        trajectory = arm.motion.trajectory(arm.robot, 0.01)
         times = np.arange(3000) * 0.01
         q, v, a = (
             f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from acquisition.journal.mcap_reader import JournalDamage
 from acquisition.journal.plate import PlateRows
 from acquisition.journal.plate_row import EVENT_DTYPE, ROW_DTYPE, PlateHeader
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.processing.periods import average_periods
 from acquisition.processing.plate_alignment import with_plate
@@ -25,7 +25,6 @@ from acquisition.signals.clocks import DeviceClock
 from benchmarks.closed_loop import plant_at
 from config.cell.amplifier_profile import AmplifierProfile
 from config.load import LoadedCell, load_bundled_or_path
-from config.motion.motion import MultipointMotion
 from identification.accuracy.plate_benefit import improvement
 from identification.calibration.torque_scale import torque_consistency
 from identification.design.two_harmonic import design_two_harmonic
@@ -147,7 +146,7 @@ def samples(cell: LoadedCell) -> MotionSamples:
     motion = design_two_harmonic(
         cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=50, seed=3, periods=16
     )
-    return plan_motion(motion, cell.robot, CYCLE_S)
+    return motion.plan(cell.robot, CYCLE_S)
 
 
 @pytest.fixture(scope="module")
@@ -233,7 +232,7 @@ def test_the_reaction_of_another_motion_is_predicted_within_its_floor(
     cell: LoadedCell, robot: RobotOnPlate, fits: list[FittedPeriods]
 ) -> None:
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=8, seed=3)
-    recording = robot.run(plan_motion(motion, cell.robot, CYCLE_S), 99)
+    recording = robot.run(motion.plan(cell.robot, CYCLE_S), 99)
     estimate = fits[0].estimate()
     found = validate_reaction(estimate, recording)
     floor = validate_reaction(replace(estimate, values=truth_of(estimate, cell)), recording)

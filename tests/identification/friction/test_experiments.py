@@ -9,20 +9,15 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from acquisition.motion.constant_velocity import constant_velocity_runs
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion, SpeedRuns
+from acquisition.motion.kinds.fourier import FourierJoint
+from acquisition.motion.kinds.reversed import ReversedMotion
+from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
 from config.cell.cell import ButterworthFilter
 from config.errors import DataQualityError, EstimationError
 from config.load import load_robot
-from config.motion.motion import (
-    AnyMotion,
-    ConstantVelocityMotion,
-    FourierJoint,
-    ReversedMotion,
-    SpeedRuns,
-)
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from identification.friction.curve import FrictionCurve, friction_columns, joined
@@ -58,7 +53,7 @@ def recorded(
     wobble: float = 0.0,
 ) -> Recording:
     """Return what a perfect drive would record; `wobble` disturbs the way back [rad]."""
-    samples = plan_motion(motion, robot, CYCLE_S)
+    samples = motion.plan(robot, CYCLE_S)
     q, v, a = (np.array(x) for x in (samples.position, samples.velocity, samples.acceleration))
     back = np.flatnonzero(samples.phase == Phase.HOLD)
     if wobble:
@@ -169,7 +164,7 @@ def test_the_anti_alias_filter_is_divided_out() -> None:
 
 def test_a_recording_that_ended_before_is_refused() -> None:
     recording = recorded(STEADY)
-    _, runs = constant_velocity_runs(STEADY, IR361, CYCLE_S)
+    _, runs = STEADY.runs(IR361, CYCLE_S)
     cut = recording.sample_index < runs[-1].first + 10
     parts = {
         name: getattr(recording, name)[cut]

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.motion.constant_velocity import constant_velocity_runs
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from config.errors import ConfigError
 from config.load import load_robot
-from config.motion.motion import FourierJoint, FourierMotion
 from config.robot.bodies import Capsule, Plane, Workspace
 from dynamics.geometry.kinematics import Chain, forward
 from identification.friction.motions import constant_velocity_motion, reversed_motion
@@ -21,8 +19,8 @@ CYCLE_S = 0.008
 def test_every_joint_runs_slow_and_fast_within_its_limits(name: str) -> None:
     robot = load_robot(name)
     motion = constant_velocity_motion(robot, speeds=6, repeats=2)
-    samples = plan_motion(motion, robot, CYCLE_S)
-    _, runs = constant_velocity_runs(motion, robot, CYCLE_S)
+    samples = motion.plan(robot, CYCLE_S)
+    _, runs = motion.runs(robot, CYCLE_S)
     assert len(runs) == len(robot.joints) * 6 * 4
     for spec, joint in zip(motion.joints, robot.joints, strict=True):
         assert spec.joint == joint.name
@@ -40,9 +38,9 @@ def test_walls_shorten_the_runs() -> None:
     wall = Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=-0.8)  # x stays below 0.8 m
     free = constant_velocity_motion(robot)
     walled = constant_velocity_motion(robot, Workspace(planes=(wall,)))
-    path = plan_motion(walled, robot, CYCLE_S).position
+    path = walled.plan(robot, CYCLE_S).position
     assert forward(Chain.from_description(robot), path)[:, 0].max() < 0.8
-    free_path = plan_motion(free, robot, CYCLE_S).position
+    free_path = free.plan(robot, CYCLE_S).position
     assert forward(Chain.from_description(robot), free_path)[:, 0].max() > 0.8
 
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.motion.fourier import FourierTrajectory
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.recording.recording import Recording
 from config.errors import EstimationError
@@ -39,7 +38,7 @@ def truth(arm: Any, model: RobotModel, **others: float) -> np.ndarray:
 def measured(
     arm: Any, model: RobotModel, theta: np.ndarray, conditions: Conditions | None = None, seed=0
 ) -> SmoothedSignals:
-    trajectory = FourierTrajectory.from_motion(arm.motion, arm.robot, 0.01)
+    trajectory = arm.motion.trajectory(arm.robot, 0.01)
     times = np.arange(3000) * 0.01
     q, v, a = (
         f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierMotion
 from config.errors import ConfigError
 from config.load import load_cell, load_robot
-from config.motion.motion import FourierMotion
 from config.robot.bodies import Plane, Workspace
 from dynamics.geometry.clearances import Clearances
 from dynamics.model.cad import cad_parameters
@@ -47,7 +46,7 @@ def test_it_shows_payloads_much_better_than_a_motion_made_for_the_robot(
 def test_it_stays_within_its_shares_of_the_limits(
     search: PayloadSearch, found: FourierMotion
 ) -> None:
-    samples = plan_motion(found, search.robot, CYCLE_S)
+    samples = found.plan(search.robot, CYCLE_S)
     for j, joint in enumerate(search.robot.joints):
         limits = joint.limits
         middle = 0.5 * (limits.position_max + limits.position_min)
@@ -60,7 +59,7 @@ def test_no_motor_bears_more_for_long_than_it_can(
     search: PayloadSearch, found: FourierMotion
 ) -> None:
     model = search.model.model
-    samples = plan_motion(found, search.robot, CYCLE_S)
+    samples = found.plan(search.robot, CYCLE_S)
     nm = torque(
         model,
         samples.position,
@@ -79,7 +78,7 @@ def test_it_keeps_clear_of_what_the_cell_file_tells() -> None:
     floor = Plane(name="floor", normal=(0.0, 0.0, 1.0), offset_m=0.3)
     low = PayloadSearch(robot, PERIOD_S, CYCLE_S, workspace=Workspace(planes=(floor,)))
     motion = design_payload_motion(low, seed=2, periods=2, draws=60, steps=150)
-    path = plan_motion(motion, robot, CYCLE_S).position
+    path = motion.plan(robot, CYCLE_S).position
     clearances = Clearances.of(robot, low.workspace)
     assert (clearances.nearest(path) >= clearances.margin_m).all()
 

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from config.errors import DataQualityError, EstimationError
-from config.motion.motion import MultipointMotion
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.validation.torque_prediction import Validation, validate
@@ -24,14 +23,14 @@ Run = Callable[[MotionSamples, int], Recording]
 @pytest.fixture(scope="module")
 def identified(arm: Any, run: Run) -> Estimate:
     return estimate_periodic(
-        arm.robot, [average_periods(run(plan_motion(arm.motion, arm.robot, 0.008), 0))]
+        arm.robot, [average_periods(run(arm.motion.plan(arm.robot, 0.008), 0))]
     )
 
 
 @pytest.fixture(scope="module")
 def other_run(arm: Any, run: Run) -> Recording:
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=6, seed=5)
-    return run(plan_motion(motion, arm.robot, 0.008), 7)
+    return run(motion.plan(arm.robot, 0.008), 7)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,6 @@ import pytest
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
-from acquisition.motion.fourier import FourierTrajectory
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
 from acquisition.runs.folder import RunFolder
@@ -49,7 +48,7 @@ def measure(root: Path) -> Measure:
     motion = design_two_harmonic(
         cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=20, periods=PERIODS
     )
-    path = FourierTrajectory.from_motion(motion, cell.robot, CYCLE_S)
+    path = motion.trajectory(cell.robot, CYCLE_S)
     times = path.sample_times_s
     q, v, a = path.position(times), path.velocity(times), path.acceleration(times)
     assert cell.plant is not None

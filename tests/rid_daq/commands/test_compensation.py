@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from acquisition.journal.cycles import read_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
@@ -27,7 +27,6 @@ from compensation.online.online import OnlineFeedforward
 from compensation.online.point_codec import PROTOCOL
 from compensation.online.stream import stream_points
 from config.load import load_cell, load_robot, to_yaml
-from config.motion.motion import MultipointMotion
 from config.simulation.faults import FaultScript, FrameFault
 from dynamics.geometry.kinematics import Chain
 from identification.estimation.file import read_estimate
@@ -328,7 +327,7 @@ CHAIN = Chain.from_description(load_robot("ir361"))
 def joint_path() -> NDArray[np.float64]:
     """Return a spline through random poses, with which nothing was tuned."""
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=4, seed=11)
-    return np.array(plan_motion(motion, load_robot("ir361"), 0.008).position)
+    return np.array(motion.plan(load_robot("ir361"), 0.008).position)
 
 
 def model_of(workshop: Path) -> list[str]:

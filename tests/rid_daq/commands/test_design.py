@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.motion_file import load_motion
 from config.errors import ConfigError
-from config.load import LoadedCell, load_cell, load_motion
-from config.motion.motion import FourierMotion
+from config.load import LoadedCell, load_cell
 from dynamics.model.robot_model import torque
 from identification.design.criteria import Condition, DOptimal, Goals
 from identification.design.model import design_model
@@ -96,7 +96,7 @@ def test_it_writes_a_motion_within_all_limits(
     document = design(capsys, path, "--criterion", "condition")
     motion = load_motion(path)
     assert isinstance(motion, FourierMotion)
-    plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    motion.plan(cell.robot, cell.config.cycle_time_s)
     assert document["condition_number"] < 40.0
     assert [trial["seed"] for trial in document["trials"]] in ([0, 1], [1, 0])
     assert all(use["held"] for use in document["limits"])
@@ -144,7 +144,7 @@ def test_a_model_holds_the_torques_and_a_wall_the_arm(
     uses = {use["what"]: use for use in json.loads(capsys.readouterr().out)["limits"]}
     assert uses["distance between the wall and the tool point"]["used"] >= 0.02
     motion = load_motion(tmp_path / "m.yaml")
-    path = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    path = motion.plan(cell.robot, cell.config.cycle_time_s)
     estimate = known(cell, {})
     parameters = np.zeros(len(estimate.base.standard_names))
     parameters[list(estimate.base.kept)] = estimate.values

@@ -17,7 +17,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from acquisition.motion.fourier import FourierTrajectory
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
@@ -41,7 +40,7 @@ def estimate() -> Estimate:
     cell = load_cell("ir361")
     model = RobotModel.from_description(cell.robot)
     motion = design_two_harmonic(cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=20, periods=3)
-    path = FourierTrajectory.from_motion(motion, cell.robot, CYCLE_S)
+    path = motion.trajectory(cell.robot, CYCLE_S)
     times = path.sample_times_s
     q, v, a = path.position(times), path.velocity(times), path.acceleration(times)
     tau = torque(model, q, v, a, true_parameters(model, cell.robot, cell.plant))

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion, SpeedRuns
+from acquisition.motion.kinds.fourier import FourierJoint
+from acquisition.motion.kinds.reversed import ReversedMotion
+from acquisition.motion.motion_file import load_motion
 from acquisition.runs.folder import RunFolder
-from config.load import load_cell, load_motion, to_yaml
-from config.motion.motion import ConstantVelocityMotion, FourierJoint, ReversedMotion, SpeedRuns
+from config.load import load_cell, to_yaml
 from rid_daq.app import run
 
 pytestmark = pytest.mark.slow
@@ -164,6 +166,6 @@ def test_design_makes_both_motions(
     assert f"Next: rid-daq record ir361 {out}" in said
     motion = load_motion(out)
     assert motion.kind == kind.replace("-", "_")
-    samples = plan_motion(motion, CELL.robot, CELL.config.cycle_time_s)
+    samples = motion.plan(CELL.robot, CELL.config.cycle_time_s)
     assert f"{samples.duration_s:.0f} s in all" in said
     assert run(words) == 2  # it is there

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.motion.plan import plan_motion
-from config.load import load_cell, load_motion
+from acquisition.motion.motion_file import load_motion
+from config.load import load_cell
 from rid_daq.app import run
 
 
@@ -18,7 +18,7 @@ def test_what_init_writes_loads_and_stays_within_the_limits(tmp_path: Path) -> N
     for name in ("motion.yaml", "validation.yaml"):
         motion = load_motion(folder / name)
         assert motion.robot == loaded.robot.name
-        plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+        motion.plan(loaded.robot, loaded.config.cycle_time_s)
 
 
 def test_the_files_explain_themselves(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from acquisition.motion.plan import plan_motion
-from config.load import load_cell, load_motion
+from acquisition.motion.motion_file import load_motion
+from config.load import load_cell
 from mock_hw.plant.plant import Plant
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
@@ -51,7 +51,7 @@ def test_a_urdf_becomes_a_simulated_cell(
     assert loaded.config.simulated
     assert loaded.robot.tool_offset_m == pytest.approx((0.3, 0.0, 0.0))
     motion = load_motion(tmp_path / "cell" / "validation.yaml")
-    plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    motion.plan(loaded.robot, loaded.config.cycle_time_s)
 
 
 def test_the_simulated_links_are_the_urdfs(tmp_path: Path) -> None:

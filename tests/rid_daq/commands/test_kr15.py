@@ -24,7 +24,7 @@ from acquisition.journal.monitor import (
     with_warm_torque_constants,
 )
 from acquisition.journal.monitor_row import MONITOR
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
@@ -35,7 +35,6 @@ from acquisition.task.control_block import Progress
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell, load_cell, to_yaml
-from config.motion.motion import FourierJoint, FourierMotion
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from identification.estimation.estimators import estimate_periodic
@@ -108,7 +107,7 @@ def record(
     path: Path,
     watch: Callable[[Progress], None] | None = None,
 ) -> tuple[RecordOutcome, RunFolder]:
-    samples = plan_motion(asked, loaded.robot, cell.cycle_time_s)
+    samples = asked.plan(loaded.robot, cell.cycle_time_s)
     folder = RunFolder.create(path, "test", software={})
     folder.write("robot.yaml", loaded.files["robot.yaml"])
     outcome = record_motion(cell, loaded.robot, samples, folder, on_progress=watch)

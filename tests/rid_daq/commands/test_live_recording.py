@@ -14,13 +14,12 @@ import numpy as np
 import pytest
 
 from acquisition.journal.cycles import read_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import RecordOutcome, record_motion
 from acquisition.task.control_block import Progress
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
@@ -77,7 +76,7 @@ def samples(loaded: LoadedCell) -> MotionSamples:
     motion = FourierMotion(
         kind="fourier", robot="ir361", period_s=2.0, periods=8, ramp_s=1.0, joints=joints
     )
-    return plan_motion(motion, loaded.robot, loaded.config.cycle_time_s)
+    return motion.plan(loaded.robot, loaded.config.cycle_time_s)
 
 
 Record = Callable[[SimulatedCell], RecordOutcome]

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.motion.fourier import FourierTrajectory
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.runs.folder import RunFolder
 from config.load import load_robot, to_yaml
-from config.motion.motion import FourierJoint, FourierMotion
 from dynamics.model.robot_model import RobotModel, torque
 from identification.estimation.file import read_estimate
 from rid_daq.app import run
@@ -47,7 +46,7 @@ def test_it_is_read_back_and_identified_like_any_other(
             for name in robot.joint_names
         ),
     )
-    trajectory = FourierTrajectory.from_motion(motion, robot, 0.01)
+    trajectory = motion.trajectory(robot, 0.01)
     t = 0.01 * np.arange(2000)
     q, v, a = (f(t) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration))
     theta = np.where(np.char.startswith(model.parameter_names, "f"), 20.0, 0.5)

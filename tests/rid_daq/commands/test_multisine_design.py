@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.multisine import MultisineMotion
+from acquisition.motion.motion_file import load_motion
 from benchmarks.closed_loop import closed_loop
 from compensation.loops.cascade import advise
 from compensation.loops.loop_measurement import measure_loops
 from compensation.loops.multisine_motion import limit_use, multisine_motion, velocity_loop_band_hz
 from config.errors import ConfigError
-from config.load import load_cell, load_motion
-from config.motion.motion import MultisineMotion
+from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.report.bode_figure import cascade_figure, controller_figure
 from rid_daq.report.velocity_loop_section import velocity_loop_section
@@ -36,7 +36,7 @@ def test_the_motion_has_the_band_asked_for_and_stays_within_the_limits(
     assert (motion.grid, motion.period_s, motion.realisations) == ("odd", 4.0, 1)
     assert all(joint.slow_amplitude == 0.0 for joint in motion.joints)
     cell = load_cell("ir361")
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     use = limit_use(samples, cell.robot)
     for axis, shares in zip(told["axes"], use, strict=True):
         assert 30.0 < axis["acceleration_percent"] <= 80.0
@@ -79,7 +79,7 @@ def test_the_section_is_json_and_draws_both_figures() -> None:
     motion = multisine_motion(
         cell.robot, cell.config, period_s=4.0, periods=2, realisations=2, seed=5
     )
-    samples = plan_motion(motion, cell.robot, cell.config.cycle_time_s)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     recording = closed_loop(cell, cell.plant, samples, 5)
     found = measure_loops(recording, motion, cell.robot, 15.0)
     section = velocity_loop_section(cell.robot, found, advise(found.cascades))

@@ -14,14 +14,13 @@ import numpy as np
 import pytest
 
 from acquisition.journal.cycles import read_journal
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock, Progress, TaskState
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from mock_hw.cell import SimulatedCell
 from rid_daq.app import run
 from rid_daq.session.running_sessions import RunningSession, running_sessions
@@ -66,7 +65,7 @@ def test_a_motion_is_stopped_from_another_process_and_seen_to_rest(
     loaded: LoadedCell, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     assert loaded.plant is not None
-    samples = plan_motion(long_motion(loaded), loaded.robot, loaded.config.cycle_time_s)
+    samples = long_motion(loaded).plan(loaded.robot, loaded.config.cycle_time_s)
     folder = RunFolder.create(tmp_path / "runs", "test")
     commands: list[subprocess.Popen[str]] = []
 

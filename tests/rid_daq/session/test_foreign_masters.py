@@ -12,13 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.motion.phase import Phase
-from acquisition.motion.plan import plan_motion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
+from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
 from acquisition.supervision.stop_reason import StopCode
 from config.load import LoadedCell, load_cell
-from config.motion.motion import FourierJoint, FourierMotion
 from drivers.cell import open_cell
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import Role
@@ -119,7 +118,7 @@ def test_a_foreign_master_in_motion_is_a_quick_stop_in_the_next_cycle(
     motion = FourierMotion(
         kind="fourier", robot="ir361", period_s=2.0, periods=500, ramp_s=1.0, joints=joints
     )
-    samples = plan_motion(motion, logged.loaded.robot, config.cycle_time_s)
+    samples = motion.plan(logged.loaded.robot, config.cycle_time_s)
     folder = RunFolder.create(tmp_path / "runs", "intruded")
     try:
         outcome = record_motion(config, logged.loaded.robot, samples, folder, on_progress=intrude)

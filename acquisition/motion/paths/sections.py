@@ -7,36 +7,23 @@ curvature, so that between two stops direction and curvature of the whole path a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
+from acquisition.motion.paths.segments import CELLS, SHORTEST_M, Curve, Segment
 from config.arrays import FloatArray, IntArray
 from config.errors import ConfigError
-from config.motion.path_motion import (
-    ArcSegment,
-    CircleSegment,
-    LineSegment,
-    PathMotion,
-    Segment,
-    SplineSegment,
-)
 
-SHORTEST_M: Final = 1e-6
 SAME_DIRECTION: Final = 1e-9
 SAME_CURVATURE: Final = 1e-6
 TURNS_BACK: Final = -0.999
-CELLS: Final = 256
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
-Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-"""Point and its first two derivatives, each (len(x), 3), at parameters x."""
 
-
-class Along(NamedTuple):
+class PathPoints(NamedTuple):
     """A path at some of its lengths; each of shape (len(s), 3).
 
     Attributes
@@ -89,13 +76,13 @@ class Piece:
             x = x + (length_m - done) / np.maximum(speed, 1e-300)
         return np.asarray(x)
 
-    def at(self, length_m: FloatArray) -> Along:
+    def at(self, length_m: FloatArray) -> PathPoints:
         """Return the curve at lengths from its beginning."""
         point, first, second = self.curve(self.parameters(length_m))
         speed = np.linalg.norm(first, axis=1, keepdims=True)
         direction = first / speed
         across = second - direction * (direction * second).sum(axis=1, keepdims=True)
-        return Along(point, direction, across / speed**2)
+        return PathPoints(point, direction, across / speed**2)
 
     def between(self, begin_m: float, end_m: float) -> Piece:
         """Return the part between two lengths."""
@@ -104,7 +91,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class PathSection:
     """A part of a path from rest to rest: pieces that join smoothly."""
 
     pieces: tuple[Piece, ...]
@@ -130,10 +117,10 @@ class Stretch:
         into_m = length_m - float(self.ends_m[number]) + self.pieces[number].length_m
         return f"{self.pieces[number].label}, {1e3 * into_m:.0f} mm into it"
 
-    def at(self, length_m: FloatArray) -> Along:
-        """Return the path at lengths from the beginning of the stretch."""
+    def at(self, length_m: FloatArray) -> PathPoints:
+        """Return the path at lengths from the beginning of the section."""
         number = self.piece_at(length_m)
-        found = Along(*(np.empty((len(length_m), 3)) for _ in range(3)))
+        found = PathPoints(*(np.empty((len(length_m), 3)) for _ in range(3)))
         for k in np.unique(number).tolist():
             here = number == k
             piece = self.pieces[k]
@@ -150,24 +137,36 @@ def measured(label: str, curve: Curve, knots: FloatArray, speed_m_s: float) -> P
     return Piece(label, curve, knots, np.concatenate([[0.0], np.cumsum(cells)]), speed_m_s)
 
 
-def stretches(motion: PathMotion) -> tuple[Stretch, ...]:
+def path_sections(
+    start_m: Sequence[float], segments: Sequence[Segment], speed_m_s: float, blend_m: float
+) -> tuple[PathSection, ...]:
     """Return a path as its parts from rest to rest.
+
+    Parameters
+    ----------
+    start_m : sequence of 3 floats
+        Where it begins [m].
+    segments : sequence of Segment
+        What it is made of.
+    speed_m_s, blend_m : float
+        The speed, and the reach of a blend [m], of segments that say none of their own.
 
     Raises
     ------
     ConfigError
         A segment is no curve, or turns back where it is to be blended; the text names it.
     """
-    whole, at = [], np.array(motion.start_m)
-    for number, segment in enumerate(motion.segments, start=1):
+    whole, at = [], np.array(start_m)
+    for number, segment in enumerate(segments, start=1):
         label = f"segment {number} ({segment.kind})"
-        whole.append(_segment(segment, at, label, segment.speed_m_s or motion.speed_m_s))
-        at = whole[-1].curve(whole[-1].knots[-1:])[0][0]
+        knots, curve = segment.curve_from(at, label)
+        whole.append(measured(label, curve, knots, segment.speed_m_s or speed_m_s))
+        at = curve(knots[-1:])[0][0]
     joints = [
-        _joint(whole[k], whole[k + 1], segment.blend_m, motion.blend_m, k + 1)
-        for k, segment in enumerate(motion.segments[:-1])
+        _joint(whole[k], whole[k + 1], segment.blend_m, blend_m, k + 1)
+        for k, segment in enumerate(segments[:-1])
     ]
-    parts: list[Stretch] = []
+    parts: list[PathSection] = []
     pieces: list[Piece] = []
     begin_m = 0.0
     for k, piece in enumerate(whole):
@@ -178,7 +177,7 @@ def stretches(motion: PathMotion) -> tuple[Stretch, ...]:
             pieces.append(piece if untouched else piece.between(begin_m, end_m))
         begin_m = 0.0
         if joint is None or joint.stops:
-            parts.append(Stretch(tuple(pieces)))
+            parts.append(PathSection(tuple(pieces)))
             pieces = []
         elif joint.reach_m > 0.0:
             begin_m = joint.reach_m
@@ -239,116 +238,9 @@ def _bernstein(x: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(np.stack(shares, axis=1) @ points)
 
 
-def _segment(segment: Segment, start: FloatArray, label: str, speed_m_s: float) -> Piece:
-    if isinstance(segment, LineSegment):
-        knots, curve = np.linspace(0.0, 1.0, 2), _line(start, np.array(segment.to_m), label)
-    elif isinstance(segment, ArcSegment):
-        knots, curve = _arc(start, np.array(segment.through_m), np.array(segment.to_m), label)
-    elif isinstance(segment, CircleSegment):
-        knots, curve = _circle(segment, start, label)
-    else:
-        knots, curve = _spline(segment, start, label)
-    return measured(label, curve, knots, speed_m_s)
-
-
-def _line(start: FloatArray, end: FloatArray, label: str) -> Curve:
-    way = end - start
-    if np.linalg.norm(way) < SHORTEST_M:
-        raise ConfigError(f"{label} ends where it begins, at {_millimetres(end)}: leave it out")
-
-    def curve(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        ones = np.ones((len(x), 1))
-        return start + x[:, np.newaxis] * way, ones * way, 0.0 * ones * way
-
-    return curve
-
-
-def _arc(
-    start: FloatArray, through: FloatArray, end: FloatArray, label: str
-) -> tuple[FloatArray, Curve]:
-    """Return the arc through three points: its centre is where two bisecting planes meet it."""
-    a, b = through - start, end - start
-    normal = np.cross(a, b)
-    size = float(np.linalg.norm(normal))
-    if size < 1e-6 * float(np.linalg.norm(a) * np.linalg.norm(b)) or size < SHORTEST_M**2:
-        raise ConfigError(
-            f"{label}: {_millimetres(start)}, {_millimetres(through)} and {_millimetres(end)} lie"
-            " on a line or on each other: give a line, or other points"
-        )
-    normal = normal / size
-    halves = 0.5 * np.array([float(a @ a), float(b @ b), 0.0])
-    centre = np.asarray(start + np.linalg.solve(np.array([a, b, normal]), halves))
-    x, y = start - centre, np.cross(normal, start - centre)
-    ahead = end - centre
-    angle = math.atan2(float(ahead @ y), float(ahead @ x)) % (2.0 * math.pi)
-    return _turn(centre, x, y, angle)
-
-
-def _circle(segment: CircleSegment, start: FloatArray, label: str) -> tuple[FloatArray, Curve]:
-    centre, normal = np.array(segment.centre_m), np.array(segment.normal)
-    normal = normal / np.linalg.norm(normal)
-    radius = start - centre
-    height_m, radius_m = float(radius @ normal), float(np.linalg.norm(radius))
-    if radius_m < SHORTEST_M or abs(height_m) > 1e-3 * radius_m:
-        raise ConfigError(
-            f"{label} begins at {_millimetres(start)}, {1e3 * abs(height_m):.3g} mm off the plane"
-            f" through its centre and {1e3 * radius_m:.3g} mm from it: move the centre, turn the"
-            " normal, or begin elsewhere"
-        )
-    x = radius
-    y = np.cross(normal, x)
-    return _turn(
-        centre + height_m * normal, x - height_m * normal, y, 2.0 * math.pi * segment.turns
-    )
-
-
-def _turn(
-    centre: FloatArray, x: FloatArray, y: FloatArray, angle: float
-) -> tuple[FloatArray, Curve]:
-    def curve(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        phi = (angle * at)[:, np.newaxis]
-        out = np.cos(phi) * x + np.sin(phi) * y
-        onwards = np.cos(phi) * y - np.sin(phi) * x
-        return centre + out, angle * onwards, -(angle**2) * out
-
-    return np.linspace(0.0, 1.0, 2), curve
-
-
-def _spline(segment: SplineSegment, start: FloatArray, label: str) -> tuple[FloatArray, Curve]:
-    points = np.array([start, *segment.through_m])
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    if chords.min() < SHORTEST_M:
-        number = int(chords.argmin()) + 1
-        raise ConfigError(
-            f"{label}: point {number}, {_millimetres(points[number])}, is the same as the one"
-            " before it: leave one out"
-        )
-    at = np.concatenate([[0.0], np.cumsum(chords)])
-    spline = CubicSpline(at, points)
-
-    def curve(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        return (
-            np.asarray(spline(x)),
-            np.asarray(spline(x, 1)),
-            np.asarray(spline(x, 2)),
-        )
-
-    cells = max(4, -(-CELLS // len(chords)))
-    share = np.arange(cells) / cells
-    knots = np.append((at[:-1, np.newaxis] + share * np.diff(at)[:, np.newaxis]).ravel(), at[-1])
-    slowest = np.linalg.norm(curve(knots)[1], axis=1).min()
-    if slowest < 1e-3:
-        raise ConfigError(f"{label} has a cusp: give points that are more evenly spaced")
-    return knots, curve
-
-
 def _length_between(curve: Curve, begin: FloatArray, end: FloatArray) -> FloatArray:
     """Return the lengths between parameters, by Gauss's rule of five points."""
     half = 0.5 * (end - begin)
     x = (begin + half)[:, np.newaxis] + half[:, np.newaxis] * _NODES
     speed = np.linalg.norm(curve(x.ravel())[1], axis=1).reshape(x.shape)
     return np.asarray((speed @ _WEIGHTS) * half)
-
-
-def _millimetres(point: FloatArray) -> str:
-    return f"({', '.join(f'{1e3 * x:.1f}' for x in point)}) mm"

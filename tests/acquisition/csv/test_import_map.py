@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
-from config.load import bundled_names, load_bundled_or_path, load_robot
-from config.motion.import_map import ImportMap
+from acquisition.csv.import_map import ImportMap, load_import_map
+from config.errors import ConfigError
+from config.load import bundled_names, load_bundled_or_path, load_cell, load_robot
 
 JOINT = {"joint": "a", "position": 1, "torque": 2}
 
@@ -69,3 +71,21 @@ def test_temperatures_are_there_for_every_joint_or_for_none() -> None:
     joints.append({"joint": "b", "position": 4, "torque": 5})
     with pytest.raises(ValidationError, match="b has no temperature column, other joints have"):
         read(joints=joints, columns=6)
+
+
+def test_an_import_map_finds_its_robot_beside_itself_and_their_joints_must_match(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "robot.yaml").write_bytes(load_cell("ir361").files["robot.yaml"])
+    joints = "".join(f"  - {{joint: axis{n}, position: {n}, torque: {n + 3}}}\n" for n in (1, 2, 3))
+    text = (
+        f"name: m\nrobot: robot.yaml\ncolumns: 7\ntime: {{column: 0, unit: s}}\njoints:\n{joints}"
+    )
+    path = tmp_path / "map.yaml"
+    path.write_text(text + "plausible: {position: 7.0, speed: 4.0, torque: 800.0}\n")
+    import_map, robot = load_import_map(str(path))
+    assert robot == load_robot("ir361")
+    assert import_map.joint_names == robot.joint_names
+    path.write_text(path.read_text().replace("axis3", "axis4"))
+    with pytest.raises(ConfigError, match=r"map\.yaml:5:1: joints are .*axis4"):
+        load_import_map(str(path))

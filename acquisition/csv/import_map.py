@@ -6,8 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from config.errors import ConfigError
+from config.formats.yaml_tree import parse_yaml
+from config.load import read_named, validate
 from config.model import ConfigModel
-from config.robot.robot import Positive
+from config.robot.robot import Positive, RobotDescription
 
 Column = Annotated[int, Field(ge=0, lt=10_000)]
 
@@ -148,3 +151,29 @@ class ImportMap(ConfigModel):
     def joint_names(self) -> tuple[str, ...]:
         """The joints' names, base to flange."""
         return tuple(joint.joint for joint in self.joints)
+
+
+def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
+    """Load an import map and the robot that it names.
+
+    Parameters
+    ----------
+    reference : str
+        The name of a bundled map, or a path to one.
+
+    Raises
+    ------
+    ConfigError
+        A file is missing or invalid, or the joints do not match.
+    """
+    text, name, folder = read_named(reference, "maps", None)
+    tree = parse_yaml(text, name)
+    import_map = validate(tree, ImportMap)
+    robot_text, robot_name, _ = read_named(import_map.robot, "robots", folder)
+    robot = validate(parse_yaml(robot_text, robot_name), RobotDescription)
+    if import_map.joint_names != robot.joint_names:
+        raise ConfigError(
+            f"{tree.where(('joints',))}: joints are {', '.join(import_map.joint_names)}, robot"
+            f" {robot.name} has {', '.join(robot.joint_names)}: name them alike, base to flange"
+        )
+    return import_map, robot

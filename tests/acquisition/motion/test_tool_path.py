@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.motion.cartesian_path import segment_at
-from acquisition.motion.path_geometry import stretches
-from acquisition.motion.plan import plan_motion
-from acquisition.motion.samples import MotionSamples, Phase, verify_limits
+from acquisition.motion.kinds.tool_path import PathMotion
+from acquisition.motion.limits import verify_limits
+from acquisition.motion.samples import MotionSamples, Phase
 from config.errors import ConfigError
 from config.load import load_robot
-from config.motion.path_motion import PathMotion
 from dynamics.geometry.kinematics import Chain, forward, link_transforms
 
 Array = NDArray[np.float64]
@@ -60,7 +58,7 @@ def away_from(points: Array, others: Array) -> float:
 
 
 def test_a_line_is_straight_and_driven_within_what_was_asked() -> None:
-    samples = plan_motion(path(LINE), ROBOT, T)
+    samples = path(LINE).plan(ROBOT, T)
     points = tool(samples)
     np.testing.assert_allclose(points[0], START, atol=1e-9)
     np.testing.assert_allclose(points[-1], LINE["to_m"], atol=1e-9)
@@ -76,7 +74,7 @@ def test_a_line_is_straight_and_driven_within_what_was_asked() -> None:
 
 
 def test_velocity_and_acceleration_are_the_positions_own() -> None:
-    samples = plan_motion(path(LINE, BEND, ARC, SPLINE, blend_m=0.03), ROBOT, T)
+    samples = path(LINE, BEND, ARC, SPLINE, blend_m=0.03).plan(ROBOT, T)
     slope = np.diff(samples.position, axis=0) / T
     bend = np.diff(samples.velocity, axis=0) / T
     middle = (samples.velocity[1:] + samples.velocity[:-1]) / 2.0
@@ -90,7 +88,7 @@ def test_velocity_and_acceleration_are_the_positions_own() -> None:
 
 def test_the_tool_follows_every_segment() -> None:
     motion = path(LINE, BEND, ARC, SPLINE)
-    points = tool(plan_motion(motion, ROBOT, T))
+    points = tool(motion.plan(ROBOT, T))
     for point in ((0.6, 0.1, -1.7), (0.8, 0.1, -1.7), (0.8, -0.1, -1.7)):  # stops
         assert away_from(np.array([point]), points) < 1e-9
     assert away_from(np.array(SPLINE["through_m"]), points) < 2e-3  # one cycle at 0.4 m/s
@@ -100,8 +98,8 @@ def test_the_tool_follows_every_segment() -> None:
 
 
 def test_a_corner_with_a_blend_is_driven_through_within_all_limits() -> None:
-    stopping = plan_motion(path(LINE, BEND), ROBOT, T)
-    blending = plan_motion(path(LINE, BEND, blend_m=0.05), ROBOT, T)
+    stopping = path(LINE, BEND).plan(ROBOT, T)
+    blending = path(LINE, BEND, blend_m=0.05).plan(ROBOT, T)
     assert blending.duration_s < stopping.duration_s - 0.2
     points = tool(blending)
     corner = np.array(LINE["to_m"])
@@ -123,7 +121,7 @@ def test_a_corner_with_a_blend_is_driven_through_within_all_limits() -> None:
 def test_a_blend_never_eats_more_than_half_a_segment() -> None:
     short = {"kind": "line", "to_m": (0.6, -0.18, -1.7)}
     motion = path(short, {"kind": "line", "to_m": (0.65, -0.18, -1.7)}, blend_m=1.0)
-    (stretch,) = stretches(motion)
+    (stretch,) = motion.sections()
     assert [piece.label for piece in stretch.pieces] == [
         "segment 1 (line)",
         "the corner between segments 1 and 2",
@@ -134,13 +132,13 @@ def test_a_blend_never_eats_more_than_half_a_segment() -> None:
 
 def test_smooth_joints_need_neither_blend_nor_stop() -> None:
     straight_on = {"kind": "line", "to_m": (0.6, 0.2, -1.7)}
-    assert len(stretches(path(LINE, straight_on))) == 1
-    assert len(stretches(path(LINE, BEND))) == 2
+    assert len(path(LINE, straight_on).sections()) == 1
+    assert len(path(LINE, BEND).sections()) == 2
 
 
 def test_a_circle_segment_closes_after_a_whole_turn() -> None:
     turn = {"kind": "circle", "centre_m": (0.7, -0.2, -1.7), "turns": -1.0}
-    samples = plan_motion(path(turn), ROBOT, T)
+    samples = path(turn).plan(ROBOT, T)
     points = tool(samples)
     np.testing.assert_allclose(points[-1], START, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(points - [0.7, -0.2, -1.7], axis=1), 0.1, atol=1e-9)
@@ -156,7 +154,7 @@ def test_whatever_speed_is_asked_for_every_limit_holds(seed: int, speed: float) 
     points = tuple(tuple(p) for p in random.uniform(box[:, 0], box[:, 1], (6, 3)).tolist())
     wild = {"acceleration_m_s2": 40.0, "jerk_m_s3": 2000.0} if speed > 1.0 else {}
     motion = path({"kind": "spline", "through_m": points}, speed_m_s=speed, **wild)
-    samples = plan_motion(motion, ROBOT, T)
+    samples = motion.plan(ROBOT, T)
     verify_limits(samples, ROBOT)
     used = np.abs(samples.velocity).max(axis=0) / [j.limits.velocity for j in ROBOT.joints]
     gained = np.abs(samples.acceleration).max(axis=0) / [
@@ -180,7 +178,7 @@ def test_six_axes_keep_their_orientation_along_a_path() -> None:
         near=near,
         blend_m=0.02,
     )
-    samples = plan_motion(motion, robot, T)
+    samples = motion.plan(robot, T)
     poses = link_transforms(chain, samples.position)[:, -1, :3, :3]
     wanted = link_transforms(chain, np.array([near]))[0, -1, :3, :3]
     np.testing.assert_allclose(poses, np.broadcast_to(wanted, poses.shape), atol=1e-9)
@@ -189,10 +187,10 @@ def test_six_axes_keep_their_orientation_along_a_path() -> None:
 
 def test_a_row_of_the_motion_is_told_by_its_segment() -> None:
     motion = path(LINE, BEND, blend_m=0.02)
-    samples = plan_motion(motion, ROBOT, T)
-    assert segment_at(motion, ROBOT, T, 30) == "segment 1 (line), 0 mm into it"
-    assert segment_at(motion, ROBOT, T, len(samples) - 40).startswith("segment 2 (line), 1")
-    assert segment_at(motion, ROBOT, T, len(samples) - 1) == "the end of the path"
+    samples = motion.plan(ROBOT, T)
+    assert motion.where(ROBOT, T, 30) == "segment 1 (line), 0 mm into it"
+    assert motion.where(ROBOT, T, len(samples) - 40).startswith("segment 2 (line), 1")
+    assert motion.where(ROBOT, T, len(samples) - 1) == "the end of the path"
 
 
 @pytest.mark.parametrize(
@@ -236,4 +234,4 @@ def test_what_cannot_be_driven_is_refused_by_its_segment(
     segments: tuple[dict[str, object], ...], changes: dict[str, object], words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
-        plan_motion(path(*segments, **changes), ROBOT, T)
+        path(*segments, **changes).plan(ROBOT, T)

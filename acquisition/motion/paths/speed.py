@@ -9,23 +9,29 @@ afterwards too.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from acquisition.motion.limits import violations
+from acquisition.motion.samples import JointTrajectory
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
+from dynamics.geometry.inverse_kinematics import PathSlopes
 
 SHARE_OF_BENDS: Final = 0.7
 FINE: Final = 8
 SECOND_AVERAGE: Final = 0.5
 MARGIN: Final = 0.97
 TINY: Final = 1e-12
+SLOWER: Final = 0.95
+ATTEMPTS: Final = 30
 
 
-class Progress(NamedTuple):
-    """Lengths over time, row by row: s, ds/dt and d2s/dt2, each of shape (rows,)."""
+class SpeedProfile(NamedTuple):
+    """How a path is driven, row by row: s, ds/dt and d2s/dt2, each of shape (rows,)."""
 
     length: FloatArray
     speed: FloatArray
@@ -114,10 +120,20 @@ def speed_limits(
     )
 
 
-def progress(limits: SpeedLimits, sample_period_s: float) -> Progress:
+def speed_profile(limits: SpeedLimits, sample_period_s: float) -> SpeedProfile:
     """Return the fastest way along a path within its limits, from rest to rest.
 
-    The last row is at rest at the end of the path.
+    Parameters
+    ----------
+    limits : SpeedLimits
+        What bounds the speed.
+    sample_period_s : float
+        Time between rows [s].
+
+    Returns
+    -------
+    SpeedProfile
+        The last row is at rest at the end of the path.
     """
     speed = _passes(limits)
     step_s = sample_period_s / FINE
@@ -138,12 +154,52 @@ def progress(limits: SpeedLimits, sample_period_s: float) -> Progress:
         moved = np.convolve(moved, np.full(width, 1.0 / width))
     length = np.concatenate([[0.0], np.cumsum(moved)])
     rate = np.concatenate([[0.0], moved, [0.0]]) / step_s
-    fine = Progress(length, 0.5 * (rate[1:] + rate[:-1]), np.diff(rate) / step_s)
-    rows = Progress(*(values[::FINE].copy() for values in fine))
+    fine = SpeedProfile(length, 0.5 * (rate[1:] + rate[:-1]), np.diff(rate) / step_s)
+    rows = SpeedProfile(*(values[::FINE].copy() for values in fine))
     rows.length[-1] = limits.length[-1]
     for values in rows[1:]:
         values[[0, -1]] = 0.0
     return rows
+
+
+def driven(
+    limits: SpeedLimits,
+    joints_at: Callable[[FloatArray], PathSlopes],
+    robot: RobotDescription,
+    sample_period_s: float,
+) -> tuple[SpeedProfile, JointTrajectory]:
+    """Return the way along a path, slowed down until the joints' limits hold between rows too.
+
+    Parameters
+    ----------
+    limits : SpeedLimits
+        What bounds the speed to begin with.
+    joints_at : callable
+        The joint positions, and their derivatives by the length, at lengths of the path.
+    robot : RobotDescription
+        The joints' limits.
+    sample_period_s : float
+        The cell's cycle time [s].
+
+    Returns
+    -------
+    SpeedProfile, JointTrajectory
+        One row a cycle. After `ATTEMPTS` a limit may still be broken.
+    """
+    attempts = 0
+    while True:
+        rows = speed_profile(limits, sample_period_s)
+        joints = joints_at(rows.length)
+        speed = rows.speed[:, np.newaxis]
+        path = JointTrajectory(
+            joints.position,
+            joints.slope * speed,
+            joints.bend * speed**2 + joints.slope * rows.acceleration[:, np.newaxis],
+        )
+        attempts += 1
+        if attempts == ATTEMPTS or not violations(path, robot, sample_period_s, 2):
+            return rows, path
+        limits = limits.slower(SLOWER)
 
 
 def _accelerations(robot: RobotDescription, fraction: float) -> FloatArray:

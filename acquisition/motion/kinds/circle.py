@@ -1,0 +1,138 @@
+"""A circle of the tool point at constant speed, as a periodic joint motion."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from acquisition.motion.kinds.fourier import (
+    FourierJoint,
+    FourierMotion,
+    periodic_samples,
+    refuse_endless,
+)
+from acquisition.motion.kinds.motion import Motion
+from acquisition.motion.samples import MotionSamples
+from acquisition.signals.bins import to_bins
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.robot.robot import Positive, RobotDescription, Vector3
+from dynamics.geometry.inverse_kinematics import follow
+from dynamics.geometry.kinematics import Chain, link_transforms
+
+NEGLIGIBLE: Final = 1e-9
+POINTS: Final = 512
+MOST_HARMONICS: Final = 150
+
+
+class CircleMotion(Motion):
+    """The tool point goes round a circle at constant speed, `periods` times after settling.
+
+    `centre_m` and `normal` are in the base frame. `near` (one value a joint) chooses among the ways
+    in which the arm reaches the circle's start, and the orientation that the flange keeps. The time
+    of a turn is rounded to whole cycles, so that the speed may differ by a little.
+    """
+
+    kind: Literal["circle"]
+    robot: str
+    centre_m: Vector3
+    radius_m: Positive
+    normal: Vector3 = (0.0, 0.0, 1.0)
+    speed_m_s: Positive
+    near: tuple[float, ...] = Field(min_length=1)
+    periods: Annotated[int, Field(ge=1, le=10_000)] = 15
+    transient_periods: Annotated[int, Field(ge=0, le=1000)] = 2
+    ramp_s: Positive = 2.0
+
+    @model_validator(mode="after")
+    def _has_a_plane(self) -> CircleMotion:
+        if not any(self.normal):
+            raise ValueError("normal must not be zero")
+        return self
+
+    @property
+    def period_s(self) -> float:
+        """The time of one turn at exactly the speed asked for [s]."""
+        return 2.0 * math.pi * self.radius_m / self.speed_m_s
+
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+        return (
+            f"{self.periods} turns of a circle of {2e3 * self.radius_m:g} mm at"
+            f" {self.speed_m_s:g} m/s, after {self.transient_periods} to settle."
+        )
+
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that shows how closely the circle was followed."""
+        return "tracking", run
+
+    def points(self, share: FloatArray) -> FloatArray:
+        """Return the circle's points [m] at shares of its length, 0 to 1; shape (len(share), 3)."""
+        normal = np.array(self.normal) / np.linalg.norm(self.normal)
+        other = np.eye(3)[int(np.argmin(np.abs(normal)))]
+        x = np.cross(other, normal)
+        x /= np.linalg.norm(x)
+        y = np.cross(normal, x)
+        angle = 2.0 * math.pi * np.asarray(share)[:, np.newaxis]
+        return np.asarray(
+            np.array(self.centre_m) + self.radius_m * (np.cos(angle) * x + np.sin(angle) * y)
+        )
+
+    def turn_s(self, sample_period_s: float) -> float:
+        """Return the time of a turn [s]: whole cycles, at nearly the speed that is asked for."""
+        return max(4, round(self.period_s / sample_period_s)) * sample_period_s
+
+    def as_fourier(self, robot: RobotDescription, sample_period_s: float) -> FourierMotion:
+        """Return the joint motion that leads the tool point along the circle.
+
+        The arm's orientation stays free where it has three joints; with more, the flange keeps the
+        orientation that it has at `near`.
+
+        Raises
+        ------
+        ConfigError
+            The circle cannot be reached, or has more harmonics than can be sampled.
+        """
+        n = len(robot.joints)
+        if len(self.near) != n:
+            raise ConfigError(f"near has {len(self.near)} values, robot {robot.name!r} {n} joints")
+        chain = Chain.from_description(robot)
+        near = np.array(self.near, dtype=float)
+        rotation = None if n == 3 else link_transforms(chain, near[np.newaxis])[0, -1][:3, :3]
+        period_s = self.turn_s(sample_period_s)
+        position = follow(chain, self.points(np.arange(POINTS) / POINTS), near, rotation)
+        bins = to_bins(position, MOST_HARMONICS)
+        significant = np.abs(bins[1:]).max(axis=1) > NEGLIGIBLE
+        harmonics = int(np.flatnonzero(significant)[-1]) + 1
+        if harmonics >= min(MOST_HARMONICS, round(period_s / sample_period_s) // 2):
+            raise ConfigError(
+                "the circle comes too near a singular pose for a smooth motion: move it, or make it"
+                " smaller"
+            )
+        kept = 2.0 * bins[1 : harmonics + 1]
+        return FourierMotion(
+            kind="fourier",
+            robot=self.robot,
+            period_s=period_s,
+            periods=self.periods,
+            transient_periods=self.transient_periods,
+            ramp_s=self.ramp_s,
+            joints=tuple(
+                FourierJoint(
+                    joint=joint.name,
+                    offset=float(bins[0, j].real),
+                    sine=tuple((-kept[:, j].imag).tolist()),
+                    cosine=tuple(kept[:, j].real.tolist()),
+                )
+                for j, joint in enumerate(robot.joints)
+            ),
+        )
+
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        refuse_endless(self.transient_periods + self.periods, self.period_s, self.ramp_s)
+        turns = self.as_fourier(robot, sample_period_s)
+        return periodic_samples(turns, robot, sample_period_s)

@@ -1,0 +1,229 @@
+"""Runs at constant speed, one joint at a time, forwards and backwards over the same stretch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from acquisition.motion.kinds.motion import Motion, refuse_longer
+from acquisition.motion.ramps import QUINTIC_PEAK_VELOCITY, rest_to_rest, rest_to_rest_duration
+from acquisition.motion.samples import (
+    JointTrajectory,
+    MotionSamples,
+    Phase,
+    join,
+    phases_of,
+    standstill,
+)
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.model import ConfigModel
+from config.robot.robot import Positive, RobotDescription
+
+SHORTEST_RAMP_S: Final = 0.15
+SHORTEST_RUN_S: Final = 0.3
+MOVE_FRACTION: Final = 0.3
+
+
+class SpeedRuns(ConfigModel):
+    """The speeds of one joint, each run from `low` to `high` and back; rad (m), per second."""
+
+    joint: str
+    low: float
+    high: float
+    speeds: tuple[Positive, ...] = Field(min_length=1, max_length=50)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> SpeedRuns:
+        if self.low >= self.high:
+            raise ValueError(f"low {self.low} must be below high {self.high}")
+        return self
+
+
+@dataclass(frozen=True)
+class ConstantRun:
+    """One run of one joint (from 0): its signed speed, and the rows at that speed, end excluded."""
+
+    joint: int
+    speed: float
+    first: int
+    end: int
+
+
+@dataclass(frozen=True)
+class _Stroke:
+    """One way of one run: rows of each ramp and at constant speed, and where it begins and ends."""
+
+    ramp: int
+    constant: int
+    start: float
+    end: float
+
+
+class ConstantVelocityMotion(Motion):
+    """Runs at constant speeds, one joint at a time, to measure friction alone.
+
+    The other joints hold `pose` (one value a joint, base to flange). Every speed is run forwards
+    and backwards over the same stretch, around the middle of `low` and `high` and no longer than
+    `longest_run_s`, `repeats` times. Speeds change smoothly, within `acceleration_fraction` of the
+    joint's limit.
+    """
+
+    kind: Literal["constant_velocity"]
+    robot: str
+    pose: tuple[float, ...] = Field(min_length=1)
+    joints: tuple[SpeedRuns, ...] = Field(min_length=1)
+    acceleration_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
+    longest_run_s: Annotated[float, Field(ge=1.0, le=600.0)] = 8.0
+    repeats: Annotated[int, Field(ge=1, le=100)] = 1
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
+
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+        runs = sum(2 * self.repeats * len(joint.speeds) for joint in self.joints)
+        return f"{runs} runs at constant speed, one joint at a time, both ways."
+
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that shows the friction."""
+        return "friction", run
+
+    def runs(
+        self, robot: RobotDescription, sample_period_s: float
+    ) -> tuple[JointTrajectory, tuple[ConstantRun, ...]]:
+        """Return the rows of all runs, and which rows belong to which.
+
+        A speed is reached and left along the polynomial 10 x^3 - 15 x^4 + 6 x^5, so the motion is
+        of class C2.
+
+        Parameters
+        ----------
+        robot : RobotDescription
+            Joints and limits.
+        sample_period_s : float
+            The cell's cycle time [s].
+
+        Raises
+        ------
+        ConfigError
+            The motion does not fit the robot, or a speed leaves no time between its ramps.
+        """
+        if len(self.pose) != len(robot.joints):
+            raise ConfigError(
+                f"pose has {len(self.pose)} values, robot {robot.name!r} has {len(robot.joints)}"
+                " joints"
+            )
+        pose = np.array(self.pose)
+        dwell = max(1, math.ceil(self.dwell_s / sample_period_s))
+        pieces = [standstill(pose, dwell)]
+        runs: list[ConstantRun] = []
+        rows = dwell
+        here = pose
+
+        def add(piece: JointTrajectory) -> None:
+            nonlocal rows
+            pieces.append(piece)
+            rows += len(piece.position)
+
+        for spec in self.joints:
+            joint = _joint(spec, robot)
+            for speed in spec.speeds:
+                stroke = _stroke(self, spec, robot, joint, speed, sample_period_s)
+                to = pose.copy()
+                to[joint] = stroke.start
+                add(_move(here, to, robot, sample_period_s))
+                here = to
+                for signed in (speed, -speed) * self.repeats:
+                    add(standstill(here, dwell))
+                    first = rows + stroke.ramp
+                    runs.append(ConstantRun(joint, signed, first, first + stroke.constant))
+                    add(_run(here, joint, signed, stroke, sample_period_s))
+                    here = pose.copy()
+                    here[joint] = stroke.end if signed > 0.0 else stroke.start
+        add(_move(here, pose, robot, sample_period_s))
+        add(standstill(pose, dwell))
+        return join(pieces), tuple(runs)
+
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        strokes = sum(2 * self.repeats * len(spec.speeds) for spec in self.joints)
+        refuse_longer(strokes * (self.longest_run_s + self.dwell_s), "its runs")
+        path, _ = self.runs(robot, sample_period_s)
+        phase = phases_of((Phase.MAIN, len(path.position)))
+        return MotionSamples(robot.joint_names, sample_period_s, *path, phase)
+
+
+def _joint(spec: SpeedRuns, robot: RobotDescription) -> int:
+    if spec.joint not in robot.joint_names:
+        raise ConfigError(
+            f"the motion runs joint {spec.joint!r}; robot {robot.name!r} has"
+            f" {', '.join(robot.joint_names)}"
+        )
+    return robot.joint_names.index(spec.joint)
+
+
+def _stroke(
+    motion: ConstantVelocityMotion,
+    spec: SpeedRuns,
+    robot: RobotDescription,
+    joint: int,
+    speed: float,
+    sample_period_s: float,
+) -> _Stroke:
+    """Return ramps and constant part of one speed, around the middle of its range."""
+    allowed = motion.acceleration_fraction * robot.joints[joint].limits.acceleration
+    ramp_s = max(SHORTEST_RAMP_S, QUINTIC_PEAK_VELOCITY * speed / allowed)
+    ramp = math.ceil(ramp_s / sample_period_s)
+    both_ramps = speed * ramp * sample_period_s
+    constant_s = min(motion.longest_run_s, (spec.high - spec.low - both_ramps) / speed)
+    constant = math.floor(constant_s / sample_period_s + 1e-9)
+    if constant * sample_period_s < SHORTEST_RUN_S:
+        raise ConfigError(
+            f"joint {spec.joint!r}: at {speed:g} per second the ramps leave"
+            f" {max(constant_s, 0.0):.3g} s of constant speed between {spec.low:g} and"
+            f" {spec.high:g}, {SHORTEST_RUN_S:g} s are the least: widen low and high, or run slower"
+        )
+    half = 0.5 * (both_ramps + speed * constant * sample_period_s)
+    middle = 0.5 * (spec.low + spec.high)
+    return _Stroke(ramp, constant, middle - half, middle + half)
+
+
+def _run(
+    start: FloatArray, joint: int, speed: float, stroke: _Stroke, sample_period_s: float
+) -> JointTrajectory:
+    """Return one way: up to the speed, along it, down to rest (which is not included)."""
+    ramp_s = stroke.ramp * sample_period_s
+    x = np.arange(stroke.ramp) / stroke.ramp
+    up, down = _ramp(x), _ramp(1.0 - x)
+    along = 0.5 * ramp_s + sample_period_s * np.arange(stroke.constant)
+    whole = ramp_s + sample_period_s * stroke.constant
+    steady = np.ones(stroke.constant)
+    path = np.concatenate([ramp_s * up[0], along, whole - ramp_s * down[0]])
+    rate = np.concatenate([up[1], steady, down[1]])
+    change = np.concatenate([up[2] / ramp_s, 0.0 * steady, -down[2] / ramp_s])
+    of_joint = speed * np.eye(len(start))[joint]
+    columns = (np.outer(values, of_joint) for values in (path, rate, change))
+    position, velocity, acceleration = columns
+    return JointTrajectory(start + position, velocity, acceleration)
+
+
+def _ramp(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the integral of the rate, the rate and its derivative, over a ramp of length 1."""
+    return (
+        x**4 * (2.5 - 3.0 * x + x**2),
+        x**3 * (10.0 - 15.0 * x + 6.0 * x**2),
+        30.0 * x**2 * (1.0 - x) ** 2,
+    )
+
+
+def _move(
+    start: FloatArray, end: FloatArray, robot: RobotDescription, sample_period_s: float
+) -> JointTrajectory:
+    """Return a gentle move between two poses."""
+    velocity = MOVE_FRACTION * np.array([joint.limits.velocity for joint in robot.joints])
+    acceleration = MOVE_FRACTION * np.array([joint.limits.acceleration for joint in robot.joints])
+    seconds = rest_to_rest_duration(end - start, velocity, acceleration)
+    return rest_to_rest(start, end, max(1, math.ceil(seconds / sample_period_s)), sample_period_s)

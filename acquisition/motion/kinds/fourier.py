@@ -1,0 +1,249 @@
+"""The periodic excitation: a Fourier series a joint, with its run-in and run-out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from acquisition.motion.approach import approach
+from acquisition.motion.fourier import FourierTrajectory, samples_of_period
+from acquisition.motion.kinds.motion import Motion, refuse_longer
+from acquisition.motion.limits import beyond_limits, refuse, violations
+from acquisition.motion.ramps import run_in, run_out
+from acquisition.motion.samples import (
+    JointTrajectory,
+    MotionSamples,
+    Phase,
+    join,
+    phases_of,
+    standstill,
+)
+from config.arrays import PhaseArray
+from config.errors import ConfigError
+from config.model import ConfigModel
+from config.robot.robot import Positive, RobotDescription
+
+RAMP_GROWTH: Final = 1.25
+RAMP_ATTEMPTS: Final = 20
+MOST_HARMONICS: Final = 1000
+
+
+class FourierJoint(ConfigModel):
+    """One joint's Fourier series (2.30): offset and, per harmonic, sine and cosine amplitudes.
+
+    `sine[k-1]` and `cosine[k-1]` belong to harmonic k; rad for revolute joints, m for prismatic.
+    """
+
+    joint: str
+    offset: float = 0.0
+    sine: tuple[float, ...] = Field(min_length=1, max_length=MOST_HARMONICS)
+    cosine: tuple[float, ...] = Field(min_length=1, max_length=MOST_HARMONICS)
+
+    @model_validator(mode="after")
+    def _same_length(self) -> FourierJoint:
+        if len(self.sine) != len(self.cosine):
+            raise ValueError(
+                f"sine has {len(self.sine)} harmonics, cosine {len(self.cosine)}: give the same"
+            )
+        return self
+
+
+class FourierMotion(Motion):
+    """Periodic excitation: `transient_periods` to settle, then `periods` that count."""
+
+    kind: Literal["fourier"]
+    robot: str
+    period_s: Positive
+    periods: Annotated[int, Field(ge=1, le=10_000)] = 16
+    transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
+    ramp_s: Positive = 4.0
+    joints: tuple[FourierJoint, ...] = Field(min_length=1)
+
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+        harmonics = max(len(joint.sine) for joint in self.joints)
+        return (
+            f"Fourier motion, {self.periods} periods of {self.period_s:g} s after"
+            f" {self.transient_periods} transient, up to harmonic {harmonics}"
+            f" ({harmonics / self.period_s:.3g} Hz)."
+        )
+
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that identifies the robot."""
+        return "identify", run
+
+    def trajectory(self, robot: RobotDescription, sample_period_s: float) -> FourierTrajectory:
+        """Return the series, its joints in the robot's order.
+
+        Parameters
+        ----------
+        robot : RobotDescription
+            The joints.
+        sample_period_s : float
+            Time between samples [s].
+
+        Raises
+        ------
+        ConfigError
+            A joint of the robot is missing, unknown or named twice, the period is not a whole
+            number of samples, or a harmonic is beyond half the sampling frequency.
+        """
+        given = [joint.joint for joint in self.joints]
+        if sorted(given) != sorted(robot.joint_names):
+            raise ConfigError(
+                f"the motion moves joints {', '.join(given)}; robot {robot.name!r} needs each of"
+                f" {', '.join(robot.joint_names)} once (amplitude 0 where it stands still)"
+            )
+        by_name = {joint.joint: joint for joint in self.joints}
+        joints = [by_name[name] for name in robot.joint_names]
+        harmonics = max(len(joint.sine) for joint in joints)
+        sine = np.zeros((harmonics, len(joints)))
+        cosine = np.zeros((harmonics, len(joints)))
+        for column, joint in enumerate(joints):
+            sine[: len(joint.sine), column] = joint.sine
+            cosine[: len(joint.cosine), column] = joint.cosine
+        return FourierTrajectory(
+            joint_names=robot.joint_names,
+            sample_period_s=sample_period_s,
+            samples_per_period=samples_of_period(self.period_s, sample_period_s),
+            offset=np.array([joint.offset for joint in joints]),
+            sine=sine,
+            cosine=cosine,
+        )
+
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        refuse_endless(self.transient_periods + self.periods, self.period_s, self.ramp_s)
+        return periodic_samples(self, robot, sample_period_s)
+
+
+def refuse_endless(periods: int, period_s: float, ramp_s: float, parts: int = 1) -> None:
+    """Refuse periodic motions that take longer than can be run.
+
+    Parameters
+    ----------
+    periods : int
+        Periods of each part, those to settle included.
+    period_s, ramp_s : float
+        The times of a period and of a ramp [s].
+    parts : int
+        How many such motions follow each other.
+
+    Raises
+    ------
+    ConfigError
+        They do.
+    """
+    seconds = parts * (periods * period_s + 2 * ramp_s)
+    refuse_longer(seconds, f"{parts * periods} periods of {period_s:.6g} s and its ramps")
+
+
+def periodic_samples(
+    motion: FourierMotion, robot: RobotDescription, sample_period_s: float
+) -> MotionSamples:
+    """Return a periodic motion with a run-in and a run-out along its own path.
+
+    They are lengthened beyond `ramp_s` where the limits ask for it.
+
+    Parameters
+    ----------
+    motion : FourierMotion
+        The motion.
+    robot : RobotDescription
+        Joints and limits.
+    sample_period_s : float
+        The cell's cycle time [s].
+
+    Raises
+    ------
+    ConfigError
+        As `FourierMotion.trajectory`, or the period or its ramps are beyond a limit.
+    """
+    trajectory = motion.trajectory(robot, sample_period_s)
+    times_s = trajectory.sample_times_s
+    period = JointTrajectory(
+        trajectory.position(times_s),
+        trajectory.velocity(times_s),
+        trajectory.acceleration(times_s),
+    )
+    first_row = JointTrajectory(*(values[:1] for values in period))
+    refuse(violations(join([period, first_row]), robot, sample_period_s), "the periodic motion")
+    start, end = _ramps(trajectory, motion.ramp_s, robot)
+    repeats = motion.transient_periods + motion.periods
+    path = join([start, *[period] * repeats, end])
+    return MotionSamples(
+        robot.joint_names,
+        sample_period_s,
+        *path,
+        phase=phases_of(
+            (Phase.RUN_IN, len(start.position)),
+            (Phase.TRANSIENT, motion.transient_periods * trajectory.samples_per_period),
+            (Phase.MAIN, motion.periods * trajectory.samples_per_period),
+            (Phase.RUN_OUT, len(end.position)),
+        ),
+        samples_per_period=trajectory.samples_per_period,
+        periods=motion.periods,
+    )
+
+
+def in_turn(
+    parts: Sequence[FourierMotion],
+    robot: RobotDescription,
+    sample_period_s: float,
+    dwell_s: float,
+) -> MotionSamples:
+    """Return periodic motions one after the other; as a whole they are not periodic.
+
+    Parameters
+    ----------
+    parts : sequence of FourierMotion
+        The motions.
+    robot : RobotDescription
+        Joints and limits.
+    sample_period_s : float
+        The cell's cycle time [s].
+    dwell_s : float
+        The rest between two of them, before the move to the next one [s].
+
+    Raises
+    ------
+    ConfigError
+        As `periodic_samples`.
+    """
+    planned = [periodic_samples(part, robot, sample_period_s) for part in parts]
+    paths: list[JointTrajectory] = []
+    phases: list[PhaseArray] = []
+    for number, part in enumerate(planned):
+        if number > 0:
+            last = planned[number - 1].position[-1]
+            rest = standstill(last, max(1, math.ceil(dwell_s / sample_period_s)))
+            way = approach(last, part.position[0], robot, sample_period_s)
+            paths += [rest, JointTrajectory(way.position, way.velocity, way.acceleration)]
+            phases.append(phases_of((Phase.HOLD, len(rest.position) + len(way))))
+        paths.append(JointTrajectory(part.position, part.velocity, part.acceleration))
+        phases.append(part.phase)
+    return MotionSamples(robot.joint_names, sample_period_s, *join(paths), np.concatenate(phases))
+
+
+def _ramps(
+    trajectory: FourierTrajectory, ramp_s: float, robot: RobotDescription
+) -> tuple[JointTrajectory, JointTrajectory]:
+    """Return run-in and run-out, as long as asked for or as much longer as the limits need."""
+    sample_period_s = trajectory.sample_period_s
+    rows = max(2, math.ceil(ramp_s / sample_period_s - 1e-6))
+    broken: list[str] = []
+    for _ in range(RAMP_ATTEMPTS):
+        start, end = run_in(trajectory, rows), run_out(trajectory, rows)
+        joined = join([start, JointTrajectory(*(values[:1] for values in end))])
+        broken = [
+            *violations(joined, robot, sample_period_s),
+            *violations(end, robot, sample_period_s),
+        ]
+        if not broken:
+            return start, end
+        rows = math.ceil(rows * RAMP_GROWTH)
+    raise beyond_limits(broken, f"a ramp of {ramp_s:g} s, and any longer one tried,")

@@ -1,0 +1,113 @@
+"""A smooth curve through poses of the joints, as fast as is allowed."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field
+from scipy.interpolate import CubicSpline
+
+from acquisition.motion.kinds.motion import Motion
+from acquisition.motion.paths.speed import driven, speed_limits
+from acquisition.motion.samples import MotionSamples, with_rests
+from config.arrays import FloatArray
+from config.errors import ConfigError, LimitError
+from config.robot.robot import Positive, RobotDescription
+from dynamics.geometry.inverse_kinematics import PathSlopes
+
+POINTS_A_CHORD: Final = 40
+FEWEST: Final = 200
+
+
+class JointPathMotion(Motion):
+    """A smooth curve (of class C2) through poses, from rest to rest, as fast as is allowed.
+
+    Every row of `points` has one value a joint, base to flange [rad or m]. `speed_fraction` is of
+    the joints' limits of velocity and acceleration; the acceleration takes `jerk_time_s` to change
+    from one limit to the other.
+    """
+
+    kind: Literal["joint_path"]
+    robot: str
+    points: tuple[tuple[float, ...], ...] = Field(min_length=2, max_length=10_000)
+    speed_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
+    jerk_time_s: Positive = 0.1
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
+
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+        return f"A curve through {len(self.points)} poses."
+
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that shows how closely the curve was followed."""
+        return "tracking", run
+
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        points = self._poses(robot)
+        speeds = np.array([joint.limits.velocity for joint in robot.joints])
+        chords = (np.abs(np.diff(points, axis=0)) / speeds).max(axis=1)
+        if chords.min() <= 0.0:
+            number = int(chords.argmin()) + 2
+            raise ConfigError(
+                f"point {number} of the path is the same as the one before: leave one out"
+            )
+        knots = np.concatenate([[0.0], np.cumsum(chords)])
+        curve = CubicSpline(knots, points) if len(points) > 2 else _straight(knots, points)
+        count = max(FEWEST, POINTS_A_CHORD * len(chords))
+        grid = np.unique(np.concatenate([np.linspace(0.0, knots[-1], count + 1), knots]))
+        _refuse_between(curve(grid), grid, knots, robot)
+        limits = speed_limits(
+            grid,
+            np.full(len(grid), math.inf),
+            curve(grid, 1),
+            curve(grid, 2),
+            robot,
+            self.jerk_time_s,
+            fraction=self.speed_fraction,
+        )
+
+        def joints_at(length: FloatArray) -> PathSlopes:
+            return PathSlopes(*(curve(length, order) for order in range(3)))
+
+        _, path = driven(limits, joints_at, robot, sample_period_s)
+        return with_rests(path, self.dwell_s, robot.joint_names, sample_period_s)
+
+    def _poses(self, robot: RobotDescription) -> FloatArray:
+        for number, point in enumerate(self.points, start=1):
+            if len(point) != len(robot.joints):
+                raise ConfigError(
+                    f"point {number} of the path has {len(point)} values, robot {robot.name!r}"
+                    f" {len(robot.joints)} joints"
+                )
+            for joint, value in zip(robot.joints, point, strict=True):
+                low, high = joint.limits.position_min, joint.limits.position_max
+                if not low <= value <= high:
+                    raise LimitError(
+                        f"point {number} of the path has joint {joint.name!r} at {value:.4g},"
+                        f" outside its limits {low:g} to {high:g}"
+                    )
+        return np.array(self.points, dtype=float)
+
+
+def _straight(knots: FloatArray, points: FloatArray) -> CubicSpline:
+    """Return the straight way between two poses."""
+    slope = (points[1] - points[0]) / (knots[1] - knots[0])
+    return CubicSpline(knots, points, bc_type=((1, slope), (1, slope)))
+
+
+def _refuse_between(
+    position: FloatArray, grid: FloatArray, knots: FloatArray, robot: RobotDescription
+) -> None:
+    for j, joint in enumerate(robot.joints):
+        low, high = joint.limits.position_min, joint.limits.position_max
+        off = np.maximum(low - position[:, j], position[:, j] - high)
+        if off.max() > 0.0:
+            number = int(np.searchsorted(knots, grid[off.argmax()]))
+            raise LimitError(
+                f"the curve between points {number} and {number + 1} of the path has joint"
+                f" {joint.name!r} at {position[off.argmax(), j]:.4g}, outside its limits {low:g} to"
+                f" {high:g}: move the points"
+            )

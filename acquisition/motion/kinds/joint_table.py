@@ -1,0 +1,191 @@
+"""Joint positions over time, in the motion file or in a CSV file beside it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError, model_validator
+from scipy.interpolate import make_interp_spline
+
+from acquisition.motion.kinds.motion import Motion, refuse_longer
+from acquisition.motion.samples import JointTrajectory, MotionSamples, with_rests
+from config.arrays import FloatArray
+from config.errors import ConfigError, LimitError
+from config.formats.bounded_file import read_file
+from config.load import to_yaml
+from config.robot.robot import RobotDescription
+
+AT_REST: Final = 0.02
+FEWEST_ROWS: Final = 6
+TIME: Final = "time_s"
+MOST_BYTES: Final = 200_000_000
+
+
+class JointTableMotion(Motion):
+    """Joint positions over time, from a CSV `file` beside the motion file, or written in it.
+
+    The file has a column `time_s` and one a joint, by its name [rad or m]; a smooth curve (of class
+    C4) goes through its rows. It must begin and end at rest. Written in the motion file itself,
+    `joints` names the columns of `position`.
+    """
+
+    kind: Literal["joint_table"]
+    robot: str
+    file: str | None = None
+    joints: tuple[str, ...] = ()
+    time_s: tuple[float, ...] = Field(default=(), max_length=1_000_000)
+    position: tuple[tuple[float, ...], ...] = Field(default=(), max_length=1_000_000)
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
+
+    @model_validator(mode="after")
+    def _one_source(self) -> JointTableMotion:
+        if (self.file is None) == (not self.time_s):
+            raise ValueError("give either file, or joints, time_s and position")
+        if len(self.time_s) != len(self.position):
+            raise ValueError(
+                f"time_s has {len(self.time_s)} rows, position {len(self.position)}: give the same"
+            )
+        for number, row in enumerate(self.position, start=1):
+            if len(row) != len(self.joints):
+                raise ValueError(
+                    f"row {number} of position has {len(row)} values for {len(self.joints)} joints"
+                )
+        return self
+
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+        return f"A table of {len(self.time_s)} rows of joint positions."
+
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that shows how closely the table was followed."""
+        return "tracking", run
+
+    def to_keep(self, written: bytes) -> bytes:
+        """Return the motion with the rows of its file in it."""
+        return to_yaml(self).encode()
+
+    def completed(self, folder: Path) -> JointTableMotion:
+        """Return the motion with the rows of its CSV file in it.
+
+        Parameters
+        ----------
+        folder : Path
+            Where the motion file lies; the file is looked for there.
+
+        Raises
+        ------
+        ConfigError
+            The file cannot be read, or a row of it is none; the text says which.
+        """
+        if self.file is None:
+            return self
+        path = folder / Path(self.file).expanduser()
+        joints, time_s, position = _read_table(path)
+        try:
+            return JointTableMotion(
+                kind="joint_table",
+                robot=self.robot,
+                joints=joints,
+                time_s=time_s,
+                position=position,
+                dwell_s=self.dwell_s,
+            )
+        except ValidationError as error:
+            raise ConfigError(f"{path}: {error.errors()[0]['msg']}") from None
+
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        refuse_longer(max(self.time_s) - min(self.time_s), "the times of its table")
+        if sorted(self.joints) != sorted(robot.joint_names):
+            raise ConfigError(
+                f"the table has columns {', '.join(self.joints) or 'of no joint'}; robot"
+                f" {robot.name!r} needs each of {', '.join(robot.joint_names)} once"
+            )
+        order = [self.joints.index(name) for name in robot.joint_names]
+        time_s, position = np.array(self.time_s), np.array(self.position)[:, order]
+        _refuse_rows(time_s, position, robot)
+        rest = [(1, np.zeros(len(robot.joints))), (2, np.zeros(len(robot.joints)))]
+        curve = make_interp_spline(time_s, position, k=5, bc_type=(rest, rest))  # type: ignore[arg-type]
+        rows = math.ceil((time_s[-1] - time_s[0]) / sample_period_s - 1e-9)
+        at_s = np.minimum(time_s[0] + np.arange(rows + 1) * sample_period_s, time_s[-1])
+        path = JointTrajectory(*(np.asarray(curve(at_s, order)) for order in range(3)))
+        return with_rests(path, self.dwell_s, robot.joint_names, sample_period_s)
+
+
+def _refuse_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescription) -> None:
+    """Refuse times that do not increase, positions outside the limits, and ends not at rest."""
+    if len(time_s) < FEWEST_ROWS:
+        raise ConfigError(f"the table has {len(time_s)} rows, {FEWEST_ROWS} are the least")
+    steps = np.diff(time_s)
+    if (steps <= 0.0).any():
+        row = int(np.argmax(steps <= 0.0)) + 2
+        raise ConfigError(
+            f"row {row} of the table is at {time_s[row - 1]:g} s, not after the one before: time_s"
+            " must increase"
+        )
+    for j, joint in enumerate(robot.joints):
+        low, high = joint.limits.position_min, joint.limits.position_max
+        off = (position[:, j] < low) | (position[:, j] > high)
+        if off.any():
+            row = int(np.argmax(off))
+            raise LimitError(
+                f"row {row + 1} of the table has joint {joint.name!r} at {position[row, j]:.4g},"
+                f" outside its limits {low:g} to {high:g}"
+            )
+        for row, speed in (
+            (1, abs(position[1, j] - position[0, j]) / steps[0]),
+            (len(time_s), abs(position[-1, j] - position[-2, j]) / steps[-1]),
+        ):
+            if speed > AT_REST * joint.limits.velocity:
+                raise ConfigError(
+                    f"at row {row} of the table joint {joint.name!r} moves at {speed:.3g} per"
+                    " second: the table must begin and end at rest. Add rows that lead into and out"
+                    " of the motion"
+                )
+
+
+def _read_table(
+    path: Path,
+) -> tuple[tuple[str, ...], tuple[float, ...], tuple[tuple[float, ...], ...]]:
+    """Return the joints, times and positions that a CSV file holds."""
+    try:
+        text = read_file(path, MOST_BYTES).decode("utf-8-sig")
+        lines = list(csv.reader(io.StringIO(text, newline="")))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: is no CSV file: {error}") from None
+    header = [name.strip() for name in lines[0]] if lines else []
+    if header.count(TIME) != 1:
+        raise ConfigError(f"{path}:1: the first line must name the columns: {TIME}, and the joints")
+    column = header.index(TIME)
+    time_s, position = [], []
+    for number, line in enumerate(lines[1:], start=2):
+        if not any(cell.strip() for cell in line):
+            continue
+        values = _numbers(path, number, line, len(header))
+        time_s.append(values.pop(column))
+        position.append(tuple(values))
+    del header[column]
+    if not header or not time_s:
+        missing = "no column of a joint" if not header else "no row below its first line"
+        raise ConfigError(f"{path}: has {missing}: there is no motion in it")
+    return tuple(header), tuple(time_s), tuple(position)
+
+
+def _numbers(path: Path, number: int, line: list[str], columns: int) -> list[float]:
+    if len(line) != columns:
+        raise ConfigError(f"{path}:{number}: has {len(line)} columns, the first line {columns}")
+    values = []
+    for cell in line:
+        try:
+            values.append(float(cell))
+        except ValueError:
+            raise ConfigError(f"{path}:{number}: {cell!r} is not a number") from None
+        if not math.isfinite(values[-1]):
+            raise ConfigError(f"{path}:{number}: {cell!r} is not a finite number")
+    return values

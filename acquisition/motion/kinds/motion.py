@@ -1,0 +1,114 @@
+"""`Motion`: what every kind of motion knows of itself."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from pathlib import Path
+from typing import Final, Self, final
+
+from acquisition.motion.limits import verify_limits
+from acquisition.motion.samples import MotionSamples
+from config.errors import ConfigError
+from config.model import ConfigModel
+from config.robot.robot import RobotDescription
+
+LONGEST_MOTION_S: Final = 4 * 3600.0
+
+
+class Motion(ConfigModel):
+    """What a robot is to do, before a single sample of it is computed."""
+
+    kind: str
+    robot: str
+
+    @final
+    def plan(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        """Return the motion's verified samples; they start and end at rest.
+
+        Parameters
+        ----------
+        robot : RobotDescription
+            Joints and limits.
+        sample_period_s : float
+            The cell's cycle time [s].
+
+        Returns
+        -------
+        MotionSamples
+            One row a cycle.
+
+        Raises
+        ------
+        ConfigError
+            The motion does not fit the robot, the cycle time or a limit; the text names the joint,
+            the value and the limit.
+        """
+        samples = self._samples(robot, sample_period_s)
+        verify_limits(samples, robot)
+        return samples
+
+    @abstractmethod
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        """Return the samples, or refuse what takes too long before computing them."""
+
+    @abstractmethod
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+
+    @abstractmethod
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that makes use of a recording in the folder `run`."""
+
+    def where(self, robot: RobotDescription, sample_period_s: float, row: int) -> str:
+        """Return where on its path a row lies; empty where its time says it all."""
+        return ""
+
+    def completed(self, folder: Path) -> Self:
+        """Return the motion with what its file, in `folder`, leaves to other files."""
+        return self
+
+    def to_keep(self, written: bytes) -> bytes:
+        """Return the text that says the whole motion: as its file was written, where that does."""
+        return written
+
+    @classmethod
+    def require(cls, motion: Motion, refusal: str) -> Self:
+        """Return a motion as one of this kind.
+
+        Parameters
+        ----------
+        motion : Motion
+            Of any kind.
+        refusal : str
+            What to say where it is of another one.
+
+        Raises
+        ------
+        ConfigError
+            It is of another kind.
+        """
+        if not isinstance(motion, cls):
+            raise ConfigError(refusal)
+        return motion
+
+
+def refuse_longer(seconds: float, what: str) -> None:
+    """Refuse a motion that takes longer than can be run.
+
+    Parameters
+    ----------
+    seconds : float
+        How long it takes, before any sample of it is computed [s].
+    what : str
+        What takes so long.
+
+    Raises
+    ------
+    ConfigError
+        It takes longer than `LONGEST_MOTION_S`.
+    """
+    if seconds > LONGEST_MOTION_S:
+        raise ConfigError(
+            f"the motion takes {seconds:.6g} s: {what}; at most {LONGEST_MOTION_S:g} s can be run."
+            " Give fewer or shorter ones"
+        )

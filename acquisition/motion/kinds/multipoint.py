@@ -1,0 +1,86 @@
+"""The multi-point motion: smooth moves through random poses, to validate a model with."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from acquisition.motion.kinds.motion import Motion, refuse_longer
+from acquisition.motion.ramps import rest_to_rest, rest_to_rest_duration
+from acquisition.motion.samples import MotionSamples, Phase, join, phases_of, standstill
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+
+
+class MultipointMotion(Motion):
+    """Smooth point-to-point motion through random poses: the validation motion.
+
+    The points are drawn from `seed` inside the joint limits shrunk by `range_fraction`; every
+    move takes the time that the slowest joint needs at `speed_fraction` of its limits.
+    """
+
+    kind: Literal["multipoint"]
+    robot: str
+    points: Annotated[int, Field(ge=2, le=1000)] = 20
+    seed: Annotated[int, Field(ge=0)]
+    range_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.8
+    speed_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.7
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.1
+
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+        return f"Smooth moves through {self.points} random points (seed {self.seed})."
+
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that validates a model."""
+        return "validate", "MODEL", run
+
+    def poses(self, robot: RobotDescription) -> FloatArray:
+        """Return the poses that the motion goes through, the same ones for the same seed.
+
+        Each joint is drawn evenly from the middle `range_fraction` of its limits.
+
+        Returns
+        -------
+        ndarray, shape (points, joints)
+            Poses [rad or m].
+        """
+        low = np.array([joint.limits.position_min for joint in robot.joints])
+        high = np.array([joint.limits.position_max for joint in robot.joints])
+        middle, half = (low + high) / 2.0, (high - low) / 2.0 * self.range_fraction
+        draws = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.points, len(low)))
+        return np.asarray(middle + half * draws, dtype=np.float64)
+
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        """Return quintic moves from pose to pose, with a dwell at each.
+
+        A move takes the time that its slowest joint needs at `speed_fraction` of its limits,
+        rounded up to whole samples.
+        """
+        poses = self.poses(robot)
+        moves_s = self._moves_s(poses, robot)
+        what = f"its {self.points} points at {self.speed_fraction:g} of the joints' speed"
+        refuse_longer(sum(moves_s) + self.points * self.dwell_s, what)
+        dwell = max(1, math.ceil(self.dwell_s / sample_period_s))
+        pieces = [standstill(poses[0], dwell)]
+        for (start, end), duration_s in zip(itertools.pairwise(poses), moves_s, strict=True):
+            samples = max(1, math.ceil(duration_s / sample_period_s))
+            pieces.append(rest_to_rest(start, end, samples, sample_period_s))
+            pieces.append(standstill(end, dwell))
+        path = join(pieces)
+        phase = phases_of((Phase.MAIN, len(path.position)))
+        return MotionSamples(robot.joint_names, sample_period_s, *path, phase)
+
+    def _moves_s(self, poses: FloatArray, robot: RobotDescription) -> list[float]:
+        """Return how long each of the moves takes [s]."""
+        velocity = self.speed_fraction * np.array([j.limits.velocity for j in robot.joints])
+        acceleration = self.speed_fraction * np.array([j.limits.acceleration for j in robot.joints])
+        return [
+            rest_to_rest_duration(end - start, velocity, acceleration)
+            for start, end in itertools.pairwise(poses)
+        ]

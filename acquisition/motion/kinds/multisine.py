@@ -1,0 +1,259 @@
+"""Multisines on the joints' speeds: which lines they have, and their realisations as motions.
+
+The grids are those of Pintelon and Schoukens (System Identification: A Frequency Domain Approach,
+2012): odd lines, so that even distortion falls beside them, some odd lines empty, so that odd
+distortion shows too, and phases drawn anew for each realisation.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from acquisition.motion.kinds.fourier import (
+    MOST_HARMONICS,
+    FourierJoint,
+    FourierMotion,
+    in_turn,
+    refuse_endless,
+)
+from acquisition.motion.kinds.motion import Motion
+from acquisition.motion.samples import MotionSamples
+from config.arrays import FloatArray, IntArray
+from config.errors import ConfigError
+from config.model import ConfigModel
+from config.robot.robot import Positive, RobotDescription
+
+Phasors = NDArray[np.complex128]
+
+DETECTION_GROUP: Final = 4
+CREST_ROUNDS: Final = 60
+CLIPPING: Final = 0.85
+LEAST_SLOW: Final = 0.75
+DWELL_S: Final = 0.5
+
+
+class MultisineJoint(ConfigModel):
+    """How one joint is excited: its speed is a multisine, on top of a slow sine.
+
+    `velocity` is the RMS speed of the multisine [rad/s or m/s], 0 for a joint that is not measured;
+    `slow_amplitude` the slow sine's amplitude [rad or m] about `offset`.
+    """
+
+    joint: str
+    offset: float = 0.0
+    velocity: Annotated[float, Field(ge=0.0)]
+    slow_amplitude: Annotated[float, Field(ge=0.0)] = 0.0
+
+
+class MultisineMotion(Motion):
+    """Multisines on the joints' speeds, to measure how the velocity loops answer.
+
+    The excited lines are harmonics of `period_s` between `lowest_hz` and `highest_hz`, shared out
+    among the joints in turn, so that each line belongs to one joint: all odd ones (`odd`), odd ones
+    of which every fourth at random stays empty and shows distortion (`random_odd`), or all of them
+    (`full`). Each of `realisations` has phases of its own, drawn at random, and has
+    `transient_periods` to settle before `periods` that count; `schroeder` phases are always the
+    same and make one realisation. From either start phases are improved for a low crest factor. The
+    slow sine is harmonic 1.
+    """
+
+    kind: Literal["multisine"]
+    robot: str
+    period_s: Positive
+    lowest_hz: Positive
+    highest_hz: Positive
+    grid: Literal["odd", "random_odd", "full"] = "random_odd"
+    phases: Literal["random", "schroeder"] = "random"
+    seed: Annotated[int, Field(ge=0)] = 0
+    realisations: Annotated[int, Field(ge=1, le=100)] = 4
+    periods: Annotated[int, Field(ge=2, le=1000)] = 4
+    transient_periods: Annotated[int, Field(ge=0, le=100)] = 1
+    ramp_s: Positive = 2.0
+    joints: tuple[MultisineJoint, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _band(self) -> MultisineMotion:
+        if self.lowest_hz >= self.highest_hz:
+            raise ValueError(f"lowest_hz {self.lowest_hz} must be below highest_hz")
+        if self.lowest_hz * self.period_s < 2.0 - 1e-9:
+            raise ValueError("lowest_hz must be at least two harmonics: the first is the slow sine")
+        if self.phases == "schroeder" and self.realisations > 1:
+            raise ValueError(
+                f"schroeder phases are the same in all {self.realisations} realisations: set"
+                " realisations to 1, or phases to random"
+            )
+        if not any(joint.velocity > 0.0 for joint in self.joints):
+            raise ValueError("no joint has a velocity: nothing is excited")
+        return self
+
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+        return (
+            f"{self.realisations} multisines, {self.periods} periods of {self.period_s:g} s"
+            f" each, {self.lowest_hz:g} to {self.highest_hz:g} Hz."
+        )
+
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that identifies the velocity loops."""
+        return "loop", run
+
+    def excited_lines(self, robot: RobotDescription) -> tuple[IntArray, ...]:
+        """Return the harmonics that each joint's multisine has, base to flange.
+
+        Raises
+        ------
+        ConfigError
+            The motion's joints are not the robot's, or the band has too many lines, or none for one
+            of them.
+        """
+        order = self._in_order(robot)
+        first = math.ceil(self.lowest_hz * self.period_s - 1e-9)
+        last = math.floor(self.highest_hz * self.period_s + 1e-9)
+        if last > MOST_HARMONICS:
+            raise ConfigError(
+                f"highest_hz {self.highest_hz:g} is {last} harmonics of period_s, {MOST_HARMONICS}"
+                " are the most: lower it or shorten the period"
+            )
+        lines = np.arange(first, last + 1)
+        if self.grid != "full":
+            lines = lines[lines % 2 == 1]
+        if self.grid == "random_odd":
+            random = np.random.default_rng([self.seed, len(lines)])
+            groups = [lines[k : k + DETECTION_GROUP] for k in range(0, len(lines), DETECTION_GROUP)]
+            empty = [int(random.choice(g)) for g in groups if len(g) == DETECTION_GROUP]
+            lines = lines[~np.isin(lines, empty)]
+        measured = [k for k, joint in enumerate(order) if self.joints[joint].velocity > 0.0]
+        shared = {k: lines[place :: len(measured)] for place, k in enumerate(measured)}
+        for k, own in shared.items():
+            if len(own) < 2:
+                raise ConfigError(
+                    f"the band from {self.lowest_hz:g} to {self.highest_hz:g} Hz has {len(own)}"
+                    f" lines for joint {robot.joints[k].name!r}, a multisine needs 2: widen the"
+                    " band or lengthen the period"
+                )
+        return tuple(shared.get(k, np.zeros(0, dtype=np.int64)) for k in range(len(order)))
+
+    def speed_phasors(self, robot: RobotDescription) -> tuple[Phasors, ...]:
+        """Return each joint's multisine as phasors of its speed at its excited lines.
+
+        The speed is the real part of the sum of phasor times exp(j k omega t).
+
+        Returns
+        -------
+        tuple of ndarray of complex, one a joint, shape (realisations, lines)
+            rad/s or m/s.
+        """
+        lines, order = self.excited_lines(robot), self._in_order(robot)
+        found = []
+        for number, (own, joint) in enumerate(zip(lines, order, strict=True)):
+            size = self.joints[joint].velocity * math.sqrt(2.0 / max(len(own), 1))
+            if self.phases == "schroeder":
+                start = -np.pi * np.arange(len(own)) * np.arange(1, len(own) + 1) / max(len(own), 1)
+                phases = np.tile(start, (self.realisations, 1))
+            else:
+                random = np.random.default_rng([self.seed, number, len(own)])
+                phases = random.uniform(0.0, 2.0 * np.pi, (self.realisations, len(own)))
+            found.append(
+                np.array(
+                    [size * low_crest_factor(own, np.exp(1j * row)) for row in phases]
+                ).reshape(self.realisations, len(own))
+            )
+        return tuple(found)
+
+    def realised(self, robot: RobotDescription) -> tuple[FourierMotion, ...]:
+        """Return each realisation as a periodic motion: the integral of its speeds.
+
+        Each has a slow sine of its own, from `LEAST_SLOW` of its amplitude to all of it, so that
+        what depends on the position (tachometer ripple, cogging) differs between realisations and
+        counts in the variance, instead of being the same in all and passing for the response.
+
+        Raises
+        ------
+        ConfigError
+            As `excited_lines`.
+        """
+        lines, order = self.excited_lines(robot), self._in_order(robot)
+        phasors = self.speed_phasors(robot)
+        highest = max(1, *(int(own[-1]) for own in lines if len(own)))
+        omega = 2.0 * math.pi / self.period_s
+        shares = np.random.default_rng([self.seed, len(order), 1]).uniform(
+            LEAST_SLOW, 1.0, (self.realisations, len(order))
+        )
+        found = []
+        for number in range(self.realisations):
+            joints = []
+            for k, joint in enumerate(order):
+                settings = self.joints[joint]
+                place = np.zeros(highest + 1, dtype=np.complex128)
+                place[lines[k]] = phasors[k][number] / (1j * omega * lines[k])
+                sine, cosine = -place.imag[1:], place.real[1:]
+                sine[0] += shares[number, k] * settings.slow_amplitude
+                joints.append(
+                    FourierJoint(
+                        joint=settings.joint,
+                        offset=settings.offset,
+                        sine=tuple(sine.tolist()),
+                        cosine=tuple(cosine.tolist()),
+                    )
+                )
+            found.append(
+                FourierMotion(
+                    kind="fourier",
+                    robot=self.robot,
+                    period_s=self.period_s,
+                    periods=self.periods,
+                    transient_periods=self.transient_periods,
+                    ramp_s=self.ramp_s,
+                    joints=tuple(joints),
+                )
+            )
+        return tuple(found)
+
+    def _in_order(self, robot: RobotDescription) -> list[int]:
+        """Return where each of the robot's joints is in the motion."""
+        given = [joint.joint for joint in self.joints]
+        if sorted(given) != sorted(robot.joint_names):
+            raise ConfigError(
+                f"the motion moves joints {', '.join(given)}; robot {robot.name!r} needs each of"
+                f" {', '.join(robot.joint_names)} once (velocity 0 where it is not measured)"
+            )
+        return [given.index(name) for name in robot.joint_names]
+
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        periods = self.transient_periods + self.periods
+        refuse_endless(periods, self.period_s, self.ramp_s, parts=self.realisations)
+        return in_turn(self.realised(robot), robot, sample_period_s, DWELL_S)
+
+
+def low_crest_factor(lines: IntArray, phasors: Phasors) -> Phasors:
+    """Return phasors of the same sizes whose phases make the peak small (clipping algorithm).
+
+    The signal is clipped, the clipped one's phases are taken, and again (Van der Ouderaa, Schoukens
+    and Renneboog 1988); the best of all rounds is kept.
+    """
+    if len(lines) < 2:
+        return phasors
+    size, best = np.abs(phasors), phasors
+    points = 8 * int(lines[-1])
+    lowest = math.inf
+    for _ in range(CREST_ROUNDS):
+        bins = np.zeros(points // 2 + 1, dtype=np.complex128)
+        bins[lines] = phasors
+        signal = np.fft.irfft(bins, points)
+        peak = float(np.abs(signal).max())
+        if peak < lowest:
+            lowest, best = peak, phasors
+        clipped = np.fft.rfft(np.clip(signal, -CLIPPING * peak, CLIPPING * peak))[lines]
+        phasors = size * np.exp(1j * np.angle(clipped))
+    return best
+
+
+def crest_factor(signal: FloatArray) -> float:
+    """Return peak over RMS of a signal, shape (samples,)."""
+    return float(np.abs(signal).max() / np.sqrt(np.mean(signal**2)))

@@ -1,0 +1,63 @@
+"""A periodic motion and the same path backwards in time, to measure friction alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion, in_turn, refuse_endless
+from acquisition.motion.kinds.motion import Motion
+from acquisition.motion.samples import MotionSamples
+from config.robot.robot import Positive, RobotDescription
+
+
+class ReversedMotion(Motion):
+    """A periodic motion, and then the same path backwards in time, to measure friction alone.
+
+    Both parts have `transient_periods` to settle and `periods` that count; between them the robot
+    rests for `dwell_s`.
+    """
+
+    kind: Literal["reversed"]
+    robot: str
+    period_s: Positive
+    periods: Annotated[int, Field(ge=2, le=5000)] = 8
+    transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
+    ramp_s: Positive = 4.0
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
+    joints: tuple[FourierJoint, ...] = Field(min_length=1)
+
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+        return f"{self.forward().describe()[:-1]}, and then the same path backwards."
+
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that shows the friction."""
+        return "friction", run
+
+    def forward(self) -> FourierMotion:
+        """Return the periodic motion q(t)."""
+        return FourierMotion(
+            kind="fourier",
+            robot=self.robot,
+            period_s=self.period_s,
+            periods=self.periods,
+            transient_periods=self.transient_periods,
+            ramp_s=self.ramp_s,
+            joints=self.joints,
+        )
+
+    def reversed(self) -> FourierMotion:
+        """Return the periodic motion q(-t): its sines have the other sign."""
+        joints = tuple(
+            joint.model_copy(update={"sine": tuple(-value for value in joint.sine)})
+            for joint in self.joints
+        )
+        return self.forward().model_copy(update={"joints": joints})
+
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        refuse_endless(self.transient_periods + self.periods, self.period_s, self.ramp_s, parts=2)
+        parts = [self.forward(), self.reversed()]
+        return in_turn(parts, robot, sample_period_s, self.dwell_s)

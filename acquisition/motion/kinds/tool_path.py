@@ -1,0 +1,259 @@
+"""Paths of the tool point as joint motion: the arm follows them within every limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field
+from scipy.interpolate import CubicSpline
+
+from acquisition.motion.kinds.motion import Motion, refuse_longer
+from acquisition.motion.limits import refuse, violations
+from acquisition.motion.paths.sections import PathPoints, PathSection, path_sections
+from acquisition.motion.paths.segments import Segment
+from acquisition.motion.paths.speed import (
+    SpeedLimits,
+    bend_speed,
+    driven,
+    joint_speed,
+    speed_limits,
+)
+from acquisition.motion.samples import (
+    JointTrajectory,
+    MotionSamples,
+    Phase,
+    join,
+    phases_of,
+    standstill,
+)
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.robot.robot import NonNegative, Positive, RobotDescription, Vector3
+from dynamics.geometry.inverse_kinematics import PathSlopes, reach, refine
+from dynamics.geometry.kinematics import Chain, link_transforms
+
+COARSE_M: Final = 0.005
+FINE_M: Final = 0.001
+FEWEST: Final = 200
+MOST: Final = 20_000
+SLOWEST_SHARE: Final = 0.02
+
+
+class PathMotion(Motion):
+    """The tool point follows lines, arcs, circles and splines, from rest to rest.
+
+    Points are in the base frame. `near` (one value a joint) chooses among the ways in which the arm
+    reaches the start, and the orientation that the flange keeps. Along the path the speed changes
+    within `acceleration_m_s2` and `jerk_m_s3`; across it, in curves, both hold as well. Where that
+    or a joint's limit asks for it the path is driven more slowly than `speed_m_s`, unless
+    `keep_speed` says that this is an error. The tool point rests for `dwell_s` at the start, the
+    end, and in corners without a blend.
+    """
+
+    kind: Literal["path"]
+    robot: str
+    start_m: Vector3
+    near: tuple[float, ...] = Field(min_length=1)
+    speed_m_s: Positive
+    acceleration_m_s2: Positive = 4.0
+    jerk_m_s3: Positive = 80.0
+    blend_m: NonNegative = 0.0
+    keep_speed: bool = False
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
+    segments: tuple[Segment, ...] = Field(min_length=1, max_length=10_000)
+
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+        return f"A path of {len(self.segments)} segments at up to {self.speed_m_s:g} m/s."
+
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that shows how closely the path was followed."""
+        return "tracking", run
+
+    def sections(self) -> tuple[PathSection, ...]:
+        """Return the path as its parts from rest to rest.
+
+        Raises
+        ------
+        ConfigError
+            A segment is no curve, or turns back where it is to be blended; the text names it.
+        """
+        return path_sections(self.start_m, self.segments, self.speed_m_s, self.blend_m)
+
+    def where(self, robot: RobotDescription, sample_period_s: float, row: int) -> str:
+        """Return on which segment a row of the motion lies, and how far into it."""
+        rest = max(1, math.ceil(self.dwell_s / sample_period_s))
+        for way in self._ways(robot):
+            rows, _ = driven(self._limits(way, robot), way.joints, robot, sample_period_s)
+            if row < rest + len(rows.length):
+                return way.section.where(float(rows.length[max(0, row - rest)]))
+            row -= rest + len(rows.length)
+        return "the end of the path"
+
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        """Return the joint motion that leads the tool point along the path, from rest to rest."""
+        length_m = sum(section.length_m for section in self.sections())
+        slowest = min(segment.speed_m_s or self.speed_m_s for segment in self.segments)
+        refuse_longer(length_m / slowest, f"{length_m:.4g} m at {slowest:g} m/s")
+        rest = max(1, math.ceil(self.dwell_s / sample_period_s))
+        pieces: list[JointTrajectory] = []
+        for way in self._ways(robot):
+            _refuse_positions(way, robot)
+            rows, path = driven(self._limits(way, robot), way.joints, robot, sample_period_s)
+            broken = violations(path, robot, sample_period_s)
+            if broken:
+                middle_m = float(rows.length[len(rows.length) // 2])
+                refuse(broken, f"the path, {way.section.where(middle_m)},")
+            pieces += [standstill(way.on_grid.position[0], rest), path]
+        last = pieces[-1].position[-1]
+        whole = join([*pieces, standstill(last, rest)])
+        moving = len(whole.position) - 2 * rest
+        phase = phases_of((Phase.HOLD, rest), (Phase.MAIN, moving), (Phase.HOLD, rest))
+        return MotionSamples(robot.joint_names, sample_period_s, *whole, phase)
+
+    def _ways(self, robot: RobotDescription) -> Iterator[_Way]:
+        """Yield how the arm follows each section, from the pose that the one before ends in."""
+        n = len(robot.joints)
+        if len(self.near) != n:
+            raise ConfigError(f"near has {len(self.near)} values, robot {robot.name!r} {n} joints")
+        chain = Chain.from_description(robot)
+        near = np.array(self.near, dtype=float)
+        rotation = None if n == 3 else link_transforms(chain, near[np.newaxis])[0, -1][:3, :3]
+        pose = reach(chain, np.array(self.start_m), near, rotation, "the start of the path")
+        for section in self.sections():
+            way = _Way.of(section, chain, rotation, pose)
+            pose = way.end
+            yield way
+
+    def _limits(self, way: _Way, robot: RobotDescription) -> SpeedLimits:
+        """Return the speed limits of a section; refuse those that cannot be meant."""
+        section, grid, joints = way.section, way.grid, way.on_grid
+        number = section.piece_at(grid)
+        asked = np.array([piece.speed_m_s for piece in section.pieces])[number]
+        for j, joint in enumerate(robot.joints):
+            share = joint_speed(joints.slope, robot)[:, j] / asked
+            worst = int(share.argmin())
+            if share[worst] < SLOWEST_SHARE:
+                raise ConfigError(
+                    f"{section.where(float(grid[worst]))}, comes too near a singular pose: there"
+                    f" joint {joint.name!r} lets it go at"
+                    f" {1e3 * share[worst] * asked[worst]:.2g} mm/s only. Move the path, or start"
+                    " it near another pose"
+                )
+        curvature = way.points.curvature
+        bend = np.linalg.norm(curvature, axis=1)
+        inside = number[1:] == number[:-1]
+        change = np.linalg.norm(np.diff(curvature, axis=0), axis=1) / np.diff(grid) * inside
+        change = np.maximum(np.append(change, 0.0), np.append(0.0, change))
+        speed = np.minimum(asked, np.sqrt(self.acceleration_m_s2 / np.maximum(bend, 1e-12)))
+        speed = np.minimum(speed, np.cbrt(self.jerk_m_s3 / np.maximum(change, 1e-12)))
+        limits = speed_limits(
+            grid,
+            speed,
+            joints.slope,
+            joints.bend,
+            robot,
+            2.0 * self.acceleration_m_s2 / self.jerk_m_s3,
+            acceleration=self.acceleration_m_s2,
+        )
+        if self.keep_speed and (limits.speed < asked * (1.0 - 1e-9)).any():
+            _refuse_slowing(way, asked, speed, limits, robot)
+        return limits
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """How the arm follows a section of a path.
+
+    Attributes
+    ----------
+    section : PathSection
+        The section.
+    chain : Chain
+        The arm.
+    rotation : ndarray, shape (3, 3), or None
+        The orientation that the flange keeps, if any.
+    near : CubicSpline
+        Poses near those on the path, by its length.
+    end : ndarray, shape (n,)
+        The pose that the section ends in.
+    grid : ndarray, shape (m,)
+        Lengths at which it is looked at [m].
+    points : PathPoints
+        The section there.
+    on_grid : PathSlopes
+        The joints there.
+    """
+
+    section: PathSection
+    chain: Chain
+    rotation: FloatArray | None
+    near: CubicSpline
+    end: FloatArray
+    grid: FloatArray
+    points: PathPoints
+    on_grid: PathSlopes
+
+    @classmethod
+    def of(
+        cls, section: PathSection, chain: Chain, rotation: FloatArray | None, pose: FloatArray
+    ) -> _Way:
+        """Follow a section from a pose, in coarse steps and then on a fine grid."""
+        lengths = np.linspace(0.0, section.length_m, _grid_points(section, COARSE_M))
+        found = np.empty((len(lengths), chain.n))
+        coarse = section.at(lengths).point_m
+        for k, (length_m, point) in enumerate(zip(lengths.tolist(), coarse, strict=True)):
+            pose = reach(chain, point, pose, rotation, f"{section.where(length_m)},")
+            found[k] = pose
+        near = CubicSpline(lengths, found)
+        grid = np.linspace(0.0, section.length_m, _grid_points(section, FINE_M))
+        points = section.at(grid)
+        on_grid = refine(chain, *points, near(grid), rotation)
+        return cls(section, chain, rotation, near, pose, grid, points, on_grid)
+
+    def joints(self, length_m: FloatArray) -> PathSlopes:
+        """Return the joint positions, and their derivatives by the length, at lengths."""
+        points = self.section.at(length_m)
+        return refine(self.chain, *points, self.near(length_m), self.rotation)
+
+
+def _grid_points(section: PathSection, spacing_m: float) -> int:
+    return 1 + int(np.clip(math.ceil(section.length_m / spacing_m), FEWEST, MOST))
+
+
+def _refuse_positions(way: _Way, robot: RobotDescription) -> None:
+    position = way.on_grid.position
+    for j, joint in enumerate(robot.joints):
+        low, high = joint.limits.position_min, joint.limits.position_max
+        off = np.maximum(low - position[:, j], position[:, j] - high)
+        if off.max() > 0.0:
+            row = int(np.argmax(off > 0.0))
+            raise ConfigError(
+                f"{way.section.where(float(way.grid[row]))}, needs joint {joint.name!r} beyond its"
+                f" limits {low:g} to {high:g}: it would reach {position[off.argmax(), j]:.4g}. Move"
+                " the path, or start it near another pose"
+            )
+
+
+def _refuse_slowing(
+    way: _Way, asked: FloatArray, speed: FloatArray, limits: SpeedLimits, robot: RobotDescription
+) -> None:
+    worst = int((limits.speed / asked).argmin())
+    by = "acceleration_m_s2 or jerk_m_s3 in the bend"
+    if limits.speed[worst] < speed[worst]:
+        own = {
+            "velocity": joint_speed(way.on_grid.slope, robot)[worst],
+            "acceleration": bend_speed(way.on_grid.bend, robot)[worst],
+        }
+        what = min(own, key=lambda name: float(own[name].min()))
+        by = f"the {what} limit of joint {robot.joints[int(own[what].argmin())].name!r}"
+    raise ConfigError(
+        f"{way.section.where(float(way.grid[worst]))}, cannot keep {asked[worst]:g} m/s: {by}"
+        f" allows {limits.speed[worst]:.3g} m/s. Ask for less, widen the bend, or leave keep_speed"
+        " out"
+    )

@@ -1,0 +1,53 @@
+"""The motion file: every kind of motion, and how one is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, RootModel
+
+from acquisition.motion.kinds.circle import CircleMotion
+from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion
+from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.kinds.joint_path import JointPathMotion
+from acquisition.motion.kinds.joint_table import JointTableMotion
+from acquisition.motion.kinds.multipoint import MultipointMotion
+from acquisition.motion.kinds.multisine import MultisineMotion
+from acquisition.motion.kinds.reversed import ReversedMotion
+from acquisition.motion.kinds.tool_path import PathMotion
+from config.load import load_bundled_or_path
+
+AnyMotion = Annotated[
+    FourierMotion
+    | MultipointMotion
+    | ConstantVelocityMotion
+    | ReversedMotion
+    | MultisineMotion
+    | CircleMotion
+    | PathMotion
+    | JointPathMotion
+    | JointTableMotion,
+    Field(discriminator="kind"),
+]
+
+
+class MotionFile(RootModel[AnyMotion]):
+    """A motion file: its key `kind` says which of the motions it is."""
+
+
+def load_motion(path: str | Path) -> AnyMotion:
+    """Load a motion file; the rows of a table that it names are in what is returned.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Raises
+    ------
+    ConfigError
+        The file, or one that it names, is missing or invalid.
+    """
+    motion = load_bundled_or_path(str(path), "motions", MotionFile).root
+    return motion.completed(Path(path).expanduser().parent)

@@ -1,0 +1,200 @@
+"""The segments of a path of the tool point: what a motion file says of them, and their curves."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Annotated, Final, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.interpolate import CubicSpline
+
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.model import ConfigModel
+from config.robot.robot import NonNegative, Positive, Vector3
+
+SHORTEST_M: Final = 1e-6
+CELLS: Final = 256
+
+Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+"""Point and its first two derivatives, each (len(x), 3), at parameters x."""
+
+
+class KnottedCurve(NamedTuple):
+    """A curve over a parameter, and the knots between which its length is integrated.
+
+    Attributes
+    ----------
+    knots : ndarray, shape (knots,)
+        Parameters, increasing.
+    curve : callable
+        The curve over its parameter.
+    """
+
+    knots: FloatArray
+    curve: Curve
+
+
+class PathSegment(ConfigModel):
+    """What every segment of a path may say; the path's own values hold where it does not.
+
+    `blend_m` is the distance before its end at which the path leaves it to round the corner to the
+    next one; with 0 the tool point stops in the corner.
+    """
+
+    speed_m_s: Positive | None = None
+    blend_m: NonNegative | None = None
+
+    @abstractmethod
+    def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
+        """Return the segment's curve.
+
+        Parameters
+        ----------
+        start_m : ndarray, shape (3,)
+            Where the segment before it ends [m].
+        label : str
+            What a message calls it.
+
+        Raises
+        ------
+        ConfigError
+            It is no curve; the text names it.
+        """
+
+
+class LineSegment(PathSegment):
+    """A straight line to a point."""
+
+    kind: Literal["line"]
+    to_m: Vector3
+
+    def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
+        """Return the line."""
+        end = np.array(self.to_m)
+        way = end - start_m
+        if np.linalg.norm(way) < SHORTEST_M:
+            raise ConfigError(f"{label} ends where it begins, at {_millimetres(end)}: leave it out")
+
+        def curve(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            ones = np.ones((len(x), 1))
+            return start_m + x[:, np.newaxis] * way, ones * way, 0.0 * ones * way
+
+        return KnottedCurve(np.linspace(0.0, 1.0, 2), curve)
+
+
+class ArcSegment(PathSegment):
+    """A circular arc through one point to another."""
+
+    kind: Literal["arc"]
+    through_m: Vector3
+    to_m: Vector3
+
+    def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
+        """Return the arc: its centre is where two bisecting planes meet the points' own."""
+        through, end = np.array(self.through_m), np.array(self.to_m)
+        a, b = through - start_m, end - start_m
+        normal = np.cross(a, b)
+        size = float(np.linalg.norm(normal))
+        if size < 1e-6 * float(np.linalg.norm(a) * np.linalg.norm(b)) or size < SHORTEST_M**2:
+            raise ConfigError(
+                f"{label}: {_millimetres(start_m)}, {_millimetres(through)} and"
+                f" {_millimetres(end)} lie on a line or on each other: give a line, or other points"
+            )
+        normal = normal / size
+        halves = 0.5 * np.array([float(a @ a), float(b @ b), 0.0])
+        centre = np.asarray(start_m + np.linalg.solve(np.array([a, b, normal]), halves))
+        x, y = start_m - centre, np.cross(normal, start_m - centre)
+        ahead = end - centre
+        angle = math.atan2(float(ahead @ y), float(ahead @ x)) % (2.0 * math.pi)
+        return _turn(centre, x, y, angle)
+
+
+class CircleSegment(PathSegment):
+    """`turns` round a centre, in the plane through it whose normal is given, right-handed.
+
+    It begins where the segment before it ends; negative turns go the other way.
+    """
+
+    kind: Literal["circle"]
+    centre_m: Vector3
+    normal: Vector3 = (0.0, 0.0, 1.0)
+    turns: float = 1.0
+
+    @model_validator(mode="after")
+    def _goes_somewhere(self) -> CircleSegment:
+        if not any(self.normal):
+            raise ValueError("normal must not be zero")
+        if self.turns == 0.0 or abs(self.turns) > 1000.0:
+            raise ValueError(f"turns must be between -1000 and 1000 and not 0: {self.turns}")
+        return self
+
+    def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
+        """Return the circle, with as many turns."""
+        centre, normal = np.array(self.centre_m), np.array(self.normal)
+        normal = normal / np.linalg.norm(normal)
+        radius = start_m - centre
+        height_m, radius_m = float(radius @ normal), float(np.linalg.norm(radius))
+        if radius_m < SHORTEST_M or abs(height_m) > 1e-3 * radius_m:
+            raise ConfigError(
+                f"{label} begins at {_millimetres(start_m)}, {1e3 * abs(height_m):.3g} mm off the"
+                f" plane through its centre and {1e3 * radius_m:.3g} mm from it: move the centre,"
+                " turn the normal, or begin elsewhere"
+            )
+        y = np.cross(normal, radius)
+        angle = 2.0 * math.pi * self.turns
+        return _turn(centre + height_m * normal, radius - height_m * normal, y, angle)
+
+
+class SplineSegment(PathSegment):
+    """A smooth curve (of class C2) through points, the last of which is its end."""
+
+    kind: Literal["spline"]
+    through_m: tuple[Vector3, ...] = Field(min_length=2, max_length=10_000)
+
+    def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
+        """Return the spline."""
+        points = np.array([start_m, *self.through_m])
+        chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if chords.min() < SHORTEST_M:
+            number = int(chords.argmin()) + 1
+            raise ConfigError(
+                f"{label}: point {number}, {_millimetres(points[number])}, is the same as the one"
+                " before it: leave one out"
+            )
+        at = np.concatenate([[0.0], np.cumsum(chords)])
+        spline = CubicSpline(at, points)
+
+        def curve(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            return np.asarray(spline(x)), np.asarray(spline(x, 1)), np.asarray(spline(x, 2))
+
+        cells = max(4, -(-CELLS // len(chords)))
+        share = np.arange(cells) / cells
+        inner = (at[:-1, np.newaxis] + share * np.diff(at)[:, np.newaxis]).ravel()
+        knots = np.append(inner, at[-1])
+        slowest = np.linalg.norm(curve(knots)[1], axis=1).min()
+        if slowest < 1e-3:
+            raise ConfigError(f"{label} has a cusp: give points that are more evenly spaced")
+        return KnottedCurve(knots, curve)
+
+
+Segment = Annotated[
+    LineSegment | ArcSegment | CircleSegment | SplineSegment, Field(discriminator="kind")
+]
+
+
+def _turn(centre: FloatArray, x: FloatArray, y: FloatArray, angle: float) -> KnottedCurve:
+    def curve(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        phi = (angle * at)[:, np.newaxis]
+        out = np.cos(phi) * x + np.sin(phi) * y
+        onwards = np.cos(phi) * y - np.sin(phi) * x
+        return centre + out, angle * onwards, -(angle**2) * out
+
+    return KnottedCurve(np.linspace(0.0, 1.0, 2), curve)
+
+
+def _millimetres(point: FloatArray) -> str:
+    return f"({', '.join(f'{1e3 * x:.1f}' for x in point)}) mm"
