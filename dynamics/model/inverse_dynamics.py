@@ -7,7 +7,6 @@ and what acts on one joint alone takes the complex step.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +16,6 @@ from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel, checked_parameters, load_torque
 from dynamics.model.transmission import Transmission
 from dynamics.terms.conditions import Conditions
-
-INERTIAL_TERMS: Final = ("rigid_body", "rotors", "armature")
 
 
 def torque_derivatives(
@@ -94,7 +91,7 @@ def mass_matrix(model: RobotModel, q: npt.ArrayLike, parameters: npt.ArrayLike) 
     theta = checked_parameters(model, parameters)
     inertial = replace(
         model,
-        terms=tuple(term for term in model.terms if term.name in INERTIAL_TERMS),
+        terms=tuple(term for term in model.terms if term.inertial),
         transmission=Transmission(),
     )
     groups = model.parameter_groups

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from config.arrays import FloatArray
 from dynamics.model.robot_model import RobotModel, checked_parameters
 from dynamics.terms.conditions import Conditions
-from dynamics.terms.friction import Friction
+from dynamics.terms.term import NonlinearTerm
 
 
 def nonlinear_slopes(
@@ -42,6 +42,6 @@ def nonlinear_slopes(
     parts = [
         term.nonlinear_slopes(motion, theta[columns])
         for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True)
-        if isinstance(term, Friction)
+        if isinstance(term, NonlinearTerm)
     ]
     return np.concatenate([*parts, model.transmission.nonlinear_slopes(motion)], axis=2)

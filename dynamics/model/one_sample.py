@@ -21,7 +21,8 @@ from dynamics.kernels.simd import kernel
 from dynamics.model.robot_model import RobotModel, checked_parameters
 from dynamics.terms.armature import Armature
 from dynamics.terms.friction import Friction, FrictionFunction
-from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from dynamics.terms.payload import Payload
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK, RigidBodies
 from dynamics.terms.rotors import Rotors
 from dynamics.terms.spring import Spring
 
@@ -81,30 +82,40 @@ class SampleTorque:
         Raises
         ------
         EstimationError
-            The parameters are not the model's, or friction depends on the drives' temperature.
+            The parameters are not the model's, friction depends on the drives' temperature, or the
+            model has a term that is not known here.
         """
         theta = checked_parameters(model, parameters)
         n = model.chain.n
         bodies = np.zeros((n + 2, PARAMETERS_PER_LINK))
-        bodies[:n] = theta[: PARAMETERS_PER_LINK * n].reshape(n, PARAMETERS_PER_LINK)
         bodies[n, :3] = model.chain.gravity_m_s2
         terms: list[list[float]] = []
         for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
             values = theta[columns].tolist()
-            if isinstance(term, Rotors):
-                terms += _rotors(term, values)
-            elif isinstance(term, Armature):
-                terms += [
-                    [_ARMATURE, joint, value]
-                    for joint, value in zip(term.joints, values, strict=True)
-                ]
-            elif isinstance(term, Friction):
-                bodies[n, 3] = max(term.sign_smoothing_rad_s, least_smoothing_rad_s)
-                terms += _friction(term, values)
-            elif isinstance(term, Spring):
-                form = _FOURIER if term.distances_m is None else _STRAIGHT
-                numbers = values if term.distances_m is None else [*values, *term.distances_m]
-                bodies[n + 1, : 2 + len(numbers)] = [form, term.joint, *numbers]
+            match term:
+                case RigidBodies():
+                    bodies[:n] = theta[columns].reshape(n, PARAMETERS_PER_LINK)
+                case Payload():
+                    pass  # not attached, as for `torque` without conditions
+                case Rotors():
+                    terms += _rotors(term, values)
+                case Armature():
+                    terms += [
+                        [_ARMATURE, joint, value]
+                        for joint, value in zip(term.joints, values, strict=True)
+                    ]
+                case Friction():
+                    bodies[n, 3] = max(term.sign_smoothing_rad_s, least_smoothing_rad_s)
+                    terms += _friction(term, values)
+                case Spring():
+                    form = _FOURIER if term.distances_m is None else _STRAIGHT
+                    numbers = values if term.distances_m is None else [*values, *term.distances_m]
+                    bodies[n + 1, : 2 + len(numbers)] = [form, term.joint, *numbers]
+                case _:
+                    raise EstimationError(
+                        f"the torque of one sample does not know the term {term.name!r}: leave it"
+                        " out of the model, or teach `dynamics/model/one_sample.py` to compute it"
+                    )
         for loss in model.transmission.losses:
             kind = _EFFICIENCY if loss.kind == "efficiency" else _LOAD
             terms.append([kind, loss.joint, loss.parameter.value])

@@ -19,12 +19,11 @@ from dynamics.terms.armature import Armature
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.friction import Friction
 from dynamics.terms.motion import Motion
-from dynamics.terms.nonlinear import NonlinearParameter
 from dynamics.terms.payload import Payload
 from dynamics.terms.rigid_body import RigidBodies
 from dynamics.terms.rotors import Rotors
 from dynamics.terms.spring import Spring
-from dynamics.terms.term import Term
+from dynamics.terms.term import NonlinearParameter, NonlinearTerm, Term
 
 BLOCK_SAMPLES: Final = 512
 
@@ -127,29 +126,29 @@ class RobotModel:
         }
 
     @property
-    def _shape(self) -> tuple[NonlinearParameter, ...]:
-        friction = (term.shape for term in self.terms if isinstance(term, Friction))
-        return (*(p for shape in friction for p in shape), *self.transmission.shape)
+    def _nonlinear(self) -> tuple[NonlinearParameter, ...]:
+        terms = (term.nonlinear for term in self.terms if isinstance(term, NonlinearTerm))
+        return (*(p for own in terms for p in own), *self.transmission.nonlinear)
 
     @property
     def nonlinear_names(self) -> tuple[str, ...]:
         """The parameters that the torque is not linear in: Stribeck speeds, losses of gears."""
-        return tuple(parameter.name for parameter in self._shape)
+        return tuple(parameter.name for parameter in self._nonlinear)
 
     @property
     def nonlinear_units(self) -> tuple[str, ...]:
         """Their units, in the order of the names."""
-        return tuple(parameter.unit for parameter in self._shape)
+        return tuple(parameter.unit for parameter in self._nonlinear)
 
     @property
     def nonlinear_values(self) -> FloatArray:
         """Their values, in the order of the names."""
-        return np.array([parameter.value for parameter in self._shape])
+        return np.array([parameter.value for parameter in self._nonlinear])
 
     @property
     def nonlinear_bounds(self) -> FloatArray:
         """The ranges that they must stay in, (nonlinear parameters, 2)."""
-        return np.array([(p.low, p.high) for p in self._shape]).reshape(-1, 2)
+        return np.array([(p.low, p.high) for p in self._nonlinear]).reshape(-1, 2)
 
     def with_nonlinear(self, values: npt.ArrayLike) -> RobotModel:
         """Return the same model with other values of `nonlinear_names`.
@@ -159,21 +158,23 @@ class RobotModel:
         EstimationError
             Where there are not as many values as names.
         """
-        shape = np.asarray(values, dtype=np.float64)
-        if shape.shape != (len(self._shape),):
+        rest = np.asarray(values, dtype=np.float64)
+        if rest.shape != (len(self._nonlinear),):
             raise EstimationError(
-                f"the model has {len(self._shape)} nonlinear parameters"
+                f"the model has {len(self._nonlinear)} nonlinear parameters"
                 f" ({', '.join(self.nonlinear_names) or 'none'}), got an array of shape"
-                f" {shape.shape}"
+                f" {rest.shape}"
             )
         terms: list[Term] = []
         for term in self.terms:
-            if isinstance(term, Friction):
-                count = len(term.shape)
-                term, shape = term.with_nonlinear(shape[:count]), shape[count:]
-            terms.append(term)
+            if isinstance(term, NonlinearTerm):
+                count = len(term.nonlinear)
+                terms.append(term.with_nonlinear(rest[:count]))
+                rest = rest[count:]
+            else:
+                terms.append(term)
         return replace(
-            self, terms=tuple(terms), transmission=self.transmission.with_nonlinear(shape)
+            self, terms=tuple(terms), transmission=self.transmission.with_nonlinear(rest)
         )
 
     def motion(

@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.motion import Motion
-from dynamics.terms.nonlinear import NonlinearParameter
+from dynamics.terms.term import NonlinearParameter
 
 LOWEST_EFFICIENCY: Final = 0.2
 HIGHEST_LOAD_FRICTION: Final = 0.5
@@ -57,7 +57,7 @@ class Transmission:
         return cls(tuple(losses))
 
     @property
-    def shape(self) -> tuple[NonlinearParameter, ...]:
+    def nonlinear(self) -> tuple[NonlinearParameter, ...]:
         """The nonlinear parameters, gear by gear."""
         return tuple(loss.parameter for loss in self.losses)
 
@@ -104,7 +104,7 @@ class Transmission:
         """Return 1 where the motor drives the load, -1 where the load drives it, (samples, n)."""
         load = motion.conditions.load_nm
         if load is None:
-            names = ", ".join(parameter.name for parameter in self.shape)
+            names = ", ".join(parameter.name for parameter in self.nonlinear)
             raise EstimationError(
                 f"{names} depend on the torque that the gears transmit: give"
                 " `Conditions.load_nm`, as `load_torque` computes it"

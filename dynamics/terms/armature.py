@@ -23,6 +23,7 @@ class Armature:
     units: tuple[str, ...]
 
     through_gears = False
+    inertial = True
     name = "armature"
 
     @classmethod

@@ -13,7 +13,7 @@ from config.errors import EstimationError
 from config.robot.robot import FrictionTerm, Joint, RobotDescription
 from dynamics.terms.complex_step import Values, slopes
 from dynamics.terms.motion import Motion
-from dynamics.terms.nonlinear import NonlinearParameter
+from dynamics.terms.term import NonlinearParameter
 
 SLOWEST_STRIBECK: Final = 0.02
 FASTEST_STRIBECK: Final = 0.5
@@ -95,6 +95,7 @@ class Friction:
     stribeck: tuple[StribeckSpeed, ...] = ()
 
     through_gears = False
+    inertial = False
     name = "friction"
 
     def __post_init__(self) -> None:
@@ -142,7 +143,7 @@ class Friction:
         return tuple(column.unit for column in self.columns)
 
     @property
-    def shape(self) -> tuple[NonlinearParameter, ...]:
+    def nonlinear(self) -> tuple[NonlinearParameter, ...]:
         """The nonlinear parameters: the Stribeck speeds, joint by joint."""
         return tuple(speed.parameter for speed in self.stribeck)
 

@@ -24,6 +24,7 @@ class Payload:
     chain: Chain
 
     through_gears = True
+    inertial = True
     name = "payload"
 
     @property

@@ -33,6 +33,7 @@ class RigidBodies:
     chain: Chain
 
     through_gears = True
+    inertial = True
     name = "rigid_body"
 
     @property

@@ -46,6 +46,7 @@ class Rotors:
     ratio: FloatArray
 
     through_gears = False
+    inertial = True
     name = "rotors"
 
     def __post_init__(self) -> None:

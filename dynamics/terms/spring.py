@@ -29,6 +29,7 @@ class Spring:
     distances_m: tuple[float, float] | None
 
     through_gears = True
+    inertial = False
     name = "spring"
 
     @classmethod

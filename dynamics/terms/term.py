@@ -1,19 +1,44 @@
-"""`Term`: what every part of a robot's model offers."""
+"""`Term`: what every part of a robot's model offers, and `NonlinearTerm` for those with more."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 from config.arrays import FloatArray
 from dynamics.terms.motion import Motion
 
 
+@dataclass(frozen=True)
+class NonlinearParameter:
+    """One parameter that the torque is not linear in.
+
+    Attributes
+    ----------
+    name, unit : str
+        What it is called, and its unit.
+    value : float
+        Its value.
+    low, high : float
+        The range that it must stay in.
+    """
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+
+
 class Term(Protocol):
     """A part of the model: names, units, and the columns that belong to them.
 
-    To give robots a new effect, write a class like this and add it to `RobotModel.terms`. `out` is
-    zero on entry and has a column a parameter.
+    A term gives the regressor, its gradient and the base wrench itself, and so the torque. Two
+    backends compute without columns and name the terms that they know: the torque of one sample
+    (`dynamics.model.one_sample`) and the exports (`identification.export.model`). Both refuse a
+    model with a term that they do not know. To give robots a new effect, write a class like this,
+    add it to `RobotModel.from_description` and to those two.
     """
 
     @property
@@ -28,6 +53,11 @@ class Term(Protocol):
 
     @property
     @abstractmethod
+    def inertial(self) -> bool:
+        """Whether this torque depends on the acceleration: part of the joint-space inertia."""
+
+    @property
+    @abstractmethod
     def parameter_names(self) -> tuple[str, ...]:
         """One name a column, unlike every other term's."""
 
@@ -38,15 +68,54 @@ class Term(Protocol):
 
     @abstractmethod
     def fill_torque(self, motion: Motion, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, parameters): actuator torque, link side, per unit parameter."""
+        """Fill in the actuators' torque, link side, per unit parameter.
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion.
+        out : ndarray, shape (samples, n, parameters)
+            Zero on entry, a column a parameter.
+        """
 
     @abstractmethod
     def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
-        """Fill `out`, (samples, 6, parameters): base wrench per unit parameter."""
+        """Fill in the base wrench per unit parameter; `out` as (samples, 6, parameters)."""
 
     @abstractmethod
     def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
-        """Return how sums of weights (sums, samples, n, parameters) * torque columns change.
+        """Return how sums of weights * torque columns change with the motion.
 
-        The result, (sums, 3, samples, n), holds their derivatives by q, v and a of the joints.
+        Parameters
+        ----------
+        motion : Motion
+            The motion.
+        weights : ndarray, shape (sums, samples, n, parameters)
+            The weights of each sum.
+
+        Returns
+        -------
+        ndarray, shape (sums, 3, samples, n)
+            Derivatives by q, v and a of the joints.
+        """
+
+
+@runtime_checkable
+class NonlinearTerm(Protocol):
+    """What a term offers besides, where its columns depend on nonlinear parameters."""
+
+    @property
+    @abstractmethod
+    def nonlinear(self) -> tuple[NonlinearParameter, ...]:
+        """The nonlinear parameters."""
+
+    @abstractmethod
+    def with_nonlinear(self, values: FloatArray) -> Term:
+        """Return the same term with other values of the nonlinear parameters."""
+
+    @abstractmethod
+    def nonlinear_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
+        """Return how the torque changes with them, shape (samples, n, nonlinear parameters).
+
+        `coefficients` are the values of the term's linear parameters.
         """

@@ -97,7 +97,7 @@ class Estimate:
     run_ids: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        b, n, s = len(self.base), len(self.robot.joints), len(self.options.shape or ())
+        b, n, s = len(self.base), len(self.robot.joints), len(self.options.nonlinear or ())
         shapes: dict[str, tuple[int, ...]] = {
             "values": (b,),
             "covariance_residual": (b, b),

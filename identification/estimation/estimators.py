@@ -22,7 +22,6 @@ from identification.estimation.fitted_periods import (
     fit_periodic,
     model_of,
     prior_rows,
-    with_nonlinear,
 )
 from identification.estimation.nonlinear_parameters import fit_nonlinear
 from identification.estimation.smoothed_fit import SmoothedProblem
@@ -153,7 +152,7 @@ def estimate_smoothed(
     clustered = problem.jackknife_covariance(model, standard, fit)
     return Estimate(
         robot=robot,
-        options=with_nonlinear(options, model),
+        options=options.with_nonlinear_of(model),
         base=base,
         values=fit.solution.values[:b],
         covariance_noise=None,

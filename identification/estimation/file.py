@@ -193,8 +193,8 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
 def _to_estimate(document: EstimateDocument) -> Estimate:
     """Return the estimate that stands in a file."""
     names = tuple(parameter.name for parameter in document.parameters)
-    shape = tuple(parameter.value for parameter in document.shape_parameters)
-    options = ModelOptions(**document.model.model_dump(), shape=shape or None)
+    nonlinear = tuple(parameter.value for parameter in document.shape_parameters)
+    options = ModelOptions(**document.model.model_dump(), nonlinear=nonlinear or None)
     model = options.build(document.robot)
     expected = model.parameter_names
     strangers = [name for name in names if name not in expected]
@@ -221,7 +221,9 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         ),
         covariance_residual=np.array(document.covariance_residual),
         covariance_jackknife=np.array(document.covariance_honest or document.covariance_residual),
-        nonlinear_covariance=np.array(document.shape_covariance).reshape(len(shape), len(shape)),
+        nonlinear_covariance=np.array(document.shape_covariance).reshape(
+            len(nonlinear), len(nonlinear)
+        ),
         plate=None if document.plate is None else _to_plate(document.plate),
         condition_number=document.condition_number,
         equations=document.equations,

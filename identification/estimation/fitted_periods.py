@@ -167,7 +167,7 @@ def fit_periodic(
         model = shaped.model
         equations = problem.equations(model, shaped.standard)
         problem, fit = _with_delays(problem, model, shaped.standard, equations)
-    return FittedPeriods(robot, with_nonlinear(options, model), model, problem, equations, fit)
+    return FittedPeriods(robot, options.with_nonlinear_of(model), model, problem, equations, fit)
 
 
 def _with_delays(
@@ -210,8 +210,3 @@ def model_of(
 def prior_rows(base: BaseParameters, prior: Prior | None) -> PriorRows:
     """Return prior knowledge as equations; none where there is none."""
     return PriorRows.none(base) if prior is None else PriorRows.of(base, *prior)
-
-
-def with_nonlinear(options: ModelOptions, model: RobotModel) -> ModelOptions:
-    """Return options that build the model with its fitted nonlinear parameters."""
-    return replace(options, shape=tuple(model.nonlinear_values.tolist()) or None)

@@ -13,15 +13,18 @@ from config.arrays import FloatArray, read_only
 from config.errors import EstimationError
 from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
+from dynamics.terms.armature import Armature
 from dynamics.terms.friction import Friction
 from dynamics.terms.payload import Payload
-from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK, RigidBodies
+from dynamics.terms.rotors import Rotors
 from dynamics.terms.spring import Spring
 from identification.consistency.rigid_body import LinkBody
 from identification.friction.curve import friction_columns
 
 T = TypeVar("T")
 
+KNOWN_TERMS = (RigidBodies, Rotors, Armature, Friction, Spring, Payload)
 SPEEDS = 200
 SLOWEST_SHARE = 0.02
 
@@ -49,6 +52,11 @@ class ExportModel:
         Values of `model.parameter_names`.
     origin : tuple of str
         Where they come from, a line each.
+
+    Raises
+    ------
+    EstimationError
+        The parameters do not fit the model, or it has a term that no export knows.
     """
 
     robot: RobotDescription
@@ -60,6 +68,12 @@ class ExportModel:
         shape = (len(self.model.parameter_names),)
         values = read_only("parameters", self.parameters, float, shape, EstimationError)
         object.__setattr__(self, "parameters", values)
+        unknown = [term.name for term in self.model.terms if not isinstance(term, KNOWN_TERMS)]
+        if unknown:
+            raise EstimationError(
+                f"the exports do not know the model's terms {', '.join(unknown)}: leave them out of"
+                " the model, or teach `identification/export` to write them"
+            )
 
     @cached_property
     def links(self) -> tuple[LinkBody, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pydantic import ValidationError
 
@@ -17,8 +17,8 @@ class ModelOptions:
     """Which terms the model has; see `RobotModel.from_description`.
 
     `kind` says what is measured of it: the external and the combined model need a force plate.
-    `friction_terms` replaces the terms of every joint where it is given, `shape` the values of the
-    model's nonlinear parameters (`RobotModel.nonlinear_names`).
+    `friction_terms` replaces the terms of every joint where it is given, `nonlinear` the values of
+    the model's nonlinear parameters (`RobotModel.nonlinear_names`).
     """
 
     kind: ModelKind = "internal"
@@ -28,7 +28,7 @@ class ModelOptions:
     sign_smoothing_rad_s: float = 0.0
     friction_terms: tuple[FrictionTerm, ...] | None = None
     payload: bool = False
-    shape: tuple[float, ...] | None = None
+    nonlinear: tuple[float, ...] | None = None
 
     def build(self, robot: RobotDescription) -> RobotModel:
         """Build the model of a robot with these terms.
@@ -36,7 +36,7 @@ class ModelOptions:
         Raises
         ------
         EstimationError
-            Where `shape` has not as many values as the model has nonlinear parameters, or the
+            Where `nonlinear` has not as many values as the model has nonlinear parameters, or the
             friction terms contradict each other or a joint.
         """
         if self.friction_terms is not None:
@@ -50,7 +50,11 @@ class ModelOptions:
             payload=self.payload,
             sign_smoothing_rad_s=self.sign_smoothing_rad_s,
         )
-        return model if self.shape is None else model.with_nonlinear(self.shape)
+        return model if self.nonlinear is None else model.with_nonlinear(self.nonlinear)
+
+    def with_nonlinear_of(self, model: RobotModel) -> ModelOptions:
+        """Return options that build a model with the nonlinear parameters of another."""
+        return replace(self, nonlinear=tuple(model.nonlinear_values.tolist()) or None)
 
 
 def _with_friction(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:

@@ -110,8 +110,7 @@ class PayloadModel:
 
     def with_nonlinear(self, model: RobotModel) -> PayloadModel:
         """Return the same with the nonlinear parameters of another model."""
-        shape = tuple(model.nonlinear_values.tolist()) or None
-        return replace(self, options=replace(self.options, shape=shape), model=model)
+        return replace(self, options=self.options.with_nonlinear_of(model), model=model)
 
 
 @dataclass(frozen=True, eq=False)

@@ -136,7 +136,7 @@ def choose_friction(
     EstimationError
         The recordings are too short, or do not show the simplest model.
     """
-    options = replace(options or ModelOptions(), friction_terms=None, shape=None)
+    options = replace(options or ModelOptions(), friction_terms=None, nonlinear=None)
     parts = [part for run in signals for part in cut(run, max(1, folds // len(signals)))]
     if len(parts) < 2 or not candidates:
         raise EstimationError("a comparison needs two parts of recordings, and candidates")
@@ -206,7 +206,7 @@ def _trial(
         * sum(len(part) * part.sample_period_s for part in parts)
         * (1.0 - whole.left_out_fraction)
     )
-    count = len(whole.base) + len(whole.options.shape or ())
+    count = len(whole.base) + len(whole.options.nonlinear or ())
     fit = float(np.sum(values * np.log(whole.residual_nm**2)))
     return Trial(
         terms=terms,

@@ -147,10 +147,11 @@ class TestNonlinearParameters:
         start = np.concatenate([found.values * 1.05, [0.09, 0.12, 0.09]])
         size = np.maximum(np.abs(start), 1e-3)
         judge = least_squares(residual, start, x_scale=size, xtol=1e-12, ftol=1e-12)
-        assert found.options.shape is not None
-        np.testing.assert_allclose(found.options.shape, judge.x[-3:], rtol=2e-3)
+        assert found.options.nonlinear is not None
+        np.testing.assert_allclose(found.options.nonlinear, judge.x[-3:], rtol=2e-3)
         inside = (
-            np.abs(np.array(found.options.shape) - [0.08, 0.15, 0.1]) < 3.0 * found.nonlinear_sigma
+            np.abs(np.array(found.options.nonlinear) - [0.08, 0.15, 0.1])
+            < 3.0 * found.nonlinear_sigma
         )
         assert inside.all()
 
@@ -165,11 +166,11 @@ class TestNonlinearParameters:
             model = options.build(arm).with_nonlinear(shape)
             signals = run(model, truth(model), samples=6000)
             found = estimate_smoothed(arm, [signals], options=options)
-            assert found.options.shape is not None
-            off = np.abs(np.array(found.options.shape) - shape) / found.nonlinear_sigma
+            assert found.options.nonlinear is not None
+            off = np.abs(np.array(found.options.nonlinear) - shape) / found.nonlinear_sigma
             # The first axis is vertical: it carries no gravity and tells little.
             assert (off[1:] < 3.0).all()
-            assert np.abs(np.array(found.options.shape) - shape)[1:].max() < 0.02
+            assert np.abs(np.array(found.options.nonlinear) - shape)[1:].max() < 0.02
 
     def test_a_term_that_is_not_there_leaves_the_rest_alone(self, robot, truth, run) -> None:
         plain = RobotModel.from_description(friction(robot, ("coulomb", "viscous")))
@@ -238,4 +239,4 @@ def test_the_model_file_s_words_hold_for_every_term(robot, truth, run) -> None:
     arm = friction(robot, ("coulomb", "viscous", "stribeck"))
     model = RobotModel.from_description(arm)
     found = estimate_smoothed(arm, [run(model, truth(model))])
-    assert found.options.build(arm).nonlinear_values == pytest.approx(found.options.shape)
+    assert found.options.build(arm).nonlinear_values == pytest.approx(found.options.nonlinear)

@@ -152,8 +152,8 @@ def test_a_gears_efficiency_is_recovered(arm: Any) -> None:
     model = RobotModel.from_description(robot).with_nonlinear([0.7, 0.8, 0.75])
     theta = truth(arm, model)
     estimate = estimate_smoothed(robot, [measured(arm, model, theta)])
-    assert estimate.options.shape is not None
-    np.testing.assert_allclose(estimate.options.shape, [0.7, 0.8, 0.75], atol=0.02)
+    assert estimate.options.nonlinear is not None
+    np.testing.assert_allclose(estimate.options.nonlinear, [0.7, 0.8, 0.75], atol=0.02)
     assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
 
 
