@@ -115,7 +115,7 @@ def improvement(fitted: FittedPeriods) -> Improvement:
     steps = len(fitted.fit.solution.values) - len(fitted.base)
     wide = np.hstack([functionals, np.zeros((len(rows), steps))])
     of_both = _covariance(both, np.eye(wide.shape[1]), wide)
-    s = fitted.shapes
+    s = fitted.fit.nonlinear
     # What a model alone has no say in is left out of its unknowns: shapes of the gears and friction
     # belong to the joints, delays to the plates.
     of_joints = _covariance(joints, _unknowns(internal, fitted, range(s)), wide)

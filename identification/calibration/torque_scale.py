@@ -126,7 +126,7 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
     near, scale = fitted.fit.solution.values, np.ones(n)
     prior = fitted.problem.prior.triangle(width + n)
     known = [prior]
-    if fitted.shapes:
+    if fitted.fit.nonlinear:
         known.append(step_prior(fitted.model, len(fitted.base), width + n))
     covariance = np.zeros((n, n))
     clusters = 2

@@ -175,6 +175,13 @@ def jackknife_metric(estimate: Estimate) -> tuple[FloatArray, FloatArray]:
         ) from None
 
 
+def full_rank_covariance(estimate: Estimate) -> FloatArray:
+    """Return the covariance of `jackknife_metric`, shape (b, b)."""
+    sigma, factor = jackknife_metric(estimate)
+    spread = sigma[:, np.newaxis] * factor
+    return np.asarray(spread @ spread.T)
+
+
 def not_negative(model: RobotModel, robot: RobotDescription) -> FloatArray:
     """Return rows G, shape (k, p), of G theta >= 0: rotors, springs, and friction that brakes."""
     names, identity = model.parameter_names, np.eye(len(model.parameter_names))

@@ -14,13 +14,11 @@ from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
 from dynamics.terms.conditions import Conditions
 from identification.equations.plate_fit import PlateFit
+from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
 
 BLOCK_ROWS = 4096
-
-Weighting = Literal["ml", "ls", "huber"]
-"""Rows weighted by one over their noise, all alike, or by noise with outliers held down."""
 
 
 @dataclass(frozen=True, eq=False)

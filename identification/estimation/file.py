@@ -18,7 +18,8 @@ from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 from config.robot.robot import FrictionTerm, RobotDescription
 from identification.equations.plate_fit import PlateFit
-from identification.estimation.estimate import Estimate, Weighting
+from identification.estimation.estimate import Estimate
+from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters, ModelKind
 from identification.model.options import ModelOptions
 

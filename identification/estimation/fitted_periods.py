@@ -20,17 +20,15 @@ from dynamics.model.robot_model import RobotModel
 from identification.equations.bins import BinEquations
 from identification.equations.plate_fit import PlateFit
 from identification.equations.whitened import residual_covariance
-from identification.estimation.estimate import Estimate, Weighting
+from identification.estimation.estimate import Estimate
 from identification.estimation.nonlinear_parameters import fit_nonlinear
+from identification.estimation.options import EstimationOptions
 from identification.estimation.periodic_fit import PeriodicFit, PeriodicProblem
-from identification.estimation.prior import PriorRows
+from identification.estimation.prior import prior_rows
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.inertia import base_inertia_squares, inertia_size
 from identification.model.options import ModelOptions
 from identification.regression.least_squares import Solution
-
-Prior = tuple[FloatArray, FloatArray]
-"""Values and standard deviations of the model's standard parameters; infinite for no knowledge."""
 
 MOST_STEPS: Final = 20
 SETTLED_SIGMAS: Final = 0.01
@@ -54,7 +52,7 @@ class FittedPeriods:
     equations : tuple of BinEquations
         One a run.
     fit : PeriodicFit
-        The solution: b base parameters, s nonlinear ones' steps, one step of a plate's delay a run.
+        The solution.
     """
 
     robot: RobotDescription
@@ -69,16 +67,10 @@ class FittedPeriods:
         """What the first b values of the solution are."""
         return self.problem.base
 
-    @property
-    def shapes(self) -> int:
-        """Number of nonlinear parameters that were fitted."""
-        with_plate = 0 if self.options.kind == "internal" else len(self.equations)
-        return len(self.fit.solution.values) - len(self.base) - with_plate
-
     def estimate(self, cell_name: str = "", run_ids: tuple[str, ...] = ()) -> Estimate:
         """Return the estimate, with where it was measured."""
         problem, fit, weighting = self.problem, self.fit, self.problem.weighting
-        b, s, covariance = len(self.base), self.shapes, fit.solution.covariance
+        covariance, of_base, of_nonlinear = fit.solution.covariance, fit.of_base, fit.of_nonlinear
         clustered = problem.jackknife_covariance(fit)
         residual = residual_covariance(fit.white, fit.solution.values, covariance)
         unfitted = np.zeros((len(self.model.nonlinear_names),) * 2)
@@ -88,20 +80,22 @@ class FittedPeriods:
                 problem.averages,
                 self.equations,
                 problem.base_inertia,
-                fit.solution.values[: b + s],
+                fit.solution.values[fit.of_model],
                 problem.delays_s,
-                np.sqrt(np.diagonal(covariance)[b + s :]),
+                np.sqrt(np.diagonal(covariance)[fit.of_delays]),
             )
         return Estimate(
             robot=self.robot,
             options=self.options,
             base=self.base,
-            values=fit.solution.values[:b],
-            covariance_noise=None if weighting == "ls" else covariance[:b, :b],
-            covariance_residual=residual[:b, :b],
-            covariance_jackknife=clustered[:b, :b],
+            values=fit.solution.values[of_base],
+            covariance_noise=None if weighting == "ls" else covariance[of_base, of_base],
+            covariance_residual=residual[of_base, of_base],
+            covariance_jackknife=clustered[of_base, of_base],
             plate=plate,
-            nonlinear_covariance=clustered[b : b + s, b : b + s] if s else unfitted,
+            nonlinear_covariance=(
+                clustered[of_nonlinear, of_nonlinear] if fit.nonlinear else unfitted
+            ),
             condition_number=fit.solution.condition_number,
             equations=fit.solution.rows,
             residual_nm=fit.residual_nm,
@@ -120,15 +114,27 @@ class FittedPeriods:
 def fit_periodic(
     robot: RobotDescription,
     averages: Sequence[PeriodAverage],
+    options: EstimationOptions | None = None,
     *,
-    options: ModelOptions | None,
-    weighting: Weighting,
-    prior: Prior | None,
-    payload: Sequence[bool] | None,
-    band_hz: float,
-    standstill_rad_s: float,
+    payload: Sequence[bool] | None = None,
 ) -> FittedPeriods:
-    """Solve the equations of averaged periods; see `estimate_periodic`.
+    """Solve the equations of averaged periods.
+
+    Each row's noise is the torque's, from the scatter between periods with the anti-alias filter
+    divided out, and the position's, through the inertia that the estimate itself shows. The
+    external and the combined model (`ModelOptions.kind`) count the base wrench of a force plate
+    too, by its own noise (4.2, 4.3); its constant offsets count as unknown.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    averages : sequence of PeriodAverage
+        One a run.
+    options : EstimationOptions, optional
+        The model's terms and how rows count.
+    payload : sequence of bool, optional
+        Which runs carried the unknown payload; none by default.
 
     Raises
     ------
@@ -136,18 +142,19 @@ def fit_periodic(
         The joints do not fit, the motion does not show the parameters, or a plate that the model
         needs is missing.
     """
-    model, base, options = model_of(robot, options)
+    options = options or EstimationOptions()
+    model, base, terms = model_of(robot, options.model)
     n, runs = len(robot.joints), len(averages)
     problem = PeriodicProblem(
         base=base,
         averages=tuple(averages),
         payload=tuple(payload or [False] * runs),
-        band_hz=band_hz,
-        standstill_rad_s=standstill_rad_s,
-        weighting=weighting,
-        prior=prior_rows(base, prior),
+        band_hz=options.band_hz,
+        standstill_rad_s=options.standstill_rad_s,
+        weighting=options.weighting,
+        prior=prior_rows(base, options.prior),
         inertia=np.zeros((runs, n, n)),
-        kind=options.kind,
+        kind=terms.kind,
         base_inertia=np.zeros((runs, n, 6, 6)),
         delays_s=np.zeros(runs),
     )
@@ -158,7 +165,7 @@ def fit_periodic(
     squares = [base_inertia_squares(model, base, a.position, values) for a in averages]
     problem = replace(problem, inertia=np.array(sizes), base_inertia=np.array(squares))
     problem, fit = _with_delays(problem, model, None, equations)
-    if model.nonlinear_names and options.kind != "external":
+    if model.nonlinear_names and terms.kind != "external":
 
         def solve(model: RobotModel, standard: FloatArray | None) -> Solution:
             return problem.fit(model, standard, problem.equations(model, standard)).solution
@@ -167,7 +174,8 @@ def fit_periodic(
         model = shaped.model
         equations = problem.equations(model, shaped.standard)
         problem, fit = _with_delays(problem, model, shaped.standard, equations)
-    return FittedPeriods(robot, options.with_nonlinear_of(model), model, problem, equations, fit)
+    terms = terms.with_nonlinear_of(model)
+    return FittedPeriods(robot, terms, model, problem, equations, fit)
 
 
 def _with_delays(
@@ -180,11 +188,11 @@ def _with_delays(
     fit = problem.fit(model, standard, equations)
     if problem.kind == "internal":
         return problem, fit
-    near, runs = fit.solution.values, len(equations)
+    near = fit.solution.values
     for _ in range(MOST_STEPS):
         fit = problem.fit(model, standard, equations, near)
-        near, step = fit.solution.values[:-runs], fit.solution.values[-runs:]
-        sigma = np.sqrt(np.diagonal(fit.solution.covariance)[-runs:])
+        near, step = fit.solution.values[fit.of_model], fit.solution.values[fit.of_delays]
+        sigma = np.sqrt(np.diagonal(fit.solution.covariance)[fit.of_delays])
         if np.all(np.abs(step) <= SETTLED_SIGMAS * sigma + 1e-9):
             return problem, fit
         problem = replace(problem, delays_s=problem.delays_s + step)
@@ -205,8 +213,3 @@ def model_of(
         options = replace(options, friction=False, friction_terms=None, spring=False)
     model = options.build(robot)
     return model, base_parameters(model, kind=options.kind), options
-
-
-def prior_rows(base: BaseParameters, prior: Prior | None) -> PriorRows:
-    """Return prior knowledge as equations; none where there is none."""
-    return PriorRows.none(base) if prior is None else PriorRows.of(base, *prior)

@@ -17,8 +17,8 @@ from identification.equations.whitened import (
     whiten,
     whiten_reaction,
 )
-from identification.estimation.estimate import Weighting
 from identification.estimation.nonlinear_parameters import step_prior
+from identification.estimation.options import Weighting
 from identification.estimation.prior import PriorRows
 from identification.model.base_parameters import BaseParameters, ModelKind
 from identification.regression.intervals import jackknife
@@ -34,17 +34,43 @@ class PeriodicFit:
 
     Attributes
     ----------
+    base, nonlinear, delays : int
+        What the solution holds, one after the other: base parameters, steps of the nonlinear
+        ones, a step of each run's delay of the plate.
     solution : Solution
-        Base parameters, steps of nonlinear ones, then a step of each run's delay of the plate.
+        All of them.
     white : tuple, one a run, of tuples of WhitenedEquations
         The outputs that were used: joints first, then the plate's.
     joints : tuple, one a run, of tuples of WhitenedEquations
         The joints' outputs, used or not.
     """
 
+    base: int
+    nonlinear: int
+    delays: int
     solution: Solution
     white: tuple[tuple[WhitenedEquations, ...], ...]
     joints: tuple[tuple[WhitenedEquations, ...], ...]
+
+    @property
+    def of_base(self) -> slice:
+        """Where the base parameters stand in the solution."""
+        return slice(0, self.base)
+
+    @property
+    def of_nonlinear(self) -> slice:
+        """Where the steps of the nonlinear parameters stand."""
+        return slice(self.base, self.base + self.nonlinear)
+
+    @property
+    def of_model(self) -> slice:
+        """Where both of them stand."""
+        return slice(0, self.base + self.nonlinear)
+
+    @property
+    def of_delays(self) -> slice:
+        """Where the steps of the plates' delays stand."""
+        return slice(self.base + self.nonlinear, None)
 
     @property
     def residual_nm(self) -> FloatArray:
@@ -157,15 +183,13 @@ class PeriodicProblem:
         if self.kind != "internal":
             plates = (self._plate(run, each, near) for run, each in enumerate(equations))
             white = tuple((*own, *plate) for own, plate in zip(white, plates, strict=True))
-        names = (
-            *self.base.names,
-            *(model.nonlinear_names if standard is not None else ()),
-            *delays,
-        )
+        nonlinear = model.nonlinear_names if standard is not None else ()
+        names = (*self.base.names, *nonlinear, *delays)
+        parts = (len(self.base), len(nonlinear), len(delays))
         known = [self.prior.triangle(len(names))]
         if standard is not None:
             known.append(step_prior(model, len(self.base), len(names)))
-        fit = _solve(white, joints, known, names)
+        fit = PeriodicFit(*parts, _solve(white, known, names), white, joints)
         if self.weighting != "huber":
             return fit
         for _ in range(REWEIGHTINGS):
@@ -174,7 +198,7 @@ class PeriodicProblem:
                 tuple(part.reweighted(huber_weights(part.residual(values))) for part in parts)
                 for parts in white
             )
-            better = _solve(held_down, joints, known, names)
+            better = PeriodicFit(*parts, _solve(held_down, known, names), held_down, joints)
             change = np.abs(better.solution.values - values)
             fit = better
             if np.all(change <= 1e-3 * np.sqrt(np.diagonal(fit.solution.covariance))):
@@ -202,14 +226,12 @@ class PeriodicProblem:
 
 def _solve(
     white: tuple[tuple[WhitenedEquations, ...], ...],
-    joints: tuple[tuple[WhitenedEquations, ...], ...],
     known: list[Triangle],
     names: tuple[str, ...],
-) -> PeriodicFit:
+) -> Solution:
     triangles = [
         Triangle.empty(len(names)).add(part.matrix, part.rhs, part.rows)
         for parts in white
         for part in parts
     ]
-    solution = solve([*triangles, *known], [1.0] * (len(triangles) + len(known)), names)
-    return PeriodicFit(solution, white, joints)
+    return solve([*triangles, *known], [1.0] * (len(triangles) + len(known)), names)

@@ -9,6 +9,7 @@ from scipy.linalg import null_space
 
 from config.arrays import FloatArray
 from config.errors import EstimationError
+from identification.estimation.options import Prior
 from identification.model.base_parameters import BaseParameters
 from identification.regression.least_squares import Triangle
 
@@ -79,9 +80,12 @@ class PriorRows:
         return Triangle.empty(width, columns).add(self.matrix, self.rhs)
 
 
-def held(
-    base: BaseParameters, known: dict[str, tuple[float, float]]
-) -> tuple[FloatArray, FloatArray]:
+def prior_rows(base: BaseParameters, prior: Prior | None) -> PriorRows:
+    """Return prior knowledge as equations; none where there is none."""
+    return PriorRows.none(base) if prior is None else PriorRows.of(base, *prior)
+
+
+def held(base: BaseParameters, known: dict[str, tuple[float, float]]) -> Prior:
     """Return values and sigmas of standard parameters, of which some are known by name.
 
     Parameters

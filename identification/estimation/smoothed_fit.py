@@ -14,8 +14,8 @@ import numpy as np
 from config.arrays import FloatArray, IntArray
 from dynamics.model.robot_model import RobotModel
 from identification.equations.time_domain import TimeRun, time_blocks
-from identification.estimation.estimate import Weighting
 from identification.estimation.nonlinear_parameters import step_prior
+from identification.estimation.options import Weighting
 from identification.estimation.prior import PriorRows
 from identification.model.base_parameters import BaseParameters
 from identification.model.torque_columns import torque_structure

@@ -19,7 +19,7 @@ from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.consistency.closest_robot import jackknife_metric
+from identification.consistency.closest_robot import full_rank_covariance
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.options import ModelOptions
@@ -248,9 +248,7 @@ def robot_prior(layout: Layout, robot: Estimate) -> FloatArray:
             " or was identified with other terms"
         )
     places = [robot.base.expressions.index(each) for each in wanted]
-    sigma, factor = jackknife_metric(robot)
-    spread = sigma[:, np.newaxis] * factor
-    covariance = (spread @ spread.T)[np.ix_(places, places)]
+    covariance = full_rank_covariance(robot)[np.ix_(places, places)]
     scale = np.sqrt(np.diagonal(covariance))
     lower = np.linalg.cholesky(covariance / np.outer(scale, scale))
     rows = np.zeros((len(places), len(layout.names) + 1))

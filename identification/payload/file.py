@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
@@ -18,7 +17,7 @@ from identification.payload.body import PARAMETERS, REPORTED, REPORTED_UNITS
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.solution import Known
-from identification.payload.verdict import Check
+from identification.payload.verdict import Check, PayloadResult
 
 LARGEST_FILE_BYTES = 5_000_000
 
@@ -75,19 +74,6 @@ class PayloadDocument(ConfigModel):
     passed: bool
     checks: tuple[_Check, ...]
     robot: RobotDescription
-
-
-@dataclass(frozen=True, eq=False)
-class PayloadResult:
-    """A payload, and the verdict on it."""
-
-    estimate: PayloadEstimate
-    checks: tuple[Check, ...]
-
-    @property
-    def passed(self) -> bool:
-        """Whether every limit was kept, and there was one."""
-        return bool(self.checks) and all(line.passed for line in self.checks)
 
 
 def write_payload(path: Path, payload: PayloadResult) -> None:

@@ -11,11 +11,15 @@ import numpy as np
 from acquisition.processing.periods import PeriodAverage
 from config.arrays import FloatArray
 from config.errors import EstimationError
+from config.robot.robot import RobotDescription
 from identification.equations.bins import BinEquations, bin_equations
 from identification.equations.reaction import both_parts
 from identification.equations.whitened import WhitenedEquations, whiten
 from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_periodic
+from identification.estimation.options import EstimationOptions
 from identification.model.inertia import inertia_size
+from identification.model.options import ModelOptions
 from identification.payload.equations import (
     Layout,
     PayloadEquations,
@@ -56,7 +60,70 @@ class PeriodicRuns:
                 f" {len(self.averages)}"
             )
 
-    def equations(self, model: PayloadModel, standard: FloatArray | None) -> list[BinEquations]:
+    def part(self, chosen: Sequence[int]) -> PeriodicRuns:
+        """Return some of the runs; see `MeasuredRuns`."""
+        return replace(
+            self,
+            averages=tuple(self.averages[i] for i in chosen),
+            loaded=tuple(self.loaded[i] for i in chosen),
+        )
+
+    def estimate(
+        self, robot: RobotDescription, model: ModelOptions, payload: Sequence[bool]
+    ) -> Estimate:
+        """Estimate a whole robot; see `MeasuredRuns`."""
+        options = EstimationOptions(
+            model, band_hz=self.band_hz, standstill_rad_s=self.standstill_rad_s
+        )
+        return estimate_periodic(robot, self.averages, options, payload=payload)
+
+    def equations(
+        self,
+        model: PayloadModel,
+        procedure: Procedure,
+        *,
+        robot: Estimate | None = None,
+        standard: FloatArray | None = None,
+    ) -> PayloadEquations:
+        """Set up the equations of averaged periods; see `MeasuredRuns`.
+
+        Each row is divided by its noise, that of the torque between periods and that of the
+        position through the inertia. A cluster is one bin of one run.
+        """
+        binned = self._bins(model, standard)
+        slopes = 0 if standard is None else len(model.model.nonlinear_names)
+        if procedure == "difference":
+            binned = [_difference(self, binned)]
+            layout = Layout(model, 1, with_robot=False, slopes=0)
+            if slopes:
+                raise EstimationError(
+                    "torques are subtracted only where the model is linear: use `together` with"
+                    " friction terms stribeck or load, or with efficiencies"
+                )
+            averages = [self.averages[self.loaded.index(True)]]
+        else:
+            layout = Layout(model, len(binned), slopes=slopes)
+            averages = list(self.averages)
+        known = (
+            robot_prior(layout, robot)
+            if procedure == "model" and robot is not None
+            else np.zeros((0, len(layout.names) + 1))
+        )
+        n = model.model.chain.n
+        loaded = 1 if procedure == "difference" else sum(self.loaded)
+        divisors = np.outer((len(binned), loaded), np.ones(n))
+        none = [np.zeros((n, n))] * len(binned)
+        first = _condensed(model, layout, procedure, binned, none, divisors, known)
+        values = minimum_norm(first)
+        sizes = []
+        for run, average in enumerate(averages):
+            own = base_values(layout, values, run)
+            if robot is not None and not layout.with_robot:
+                own[model.links] = robot_values(model, robot)
+            sizes.append(inertia_size(model.model, model.base, average.position, own))
+        return _condensed(model, layout, procedure, binned, sizes, divisors, known)
+
+    def _bins(self, model: PayloadModel, standard: FloatArray | None) -> list[BinEquations]:
         """Return the equations of every run; `standard` as in `torque_columns`."""
         return [
             bin_equations(
@@ -70,71 +137,6 @@ class PeriodicRuns:
             )
             for average, loaded in zip(self.averages, self.loaded, strict=True)
         ]
-
-
-def periodic_equations(
-    model: PayloadModel,
-    runs: PeriodicRuns,
-    procedure: Procedure,
-    *,
-    robot: Estimate | None = None,
-    standard: FloatArray | None = None,
-) -> PayloadEquations:
-    """Set up the equations of averaged periods.
-
-    Each row is divided by its noise, that of the torque between periods and that of the position
-    through the inertia. A cluster is one bin of one run.
-
-    Parameters
-    ----------
-    model : PayloadModel
-        The robot with the unknown body.
-    runs : PeriodicRuns
-        What was measured.
-    procedure : "together", "difference" or "model"
-        How the robot is told from the payload.
-    robot : Estimate, optional
-        The robot without payload, for `model`.
-    standard : ndarray, optional
-        Where nonlinear parameters are linearised.
-
-    Raises
-    ------
-    EstimationError
-        The runs do not fit the procedure.
-    """
-    binned = runs.equations(model, standard)
-    slopes = 0 if standard is None else len(model.model.nonlinear_names)
-    if procedure == "difference":
-        binned = [_difference(runs, binned)]
-        layout = Layout(model, 1, with_robot=False, slopes=0)
-        if slopes:
-            raise EstimationError(
-                "torques are subtracted only where the model is linear: use `together` with"
-                " friction terms stribeck or load, or with efficiencies"
-            )
-        averages = [runs.averages[runs.loaded.index(True)]]
-    else:
-        layout = Layout(model, len(binned), slopes=slopes)
-        averages = list(runs.averages)
-    known = (
-        robot_prior(layout, robot)
-        if procedure == "model" and robot is not None
-        else np.zeros((0, len(layout.names) + 1))
-    )
-    n = model.model.chain.n
-    loaded = 1 if procedure == "difference" else sum(runs.loaded)
-    divisors = np.outer((len(binned), loaded), np.ones(n))
-    none = [np.zeros((n, n))] * len(binned)
-    first = _condensed(model, layout, procedure, binned, none, divisors, known)
-    values = minimum_norm(first)
-    sizes = []
-    for run, average in enumerate(averages):
-        own = base_values(layout, values, run)
-        if robot is not None and not layout.with_robot:
-            own[model.links] = robot_values(model, robot)
-        sizes.append(inertia_size(model.model, model.base, average.position, own))
-    return _condensed(model, layout, procedure, binned, sizes, divisors, known)
 
 
 def robot_values(model: PayloadModel, robot: Estimate) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -12,9 +11,8 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.consistency.closest_robot import jackknife_metric
+from identification.consistency.closest_robot import full_rank_covariance
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic, estimate_smoothed
 from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS
 from identification.payload.equations import (
@@ -24,13 +22,10 @@ from identification.payload.equations import (
     condense,
 )
 from identification.payload.estimate import PayloadEstimate, estimate_payload
-from identification.payload.periodic_runs import PeriodicRuns, periodic_equations
-from identification.payload.smoothed_runs import SmoothedRuns, smoothed_equations
+from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.solution import Known, solve_payload
 
 PASSES: Final = 4
-
-Runs = PeriodicRuns | SmoothedRuns
 
 
 @dataclass(frozen=True)
@@ -60,7 +55,7 @@ class PayloadOptions:
 
 def weigh(
     robot: RobotDescription,
-    runs: Runs,
+    runs: MeasuredRuns,
     how: PayloadOptions | None = None,
     *,
     cell_name: str = "",
@@ -72,7 +67,7 @@ def weigh(
     ----------
     robot : RobotDescription
         The robot.
-    runs : PeriodicRuns or SmoothedRuns
+    runs : MeasuredRuns
         What was measured, with and without the payload.
     how : PayloadOptions, optional
         The procedure and what is known.
@@ -95,7 +90,9 @@ def weigh(
     )
 
 
-def equations_of(robot: RobotDescription, runs: Runs, how: PayloadOptions) -> PayloadEquations:
+def equations_of(
+    robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions
+) -> PayloadEquations:
     """Return the equations of a procedure; arguments and errors as in `weigh`."""
     if not any(runs.loaded):
         raise EstimationError("no run carried the payload: name those that did")
@@ -113,20 +110,20 @@ def equations_of(robot: RobotDescription, runs: Runs, how: PayloadOptions) -> Pa
             return _apart(robot, runs, how)
     model = PayloadModel.of(robot, _options(how))
     if not model.model.nonlinear_names:
-        return _equations(model, runs, how, None)
+        return runs.equations(model, how.procedure, robot=how.robot, standard=None)
     if how.procedure == "together":
-        joint = _joint_estimate(robot, runs, model.options)
+        joint = runs.estimate(robot, model.options, runs.loaded)
         model = model.with_nonlinear(joint.model)
-        return _equations(model, runs, how, joint.standard_values)
+        return runs.equations(model, how.procedure, robot=how.robot, standard=joint.standard_values)
     # A gear's loss depends on what it carries: the payload's equations are made with the payload.
     standard = np.zeros(len(model.model.parameter_names))
     if how.robot is not None:
         standard[:-PARAMETERS_PER_LINK] = how.robot.standard_values
-    equations = _equations(model, runs, how, standard)
+    equations = runs.equations(model, how.procedure, robot=how.robot, standard=standard)
     for _ in range(PASSES):
         values = solve_payload(equations, how.known, intervals=False).values
         standard[-PARAMETERS_PER_LINK:] = model.flange_to_link @ values
-        equations = _equations(model, runs, how, standard)
+        equations = runs.equations(model, how.procedure, robot=how.robot, standard=standard)
     return equations
 
 
@@ -136,54 +133,24 @@ def _options(how: PayloadOptions) -> ModelOptions:
     return replace(how.options, payload=True)
 
 
-def _equations(
-    model: PayloadModel, runs: Runs, how: PayloadOptions, standard: FloatArray | None
-) -> PayloadEquations:
-    if isinstance(runs, PeriodicRuns):
-        return periodic_equations(model, runs, how.procedure, robot=how.robot, standard=standard)
-    return smoothed_equations(model, runs, how.procedure, robot=how.robot, standard=standard)
-
-
-def _joint_estimate(
-    robot: RobotDescription,
-    runs: Runs,
-    options: ModelOptions,
-    payload: Sequence[bool] | None = None,
-) -> Estimate:
-    loaded = runs.loaded if payload is None else payload
-    if isinstance(runs, PeriodicRuns):
-        return estimate_periodic(
-            robot,
-            runs.averages,
-            options=options,
-            payload=loaded,
-            band_hz=runs.band_hz,
-            standstill_rad_s=runs.standstill_rad_s,
-        )
-    return estimate_smoothed(
-        robot,
-        runs.signals,
-        options=options,
-        payload=loaded,
-        standstill_rad_s=runs.standstill_rad_s,
-    )
-
-
-def _apart(robot: RobotDescription, runs: Runs, how: PayloadOptions) -> PayloadEquations:
+def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> PayloadEquations:
     """Identify the robot with the payload and without, and subtract.
 
     A payload on the last link adds to that link's ten parameters, so that the base parameters
     change by the columns of K that belong to it.
     """
     options = replace(how.options, payload=False)
-    loaded = _only(runs, True)
-    with_payload = _joint_estimate(robot, loaded, options, [False] * len(loaded.loaded))
-    if how.robot is not None:
-        alone = how.robot
-    else:
-        unloaded = _only(runs, False)
-        alone = _joint_estimate(robot, unloaded, options, [False] * len(unloaded.loaded))
-    return equations_apart(with_payload, alone)
+
+    def identified(loaded: bool) -> Estimate:
+        chosen = [i for i, own in enumerate(runs.loaded) if own is loaded]
+        if not chosen:
+            raise EstimationError(
+                f"there is no run {'with' if loaded else 'without'} the payload to identify the"
+                " robot from: add one"
+            )
+        return runs.part(chosen).estimate(robot, options, [False] * len(chosen))
+
+    return equations_apart(identified(True), how.robot or identified(False))
 
 
 def equations_apart(with_payload: Estimate, alone: Estimate) -> PayloadEquations:
@@ -211,7 +178,8 @@ def equations_apart(with_payload: Estimate, alone: Estimate) -> PayloadEquations
     difference = (with_payload.values - alone.values)[places[seen]]
     pick = places[seen]
     covariance = sum(
-        _covariance(estimate)[pick[:, np.newaxis], pick] for estimate in (with_payload, alone)
+        full_rank_covariance(estimate)[pick[:, np.newaxis], pick]
+        for estimate in (with_payload, alone)
     )
     scale = np.sqrt(np.diagonal(covariance))
     lower = np.linalg.cholesky(covariance / np.outer(scale, scale))
@@ -238,22 +206,3 @@ def equations_apart(with_payload: Estimate, alone: Estimate) -> PayloadEquations
         known=np.zeros((0, ten + 1)),
         runs=(0,) * len(factors),
     )
-
-
-def _covariance(estimate: Estimate) -> FloatArray:
-    sigma, factor = jackknife_metric(estimate)
-    spread = sigma[:, np.newaxis] * factor
-    return np.asarray(spread @ spread.T)
-
-
-def _only(runs: Runs, loaded: bool) -> Runs:
-    chosen = [i for i, own in enumerate(runs.loaded) if own is loaded]
-    if not chosen:
-        raise EstimationError(
-            f"there is no run {'with' if loaded else 'without'} the payload to identify the robot"
-            " from: add one"
-        )
-    flags = (loaded,) * len(chosen)
-    if isinstance(runs, PeriodicRuns):
-        return replace(runs, averages=tuple(runs.averages[i] for i in chosen), loaded=flags)
-    return replace(runs, signals=tuple(runs.signals[i] for i in chosen), loaded=flags)

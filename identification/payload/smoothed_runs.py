@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,8 +11,12 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
 from config.errors import EstimationError
+from config.robot.robot import RobotDescription
 from identification.equations.time_domain import joint_equations, time_runs
 from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.options import EstimationOptions
+from identification.model.options import ModelOptions
 from identification.payload.equations import (
     Layout,
     PayloadEquations,
@@ -53,71 +57,75 @@ class SmoothedRuns:
                 f" {len(self.signals)}"
             )
 
-
-def smoothed_equations(
-    model: PayloadModel,
-    runs: SmoothedRuns,
-    procedure: Procedure,
-    *,
-    robot: Estimate | None = None,
-    standard: FloatArray | None = None,
-) -> PayloadEquations:
-    """Set up the equations of smoothed recordings.
-
-    Each joint's rows are divided by its RMS residual, found by iteration. A cluster is a second of
-    one run.
-
-    Parameters
-    ----------
-    model, procedure, robot, standard
-        As for `periodic_equations`; `difference` needs periodic runs.
-    runs : SmoothedRuns
-        What was measured.
-
-    Raises
-    ------
-    EstimationError
-        The runs do not fit the procedure.
-    """
-    if procedure == "difference":
-        raise EstimationError(
-            "torques are subtracted period by period: these runs are not periodic; use the"
-            " procedure `together`, which needs no common time"
+    def part(self, chosen: Sequence[int]) -> SmoothedRuns:
+        """Return some of the runs; see `MeasuredRuns`."""
+        return replace(
+            self,
+            signals=tuple(self.signals[i] for i in chosen),
+            loaded=tuple(self.loaded[i] for i in chosen),
         )
-    slopes = 0 if standard is None else len(model.model.nonlinear_names)
-    layout = Layout(model, len(runs.signals), slopes=slopes)
-    width, n = len(layout.names), model.model.chain.n
-    known = (
-        robot_prior(layout, robot)
-        if procedure == "model" and robot is not None
-        else np.zeros((0, width + 1))
-    )
-    triangles = [Triangle.empty(width) for _ in range(n)]
-    divisors = np.zeros((2, n))
-    for run, rows in _clusters(model, runs, standard):
-        for j, (matrix, rhs) in enumerate(rows):
-            divisors[:, j] += len(rhs) * np.array([1.0, float(runs.loaded[run])])
-            triangles[j] = triangles[j].add(layout.spread(run, matrix), rhs)
-    scale = _scales(triangles, known)
-    factors: list[FloatArray] = []
-    owners: list[int] = []
-    for run, rows in _clusters(model, runs, standard):
-        white = [layout.spread(run, matrix) / s for (matrix, _), s in zip(rows, scale, strict=True)]
-        sides = [rhs / s for (_, rhs), s in zip(rows, scale, strict=True)]
-        if any(len(side) for side in sides):
-            factors.append(condense(white, sides, width))
-            owners.append(run)
-    return PayloadEquations(
-        procedure=procedure,
-        joint_names=model.model.joint_names,
-        names=layout.names,
-        factors=tuple(factors),
-        joints=tuple(triangle.factor for triangle in triangles),
-        rows=tuple(triangle.rows for triangle in triangles),
-        divisors=divisors,
-        known=known,
-        runs=tuple(owners),
-    )
+
+    def estimate(
+        self, robot: RobotDescription, model: ModelOptions, payload: Sequence[bool]
+    ) -> Estimate:
+        """Estimate a whole robot; see `MeasuredRuns`."""
+        options = EstimationOptions(model, standstill_rad_s=self.standstill_rad_s)
+        return estimate_smoothed(robot, self.signals, options, payload=payload)
+
+    def equations(
+        self,
+        model: PayloadModel,
+        procedure: Procedure,
+        *,
+        robot: Estimate | None = None,
+        standard: FloatArray | None = None,
+    ) -> PayloadEquations:
+        """Set up the equations of smoothed recordings; see `MeasuredRuns`.
+
+        Each joint's rows are divided by its RMS residual, found by iteration. A cluster is a second
+        of one run. `difference` needs periodic runs.
+        """
+        if procedure == "difference":
+            raise EstimationError(
+                "torques are subtracted period by period: these runs are not periodic; use the"
+                " procedure `together`, which needs no common time"
+            )
+        slopes = 0 if standard is None else len(model.model.nonlinear_names)
+        layout = Layout(model, len(self.signals), slopes=slopes)
+        width, n = len(layout.names), model.model.chain.n
+        known = (
+            robot_prior(layout, robot)
+            if procedure == "model" and robot is not None
+            else np.zeros((0, width + 1))
+        )
+        triangles = [Triangle.empty(width) for _ in range(n)]
+        divisors = np.zeros((2, n))
+        for run, rows in _clusters(model, self, standard):
+            for j, (matrix, rhs) in enumerate(rows):
+                divisors[:, j] += len(rhs) * np.array([1.0, float(self.loaded[run])])
+                triangles[j] = triangles[j].add(layout.spread(run, matrix), rhs)
+        scale = _scales(triangles, known)
+        factors: list[FloatArray] = []
+        owners: list[int] = []
+        for run, rows in _clusters(model, self, standard):
+            white = [
+                layout.spread(run, matrix) / s for (matrix, _), s in zip(rows, scale, strict=True)
+            ]
+            sides = [rhs / s for (_, rhs), s in zip(rows, scale, strict=True)]
+            if any(len(side) for side in sides):
+                factors.append(condense(white, sides, width))
+                owners.append(run)
+        return PayloadEquations(
+            procedure=procedure,
+            joint_names=model.model.joint_names,
+            names=layout.names,
+            factors=tuple(factors),
+            joints=tuple(triangle.factor for triangle in triangles),
+            rows=tuple(triangle.rows for triangle in triangles),
+            divisors=divisors,
+            known=known,
+            runs=tuple(owners),
+        )
 
 
 def _clusters(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,8 +13,8 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.closest_robot import SMALLEST_P
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.findings import inertia_size
-from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import PayloadOptions, Runs, weigh
+from identification.payload.measured_runs import MeasuredRuns
+from identification.payload.procedures import PayloadOptions, weigh
 
 LARGEST_SCATTER: Final = 3.0
 
@@ -53,6 +53,27 @@ class Check:
         """Whether the limit is kept."""
         kept = self.value <= self.limit if self.relation == "≤" else self.value >= self.limit
         return bool(kept)
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadResult:
+    """A payload, and the verdict on it.
+
+    Attributes
+    ----------
+    estimate : PayloadEstimate
+        The payload.
+    checks : tuple of Check
+        What it was held against.
+    """
+
+    estimate: PayloadEstimate
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every limit was kept, and there was one."""
+        return bool(self.checks) and all(line.passed for line in self.checks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +164,7 @@ def checks(
     return tuple(lines)
 
 
-def repeated(robot: RobotDescription, runs: Runs, how: PayloadOptions) -> Repeats | None:
+def repeated(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> Repeats | None:
     """Estimate the payload from each run that carried it alone; None where there is only one.
 
     Raises
@@ -155,15 +176,8 @@ def repeated(robot: RobotDescription, runs: Runs, how: PayloadOptions) -> Repeat
     if len(loaded) < 2:
         return None
     others = [i for i, carried in enumerate(runs.loaded) if not carried]
-    found = [weigh(robot, _part(runs, [*others, run]), how) for run in loaded]
+    found = [weigh(robot, runs.part([*others, run]), how) for run in loaded]
     return Repeats(
         np.array([estimate.reported for estimate in found]),
         np.array([estimate.sigma for estimate in found]),
     )
-
-
-def _part(runs: Runs, chosen: list[int]) -> Runs:
-    flags = tuple(runs.loaded[i] for i in chosen)
-    if isinstance(runs, PeriodicRuns):
-        return replace(runs, averages=tuple(runs.averages[i] for i in chosen), loaded=flags)
-    return replace(runs, signals=tuple(runs.signals[i] for i in chosen), loaded=flags)

@@ -25,7 +25,8 @@ from config.robot.robot import FrictionTerm, RobotDescription
 from dynamics.terms.conditions import Conditions
 from identification.equations.segments import cut
 from identification.estimation.estimate import Estimate, predict
-from identification.estimation.estimators import STANDSTILL_RAD_S, estimate_smoothed
+from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
 from identification.model.options import ModelOptions
 
 FOLDS: Final = 6
@@ -189,14 +190,16 @@ def _trial(
     standstill_rad_s: float,
     terms: tuple[FrictionTerm, ...],
 ) -> Trial:
-    whole = estimate_smoothed(robot, parts, options=options, standstill_rad_s=standstill_rad_s)
+    whole = estimate_smoothed(
+        robot, parts, EstimationOptions(model=options, standstill_rad_s=standstill_rad_s)
+    )
     # Each fold starts from the nonlinear parameters of all data, and finds its own.
     started = whole.options
     events: list[FloatArray] = []
     for left_out in range(len(parts)):
         others = [part for k, part in enumerate(parts) if k != left_out]
         estimate = estimate_smoothed(
-            robot, others, options=started, standstill_rad_s=standstill_rad_s
+            robot, others, EstimationOptions(model=started, standstill_rad_s=standstill_rad_s)
         )
         events.extend(_event_errors(estimate, parts[left_out], standstill_rad_s))
     errors = np.array(events)

@@ -20,7 +20,7 @@ from config.errors import DataQualityError, EstimationError
 from dynamics.terms.conditions import Conditions
 from identification.equations.deconvolution import without_filter
 from identification.estimation.estimate import Estimate, predict_reaction
-from identification.estimation.estimators import BAND_HZ
+from identification.estimation.options import BAND_HZ
 
 STEPS = 4
 MOTION_CUTOFFS = 1.5

@@ -13,7 +13,7 @@ from config.errors import DataQualityError, EstimationError
 from dynamics.terms.conditions import Conditions
 from identification.equations.deconvolution import without_torque_filter
 from identification.estimation.estimate import Estimate, predict
-from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 
 
 @dataclass(frozen=True, eq=False)

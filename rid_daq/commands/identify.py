@@ -9,7 +9,6 @@ from typing import Annotated, Any, cast, get_args
 import numpy as np
 import typer
 
-from acquisition.processing.periods import average_periods
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
 from config.robot.robot import FrictionTerm
@@ -17,18 +16,17 @@ from identification.accuracy.identifiability import weak_parameters
 from identification.consistency.closest_robot import consistent
 from identification.cross_checks.agreement import CrossCheck, Method
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
 from identification.estimation.file import write_estimate
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, EstimationOptions
 from identification.model.options import ModelOptions
 from identification.validation.friction_drift import friction_drift
 from identification.validation.friction_selection import FRICTION_CANDIDATES, Comparison
 from rid_daq.jobs.identification_job import (
-    EstimationOptions,
+    EstimationRequest,
     check_otherwise,
     compare_friction,
     estimate_runs,
     gains_of_drives,
-    plate_findings,
 )
 from rid_daq.report.curves import period_curves
 from rid_daq.report.plate_section import plate_section, tell_plate, weight_words
@@ -130,20 +128,22 @@ def identify(
     refuse_output(output, overwrite)
     data = [read_run(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
     notes = tell_lacks(console, data)
-    how = EstimationOptions(
-        options=ModelOptions(
-            kind=model.value,
-            rotors=rotors,
-            friction=friction,
-            spring=spring,
-            friction_terms=_terms(friction_terms),
-            payload=bool(loaded),
+    how = EstimationRequest(
+        options=EstimationOptions(
+            model=ModelOptions(
+                kind=model.value,
+                rotors=rotors,
+                friction=friction,
+                spring=spring,
+                friction_terms=_terms(friction_terms),
+                payload=bool(loaded),
+            ),
+            weighting=estimator.value,
+            band_hz=band_hz,
+            standstill_rad_s=standstill_rad_s,
         ),
-        weighting=estimator.value,
         cad_prior=cad_prior,
         loaded=_loaded(runs, data, loaded or []),
-        band_hz=band_hz,
-        standstill_rad_s=standstill_rad_s,
     )
     if load_mass_kg is not None and not how.loaded:
         raise ConfigError(
@@ -155,11 +155,12 @@ def identify(
             raise ConfigError("--choose chooses the friction terms: leave the other option out")
         comparison = _compare(console, data, how)
     robot = None if comparison is None else comparison.robot(data[0].robot)
-    estimate = estimate_runs(data, how, robot=robot)
+    identified = estimate_runs(data, how, robot=robot)
+    estimate = identified.estimate
     gains = None
     if load_mass_kg is not None:
         gains = gains_of_drives(estimate, data, how, load_mass_kg, load_mass_sigma_kg)
-    plate = plate_section(estimate, *plate_findings(data, how, robot=robot))
+    plate = plate_section(estimate, identified.improvement, identified.consistency)
     first = data[0]
     output = output or first.folder.file(MODEL)
     write_estimate(output, estimate)
@@ -190,7 +191,7 @@ def identify(
         result["comparison"] = comparison_section(comparison)
         document["comparison"] = result["comparison"]
     if first.is_periodic:
-        average = average_periods(first.recording)
+        average = identified.averages[0]
         result["average"] = average_section(average, first.robot)
         result["curves"] = period_curves(estimate, average)
     path = write_result(first.folder, result)
@@ -230,7 +231,7 @@ def _existence(estimate: Estimate) -> str:
 
 
 def _cross_check(
-    console: Console, estimate: Estimate, data: list[RunData], how: EstimationOptions
+    console: Console, estimate: Estimate, data: list[RunData], how: EstimationRequest
 ) -> list[str]:
     checks: list[CrossCheck] = []
     with console.progress("Cross-checking", float(len(Method)), "methods") as shown:
@@ -272,7 +273,7 @@ def _loaded(runs: Path, data: list[RunData], names: list[str]) -> tuple[str, ...
     return ids
 
 
-def _compare(console: Console, data: list[RunData], how: EstimationOptions) -> Comparison:
+def _compare(console: Console, data: list[RunData], how: EstimationRequest) -> Comparison:
     total = float(len(FRICTION_CANDIDATES) + 1)
     with console.progress("Comparing models", total, "models") as shown:
         return compare_friction(

@@ -10,7 +10,8 @@ import typer
 from config.errors import EstimationError
 from config.formats.whole_file import write_whole
 from identification.payload.controllers.formats import LoadFormat, load_data
-from identification.payload.file import PayloadResult, read_payload
+from identification.payload.file import read_payload
+from identification.payload.verdict import PayloadResult
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.output_file import Overwrite, refuse_output
 

@@ -10,8 +10,8 @@ import typer
 
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
-from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
 from identification.estimation.file import read_estimate
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.model.options import ModelOptions
 from identification.payload.body import REPORTED
 from identification.payload.equations import Procedure

@@ -17,8 +17,8 @@ from config.errors import ConfigError, DataQualityError
 from config.load import load_bundled_or_path
 from identification.calibration.base_reaction import base_load
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
 from identification.estimation.file import read_estimate
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.validation.diagnosis import diagnose
 from identification.validation.reaction_prediction import validate_reaction
 from identification.validation.torque_prediction import Validation

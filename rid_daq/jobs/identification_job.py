@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from acquisition.processing.periods import average_periods
+from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
@@ -17,51 +17,61 @@ from identification.cross_checks.agreement import CrossCheck, cross_checks
 from identification.equations.deconvolution import without_torque_filter
 from identification.equations.segments import period_signals
 from identification.equations.time_domain import time_runs
-from identification.estimation.estimate import Estimate, Weighting
-from identification.estimation.estimators import (
-    BAND_HZ,
-    STANDSTILL_RAD_S,
-    estimate_periodic,
-    estimate_smoothed,
-)
-from identification.estimation.fitted_periods import Prior, fit_periodic
-from identification.model.options import ModelOptions
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_periods import fit_periodic
+from identification.estimation.options import EstimationOptions
 from identification.validation.friction_selection import Comparison, Watch, choose_friction
 from rid_daq.runs.run_data import RunData
 
 
-@dataclass(frozen=True)
-class EstimationOptions:
-    """What a person may choose about an estimate.
+@dataclass(frozen=True, eq=False)
+class EstimationRequest:
+    """What a person may choose about an estimate from runs.
 
     Attributes
     ----------
-    options : ModelOptions
-        The model's terms.
-    weighting : "ml", "ls" or "huber"
-        How rows are weighted.
+    options : EstimationOptions
+        The model's terms and how rows count.
     cad_prior : bool
         Whether the drawings count as prior knowledge.
     loaded : tuple of str
         Ids of the runs that carried an unknown payload.
-    band_hz, standstill_rad_s : float
-        Highest frequency and lowest speed used.
     """
 
-    options: ModelOptions = field(default_factory=ModelOptions)
-    weighting: Weighting = "ml"
+    options: EstimationOptions = field(default_factory=EstimationOptions)
     cad_prior: bool = False
     loaded: tuple[str, ...] = ()
-    band_hz: float = BAND_HZ
-    standstill_rad_s: float = STANDSTILL_RAD_S
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """An estimate, and what it was made of.
+
+    Attributes
+    ----------
+    estimate : Estimate
+        The robot.
+    averages : tuple of PeriodAverage
+        The runs' mean periods; none where the runs are not periodic.
+    improvement : Improvement or None
+        What the force plate improved, for the combined model.
+    consistency : TorqueConsistency or None
+        Whether torque constants agree with the plate, for the combined model.
+    """
+
+    estimate: Estimate
+    averages: tuple[PeriodAverage, ...] = ()
+    improvement: Improvement | None = None
+    consistency: TorqueConsistency | None = None
 
 
 def estimate_runs(
     data: Sequence[RunData],
-    how: EstimationOptions | None = None,
+    how: EstimationRequest | None = None,
     *,
     robot: RobotDescription | None = None,
-) -> Estimate:
+) -> Identified:
     """Estimate from runs of one robot, all periodic or all not.
 
     `robot` stands for the runs' own where its friction terms were chosen by `compare_friction`.
@@ -73,70 +83,36 @@ def estimate_runs(
     DataQualityError, EstimationError
         The data do not show the parameters.
     """
-    how = how or EstimationOptions()
+    how = how or EstimationRequest()
     robot = robot or one_robot(data)
     payload = [item.folder.run_id in how.loaded for item in data]
     run_ids = tuple(item.folder.run_id for item in data)
     cell_name = data[0].recording.cell_name
-    prior: Prior | None = None
+    options = how.options
     if how.cad_prior:
-        prior = cad_parameters(how.options.build(robot), robot)
-    if data[0].is_periodic:
-        return estimate_periodic(
-            robot,
-            [average_periods(item.recording) for item in data],
-            options=how.options,
-            weighting=how.weighting,
-            prior=prior,
-            payload=payload,
-            band_hz=how.band_hz,
-            standstill_rad_s=how.standstill_rad_s,
-            cell_name=cell_name,
-            run_ids=run_ids,
+        prior = cad_parameters(options.model.build(robot), robot)
+        options = replace(options, prior=prior)
+    if not data[0].is_periodic:
+        return Identified(
+            estimate_smoothed(
+                robot,
+                _signals(data, how),
+                options,
+                payload=payload,
+                cell_name=cell_name,
+                run_ids=run_ids,
+            )
         )
-    return estimate_smoothed(
-        robot,
-        _signals(data, how),
-        options=how.options,
-        weighting=how.weighting,
-        prior=prior,
-        payload=payload,
-        standstill_rad_s=how.standstill_rad_s,
-        cell_name=cell_name,
-        run_ids=run_ids,
-    )
-
-
-def plate_findings(
-    data: Sequence[RunData], how: EstimationOptions, *, robot: RobotDescription | None = None
-) -> tuple[Improvement | None, TorqueConsistency | None]:
-    """Return what the force plate improved and whether torque constants agree with it.
-
-    Nothing where the model is not the combined one.
-
-    Raises
-    ------
-    DataQualityError, EstimationError
-        The data do not show the parameters.
-    """
-    if how.options.kind != "combined":
-        return None, None
-    robot = robot or one_robot(data)
-    fitted = fit_periodic(
-        robot,
-        [average_periods(item.recording) for item in data],
-        options=how.options,
-        weighting=how.weighting,
-        prior=cad_parameters(how.options.build(robot), robot) if how.cad_prior else None,
-        payload=[item.folder.run_id in how.loaded for item in data],
-        band_hz=how.band_hz,
-        standstill_rad_s=how.standstill_rad_s,
-    )
-    return improvement(fitted), torque_consistency(fitted)
+    averages = tuple(average_periods(item.recording) for item in data)
+    fitted = fit_periodic(robot, averages, options, payload=payload)
+    estimate = fitted.estimate(cell_name, run_ids)
+    if options.model.kind != "combined":
+        return Identified(estimate, averages)
+    return Identified(estimate, averages, improvement(fitted), torque_consistency(fitted))
 
 
 def compare_friction(
-    data: Sequence[RunData], how: EstimationOptions, watch: Watch | None = None
+    data: Sequence[RunData], how: EstimationRequest, watch: Watch | None = None
 ) -> Comparison:
     """Choose the friction terms of each joint by these runs alone.
 
@@ -153,14 +129,14 @@ def compare_friction(
     return choose_friction(
         robot,
         _signals(data, how),
-        options=how.options,
-        standstill_rad_s=how.standstill_rad_s,
+        options=how.options.model,
+        standstill_rad_s=how.options.standstill_rad_s,
         watch=watch,
     )
 
 
 def check_otherwise(
-    estimate: Estimate, data: Sequence[RunData], how: EstimationOptions
+    estimate: Estimate, data: Sequence[RunData], how: EstimationRequest
 ) -> Iterator[CrossCheck]:
     """Estimate by other methods from the runs that an estimate comes from, one after the other."""
     loaded = [item.folder.run_id in how.loaded for item in data]
@@ -170,7 +146,7 @@ def check_otherwise(
 def gains_of_drives(
     estimate: Estimate,
     data: Sequence[RunData],
-    how: EstimationOptions,
+    how: EstimationRequest,
     mass_kg: float,
     mass_sigma_kg: float,
 ) -> DriveGains:
@@ -186,10 +162,15 @@ def gains_of_drives(
     return drive_gains(estimate, runs, mass_kg, mass_sigma_kg)
 
 
-def _signals(data: Sequence[RunData], how: EstimationOptions) -> list[SmoothedSignals]:
+def _signals(data: Sequence[RunData], how: EstimationRequest) -> list[SmoothedSignals]:
     if data[0].is_periodic:
-        return [period_signals(average_periods(item.recording), how.band_hz) for item in data]
-    return [smooth_nonperiodic(without_torque_filter(item.recording), how.band_hz) for item in data]
+        return [
+            period_signals(average_periods(item.recording), how.options.band_hz) for item in data
+        ]
+    return [
+        smooth_nonperiodic(without_torque_filter(item.recording), how.options.band_hz)
+        for item in data
+    ]
 
 
 def one_robot(data: Sequence[RunData]) -> RobotDescription:

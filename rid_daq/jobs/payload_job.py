@@ -10,13 +10,13 @@ from acquisition.processing.periods import average_periods
 from acquisition.processing.smoothing import smooth_nonperiodic
 from config.errors import ConfigError, EstimationError
 from identification.equations.deconvolution import without_torque_filter
-from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S
-from identification.payload.file import PayloadResult
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import PayloadOptions, Runs, weigh
+from identification.payload.procedures import PayloadOptions, weigh
 from identification.payload.smoothed_runs import SmoothedRuns
 from identification.payload.solution import Known
-from identification.payload.verdict import PayloadLimits, Repeats, checks, repeated
+from identification.payload.verdict import PayloadLimits, PayloadResult, Repeats, checks, repeated
 from rid_daq.jobs.identification_job import one_robot
 from rid_daq.runs.run_data import RunData
 
@@ -45,7 +45,7 @@ class PayloadRequest:
 
 def payload_runs(
     data: Sequence[RunData], loaded: Sequence[bool], band_hz: float, standstill_rad_s: float
-) -> Runs:
+) -> MeasuredRuns:
     """Return runs as the estimators take them: averaged periods, or smoothed recordings.
 
     Raises

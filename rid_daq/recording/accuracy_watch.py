@@ -18,7 +18,8 @@ from dynamics.terms.conditions import Conditions
 from identification.accuracy.goals import Goal, GoalState, goal_states, parse_goals
 from identification.equations.segments import single_periods
 from identification.equations.time_domain import TimeRun
-from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S, estimate_periodic
+from identification.estimation.estimators import estimate_periodic
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.estimation.running import RunningEstimate, RunningValues
 from identification.model.base_parameters import base_parameters
 

@@ -14,9 +14,10 @@ from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_robot, to_yaml
 from identification.estimation.file import read_estimate
-from identification.payload.file import PayloadResult, write_payload
+from identification.payload.file import write_payload
 from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import PayloadOptions
+from identification.payload.verdict import PayloadResult
 from rid_daq.jobs.cell_files import motion_for
 from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, weigh_runs
 from rid_daq.recording.payload_state import UNLOADED, SessionState

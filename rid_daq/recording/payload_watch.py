@@ -15,8 +15,9 @@ from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from config.errors import DataQualityError, EstimationError
 from config.robot.robot import RobotDescription
+from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import Runs, weigh
+from identification.payload.procedures import weigh
 from rid_daq.jobs.payload_job import PayloadRequest
 
 FEWEST_PERIODS = 4
@@ -138,7 +139,7 @@ class MassWatch:
         """Say what the mass is so far."""
         return self._said
 
-    def _runs(self, average: PeriodAverage) -> Runs:
+    def _runs(self, average: PeriodAverage) -> MeasuredRuns:
         if self._before is None:
             weighing = self._weighing
             return PeriodicRuns((average,), (True,), weighing.band_hz, weighing.standstill_rad_s)

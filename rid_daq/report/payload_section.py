@@ -7,9 +7,8 @@ from typing import Any
 
 from identification.payload.body import REPORTED, REPORTED_UNITS
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.file import PayloadResult
 from identification.payload.findings import payload_findings
-from identification.payload.verdict import Repeats
+from identification.payload.verdict import PayloadResult, Repeats
 from rid_daq.report.render import number
 from rid_daq.report.result import verdict
 from rid_daq.report.sections import units

@@ -16,7 +16,7 @@ from config.load import LoadedCell, load_bundled_or_path, to_yaml
 from config.simulation.plant import PlantConfig
 from identification.payload.body import PayloadBody, flange_pose, reported, to_link
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.file import PayloadResult
+from identification.payload.verdict import PayloadResult
 from rid_daq.runs.run_data import PLANT, RunData
 
 NOTHING = "nothing"

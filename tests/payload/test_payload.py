@@ -13,6 +13,7 @@ from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
+from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS, REPORTED, PayloadBody
 from identification.payload.equations import Procedure
@@ -47,7 +48,7 @@ def loaded(lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion)
 
 @pytest.fixture(scope="module")
 def alone(robot: RobotDescription, unloaded: PeriodAverage) -> Estimate:
-    return estimate_periodic(robot, [unloaded], options=OPTIONS)
+    return estimate_periodic(robot, [unloaded], EstimationOptions(model=OPTIONS))
 
 
 def runs(*averages: tuple[PeriodAverage, bool]) -> PeriodicRuns:

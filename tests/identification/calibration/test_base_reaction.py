@@ -20,6 +20,7 @@ from identification.design.search import refine
 from identification.design.verification import check_motion
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
+from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 
 Weigh = Callable[..., Recording]
@@ -29,7 +30,9 @@ WIDE = PlateLimits(force_n=(1e4, 1e4, 1e4), moment_nm=(1e4, 1e4, 1e4))
 @pytest.fixture(scope="module")
 def estimate(arm: Any, weigh: Weigh) -> Estimate:
     average = average_periods(weigh(0))
-    return estimate_periodic(arm.robot, [average], options=ModelOptions(kind="combined"))
+    return estimate_periodic(
+        arm.robot, [average], EstimationOptions(model=ModelOptions(kind="combined"))
+    )
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from identification.calibration.drive_gains import drive_gains
 from identification.equations.time_domain import TimeRun, joint_equations, time_runs
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 
 OPTIONS = ModelOptions(payload=True)
@@ -58,7 +59,9 @@ def measured(arm: Any, payload: bool, seed: int) -> SmoothedSignals:
 def loaded(arm: Any) -> tuple[Estimate, tuple[TimeRun, ...]]:
     signals = [measured(arm, False, 1), measured(arm, True, 2)]
     carried = [False, True]
-    estimate = estimate_smoothed(arm.robot, signals, options=OPTIONS, payload=carried)
+    estimate = estimate_smoothed(
+        arm.robot, signals, EstimationOptions(model=OPTIONS), payload=carried
+    )
     return estimate, time_runs(estimate.model, signals, carried)
 
 

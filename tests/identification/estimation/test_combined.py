@@ -19,14 +19,10 @@ from identification.accuracy.plate_benefit import improvement
 from identification.calibration.torque_scale import torque_consistency
 from identification.equations.segments import period_signals
 from identification.estimation.estimate import Estimate, predict_reaction
-from identification.estimation.estimators import (
-    BAND_HZ,
-    STANDSTILL_RAD_S,
-    estimate_periodic,
-    estimate_smoothed,
-)
+from identification.estimation.estimators import estimate_periodic, estimate_smoothed
 from identification.estimation.file import read_estimate, write_estimate
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic, model_of
+from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import ModelKind
 from identification.model.options import ModelOptions
 from rid_daq.jobs.truth import true_parameters
@@ -43,7 +39,7 @@ def truth_of(kind: ModelKind, cell: Any, arm: Any) -> NDArray[np.float64]:
 
 def identify(arm: Any, recording: Recording, kind: ModelKind = "combined") -> Estimate:
     return estimate_periodic(
-        arm.robot, [average_periods(recording)], options=ModelOptions(kind=kind)
+        arm.robot, [average_periods(recording)], EstimationOptions(model=ModelOptions(kind=kind))
     )
 
 
@@ -51,12 +47,7 @@ def fitted(arm: Any, recording: Recording) -> FittedPeriods:
     return fit_periodic(
         arm.robot,
         [average_periods(recording)],
-        options=ModelOptions(kind="combined"),
-        weighting="ml",
-        prior=None,
-        payload=None,
-        band_hz=BAND_HZ,
-        standstill_rad_s=STANDSTILL_RAD_S,
+        EstimationOptions(model=ModelOptions(kind="combined")),
     )
 
 
@@ -130,7 +121,9 @@ class TestEstimate:
             average_periods(weigh(seed, torque_filter=FILTER, plate={"delay_s": delay_s}))
             for seed, delay_s in ((0, 0.002), (1, 0.010))
         ]
-        both = estimate_periodic(arm.robot, runs, options=ModelOptions(kind="combined"))
+        both = estimate_periodic(
+            arm.robot, runs, EstimationOptions(model=ModelOptions(kind="combined"))
+        )
         assert both.plate is not None
         np.testing.assert_allclose(both.plate.delay_s, [0.002, 0.010], atol=50e-6)
 
@@ -172,8 +165,7 @@ class TestEstimate:
         other = estimate_periodic(
             arm.robot,
             [average_periods(recordings[0])],
-            options=ModelOptions(kind="combined"),
-            weighting=weighting,
+            EstimationOptions(model=ModelOptions(kind="combined"), weighting=weighting),
         )
         moved = (other.values - combined[0].values) / (3.0 * other.sigma + 1e-9)
         assert np.mean(np.abs(moved) < 1.0) > 0.9
@@ -185,7 +177,9 @@ class TestEstimate:
     def test_needs_periods(self, arm: Any, weigh: Weigh) -> None:
         signals = period_signals(average_periods(weigh(0)), 10.0)
         with pytest.raises(EstimationError, match="periodic runs only"):
-            estimate_smoothed(arm.robot, [signals], options=ModelOptions(kind="combined"))
+            estimate_smoothed(
+                arm.robot, [signals], EstimationOptions(model=ModelOptions(kind="combined"))
+            )
 
     def test_a_plate_of_another_motion_is_not_believed(
         self, arm: Any, recordings: list[Recording]

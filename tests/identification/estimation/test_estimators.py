@@ -21,6 +21,7 @@ from identification.design.two_harmonic import design_two_harmonic
 from identification.equations import time_domain as time_equations
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_periodic, estimate_smoothed
+from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 
 Measure = Callable[..., Recording]
@@ -51,7 +52,7 @@ class TestPeriodic:
             estimate_periodic(
                 arm.robot,
                 [average_periods(measure(seed, torque_filter=FILTER))],
-                standstill_rad_s=standstill_rad_s,
+                EstimationOptions(standstill_rad_s=standstill_rad_s),
             )
             for seed in range(8)
         ]
@@ -74,7 +75,9 @@ class TestPeriodic:
     ) -> None:
         """A robot measured with its spring, identified without: noise alone would be believed."""
         average = average_periods(measure(1))
-        estimate = estimate_periodic(arm.robot, [average], options=ModelOptions(spring=False))
+        estimate = estimate_periodic(
+            arm.robot, [average], EstimationOptions(model=ModelOptions(spring=False))
+        )
         assert estimate.sigma_noise is not None
         assert np.median(estimate.sigma_residual / estimate.sigma_noise) > 2.0
         assert np.median(estimate.sigma / estimate.sigma_noise) > 10.0
@@ -101,7 +104,14 @@ class TestPeriodic:
         samples = arm.motion.plan(arm.robot, 0.008)
         average = average_periods(run(samples, 0))
         trusting, careful = (
-            deviations([estimate_periodic(arm.robot, [average], standstill_rad_s=speed)], arm.base)
+            deviations(
+                [
+                    estimate_periodic(
+                        arm.robot, [average], EstimationOptions(standstill_rad_s=speed)
+                    )
+                ],
+                arm.base,
+            )
             for speed in (0.0, 0.02)
         )
         assert np.sqrt(np.mean(trusting**2)) > 4.0 * np.sqrt(np.mean(careful**2))
@@ -179,7 +189,8 @@ class TestSmoothed:
         slow = np.abs(signals.velocity) < 0.05
         spoilt = replace(signals, torque_nm=np.where(slow, 1000.0, signals.torque_nm))
         clean, other = (
-            estimate_smoothed(arm.robot, [s], standstill_rad_s=0.05) for s in (signals, spoilt)
+            estimate_smoothed(arm.robot, [s], EstimationOptions(standstill_rad_s=0.05))
+            for s in (signals, spoilt)
         )
         np.testing.assert_array_equal(clean.values, other.values)
         np.testing.assert_allclose(clean.left_out_fraction, slow.mean(axis=0))

@@ -17,6 +17,7 @@ from config.errors import ConfigError, RecordingError
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import read_estimate, write_estimate
+from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from tests.builders.changed_json import changed
 
@@ -26,7 +27,7 @@ def estimate(arm: Any, measure: Callable[..., Recording]) -> Estimate:
     return estimate_periodic(
         arm.robot,
         [average_periods(measure())],
-        options=ModelOptions(sign_smoothing_rad_s=0.01),
+        EstimationOptions(model=ModelOptions(sign_smoothing_rad_s=0.01)),
         cell_name="ir361",
         run_ids=("01ABC",),
     )

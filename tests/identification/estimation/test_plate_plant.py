@@ -29,8 +29,9 @@ from identification.accuracy.plate_benefit import improvement
 from identification.calibration.torque_scale import torque_consistency
 from identification.design.two_harmonic import design_two_harmonic
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import BAND_HZ, STANDSTILL_RAD_S, estimate_periodic
+from identification.estimation.estimators import estimate_periodic
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic
+from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.validation.reaction_prediction import validate_reaction
 from mock_hw.amplifier.analog import AmplifierSettings, ChargeAmplifier
@@ -127,12 +128,7 @@ def combined(robot: RobotOnPlate, recording: Recording) -> FittedPeriods:
     return fit_periodic(
         robot.cell.robot,
         [average_periods(recording)],
-        options=ModelOptions(kind="combined"),
-        weighting="ml",
-        prior=None,
-        payload=None,
-        band_hz=BAND_HZ,
-        standstill_rad_s=STANDSTILL_RAD_S,
+        EstimationOptions(model=ModelOptions(kind="combined")),
     )
 
 
@@ -245,6 +241,8 @@ def test_the_plate_alone_finds_the_robot_too(
     cell: LoadedCell, robot: RobotOnPlate, samples: MotionSamples
 ) -> None:
     average = average_periods(robot.run(samples, 0))
-    estimate = estimate_periodic(cell.robot, [average], options=ModelOptions(kind="external"))
+    estimate = estimate_periodic(
+        cell.robot, [average], EstimationOptions(model=ModelOptions(kind="external"))
+    )
     inside = np.abs(estimate.values - truth_of(estimate, cell)) < 2.0 * estimate.sigma
     assert inside.mean() >= 0.9

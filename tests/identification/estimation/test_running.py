@@ -33,7 +33,7 @@ def test_it_is_the_estimate_of_all_rows_at_once(arm: Any, measure: Measure) -> N
     for signals in periods:
         running = running.add(run(signals))
     now = running.look()
-    whole = estimate_smoothed(arm.robot, periods, standstill_rad_s=STANDSTILL_RAD_S)
+    whole = estimate_smoothed(arm.robot, periods)
     np.testing.assert_allclose(now.values, whole.values, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(now.residual_nm, whole.residual_nm, rtol=1e-6)
 
@@ -44,7 +44,7 @@ def test_parts_of_a_recording_give_its_honest_intervals(arm: Any, measure: Measu
     for part in cut(period, 7):
         running = running.add(run(part))
     now = running.look()
-    whole = estimate_smoothed(arm.robot, [period], standstill_rad_s=STANDSTILL_RAD_S)
+    whole = estimate_smoothed(arm.robot, [period])
     np.testing.assert_allclose(now.values, whole.values, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(now.sigma, whole.sigma, rtol=1e-6)
 

@@ -17,6 +17,7 @@ from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, regressor, torque
 from identification.estimation.estimate import predict
 from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.options import EstimationOptions
 from identification.estimation.prior import held
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
@@ -92,7 +93,9 @@ def run() -> Run:
 def test_ordinary_least_squares_is_that_of_all_rows_stacked(robot, truth, run) -> None:
     model = RobotModel.from_description(robot)
     signals = run(model, truth(model))
-    found = estimate_smoothed(robot, [signals], weighting="ls", standstill_rad_s=0.0)
+    found = estimate_smoothed(
+        robot, [signals], EstimationOptions(weighting="ls", standstill_rad_s=0.0)
+    )
     phi = found.base.columns(
         regressor(model, signals.position, signals.velocity, signals.acceleration)
     )
@@ -109,7 +112,10 @@ def test_weighting_takes_the_quieter_joints_word(robot, truth, run) -> None:
     noisy = replace(signals, torque_nm=signals.torque_nm + loud)
     expected = base_parameters(model).from_standard(truth(model))
     errors = {
-        weighting: np.abs(estimate_smoothed(robot, [noisy], weighting=weighting).values - expected)
+        weighting: np.abs(
+            estimate_smoothed(robot, [noisy], EstimationOptions(weighting=weighting)).values
+            - expected
+        )
         for weighting in ("ml", "ls")
     }
     assert np.median(errors["ml"] / errors["ls"]) < 0.5
@@ -122,7 +128,7 @@ def test_huber_holds_gross_errors_down(robot, truth, run) -> None:
     hit = random.random(signals.torque_nm.shape) < 0.03
     knocked = replace(signals, torque_nm=signals.torque_nm + np.where(hit, 300.0, 0.0))
     clean = estimate_smoothed(robot, [signals])
-    robust = estimate_smoothed(robot, [knocked], weighting="huber")
+    robust = estimate_smoothed(robot, [knocked], EstimationOptions(weighting="huber"))
     plain = estimate_smoothed(robot, [knocked])
     off = [np.abs(e.values - clean.values) / clean.sigma for e in (robust, plain)]
     assert np.median(off[0]) < 3.0
@@ -136,7 +142,9 @@ class TestNonlinearParameters:
         arm = friction(robot, ("coulomb", "viscous", "stribeck"))
         model = RobotModel.from_description(arm).with_nonlinear([0.08, 0.15, 0.1])
         signals = run(model, truth(model), samples=1500)
-        found = estimate_smoothed(arm, [signals], standstill_rad_s=0.0, weighting="ls")
+        found = estimate_smoothed(
+            arm, [signals], EstimationOptions(standstill_rad_s=0.0, weighting="ls")
+        )
         base = found.base
         q, v, a = signals.position, signals.velocity, signals.acceleration
 
@@ -165,7 +173,7 @@ class TestNonlinearParameters:
             options = ModelOptions(rotors=False)
             model = options.build(arm).with_nonlinear(shape)
             signals = run(model, truth(model), samples=6000)
-            found = estimate_smoothed(arm, [signals], options=options)
+            found = estimate_smoothed(arm, [signals], EstimationOptions(model=options))
             assert found.options.nonlinear is not None
             off = np.abs(np.array(found.options.nonlinear) - shape) / found.nonlinear_sigma
             # The first axis is vertical: it carries no gravity and tells little.
@@ -188,7 +196,7 @@ class TestPrior:
         signals = [run(model, truth(model))]
         nothing = held(base_parameters(model), {})
         np.testing.assert_allclose(
-            estimate_smoothed(robot, signals, prior=nothing).values,
+            estimate_smoothed(robot, signals, EstimationOptions(prior=nothing)).values,
             estimate_smoothed(robot, signals).values,
         )
 
@@ -196,7 +204,7 @@ class TestPrior:
         model = RobotModel.from_description(robot)
         signals = [run(model, truth(model))]
         known = held(base_parameters(model), {"fc_axis1": (33.0, 0.0)})
-        found = estimate_smoothed(robot, signals, prior=known)
+        found = estimate_smoothed(robot, signals, EstimationOptions(prior=known))
         index = found.base.names.index("fc_axis1")
         assert found.values[index] == pytest.approx(33.0, abs=1e-6)
         assert np.sqrt(found.covariance_residual[index, index]) < 1e-6
@@ -209,7 +217,7 @@ class TestPrior:
         sigma = float(np.sqrt(free.covariance_residual[index, index]))
         value = float(free.values[index])
         prior = held(free.base, {"fv_axis2": (value + 2.0 * sigma, sigma)})
-        found = estimate_smoothed(robot, signals, prior=prior)
+        found = estimate_smoothed(robot, signals, EstimationOptions(prior=prior))
         assert found.values[index] == pytest.approx(value + sigma, abs=0.02 * sigma)
 
     def test_an_unknown_name_is_told(self, robot) -> None:
@@ -227,7 +235,9 @@ def test_runs_with_and_without_show_the_payload(robot, truth, run) -> None:
     signals = [
         run(model, values, seed=seed, payload=loaded) for seed, loaded in ((1, False), (2, True))
     ]
-    found = estimate_smoothed(robot, signals, options=options, payload=[False, True])
+    found = estimate_smoothed(
+        robot, signals, EstimationOptions(model=options), payload=[False, True]
+    )
     expected = found.base.from_standard(values)
     off = np.abs(found.values - expected) / found.sigma
     payload = [name.endswith("L") for name in found.base.names]

@@ -15,6 +15,7 @@ from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
 from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 from identification.validation.torque_prediction import validate
@@ -82,7 +83,10 @@ def test_a_coupled_actuator_stands_still_where_its_own_speed_is_zero(arm: Any) -
     speed = np.linalg.solve(np.array(COUPLING), signals.velocity.T).T
     slow = np.abs(speed) < 0.05
     spoilt = replace(signals, torque_nm=np.where(slow, 1000.0, signals.torque_nm))
-    clean, other = (estimate_smoothed(robot, [s], standstill_rad_s=0.05) for s in (signals, spoilt))
+    clean, other = (
+        estimate_smoothed(robot, [s], EstimationOptions(standstill_rad_s=0.05))
+        for s in (signals, spoilt)
+    )
     np.testing.assert_allclose(clean.left_out_fraction, slow.mean(axis=0))
     np.testing.assert_array_equal(clean.values, other.values)
 
@@ -140,7 +144,9 @@ def test_a_payload_is_told_from_the_last_link_by_runs_with_and_without(arm: Any)
     theta = truth(arm, model, **body)
     carried = Conditions(payload=True)
     signals = [measured(arm, model, theta), measured(arm, model, theta, carried, seed=1)]
-    estimate = estimate_smoothed(arm.robot, signals, options=options, payload=[False, True])
+    estimate = estimate_smoothed(
+        arm.robot, signals, EstimationOptions(model=options), payload=[False, True]
+    )
     assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
     found = dict(zip(estimate.base.names, deviations(estimate, theta), strict=True))
     assert any(name.endswith("L") for name in found)

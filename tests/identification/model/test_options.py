@@ -38,13 +38,13 @@ def test_a_payload_is_added_behind(robot) -> None:
     assert model.parameter_groups["payload"].stop == len(model.parameter_names)
 
 
-def test_shape_sets_the_nonlinear_parameters(robot) -> None:
-    options = ModelOptions(friction_terms=("stribeck",), shape=(0.1, 0.2, 0.3))
+def test_options_set_the_nonlinear_parameters(robot) -> None:
+    options = ModelOptions(friction_terms=("stribeck",), nonlinear=(0.1, 0.2, 0.3))
     np.testing.assert_array_equal(options.build(robot).nonlinear_values, [0.1, 0.2, 0.3])
     with pytest.raises(
         EstimationError, match=r"3 nonlinear parameters \(vs_axis1, vs_axis2, vs_axis3"
     ):
-        ModelOptions(friction_terms=("stribeck",), shape=(0.1,)).build(robot)
+        ModelOptions(friction_terms=("stribeck",), nonlinear=(0.1,)).build(robot)
 
 
 def test_terms_of_contradicting_kinds_are_refused(robot) -> None:

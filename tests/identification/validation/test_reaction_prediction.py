@@ -14,6 +14,7 @@ from config.errors import DataQualityError, EstimationError
 from identification.design.two_harmonic import design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
+from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.validation.reaction_prediction import validate_reaction
 from rid_daq.jobs.truth import true_parameters
@@ -25,7 +26,9 @@ FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
 @pytest.fixture(scope="module")
 def estimate(arm: Any, weigh: Weigh) -> Estimate:
     average = average_periods(weigh(0, torque_filter=FILTER))
-    return estimate_periodic(arm.robot, [average], options=ModelOptions(kind="combined"))
+    return estimate_periodic(
+        arm.robot, [average], EstimationOptions(model=ModelOptions(kind="combined"))
+    )
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,44 @@
+"""`EstimationOptions`: what a person may choose about an estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+from config.arrays import FloatArray
+from identification.model.options import ModelOptions
+
+BAND_HZ: Final = 10.0
+STANDSTILL_RAD_S: Final = 0.02
+
+Weighting = Literal["ml", "ls", "huber"]
+"""Rows weighted by one over their noise, all alike, or by noise with outliers held down."""
+
+Prior = tuple[FloatArray, FloatArray]
+"""Values and standard deviations of the model's standard parameters; infinite for no knowledge."""
+
+
+@dataclass(frozen=True, eq=False)
+class EstimationOptions:
+    """How to estimate; the same for averaged periods and for smoothed recordings.
+
+    Attributes
+    ----------
+    model : ModelOptions
+        Terms of the model; what the robot file says by default.
+    weighting : "ml", "ls" or "huber"
+        Rows over their noise; all alike; over their noise with outliers held down.
+    prior : (values, sigmas), or None
+        Knowledge of the standard parameters (Bayesian estimate).
+    band_hz : float
+        Highest frequency used [Hz]; of smoothed recordings their cut-off counts instead.
+    standstill_rad_s : float
+        Below this speed a joint's friction is left free, or its equation out; 0 trusts sign(v)
+        everywhere [rad/s or m/s].
+    """
+
+    model: ModelOptions = field(default_factory=ModelOptions)
+    weighting: Weighting = "ml"
+    prior: Prior | None = None
+    band_hz: float = BAND_HZ
+    standstill_rad_s: float = STANDSTILL_RAD_S
