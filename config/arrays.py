@@ -22,7 +22,9 @@ def read_only(
     shape: tuple[int | None, ...],
     error: type[RidDaqError],
 ) -> NDArray[Any]:
-    """Return a read-only copy of `values` after checking its shape and that it is finite.
+    """Return `values` as a read-only array after checking its shape and that it is finite.
+
+    They are copied, unless nobody can write to them any more.
 
     Parameters
     ----------
@@ -31,7 +33,7 @@ def read_only(
     values : array_like
         The values.
     dtype : dtype_like
-        Type of the copy.
+        Type of the array.
     shape : tuple
         Wanted shape; None where any length will do.
     error : type
@@ -42,7 +44,7 @@ def read_only(
     RidDaqError
         Of class `error`: wrong shape, or a value that is not finite.
     """
-    array = np.array(values, dtype=dtype, order="C")
+    array = np.array(values, dtype=dtype, order="C", copy=None if _is_frozen(values) else True)
     if len(array.shape) != len(shape) or any(
         wanted is not None and wanted != found
         for wanted, found in zip(shape, array.shape, strict=True)
@@ -54,3 +56,12 @@ def read_only(
         raise error(f"{name} is not finite at index {where}")
     array.setflags(write=False)
     return array
+
+
+def _is_frozen(values: Any) -> bool:
+    """Return whether values are of numpy's own memory that was made read-only."""
+    while isinstance(values, np.ndarray) and not values.flags.writeable:
+        if values.base is None:
+            return True
+        values = values.base
+    return False

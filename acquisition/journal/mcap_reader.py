@@ -1,4 +1,4 @@
-"""`RawJournal`: the messages of an MCAP file, finished, unfinished, torn or damaged.
+"""`JournalReader`: the messages of an MCAP file, finished, unfinished, torn or damaged.
 
 A chunk is taken only where its frame is consistent and its CRC right, wherever it stands; the
 bytes in it are then those that were written. What is missing is found by the messages' own sequence
@@ -8,33 +8,37 @@ single damaged length cannot hide what follows it.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
+from acquisition.journal.mcap_records import (
+    CHANNEL,
+    HEAD_BYTES,
+    MESSAGE,
+    MESSAGE_HEAD,
+    MESSAGE_INDEX,
+    RECORD,
+    channel_pairs,
+    count_written,
+    metadata_pairs,
+    records_of,
+)
 from config.errors import RecordingError
-from config.formats.bounded_file import read_file
+from config.formats.bounded_file import open_file
 
+PIECE_BYTES = 1 << 20
 MAX_CHUNK_BYTES = 1 << 20
 MAX_FILE_BYTES = 4_000_000_000
-METADATA_NAME = "rid_daq.header"
-
-_MAGIC = b"\x89MCAP0\r\n"
-_FOOTER, _STATISTICS, _CHANNEL, _MESSAGE, _MESSAGE_INDEX = 0x02, 0x0B, 0x04, 0x05, 0x07
-_RECORD = struct.Struct("<BQ")
 # opcode, record length, first and last time, uncompressed size, CRC, length of the (empty)
 # name of the compression, size of the records
 _CHUNK = struct.Struct("<BQQQQIIQ")
 _MAYBE_CHUNK = re.compile(rb"\x06(?=.{4}\0{4}.{16}.{4}\0{4}.{4}\0{4}.{4}\0{4})", re.DOTALL)
-_MESSAGE_HEAD = struct.Struct("<HIQQ")
-_FOOTER_BODY = struct.Struct("<QQI")
-_TAIL_BYTES = _RECORD.size + _FOOTER_BODY.size + len(_MAGIC)
 
 
 @dataclass(frozen=True)
@@ -80,31 +84,217 @@ class JournalDamage:
 
 
 @dataclass(frozen=True, eq=False)
-class RawJournal:
-    """The messages of a file whose checksums are right.
+class Messages:
+    """Messages of a file whose checksums are right, in the order written.
 
     Attributes
     ----------
     channels : list of int
         Channel id of each message.
     payloads : list of bytes
-        Body of each message, in the order written.
+        Body of each message.
     sequences : list of int
         Number of each message among all that were written; a gap is a loss.
     times_ns : list of int
         Time of each message [ns].
+    """
+
+    channels: list[int] = field(default_factory=list)
+    payloads: list[bytes] = field(default_factory=list)
+    sequences: list[int] = field(default_factory=list)
+    times_ns: list[int] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class RawJournal(Messages):
+    """All messages of a file.
+
+    Attributes
+    ----------
     headers : tuple of dict
         What may be the file's header, the better kept copy first.
     damage : JournalDamage
         What is missing.
     """
 
-    channels: list[int]
-    payloads: list[bytes]
-    sequences: list[int]
-    times_ns: list[int]
-    headers: tuple[dict[str, str], ...]
-    damage: JournalDamage
+    headers: tuple[dict[str, str], ...] = ()
+    damage: JournalDamage = field(default_factory=lambda: JournalDamage(False, (), 0))
+
+
+class JournalReader:
+    """Reads a file in pieces, and what is written to it meanwhile; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        The `.mcap` file, in whatever state; it is not changed.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._stack = contextlib.ExitStack()
+        self._head = b""
+        self._data = b""  # read, and not yet known to be chunks or none
+        self._origin = 0  # where in the file they begin
+        self._spent = 0
+        self._channel_pairs: dict[str, str] | None = None
+        self._gaps: list[tuple[int, int]] = []
+        self._next = 0
+        self._bad_chunks = self._end_of_chunks = 0
+        with self._named():
+            self._file = self._stack.enter_context(open_file(path, MAX_FILE_BYTES))
+
+    def __enter__(self) -> JournalReader:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    @property
+    def headers(self) -> tuple[dict[str, str], ...]:
+        """What may be the file's header, of what was read, the better kept copy first."""
+        candidates = (metadata_pairs(self._head), self._channel_pairs)
+        return tuple(pairs for pairs in candidates if pairs is not None)
+
+    def pieces(self, *, growing: bool = False) -> Iterator[Messages]:
+        """Yield what was not read before, up to the file's present end, a few MB at a time.
+
+        Parameters
+        ----------
+        growing : bool
+            Whether what is cut off at the end may still be written.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be read, or its messages are in no order.
+        """
+        with self._named():
+            at_end = False
+            while not at_end:
+                # A mapped file on a failing disk would end the program by SIGBUS.
+                more = self._file.read(PIECE_BYTES)
+                if not (more or self._origin or self._data or growing):
+                    raise RecordingError("the file is empty")
+                at_end = self._file.tell() >= self._size or not more
+                if len(self._head) < 2 * HEAD_BYTES:
+                    self._head += more[: 2 * HEAD_BYTES - len(self._head)]
+                self._data += more
+                messages = self._messages(last=at_end and not growing)
+                if messages.payloads:
+                    yield messages
+
+    def damage(self) -> JournalDamage:
+        """Return what is missing of a file that was read to its end, and is written no more.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be read.
+        """
+        with self._named():
+            total = count_written(self._file)
+            gaps = list(self._gaps)
+            if total is not None and total > self._next:
+                gaps.append((self._next, total - self._next))
+            return JournalDamage(
+                finished=total is not None,
+                gaps=tuple(gaps),
+                bad_chunks=self._bad_chunks,
+                torn_bytes=self._size - self._end_of_index() if total is None else 0,
+            )
+
+    @property
+    def _size(self) -> int:
+        return os.fstat(self._file.fileno()).st_size
+
+    @contextlib.contextmanager
+    def _named(self) -> Iterator[None]:
+        """Say of which file an error is."""
+        try:
+            yield
+        except OSError as error:
+            raise RecordingError(f"{self._path}: cannot be read: {error.strerror}") from error
+        except RecordingError as error:
+            text = str(error)
+            named = text if text.startswith(str(self._path)) else f"{self._path}: {text}"
+            raise RecordingError(named) from error
+
+    def _messages(self, last: bool) -> Messages:
+        """Return the messages of all chunks that are there as a whole."""
+        messages = Messages()
+        for records in self._chunks(last):
+            if records is None:
+                self._bad_chunks += 1
+                continue
+            for opcode, start, end in records_of(records):
+                if opcode == MESSAGE:
+                    channel, sequence, time_ns, _ = MESSAGE_HEAD.unpack_from(records, start)
+                    if sequence < self._next:
+                        raise RecordingError(f"row {sequence} follows row {self._next - 1}")
+                    if sequence > self._next:
+                        self._gaps.append((self._next, sequence - self._next))
+                    self._next = sequence + 1
+                    messages.sequences.append(sequence)
+                    messages.times_ns.append(time_ns)
+                    messages.channels.append(channel)
+                    messages.payloads.append(records[start + MESSAGE_HEAD.size : end])
+                elif opcode == CHANNEL and self._channel_pairs is None:
+                    self._channel_pairs = channel_pairs(records[start:end])
+        return messages
+
+    def _chunks(self, last: bool) -> Iterator[bytes | None]:
+        """Yield the records of every intact chunk; None for one that fails its CRC.
+
+        What may be a chunk that reaches beyond what was read is kept until the `last` of it came.
+        """
+        data, size = self._data, self._size
+        position = 0
+        while True:
+            found = _MAYBE_CHUNK.search(data, position)
+            if found is None:
+                position = max(position, len(data) - _CHUNK.size + 1)
+                break
+            start = found.start()
+            _, length, _, _, plain_size, crc, _, stored_size = _CHUNK.unpack_from(data, start)
+            begin = start + _CHUNK.size
+            position = start + 1
+            if not (plain_size == stored_size == length - (_CHUNK.size - RECORD.size)):
+                continue
+            if stored_size > MAX_CHUNK_BYTES:
+                continue
+            if begin + stored_size > len(data):
+                if last:
+                    continue
+                position = start
+                break
+            self._spent += stored_size
+            if self._spent > 4 * size + MAX_CHUNK_BYTES:
+                raise RecordingError("too damaged to read: more pieces of chunks than data")
+            records = data[begin : begin + stored_size]
+            if zlib.crc32(records) != crc:
+                yield None
+                continue
+            position = begin + stored_size
+            self._end_of_chunks = self._origin + position
+            yield records
+        self._data = data[position:]
+        self._origin += position
+
+    def _end_of_index(self) -> int:
+        """Return where the index records end that follow the last chunk."""
+        descriptor, position, size = self._file.fileno(), self._end_of_chunks, self._size
+        while position + RECORD.size <= size:
+            opcode, length = RECORD.unpack(os.pread(descriptor, RECORD.size, position))
+            if opcode != MESSAGE_INDEX or position + RECORD.size + length > size:
+                break
+            position += RECORD.size + length
+        return position
 
 
 def read_raw_journal(path: Path) -> RawJournal:
@@ -120,17 +310,21 @@ def read_raw_journal(path: Path) -> RawJournal:
     RecordingError
         The file cannot be read, or its messages are in no order.
     """
-    try:
-        # A mapped file on a failing disk would end the program by SIGBUS.
-        data = read_file(path, MAX_FILE_BYTES)
-        if not data:
-            raise RecordingError(f"{path}: the file is empty")
-        return _read(data)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-    except RecordingError as error:
-        text = str(error)
-        raise RecordingError(text if text.startswith(str(path)) else f"{path}: {text}") from error
+    whole = Messages()
+    with JournalReader(path) as reader:
+        for piece in reader.pieces():
+            whole.channels.extend(piece.channels)
+            whole.payloads.extend(piece.payloads)
+            whole.sequences.extend(piece.sequences)
+            whole.times_ns.extend(piece.times_ns)
+        return RawJournal(
+            whole.channels,
+            whole.payloads,
+            whole.sequences,
+            whole.times_ns,
+            reader.headers,
+            reader.damage(),
+        )
 
 
 def messages_written(path: Path) -> int | None:
@@ -142,169 +336,7 @@ def messages_written(path: Path) -> int | None:
         The file cannot be read.
     """
     try:
-        with path.open("rb") as file:
-            size = file.seek(0, os.SEEK_END)
-            file.seek(max(0, size - _TAIL_BYTES))
-            start = _summary_start(file.read())
-            if start is None or start >= size:
-                return None
-            file.seek(start)
-            return _messages_written(file.read(), start)
+        with open_file(path, MAX_FILE_BYTES) as file:
+            return count_written(file)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-
-
-def _read(data: bytes) -> RawJournal:
-    channels: list[int] = []
-    payloads: list[bytes] = []
-    sequences: list[int] = []
-    times_ns: list[int] = []
-    headers = [_metadata_pairs(data)]
-    bad_chunks = end_of_chunks = 0
-    for records, end_of_chunk in _chunks(data):
-        if records is None:
-            bad_chunks += 1
-            continue
-        end_of_chunks = end_of_chunk
-        for opcode, start, end in _records(records):
-            if opcode == _MESSAGE:
-                channel, sequence, time_ns, _ = _MESSAGE_HEAD.unpack_from(records, start)
-                if sequences and sequence <= sequences[-1]:
-                    raise RecordingError(f"row {sequence} follows row {sequences[-1]}")
-                sequences.append(sequence)
-                times_ns.append(time_ns)
-                channels.append(channel)
-                payloads.append(records[start + _MESSAGE_HEAD.size : end])
-            elif opcode == _CHANNEL and len(headers) == 1:
-                headers.append(_channel_pairs(records[start:end]))
-    total = _messages_written(data)
-    damage = JournalDamage(
-        finished=total is not None,
-        gaps=_gaps(sequences, total),
-        bad_chunks=bad_chunks,
-        torn_bytes=len(data) - _end_of_index(data, end_of_chunks) if total is None else 0,
-    )
-    known = tuple(pairs for pairs in headers if pairs is not None)
-    return RawJournal(channels, payloads, sequences, times_ns, known, damage)
-
-
-def _end_of_index(data: bytes, position: int) -> int:
-    """Return where the index records end that follow the last chunk."""
-    while position + _RECORD.size <= len(data):
-        opcode, length = _RECORD.unpack_from(data, position)
-        if opcode != _MESSAGE_INDEX or position + _RECORD.size + length > len(data):
-            break
-        position += _RECORD.size + length
-    return position
-
-
-def _gaps(sequences: list[int], total: int | None) -> tuple[tuple[int, int], ...]:
-    numbers = np.array([-1, *sequences, *([total] if total is not None else [])], dtype=np.int64)
-    missing = np.diff(numbers) - 1
-    return tuple((int(numbers[i]) + 1, int(missing[i])) for i in np.flatnonzero(missing > 0))
-
-
-def _chunks(data: bytes) -> Iterator[tuple[bytes | None, int]]:
-    """Yield every intact chunk's records and its end; None for one that fails its CRC."""
-    position, size = 0, len(data)
-    budget = 4 * size + MAX_CHUNK_BYTES
-    while True:
-        found = _MAYBE_CHUNK.search(data, position)
-        if found is None or found.start() + _CHUNK.size > size:
-            return
-        start = found.start()
-        _, length, _, _, plain_size, crc, _, stored_size = _CHUNK.unpack_from(data, start)
-        begin = start + _CHUNK.size
-        position = start + 1
-        if not (plain_size == stored_size == length - (_CHUNK.size - _RECORD.size)):
-            continue
-        if stored_size > MAX_CHUNK_BYTES or begin + stored_size > size:
-            continue
-        budget -= stored_size
-        if budget < 0:
-            raise RecordingError("too damaged to read: more pieces of chunks than data")
-        records = data[begin : begin + stored_size]
-        if zlib.crc32(records) == crc:
-            position = begin + stored_size
-            yield records, position
-        else:
-            yield None, position
-
-
-def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, start and end of the body of every record."""
-    position = 0
-    while position < len(data):
-        if position + _RECORD.size > len(data):
-            raise RecordingError("a record is cut inside a chunk whose checksum is right")
-        opcode, length = _RECORD.unpack_from(data, position)
-        start = position + _RECORD.size
-        position = start + length
-        if position > len(data) or (opcode == _MESSAGE and length < _MESSAGE_HEAD.size):
-            raise RecordingError("a record is cut inside a chunk whose checksum is right")
-        yield opcode, start, position
-
-
-def _pairs(data: bytes, position: int) -> dict[str, str] | None:
-    """Read an MCAP map of strings; None where it is not one."""
-    texts, end = [], position + 4
-    try:
-        end += struct.unpack_from("<I", data, position)[0]
-        position += 4
-        while position < end:
-            size = struct.unpack_from("<I", data, position)[0]
-            if position + 4 + size > min(end, len(data)):
-                return None
-            texts.append(data[position + 4 : position + 4 + size].decode())
-            position += 4 + size
-    except (struct.error, UnicodeDecodeError):
-        return None
-    return dict(zip(texts[0::2], texts[1::2], strict=False))
-
-
-def _metadata_pairs(data: bytes) -> dict[str, str] | None:
-    """Return the metadata record near the file's start, None where it is damaged."""
-    name = struct.pack("<I", len(METADATA_NAME)) + METADATA_NAME.encode()
-    start = data.find(name, 0, 1 << 16)
-    if start < 0:
-        return None
-    return _pairs(data[start : start + (1 << 16)], len(name))
-
-
-def _channel_pairs(body: bytes) -> dict[str, str] | None:
-    """Return the metadata of a channel record (id, schema id, topic, encoding, metadata)."""
-    try:
-        position = 4
-        for _ in range(2):
-            position += 4 + struct.unpack_from("<I", body, position)[0]
-    except struct.error:
-        return None
-    return _pairs(body, position)
-
-
-def _summary_start(tail: bytes) -> int | None:
-    """Return where the summary of a finished file begins, by its last bytes; None without one."""
-    if len(tail) < _TAIL_BYTES or tail[-len(_MAGIC) :] != _MAGIC:
-        return None
-    opcode, length = _RECORD.unpack_from(tail)
-    start: int = _FOOTER_BODY.unpack_from(tail, _RECORD.size)[0]
-    return start if opcode == _FOOTER and length == _FOOTER_BODY.size and start > 0 else None
-
-
-def _messages_written(data: bytes, origin: int = 0) -> int | None:
-    """Return the count of messages in the summary of a finished file, None where it has none.
-
-    `data` are the file's bytes from `origin` on.
-    """
-    tail = len(data) - _TAIL_BYTES
-    begin = _summary_start(data[max(tail, 0) :])
-    if begin is None or not 0 <= begin - origin <= tail:
-        return None
-    crc = _FOOTER_BODY.unpack_from(data, tail + _RECORD.size)[2]
-    if zlib.crc32(data[begin - origin : tail + _RECORD.size + 16]) != crc:
-        return None
-    summary = data[begin - origin : tail]
-    for opcode, start, end in _records(summary):
-        if opcode == _STATISTICS and end - start >= 8:
-            return int(struct.unpack_from("<Q", summary, start)[0])
-    return None

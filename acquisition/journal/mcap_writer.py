@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from acquisition.journal.cycle_row import CDR_LITTLE_ENDIAN
 from acquisition.journal.disk_reserve import FULL, DiskReserve
-from acquisition.journal.mcap_reader import METADATA_NAME
+from acquisition.journal.mcap_records import METADATA_NAME
 from config.errors import RecordingError
 from config.process.file_locks import lock_holder
 

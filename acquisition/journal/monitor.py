@@ -126,7 +126,7 @@ def read_monitor(path: Path) -> MonitorStream:
     )
 
 
-def as_warm_as_measured(
+def with_temperature_compensation(
     recording: Recording, folder: Path, robot: RobotDescription
 ) -> tuple[Recording, tuple[str, ...]]:
     """Return a run's recording as estimators take it: with temperatures, and torques by them.

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.motion.samples import Phase
+from acquisition.processing.period_table import (
+    MISSING_FRACTION_LIMIT,
+    PeriodCutter,
+    PeriodTable,
+    running_sum,
+    sum_of,
+)
 from acquisition.processing.reaction_average import (
     GapLimits,
     ReactionAverage,
@@ -15,16 +21,16 @@ from acquisition.processing.reaction_average import (
     cut_reaction,
 )
 from acquisition.recording.recording import Recording
-from config.arrays import BoolArray, FloatArray, IntArray, read_only
+from config.arrays import BoolArray, FloatArray, read_only
 from config.cell.cell import ButterworthFilter
 from config.errors import DataQualityError
 
-MISSING_FRACTION_LIMIT = 0.02
 LONGEST_GAP = 3
 REJECTED_LIMIT = 5
 FAMILY_RATIO = 2.0
 FAMILY_SIGMAS = 6.0
 NEGLIGIBLE_FRACTION = 1e-4
+BLOCK_VALUES = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -149,21 +155,53 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
             "the recording is not periodic, so there are no periods to average; `rid-daq identify`"
             " uses it as it is"
         )
-    samples = recording.samples_per_period
-    values, there = cut_periods(recording, samples)
-    rejected = _lost(there, recording)
+    cutter = PeriodCutter()
+    cutter.add(recording)
+    return average_table(cutter.table(), recording, rejected_limit=rejected_limit)
+
+
+def average_table(
+    table: PeriodTable, recording: Recording | None = None, *, rejected_limit: int = REJECTED_LIMIT
+) -> PeriodAverage:
+    """Return the mean of periods that were cut already, as `average_periods` does.
+
+    Parameters
+    ----------
+    table : PeriodTable
+        The periods.
+    recording : Recording, optional
+        The whole recording, where a force plate was recorded too.
+    rejected_limit : int
+        More rejected periods than this make the recording useless.
+
+    Raises
+    ------
+    DataQualityError
+        As `average_periods`.
+    """
+    n = len(table.joint_names)
+    there = np.stack(table.present)
+    rejected = _lost(there, table)
     present: BoolArray = np.asarray(there.all(axis=2))
-    good = np.array([index not in rejected for index in range(len(present))])
-    n = len(recording.joint_names)
+    good = _without(rejected, len(present))
     channels = [
-        f"{what} of joint {j!r}" for what in ("position", "torque") for j in recording.joint_names
+        f"{what} of joint {j!r}" for what in ("position", "torque") for j in table.joint_names
     ]
-    rejected |= _out_of_family(values, present, good, channels)
-    good = np.array([index not in rejected for index in range(len(present))])
-    plate = _cut_reaction(recording, samples, good, rejected_limit)
+    rejected |= _out_of_family(table.values, present[:, :, np.newaxis], good, channels)
+    good = _without(rejected, len(present))
+    plate = None
+    if recording is not None and recording.reaction is not None:
+        plate = cut_reaction(
+            recording.reaction,
+            *table.places(recording),
+            good,
+            table.samples,
+            table.sample_period_s,
+            GapLimits(LONGEST_GAP, MISSING_FRACTION_LIMIT, rejected_limit),
+        )
     if plate is not None:
         rejected |= _unfit_reaction(plate, rejected)
-    good = np.array([index not in rejected for index in range(len(present))])
+    good = _without(rejected, len(present))
     reasons = tuple(RejectedPeriod(i, rejected[i]) for i in sorted(rejected))
     kept = int(good.sum())
     if len(present) == 1 and not reasons:
@@ -176,24 +214,31 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
             f"{kept} of {len(present)} periods are good, {len(reasons)} are rejected (at least 2"
             f" good ones are needed, at most {rejected_limit} may be rejected): {words}"
         )
-    values, present = values[good], present[good]
-    count = present.sum(axis=0)
+    used = np.flatnonzero(good).tolist()
+    count = present[used].sum(axis=0)
     if (count < 2).any():
         raise DataQualityError(
             f"sample {int(np.argmin(count)) + 1} of the period is valid in fewer than two good"
             " periods: record more periods"
         )
-    missing = int(present.size - present.sum())
-    weights = present[:, :, np.newaxis]
-    mean = (values * weights).sum(axis=0) / count[:, np.newaxis]
-    deviation = np.where(weights, values - mean, 0.0)
+    # Periods are summed one after the other: memory does not grow with their number.
+    mean = sum_of(table.values[m] * present[m][:, np.newaxis] for m in used)
+    mean /= count[:, np.newaxis]
+    squares = power = None
+    for m in used:
+        deviation = np.where(present[m][:, np.newaxis], table.values[m] - mean, 0.0)
+        squares = running_sum(squares, np.square(deviation))
+        bins = np.square(np.abs(np.fft.rfft(deviation, axis=0) / table.samples))
+        power = bins if power is None else power + bins
+    assert squares is not None
+    assert power is not None
     # sum_k (count_k - 1) is K (M - 1) where no row is missing: (3.10).
-    variance = np.square(deviation).sum(axis=(0, 1)) / (count - 1).sum()
-    power = np.square(np.abs(np.fft.rfft(deviation, axis=1) / samples)).sum(axis=0)
-    bin_variance = power * samples / (count - 1).sum()
+    freedom = (count - 1).sum()
+    variance = squares / freedom
+    bin_variance = power * table.samples / freedom
     return PeriodAverage(
-        joint_names=recording.joint_names,
-        sample_period_s=recording.sample_period_s,
+        joint_names=table.joint_names,
+        sample_period_s=table.sample_period_s,
         position=mean[:, :n],
         torque_nm=mean[:, n:],
         position_variance=variance[:n],
@@ -202,30 +247,16 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
         torque_bin_variance=bin_variance[:, n:],
         periods_kept=kept,
         rejected=reasons,
-        missing_samples=missing,
-        torque_filter=recording.torque_filter,
-        temperature_k=_mean_temperature(recording, samples, good),
+        missing_samples=int(present[used].size - present[used].sum()),
+        torque_filter=table.torque_filter,
+        temperature_k=table.mean_temperature(good),
         reaction=None if plate is None else plate.average(good),
     )
 
 
-def _cut_reaction(
-    recording: Recording, samples: int, good: BoolArray, rejected_limit: int
-) -> ReactionPeriods | None:
-    """Return the channels of a force plate cut into periods, where one has measured them."""
-    if recording.reaction is None or recording.sample_period_s is None:
-        return None
-    main = (recording.phase == Phase.MAIN) & (recording.sample_index >= 0)
-    rows = np.flatnonzero(main)
-    return cut_reaction(
-        recording.reaction,
-        rows,
-        recording.sample_index[rows] - _first_main_index(recording, main, samples),
-        good,
-        samples,
-        recording.sample_period_s,
-        GapLimits(LONGEST_GAP, MISSING_FRACTION_LIMIT, rejected_limit),
-    )
+def _without(rejected: Container[int], periods: int) -> BoolArray:
+    """Return which periods are not rejected."""
+    return np.array([index not in rejected for index in range(periods)])
 
 
 def _unfit_reaction(plate: ReactionPeriods, rejected: dict[int, str]) -> dict[int, str]:
@@ -248,105 +279,12 @@ def _unfit_reaction(plate: ReactionPeriods, rejected: dict[int, str]) -> dict[in
     return {m: why for m, why in (unfit | odd).items() if m not in rejected}
 
 
-def _mean_temperature(recording: Recording, samples: int, good: BoolArray) -> FloatArray | None:
-    """Return the mean over the rows of the good periods, (n,) [K]."""
-    if recording.temperature_k is None:
-        return None
-    main = (recording.phase == Phase.MAIN) & (recording.sample_index >= 0)
-    start = _first_main_index(recording, main, samples)
-    rows = np.flatnonzero(main & recording.valid)
-    kept = rows[good[(recording.sample_index[rows] - start) // samples]]
-    return np.asarray(recording.temperature_k[kept].mean(axis=0))
-
-
-def cut_periods(recording: Recording, samples: int) -> tuple[FloatArray, BoolArray]:
-    """Return positions and torques of the main periods as they are, and which rows are there.
-
-    Parameters
-    ----------
-    recording : Recording
-        Of a periodic motion.
-    samples : int
-        Rows of a period, K.
-
-    Returns
-    -------
-    values : ndarray, shape (periods, K, 2 n)
-        Positions, then torques; zero where a row is not there.
-    present : ndarray of bool, shape (periods, K, n)
-        Which rows of which joints are.
-
-    Raises
-    ------
-    DataQualityError
-        More than 2 % of a joint's rows are missing, or where a period starts is not known.
-    """
-    main = (recording.phase == Phase.MAIN) & (recording.sample_index >= 0)
-    start = _first_main_index(recording, main, samples)
-    place = recording.sample_index[main] - start
-    periods = int(place.max()) // samples + 1
-    there = recording.valid_of_joints[main]
-    n = len(recording.joint_names)
-    values = np.zeros((periods * samples, 2 * n))
-    present = np.zeros((periods * samples, n), dtype=np.bool_)
-    row, joint = np.nonzero(there)
-    values[place[row], joint] = recording.position[main][row, joint]
-    values[place[row], n + joint] = recording.torque_nm[main][row, joint]
-    present[place[row], joint] = True
-    reached = int(place.max()) + 1
-    missing = reached - present.sum(axis=0)
-    worst = int(missing.argmax())
-    if missing[worst] > MISSING_FRACTION_LIMIT * reached:
-        misses = samples - present[:, worst].reshape(periods, samples).sum(axis=1)
-        where = np.flatnonzero(misses > MISSING_FRACTION_LIMIT * samples)
-        raise DataQualityError(
-            f"{_of_joint(recording, worst)}{missing[worst]} of {reached} rows of the main periods"
-            f" are missing or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much (it is"
-            f" more in {_listed(where + 1)}): look for lost frames on the bus"
-        )
-    return values.reshape(periods, samples, 2 * n), present.reshape(periods, samples, n)
-
-
-def _of_joint(recording: Recording, joint: int) -> str:
-    """Return whose rows are spoken of, where joints have rows of their own."""
-    return "" if recording.answered is None else f"joint {recording.joint_names[joint]!r}: "
-
-
-def _listed(periods: IntArray) -> str:
-    """Name periods by their numbers, those in sequence together."""
-    runs = np.split(periods, np.flatnonzero(np.diff(periods) > 1) + 1)
-    words = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
-    return ("periods " if len(periods) > 1 else "period ") + ", ".join(words)
-
-
-def _first_main_index(recording: Recording, main: BoolArray, samples: int) -> int:
-    """Return the motion row at which the first main period starts, even where that row was lost."""
-    index = recording.sample_index
-    if not main.any():
-        raise DataQualityError("the recording holds no row of the main periods: it ended before")
-    first, last = int(index[main].min()), int(index[main].max())
-    before = index[(recording.phase < Phase.MAIN) & (index >= 0)]
-    after = index[recording.phase == Phase.RUN_OUT]
-    earliest = int(before.max()) + 1 if len(before) else first
-    latest = first
-    if len(after):
-        length = round((last + 1 - first) / samples) * samples
-        earliest = max(earliest, last + 1 - length)
-        latest = min(latest, int(after.min()) - length)
-    if earliest != latest:
-        raise DataQualityError(
-            f"the first main period starts between rows {earliest} and {latest} of the motion, but"
-            " the rows around it were lost: record again"
-        )
-    return latest
-
-
-def _lost(present: BoolArray, recording: Recording) -> dict[int, str]:
+def _lost(present: BoolArray, table: PeriodTable) -> dict[int, str]:
     """Return the periods that miss too much of any joint, (periods, K, n), with the reason."""
     rejected = _incomplete(np.asarray(present.any(axis=2)))
     for joint in range(present.shape[2]):
         for period, reason in _incomplete(present[:, :, joint]).items():
-            rejected.setdefault(period, _of_joint(recording, joint) + reason)
+            rejected.setdefault(period, table.of_joint(joint) + reason)
     return rejected
 
 
@@ -371,22 +309,34 @@ def _incomplete(present: BoolArray) -> dict[int, str]:
 
 
 def _out_of_family(
-    values: FloatArray, present: BoolArray, good: BoolArray, channels: Sequence[str]
+    values: Sequence[FloatArray] | FloatArray,
+    present: BoolArray,
+    good: BoolArray,
+    channels: Sequence[str],
 ) -> dict[int, str]:
     """Return the complete periods that differ from the others far more than those do, with why."""
-    indices = np.flatnonzero(good)
+    indices = np.flatnonzero(good).tolist()
     if len(indices) < 3:
         return {}
-    there = present[indices].reshape(*present[indices].shape[:2], -1)
-    mean = (values[indices] * there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
-    filled = np.where(there, values[indices], mean)
-    deviation = filled - np.median(filled, axis=0)
-    negligible = NEGLIGIBLE_FRACTION * mean.std(axis=0)
+    samples = present.shape[1]
+    means: list[FloatArray] = []
+    squares = peak = None
+    rows = max(1, BLOCK_VALUES // (len(indices) * len(channels)))
+    for first in range(0, samples, rows):
+        some = np.stack([values[m][first : first + rows] for m in indices])
+        there = present[indices, first : first + rows]
+        mean = (some * there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        filled = np.where(there, some, mean)
+        deviation = filled - np.median(filled, axis=0)
+        means.append(mean)
+        squares = running_sum(squares, np.square(deviation), axis=1)
+        highest = np.abs(deviation).max(axis=1)
+        peak = highest if peak is None else np.maximum(peak, highest)
+    assert squares is not None
+    assert peak is not None
+    negligible = NEGLIGIBLE_FRACTION * np.concatenate(means).std(axis=0)
     rejected: dict[int, str] = {}
-    for words, measure in (
-        ("RMS", np.sqrt(np.square(deviation).mean(axis=1))),
-        ("peak", np.abs(deviation).max(axis=1)),
-    ):
+    for words, measure in (("RMS", np.sqrt(squares / samples)), ("peak", peak)):
         common = np.median(measure, axis=0)
         spread = 1.4826 * np.median(np.abs(measure - common), axis=0)
         limit = np.maximum(FAMILY_RATIO * common, common + FAMILY_SIGMAS * spread)

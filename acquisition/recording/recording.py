@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
@@ -100,9 +101,9 @@ class Recording:
                 raise RecordingError("recording: valid is not where every joint has answered")
         for name, array in fields.items():
             object.__setattr__(self, name, array)
-        steps = np.diff(time_s)
-        if (steps <= 0.0).any():
-            row = int(np.argmax(steps <= 0.0)) + 1
+        back = np.asarray(time_s[1:] <= time_s[:-1])
+        if back.any():
+            row = int(np.argmax(back)) + 1
             raise RecordingError(
                 f"recording: time stamps must increase; row {row} is at {time_s[row]:.6f} s after"
                 f" {time_s[row - 1]:.6f} s"
@@ -121,9 +122,53 @@ class Recording:
     def __len__(self) -> int:
         return len(self.time_s)
 
+    def part(self, rows: slice) -> Recording:
+        """Return the recording of some rows, without a force plate."""
+        columns = {name: getattr(self, name) for name in _COLUMNS}
+        cut: dict[str, Any] = {
+            name: values[rows] for name, values in columns.items() if values is not None
+        }
+        return replace(self, reaction=None, **cut)
+
     @property
     def valid_of_joints(self) -> BoolArray:
         """Where each joint's values are of their own row, shape (samples, joints)."""
         if self.answered is not None:
             return self.answered
         return np.repeat(self.valid[:, np.newaxis], len(self.joint_names), axis=1)
+
+
+_COLUMNS = (
+    *("time_s", "position", "torque_nm", "valid", "phase", "sample_index"),
+    *("target_position", "velocity_command", "temperature_k", "answered"),
+)
+
+
+def joined(parts: Iterable[Recording]) -> Recording:
+    """Return one recording of parts that follow one another, none with a force plate.
+
+    Parameters
+    ----------
+    parts : iterable of Recording
+        At least one; what is not an array is taken from the first.
+
+    Raises
+    ------
+    RecordingError
+        They do not follow one another.
+    """
+    first: Recording | None = None
+    columns: dict[str, list[Any]] = {}
+    for part in parts:
+        first = first or part
+        for name in _COLUMNS:
+            if getattr(part, name) is not None:
+                columns.setdefault(name, []).append(getattr(part, name))
+    if first is None:
+        raise RecordingError("recording: no row")
+    whole: dict[str, Any] = {}
+    for name in _COLUMNS:
+        if name in columns:
+            whole[name] = np.concatenate(columns.pop(name))  # the parts go with their column
+            whole[name].setflags(write=False)
+    return replace(first, **whole)

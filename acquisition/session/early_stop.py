@@ -1,14 +1,18 @@
-"""`PeriodJudge`: asks, while a periodic motion runs, whether its periods are enough."""
+"""`EarlyStop`: asks, while a periodic motion runs, whether its periods are enough."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.journal.cycles import read_journal
+import numpy as np
+
+from acquisition.journal.cycle_reader import CycleReader
 from acquisition.motion.samples import MotionSamples
+from acquisition.recording.recording import Recording, joined
 from acquisition.task.control_block import ControlBlock, Progress
 from config.errors import RecordingError, RidDaqError
 
@@ -16,12 +20,38 @@ FEWEST_PERIODS = 3
 FLUSH_PATIENCE_S = 10.0
 PAUSE_S = 0.02
 
-Enough = Callable[[Path, int], bool]
-"""Whether so many whole periods in a journal are enough."""
+
+@dataclass(frozen=True, eq=False)
+class NewPeriods:
+    """What was recorded since the last question, up to the end of a period.
+
+    Attributes
+    ----------
+    recording : Recording
+        The rows, without temperatures.
+    folder : Path
+        The run's folder.
+    first_row : int
+        Row of the motion at which the first new period begins.
+    periods : int
+        Whole periods since the motion began, those of earlier questions too.
+    """
+
+    recording: Recording
+    folder: Path
+    first_row: int
+    periods: int
 
 
-class PeriodJudge:
-    """Runs the question in a thread of its own, so that it never delays the watch of the processes.
+EarlyStopRule = Callable[[NewPeriods], bool]
+"""Whether the motion may end after the period under way; asked in the order of the periods."""
+
+
+class EarlyStop:
+    """Asks in a thread of its own, so that it never delays the watch of the processes.
+
+    Of the journal it reads what is new, so that a question costs the same however long the motion
+    is.
 
     Parameters
     ----------
@@ -31,20 +61,29 @@ class PeriodJudge:
         The motion.
     control : ControlBlock
         Takes the answers to the cyclic task.
-    enough : callable
+    rule : callable
         The question.
+
+    Attributes
+    ----------
+    pending : Future or None
+        The latest question that was put.
     """
 
     def __init__(
-        self, path: Path, samples: MotionSamples, control: ControlBlock, enough: Enough
+        self, path: Path, samples: MotionSamples, control: ControlBlock, rule: EarlyStopRule
     ) -> None:
         self._path = path
-        self._ends = samples.period_ends
+        self._ends = {count: row for row, count in samples.period_ends.items()}
+        self._rows = samples.samples_per_period or 0
         self._control = control
-        self._enough = enough
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="period judge")
-        self._pending: Future[None] | None = None
+        self._rule = rule
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="early stop")
+        self.pending: Future[None] | None = None
         self._asked = 0
+        self._reader: CycleReader | None = None
+        self._unseen: list[Recording] = []
+        self._begun = 0  # periods that earlier questions had
         control.judge_periods()
 
     def look(self, progress: Progress) -> None:
@@ -52,15 +91,14 @@ class PeriodJudge:
 
         A period is over when the row before its end was commanded.
         """
-        if self._control.enough or (self._pending is not None and not self._pending.done()):
+        if self._control.enough or (self.pending is not None and not self.pending.done()):
             return
-        over = max(
-            (count for row, count in self._ends.items() if progress.sample_index >= row - 1),
-            default=0,
-        )
+        over = self._asked
+        while over + 1 in self._ends and progress.sample_index >= self._ends[over + 1] - 1:
+            over += 1
         if over > self._asked:
             self._asked = over
-            self._pending = self._pool.submit(self._judge, over)
+            self.pending = self._pool.submit(self._judge, over)
 
     def close(self) -> None:
         """Wait for the last answer, and end the thread.
@@ -71,29 +109,43 @@ class PeriodJudge:
             What the question raised; the recording is complete by then.
         """
         self._pool.shutdown(wait=True)
-        if self._pending is not None:
-            self._pending.result()
+        if self._reader is not None:
+            self._reader.__exit__()
+        if self.pending is not None:
+            self.pending.result()
 
     def _judge(self, periods: int) -> None:
         enough = False
         try:
             if periods >= FEWEST_PERIODS and self._written(periods):
-                enough = self._enough(self._path, periods)
+                enough = self._rule(self._new_periods(periods))
         except RecordingError:
             pass  # the recorder sees what becomes of its file, and ends the motion by name
         finally:
             self._control.judge(periods, enough)
 
+    def _new_periods(self, periods: int) -> NewPeriods:
+        """Return what came since the last question, and keep what belongs to the next."""
+        rows = joined(self._unseen)
+        later = rows.sample_index >= self._ends[periods]
+        count = int(np.argmax(later)) if later.any() else len(rows)
+        self._unseen = [rows.part(slice(count, None))] if count < len(rows) else []
+        first_row = self._ends[self._begun + 1] - self._rows
+        self._begun = periods
+        return NewPeriods(rows.part(slice(0, count)), self._path.parent, first_row, periods)
+
     def _written(self, periods: int) -> bool:
-        """Wait until the recorder has written the last row of these periods."""
-        last = next(row for row, count in self._ends.items() if count == periods) - 1
+        """Wait until the recorder has written the last row of these periods; read up to there."""
         until_s = time.monotonic() + FLUSH_PATIENCE_S
         while time.monotonic() < until_s and not self._control.task_gone:
             try:
-                rows = read_journal(self._path).rows
+                if self._reader is None:
+                    self._reader = CycleReader(self._path)
+                self._unseen += self._reader.recordings(growing=True)
             except RidDaqError:  # nothing readable yet
-                rows = None
-            if rows is not None and len(rows) and int(rows["sample_index"].max()) >= last:
+                pass
+            last = max((int(part.sample_index.max()) for part in self._unseen), default=-1)
+            if last >= self._ends[periods] - 1:
                 return True
             time.sleep(PAUSE_S)
         return False

@@ -13,10 +13,7 @@ from multiprocessing.connection import wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
-import numpy as np
-
-from acquisition.journal.cycle_row import row_dtype
-from acquisition.journal.cycles import read_journal
+from acquisition.journal.cycle_reader import CycleReader
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.plate import PLATE_RECORDING
 from acquisition.motion.collision import refuse_collision
@@ -25,7 +22,7 @@ from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
 from acquisition.session.cycle_recorder import run_recorder
-from acquisition.session.early_stop import Enough, PeriodJudge
+from acquisition.session.early_stop import EarlyStop, EarlyStopRule
 from acquisition.session.plate_preparation import prepare_plate
 from acquisition.session.plate_recorder import PlateTask
 from acquisition.session.plate_session import PlateSession
@@ -36,7 +33,7 @@ from acquisition.session.processes import (
     monitor_process,
     start_processes,
 )
-from acquisition.session.timing import CycleStatistics, cycle_statistics
+from acquisition.session.timing import CycleStatistics, CycleTally
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import (
     ControlBlock,
@@ -112,7 +109,7 @@ def record_motion(
     folder: RunFolder,
     *,
     on_progress: Callable[[Progress], None] | None = None,
-    enough: Enough | None = None,
+    enough: EarlyStopRule | None = None,
     profile: AmplifierProfile | None = None,
     drive_profile: DriveProfile | None = None,
     onlooker: Onlooker | None = None,
@@ -137,8 +134,8 @@ def record_motion(
     on_progress : callable, optional
         Called about 20 times a second.
     enough : callable, optional
-        Called with the journal and a number of whole periods in it, in a thread of its own; where
-        it returns True the motion goes over to its run-out after the period under way.
+        Asked about every new period, in a thread of its own; where it returns True the motion goes
+        over to its run-out after the period under way.
     profile : AmplifierProfile, optional
         What the cell's amplifier speaks: the force plate is recorded beside, into `plate.mcap`.
     drive_profile : DriveProfile, optional
@@ -169,9 +166,9 @@ def record_motion(
     ring = Ring.create(len(robot.joints), max(RING_ROWS, int(RING_S / cell.cycle_time_s)))
     _check_room(folder.path, source.rows_expected * (ring.row_size + 64))
     control = ControlBlock.create()
-    judge = None
+    early_stop = None
     if enough is not None and planned is not None:
-        judge = PeriodJudge(path, planned, control, enough)
+        early_stop = EarlyStop(path, planned, control, enough)
     header = JournalHeader(
         joint_names=robot.joint_names,
         sample_period_s=cell.cycle_time_s,
@@ -211,13 +208,13 @@ def record_motion(
         try:
             start_processes(processes)
             try:
-                _watch(task, recorder, monitor, control, joints, on_progress, judge, plate)
+                _watch(task, recorder, monitor, control, joints, on_progress, early_stop, plate)
             finally:
                 notes += _wind_up(task, recorder, control)
                 notes += end_monitor(monitor, control)
                 notes += end_onlooker(looker)
-                if judge is not None:
-                    judge.close()
+                if early_stop is not None:
+                    early_stop.close()
         finally:
             if plate is not None:
                 notes += plate.close()
@@ -281,7 +278,7 @@ def _watch(
     control: ControlBlock,
     joints: JointWatch,
     on_progress: Callable[[Progress], None] | None,
-    judge: PeriodJudge | None,
+    early_stop: EarlyStop | None,
     plate: PlateSession | None,
 ) -> None:
     """Wait for the task to end; tell it when the recorder dies, kill it when it hangs."""
@@ -302,8 +299,8 @@ def _watch(
         if now_s - changed_s > (BEAT_PATIENCE_S if moving else START_PATIENCE_S):
             task.kill()
             task.join()
-        if judge is not None:
-            judge.look(progress)
+        if early_stop is not None:
+            early_stop.look(progress)
         if plate is not None:
             plate.watch(progress, control)
         if on_progress is not None:
@@ -367,25 +364,40 @@ def _outcome(
         notes.append(control.recorder_error)
     elif control.recorder_state is not RecorderState.FINISHED:
         notes.append(f"the recorder died (exit code {recorder_exit}); its file is not closed")
-    rows = np.empty(0, dtype=row_dtype(len(header.joint_names)))
+    tally = CycleTally(len(header.joint_names))
     try:
-        journal = read_journal(path)
-        if journal.header != header:
-            raise RecordingError(
-                f"{path}: is the recording of run {journal.header.run_id or '?'} by now: another"
-                " file or folder has taken the place of this motion's"
-            )
-        rows = journal.rows
-        notes += journal.damage.notes
+        notes += _read_back(path, header, tally)
     except RecordingError as damage:
         if stop is None:
             raise
         notes.append(str(damage))
+    statistics = tally.statistics()
     return RecordOutcome(
         path=path,
         stop=stop,
         interrupted_by=interruption.signal,
-        rows=len(rows),
-        statistics=cycle_statistics(rows),
+        rows=statistics.cycles,
+        statistics=statistics,
         notes=tuple(notes),
     )
+
+
+def _read_back(path: Path, header: JournalHeader, tally: CycleTally) -> tuple[str, ...]:
+    """Count what was recorded; return what it has lost, one sentence each.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read, or is not what this motion has written.
+    """
+    with CycleReader(path) as reader:
+        for rows in reader.rows():
+            if reader.header != header:
+                break
+            tally.add(rows)
+        if reader.header != header:
+            raise RecordingError(
+                f"{path}: is the recording of run {reader.header.run_id or '?'} by now: another"
+                " file or folder has taken the place of this motion's"
+            )
+        return reader.damage.notes

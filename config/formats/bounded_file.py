@@ -1,26 +1,30 @@
-"""`read_file`: a file's bytes, its size looked at before any of it is read."""
+"""`open_file`, `read_file`: a file's bytes, its size looked at before any of it is read."""
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 
-def read_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> bytes:
-    """Return the bytes that a file has when it is opened.
+@contextlib.contextmanager
+def open_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> Iterator[BinaryIO]:
+    """Open a file for reading, its kind and size looked at first.
 
-    What is opened is what is looked at: a file that is replaced meanwhile changes nothing, and
-    neither does one that grows. A pipe, a device or a folder is refused without waiting for it.
+    What is opened is what is looked at: a file that is replaced meanwhile changes nothing. A pipe,
+    a device or a folder is refused without waiting for it.
 
     Parameters
     ----------
-    path
+    path : Path
         The file.
-    most_bytes
+    most_bytes : int
         The largest size that such a file can have.
-    follow_link
+    follow_link : bool
         Whether the last part of the path may be a symbolic link.
 
     Raises
@@ -41,9 +45,19 @@ def read_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> bytes
             larger = f"is larger than the {_size(most_bytes)} that such a file has at most"
             raise OSError(errno.EFBIG, larger, str(path))
         with open(descriptor, "rb", closefd=False) as file:
-            return file.read(about.st_size + 1)[: about.st_size]  # one more: a bad disk says so
+            yield file
     finally:
         os.close(descriptor)
+
+
+def read_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> bytes:
+    """Return the bytes that a file has when it is opened; one that grows meanwhile is cut there.
+
+    Arguments and errors are those of `open_file`.
+    """
+    with open_file(path, most_bytes, follow_link=follow_link) as file:
+        size = os.fstat(file.fileno()).st_size
+        return file.read(size + 1)[:size]  # one more: a bad disk says so
 
 
 def _size(count: int) -> str:

@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from acquisition.processing.periods import PeriodAverage, cut_periods
+from acquisition.processing.period_table import cut_periods
+from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import differentiate_on_bins, filter_response, from_bins, to_bins
@@ -27,18 +28,26 @@ def period_signals(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
     return _on_bins(average, (average.position, average.torque_nm), band_hz, average.temperature_k)
 
 
-def single_periods(recording: Recording, band_hz: float) -> dict[int, SmoothedSignals]:
+def single_periods(
+    recording: Recording, band_hz: float, start: int | None = None
+) -> dict[int, SmoothedSignals]:
     """Return each period of a recording that misses no row, as `period_signals` does, by number.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of a periodic motion, or a part of one that begins with a period.
+    band_hz : float
+        Up to where it is kept [Hz].
+    start : int, optional
+        Row of the motion at which the recording's first period begins, where that is known.
 
     Raises
     ------
     DataQualityError
         The recording is not periodic, or misses too much.
     """
-    samples = recording.samples_per_period
-    if samples is None:
-        raise DataQualityError("the recording is not periodic: it has no periods")
-    values, present = cut_periods(recording, samples)
+    values, present = cut_periods(recording, start)
     warmth = recording.temperature_k
     n = len(recording.joint_names)
     return {

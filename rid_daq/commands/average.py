@@ -6,11 +6,10 @@ from typing import Annotated
 
 import typer
 
-from acquisition.processing.periods import average_periods
 from acquisition.runs.catalogue import find_run
 from rid_daq.report.result import write_result
 from rid_daq.report.sections import average_section
-from rid_daq.runs.run_data import Unfinished, read_run, result_of, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
@@ -28,9 +27,9 @@ def average(
     The scatter between periods is the measurement noise. Exit code 6 where too little is left.
     """
     console = Console(as_json)
-    data = read_run(find_run(runs, run), unfinished=unfinished)
+    data = RunData.load(find_run(runs, run), unfinished=unfinished)
     notes = tell_lacks(console, [data])
-    section = average_section(average_periods(data.recording), data.robot)
+    section = average_section(data.average, data.robot)
     result = result_of(data, notes) | {"average": section}
     path = write_result(data.folder, result)
     console.document(

@@ -17,7 +17,7 @@ from identification.validation.estimate_difference import EstimateDifference, co
 from identification.validation.torque_prediction import validate
 from rid_daq.report.render import number
 from rid_daq.report.result import check, verdict
-from rid_daq.runs.run_data import RunData, Unfinished, read_run, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -60,7 +60,7 @@ def compare(
     difference = compare_estimates(sides[0].estimate, sides[1].estimate)
     judged = [each.data for each in sides if each.data is not None]
     if on is not None:
-        judged = [read_run(find_run(runs, on), unfinished=unfinished)]
+        judged = [RunData.load(find_run(runs, on), unfinished=unfinished)]
     notes = tell_lacks(console, judged)
     predictions = [_prediction(sides, data) for data in judged]
     worst = difference.worst
@@ -106,7 +106,7 @@ def _side(what: str, runs: Path, unfinished: bool) -> _Side:
         raise ConfigError(
             f"run {what!r} has no {MODEL}: identify it first: rid-daq identify {folder.path}"
         )
-    data = read_run(folder, unfinished=unfinished)
+    data = RunData.load(folder, unfinished=unfinished)
     folder.read(MODEL)  # as it was written there, or refused
     return _Side(folder.manifest().label, read_estimate(folder.file(MODEL)), data)
 

@@ -22,7 +22,7 @@ from identification.export.description import pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
-from rid_daq.runs.run_data import RunData, Unfinished, read_run, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
@@ -150,7 +150,7 @@ def _recorded(folder: RunFolder, to: Format, unfinished: bool) -> RunData:
             f"--to {to.value} is for models: give a model file"
             + (f", as {model}" if model.exists() else " of `rid-daq identify`")
         )
-    return read_run(folder, unfinished=unfinished)
+    return RunData.load(folder, unfinished=unfinished)
 
 
 def _export_recording(console: Console, data: RunData, to: Format, output: Path) -> None:

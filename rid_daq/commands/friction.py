@@ -19,7 +19,7 @@ from identification.friction.fits import fit_friction
 from rid_daq.report.friction_section import friction_section
 from rid_daq.report.render import number
 from rid_daq.report.result import write_result
-from rid_daq.runs.run_data import RunData, Unfinished, read_run, result_of, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
@@ -44,7 +44,7 @@ def friction(
     robot are taken together.
     """
     console = Console(as_json)
-    data = [read_run(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
+    data = [RunData.load(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
     notes = tell_lacks(console, data)
     first = data[0]
     curves: dict[str, list[FrictionCurve]] = {}

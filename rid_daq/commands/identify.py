@@ -33,7 +33,7 @@ from rid_daq.report.plate_section import plate_section, tell_plate, weight_words
 from rid_daq.report.render import number
 from rid_daq.report.result import write_result
 from rid_daq.report.sections import average_section, comparison_section, estimate_section
-from rid_daq.runs.run_data import RunData, Unfinished, note_output, read_run, result_of, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, note_output, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.output_file import Overwrite, refuse_output
@@ -126,7 +126,7 @@ def identify(
     """
     console = Console(as_json)
     refuse_output(output, overwrite)
-    data = [read_run(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
+    data = [RunData.load(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
     notes = tell_lacks(console, data)
     how = EstimationRequest(
         options=EstimationOptions(

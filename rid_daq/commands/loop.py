@@ -19,7 +19,7 @@ from config.load import load_bundled_or_path
 from rid_daq.report.render import number
 from rid_daq.report.result import write_result
 from rid_daq.report.velocity_loop_section import velocity_loop_section
-from rid_daq.runs.run_data import RunData, Unfinished, note_output, read_run, result_of, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, note_output, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.output_file import Overwrite, refuse_output
@@ -51,7 +51,7 @@ def loop(
     """
     console = Console(as_json)
     refuse_output(output, overwrite)
-    data = read_run(find_run(runs, run), unfinished=unfinished)
+    data = RunData.load(find_run(runs, run), unfinished=unfinished)
     notes = tell_lacks(console, [data])
     motion = _motion(data)
     cell = load_bundled_or_path(str(data.folder.file("cell.yaml")), "cells", CellConfig)

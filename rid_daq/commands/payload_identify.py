@@ -22,7 +22,7 @@ from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, known_quantity, we
 from rid_daq.report.payload_section import payload_section, payload_verdict, tell_payload
 from rid_daq.report.result import write_result
 from rid_daq.runs.flange import compared
-from rid_daq.runs.run_data import Unfinished, note_output, read_run, result_of, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, note_output, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -120,7 +120,7 @@ def identify(
     console = Console(as_json)
     refuse_output(output, overwrite)
     names = [*(unloaded or []), *loaded]
-    data = [read_run(folder, unfinished=unfinished) for folder in find_runs(runs, names)]
+    data = [RunData.load(folder, unfinished=unfinished) for folder in find_runs(runs, names)]
     notes = tell_lacks(console, data)
     flags = [False] * (len(names) - len(loaded)) + [True] * len(loaded)
     robot = None if model is None else read_estimate(model)

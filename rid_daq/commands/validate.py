@@ -8,7 +8,6 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from acquisition.processing.periods import average_periods
 from acquisition.runs.catalogue import find_run
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
@@ -35,7 +34,7 @@ from rid_daq.report.plate_section import (
 from rid_daq.report.render import number
 from rid_daq.report.result import check, verdict, write_result
 from rid_daq.report.sections import estimate_section
-from rid_daq.runs.run_data import RunData, Unfinished, read_run, result_of, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -98,7 +97,7 @@ def validate(
     estimate = read_estimate(model)
     if estimate.options.kind == "external":
         refuse_inapplicable(context, {"limits"}, "with an external model, which knows no friction")
-    data = read_run(find_run(runs, run), unfinished=unfinished)
+    data = RunData.load(find_run(runs, run), unfinished=unfinished)
     notes = tell_lacks(console, [data])
     validation = compare(
         estimate,
@@ -197,7 +196,7 @@ def _noise(data: RunData) -> FloatArray | None:
     if not data.is_periodic:
         return None
     try:
-        return np.asarray(np.sqrt(average_periods(data.recording).torque_variance))
+        return np.asarray(np.sqrt(data.average.torque_variance))
     except DataQualityError:
         return None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from acquisition.processing.periods import PeriodAverage, average_periods
+from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
@@ -103,7 +103,7 @@ def estimate_runs(
                 run_ids=run_ids,
             )
         )
-    averages = tuple(average_periods(item.recording) for item in data)
+    averages = tuple(item.average for item in data)
     fitted = fit_periodic(robot, averages, options, payload=payload)
     estimate = fitted.estimate(cell_name, run_ids)
     if options.model.kind != "combined":
@@ -164,9 +164,7 @@ def gains_of_drives(
 
 def _signals(data: Sequence[RunData], how: EstimationRequest) -> list[SmoothedSignals]:
     if data[0].is_periodic:
-        return [
-            period_signals(average_periods(item.recording), how.options.band_hz) for item in data
-        ]
+        return [period_signals(item.average, how.options.band_hz) for item in data]
     return [
         smooth_nonperiodic(without_torque_filter(item.recording), how.options.band_hz)
         for item in data

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from acquisition.processing.periods import average_periods
 from acquisition.processing.smoothing import smooth_nonperiodic
 from config.errors import ConfigError, EstimationError
 from identification.equations.deconvolution import without_torque_filter
@@ -57,7 +56,7 @@ def payload_runs(
     """
     one_robot(data)
     if data[0].is_periodic:
-        averages = tuple(average_periods(item.recording) for item in data)
+        averages = tuple(item.average for item in data)
         return PeriodicRuns(averages, tuple(loaded), band_hz, standstill_rad_s)
     signals = tuple(
         smooth_nonperiodic(without_torque_filter(item.recording), band_hz) for item in data

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
-from acquisition.journal.cycles import read_journal
-from acquisition.journal.monitor import as_warm_as_measured
+from acquisition.journal.monitor import with_temperature_compensation
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.processing.periods import average_periods
-from acquisition.recording.recording import Recording
+from acquisition.recording.recording import Recording, joined
+from acquisition.session.early_stop import NewPeriods
 from config.arrays import FloatArray
 from config.errors import ConfigError, DataQualityError, EstimationError
 from config.robot.robot import RobotDescription
@@ -70,7 +69,8 @@ class AccuracyWatch:
         self._estimate = (
             None if model.transmission.losses else RunningEstimate.begin(model, STANDSTILL_RAD_S)
         )
-        self._added: set[int] = set()
+        self._followed = 0
+        self._parts: list[Recording] = []
         main = samples.phase == Phase.MAIN
         period = slice(0, samples.samples_per_period)
         self._motion: tuple[FloatArray, FloatArray, FloatArray] = (
@@ -84,23 +84,24 @@ class AccuracyWatch:
         """Whether every goal is reached; there is nothing to reach without goals."""
         return len(self.states) == len(self.goals) and all(state.reached for state in self.states)
 
-    def enough(self, journal: Path, periods: int) -> bool:
+    def enough(self, new: NewPeriods) -> bool:
         """Look at the periods so far; return whether there are goals and all are reached.
 
         What cannot be estimated yet is not enough; the reason is kept in `trouble`.
         """
         try:
-            raw = read_journal(journal).recording()
-            recording, _ = as_warm_as_measured(raw, journal.parent, self._robot)
-            self._follow(recording, periods)
+            self._follow(new)
             if not self.goals:
                 return False
+            self._parts.append(new.recording)
+            raw = joined(self._parts)
+            recording, _ = with_temperature_compensation(raw, new.folder, self._robot)
             estimate = estimate_periodic(self._robot, [average_periods(recording)])
         except (DataQualityError, EstimationError) as error:
             self.trouble = str(error)
             return False
         self.states = goal_states(self.goals, estimate, self._motion)
-        self.periods = periods
+        self.periods = new.periods
         return self.reached
 
     def line(self) -> str:
@@ -115,7 +116,7 @@ class AccuracyWatch:
         if self.running is None:
             return ""
         shares = " ".join(f"{share:.1f}" for share in self.running.relative_percent)
-        return f"the model fits the torques of {len(self._added)} periods to {shares} %"
+        return f"the model fits the torques of {self._followed} periods to {shares} %"
 
     def sentences(self) -> list[str]:
         """Say how far each goal is."""
@@ -124,13 +125,13 @@ class AccuracyWatch:
             return [f"{goal.text}: not judged{reason}" for goal in self.goals]
         return [state.sentence(self.periods) for state in self.states]
 
-    def _follow(self, recording: Recording, periods: int) -> None:
-        """Add the periods that are over and were not added yet."""
+    def _follow(self, new: NewPeriods) -> None:
+        """Add the new periods that miss no row to the running estimate."""
         if self._estimate is None:
             return
-        for number, signals in single_periods(recording, BAND_HZ).items():
-            if number < periods and number not in self._added:
-                run = TimeRun(signals, Conditions(temperature_k=signals.temperature_k))
-                self._estimate = self._estimate.add(run)
-                self._added.add(number)
+        recording, _ = with_temperature_compensation(new.recording, new.folder, self._robot)
+        for signals in single_periods(recording, BAND_HZ, new.first_row).values():
+            run = TimeRun(signals, Conditions(temperature_k=signals.temperature_k))
+            self._estimate = self._estimate.add(run)
+            self._followed += 1
         self.running = self._estimate.look()

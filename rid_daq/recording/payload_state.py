@@ -13,7 +13,7 @@ from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from config.formats.json_file import parse_json
 from config.model import ConfigModel
-from rid_daq.runs.run_data import RunData, read_run
+from rid_daq.runs.run_data import RunData
 
 UNLOADED: Final = "unloaded"
 LOADED: Final = "loaded"
@@ -65,7 +65,7 @@ class SessionState:
             One of them cannot be used.
         """
         root = self.folder.path.parent
-        return [read_run(find_run(root, self.done[name])) for name in self.weighed]
+        return [RunData.load(find_run(root, self.done[name])) for name in self.weighed]
 
     def note_step(self, name: str, run_id: str) -> None:
         """Keep that a step is done, and by which run."""

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from acquisition.journal.cycles import read_journal
-from acquisition.journal.monitor import as_warm_as_measured
+from acquisition.journal.monitor import with_temperature_compensation
 from acquisition.motion.samples import Phase
-from acquisition.processing.periods import PeriodAverage, average_periods, cut_periods
-from acquisition.recording.recording import Recording
+from acquisition.processing.period_table import cut_periods
+from acquisition.processing.periods import PeriodAverage, average_periods
+from acquisition.recording.recording import Recording, joined
+from acquisition.session.early_stop import NewPeriods
 from config.arrays import FloatArray
 from config.errors import DataQualityError, EstimationError
 from config.robot.robot import RobotDescription
@@ -38,6 +38,7 @@ class WarmUpWatch:
 
     def __init__(self, drift_percent: float) -> None:
         self._limit = drift_percent
+        self._power: list[FloatArray] = []
         self.drift_percent: float | None = None
         self.periods = 0
         self.worst = ""
@@ -47,10 +48,10 @@ class WarmUpWatch:
         """Whether the last periods agree."""
         return self.drift_percent is not None and self.drift_percent <= self._limit
 
-    def enough(self, journal: Path, periods: int) -> bool:
+    def enough(self, new: NewPeriods) -> bool:
         """Look at the periods so far."""
-        recording = read_journal(journal).recording()
-        power = period_powers(recording)[:periods]
+        self._power.extend(period_powers(new.recording, new.first_row))
+        power = np.array(self._power)
         if len(power) < FEWEST_PERIODS:
             return False
         # The slope of a line through the last periods, so that their noise does not decide.
@@ -59,7 +60,7 @@ class WarmUpWatch:
         change = 100.0 * np.abs(slope) / np.maximum(np.abs(last.mean(axis=0)), 1e-9)
         worst = int(np.argmax(change))
         self.drift_percent, self.periods = float(change[worst]), len(power)
-        self.worst = recording.joint_names[worst]
+        self.worst = new.recording.joint_names[worst]
         return self.settled
 
     def sentences(self) -> list[str]:
@@ -76,16 +77,17 @@ class WarmUpWatch:
         )
 
 
-def period_powers(recording: Recording) -> FloatArray:
-    """Return the mean mechanical power of each joint in each whole period, (periods, n) [W]."""
-    samples = recording.samples_per_period
-    if samples is None or recording.sample_period_s is None:
+def period_powers(recording: Recording, start: int | None = None) -> FloatArray:
+    """Return the mean mechanical power of each joint in each whole period, (periods, n) [W].
+
+    `start` is the row of the motion at which the first period begins, where that is known.
+    """
+    if recording.samples_per_period is None or recording.sample_period_s is None:
         raise DataQualityError("warming up is told from periods: the motion must be periodic")
-    main = recording.phase == Phase.MAIN
-    if int(np.count_nonzero(main)) < samples:
-        return np.zeros((0, len(recording.joint_names)))
-    values, present = cut_periods(recording, samples)
     n = len(recording.joint_names)
+    if int(np.count_nonzero(recording.phase == Phase.MAIN)) < recording.samples_per_period:
+        return np.zeros((0, n))
+    values, present = cut_periods(recording, start)
     whole = values[present.all(axis=(1, 2))]
     speed = np.gradient(whole[:, :, :n], recording.sample_period_s, axis=1)
     return np.asarray(np.mean(speed * whole[:, :, n:], axis=1))
@@ -116,19 +118,21 @@ class MassWatch:
         self._robot, self._before = robot, before
         self._weighing, self._goal_kg = weighing, goal_kg
         self._said = ""
+        self._parts: list[Recording] = []
 
-    def enough(self, journal: Path, periods: int) -> bool:
+    def enough(self, new: NewPeriods) -> bool:
         """Estimate from the periods so far."""
+        self._parts.append(new.recording)
         try:
-            raw = read_journal(journal).recording()
-            recording, _ = as_warm_as_measured(raw, journal.parent, self._robot)
+            raw = joined(self._parts)
+            recording, _ = with_temperature_compensation(raw, new.folder, self._robot)
             runs = self._runs(average_periods(recording))
             estimate = weigh(self._robot, runs, self._weighing.how)
         except (DataQualityError, EstimationError) as error:
             self._said = str(error)
             return False
         two_sigma = 2.0 * float(estimate.sigma[0])
-        self._said = f"{periods} periods: {estimate.reported[0]:.3f} ± {two_sigma:.2g} kg"
+        self._said = f"{new.periods} periods: {estimate.reported[0]:.3f} ± {two_sigma:.2g} kg"
         return self._goal_kg is not None and two_sigma <= self._goal_kg
 
     def sentences(self) -> list[str]:

@@ -15,6 +15,7 @@ from pydantic import JsonValue
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
+from acquisition.session.early_stop import NewPeriods
 from acquisition.session.frame_recorder import FrameRecorder
 from acquisition.session.record import RecordOutcome, record_motion
 from acquisition.task.set_points import SetPointSource
@@ -26,7 +27,7 @@ from rid_daq.recording.recorded_run import RecordedRun, ending_said
 from rid_daq.report.result import new_result, write_result
 from rid_daq.report.sections import average_section, cell_section, loop_section, run_section
 from rid_daq.runs.flange import note_flange
-from rid_daq.runs.run_data import read_run
+from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import run_quality
 from rid_daq.session.cells import Simulation, mountable_cell
 from rid_daq.session.session import unfinished
@@ -47,7 +48,7 @@ class Watch(Protocol):
     """Looks at the periods so far, and says whether they are enough."""
 
     @abstractmethod
-    def enough(self, journal: Path, periods: int) -> bool:
+    def enough(self, new: NewPeriods) -> bool:
         """Return whether the motion may end after the period under way."""
 
     @abstractmethod
@@ -230,7 +231,7 @@ class RunSession:
         robot = self.loaded.robot
         result = new_result(f"Recording on {self.cell.name}", robot.name)
         result["cell"] = cell_section(self.cell)
-        data = read_run(folder, unfinished=True) if outcome.rows else None
+        data = RunData.load(folder, unfinished=True) if outcome.rows else None
         quality = None
         if data is not None:
             stop = None if outcome.stop is None else outcome.stop.text

@@ -1,4 +1,4 @@
-"""Runs as the program's jobs read them: `read_run`, and what a motion's run adds.
+"""Runs as the program's jobs read them: `RunData.load`, and what a motion's run adds.
 
 Every reader of a run goes through here, so that it is compared. Begin with `run_data.py`.
 """

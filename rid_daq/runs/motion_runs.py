@@ -14,7 +14,7 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError, DataQualityError
 from config.formats.bounded_file import read_file
 from config.load import load_bundled_or_path
-from rid_daq.runs.run_data import CELL, FEEDFORWARD, MOTION, RunData, read_run
+from rid_daq.runs.run_data import CELL, FEEDFORWARD, MOTION, RunData
 
 
 @dataclass(frozen=True)
@@ -63,14 +63,14 @@ class MotionRun:
 
 
 def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun:
-    """Read a run with its motion; `unfinished` as in `read_run`.
+    """Read a run with its motion; `unfinished` as in `RunData.load`.
 
     Raises
     ------
     ConfigError, DataQualityError, RecordingError
         It has none, or cannot be read.
     """
-    data = read_run(folder, unfinished=unfinished)
+    data = RunData.load(folder, unfinished=unfinished)
     paths = [folder.file(name) for name in (CELL, MOTION)]
     if not all(path.exists() for path in paths):
         raise DataQualityError(

@@ -1,7 +1,7 @@
 """What a run folder holds, as the objects that the commands work on.
 
-Whatever reads a run reads it here: files that do not belong to it are refused, and a run that was
-never finished is used only where that is asked for.
+Whatever reads a run reads it by `RunData.load`: files that do not belong to it are refused, and a
+run that was never finished is used only where that is asked for.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated
 
@@ -17,14 +18,15 @@ import typer
 from acquisition.csv.import_map import ImportMap
 from acquisition.csv.read import import_csv
 from acquisition.csv.report import ImportReport
-from acquisition.journal.cycles import read_journal
+from acquisition.journal.cycle_reader import CycleReader
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.mcap_writer import being_written
-from acquisition.journal.monitor import as_warm_as_measured
+from acquisition.journal.monitor import with_temperature_compensation
 from acquisition.journal.monitor_row import MONITOR
 from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
+from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.processing.plate_alignment import with_plate
-from acquisition.recording.recording import Recording
+from acquisition.recording.recording import Recording, joined
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
@@ -88,35 +90,72 @@ class RunData:
         """Whether the recording holds whole periods to average."""
         return self.recording.samples_per_period is not None
 
+    @classmethod
+    def load(cls, folder: RunFolder, *, unfinished: bool = False) -> RunData:
+        """Read a run's recording and robot, once and in pieces.
 
-def read_run(folder: RunFolder, *, unfinished: bool = False) -> RunData:
-    """Read a run's recording and robot.
+        An imported run keeps the file as it came, with its map, and is read by them every time.
+        Where the drives told their temperatures, torques are those of warm torque constants.
 
-    An imported run keeps the file as it came, with its map, and is read by them every time. Where
-    the drives told their temperatures, torques are those of warm torque constants.
+        Parameters
+        ----------
+        folder : RunFolder
+            The run.
+        unfinished : bool
+            Whether a run that was never finished will do.
 
-    Parameters
-    ----------
-    folder
-        The run.
-    unfinished
-        Whether a run that was never finished will do.
+        Raises
+        ------
+        RecordingError
+            The folder holds no recording, or it cannot be read; or a file in it is not the run's
+            own.
+        LockedError
+            It is still being recorded.
+        DataQualityError
+            The run was never finished, and `unfinished` is not set.
+        """
+        recorded = _require_readable(folder, unfinished)
+        require_own(folder)
+        robot = load_robot(str(folder.file(ROBOT)))
+        if not recorded:
+            import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
+            source = folder.file(SOURCE)
+            recording, report = import_csv(source, import_map, robot, run_id=folder.run_id)
+            return cls(folder, replace(recording, robot_name=robot.name), robot, report)
+        with CycleReader(folder.file(RECORDING)) as reader:
+            recording = joined(reader.recordings())
+            _require_header(folder, reader.header, robot)
+            damage = reader.damage
+        recording, cold = with_temperature_compensation(recording, folder.path, robot)
+        recording, notes = _with_plate(folder, recording)
+        return cls(folder, recording, robot, damage=(*damage.notes, *cold, *notes))
 
-    Raises
-    ------
-    RecordingError
-        The folder holds no recording, or it cannot be read; or a file in it is not the run's own.
-    LockedError
-        It is still being recorded.
-    DataQualityError
-        The run was never finished, and `unfinished` is not set.
+    @cached_property
+    def average(self) -> PeriodAverage:
+        """The mean period.
+
+        Raises
+        ------
+        DataQualityError
+            The run is not periodic, or not good enough.
+        """
+        return average_periods(self.recording)
+
+
+def _require_readable(folder: RunFolder, unfinished: bool) -> bool:
+    """Refuse a run that cannot be read yet, or not without being asked for.
+
+    Returns
+    -------
+    bool
+        Whether it was recorded here; otherwise it was imported.
     """
-    if not (folder.file(RECORDING).exists() or folder.file(SOURCE).exists()):
+    recorded = folder.file(RECORDING).exists()
+    if not (recorded or folder.file(SOURCE).exists()):
         raise RecordingError(
             f"{folder.path}: holds neither {RECORDING} nor {SOURCE}; nothing was recorded in this"
             " run"
         )
-    recorded = folder.file(RECORDING).exists()
     if recorded and being_written(folder.file(RECORDING)):
         raise LockedError(f"{folder.path}: is still being recorded; wait until it has ended")
     if not unfinished and folder.manifest().status == RunStatus.UNFINISHED:
@@ -125,18 +164,7 @@ def read_run(folder: RunFolder, *, unfinished: bool = False) -> RunData:
             f" is readable as a new run: `rid-daq recover {folder.path}`; or use it as it is:"
             " --unfinished"
         )
-    require_own(folder)
-    robot = load_robot(str(folder.file(ROBOT)))
-    if recorded:
-        journal = read_journal(folder.file(RECORDING))
-        _require_header(folder, journal.header, robot)
-        recording, cold = as_warm_as_measured(journal.recording(), folder.path, robot)
-        recording, notes = _with_plate(folder, recording)
-        notes = (*cold, *notes)
-        return RunData(folder, recording, robot, damage=(*journal.damage.notes, *notes))
-    import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
-    recording, report = import_csv(folder.file(SOURCE), import_map, robot, run_id=folder.run_id)
-    return RunData(folder, replace(recording, robot_name=robot.name), robot, report)
+    return recorded
 
 
 def require_own(folder: RunFolder) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 from pydantic import JsonValue
 
 from acquisition.motion.samples import Phase
-from acquisition.processing.periods import MISSING_FRACTION_LIMIT, PeriodAverage, average_periods
+from acquisition.processing.period_table import MISSING_FRACTION_LIMIT
+from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.recording.recording import Recording
 from config.errors import DataQualityError
 

@@ -22,7 +22,7 @@ from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError, RecordingError
 from config.load import load_cell
 from rid_daq.app import run
-from rid_daq.runs.run_data import RunData, read_run
+from rid_daq.runs.run_data import RunData
 
 ROWS = 500
 JOINTS = ("axis1", "axis2", "axis3")
@@ -50,7 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
 
 @pytest.fixture(scope="module")
 def data(folder: RunFolder) -> RunData:
-    return read_run(folder)
+    return RunData.load(folder)
 
 
 def export(folder: RunFolder, form: str, out: Path) -> Path:

@@ -42,7 +42,7 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.registers.registers import RegisterFaults
 from rid_daq.app import run
 from rid_daq.jobs.truth import true_parameters
-from rid_daq.runs.run_data import read_run
+from rid_daq.runs.run_data import RunData
 
 pytestmark = pytest.mark.slow
 
@@ -256,7 +256,7 @@ class TestWarmUpAndPayload:
         self, session: tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]]
     ) -> None:
         simulated, runs = session
-        first, second = (read_run(folder).recording for _, folder in runs)
+        first, second = (RunData.load(folder).recording for _, folder in runs)
         assert first.temperature_k is not None
         assert second.temperature_k is not None
         assert first.temperature_k[0].max() < 299.0
@@ -271,7 +271,7 @@ class TestWarmUpAndPayload:
         _, runs = session
         means = [
             recording.torque_nm[recording.phase == Phase.MAIN].mean(axis=0)
-            for recording in (read_run(folder).recording for _, folder in runs)
+            for recording in (RunData.load(folder).recording for _, folder in runs)
         ]
         change = means[1] - means[0]
         assert abs(change[1]) > 60.0
@@ -283,7 +283,7 @@ class TestWarmUpAndPayload:
         _, runs = session
         outcome, folder = runs[1]
         raw = read_journal(outcome.path).recording()
-        read = read_run(folder).recording
+        read = RunData.load(folder).recording
         assert read.temperature_k is not None
         np.testing.assert_allclose(
             read.torque_nm, raw.torque_nm * (1.0 - 0.001 * (read.temperature_k - 298.15))
@@ -359,7 +359,7 @@ class TestWhenTheDrivesDoNotTell:
         assert without.complete
         assert any("cannot be opened" in note for note in without.notes)
         assert not folder.file(MONITOR).exists()
-        assert read_run(folder).recording.temperature_k is None
+        assert RunData.load(folder).recording.temperature_k is None
         assert dead.complete
         assert killed
         assert any("the process that asks the drives has died" in note for note in dead.notes)

@@ -14,7 +14,7 @@ from config.load import load_robot, to_yaml
 from dynamics.model.robot_model import RobotModel, torque
 from identification.estimation.file import read_estimate
 from rid_daq.app import run
-from rid_daq.runs.run_data import read_run
+from rid_daq.runs.run_data import RunData
 
 COUPLING = ((1.0, 0.0, 0.0), (0.1, 1.0, 0.0), (-0.2, -0.4, 1.0))
 MAP = """\
@@ -62,7 +62,7 @@ def test_it_is_read_back_and_identified_like_any_other(
     command = ["import", str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
     assert run([*command, "--runs", runs, "--json"]) == 0
     folder = json.loads(capsys.readouterr().out)["folder"]
-    recording = read_run(RunFolder.open(Path(folder))).recording
+    recording = RunData.load(RunFolder.open(Path(folder))).recording
     np.testing.assert_allclose(recording.position, q, atol=1e-9)
     np.testing.assert_allclose(recording.torque_nm, tau, atol=1e-9)
 

@@ -11,7 +11,7 @@ from acquisition.runs.folder import RunFolder
 from config.load import load_cell, to_yaml
 from identification.design.two_harmonic import design_two_harmonic
 from rid_daq.app import run
-from rid_daq.runs.run_data import read_run
+from rid_daq.runs.run_data import RunData
 from tests.builders.told import document
 
 
@@ -33,6 +33,6 @@ def test_every_run_of_a_payload_session_records_the_force_plate(
     for run_id in done.values():
         folder = RunFolder.open(tmp_path / "runs" / run_id)
         assert PLATE_RECORDING in folder.manifest().files
-        reaction = read_run(folder).recording.reaction
+        reaction = RunData.load(folder).recording.reaction
         assert reaction is not None
         assert reaction.valid.mean() > 0.99

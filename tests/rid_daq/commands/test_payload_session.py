@@ -12,15 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition.journal.cycles import read_journal
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
+from acquisition.session.early_stop import NewPeriods
 from identification.payload.periodic_runs import PeriodicRuns
 from rid_daq.app import run
 from rid_daq.jobs.payload_job import PayloadRequest, payload_runs
 from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch, period_powers
-from rid_daq.runs.run_data import read_run
+from rid_daq.runs.run_data import RunData
 
 pytestmark = pytest.mark.slow
 
@@ -67,16 +69,29 @@ def test_a_session_weighs_the_payload_unattended(
     assert Path(document["file"]).exists()
 
 
+def periods_of(run: Path, begun: int, periods: int) -> NewPeriods:
+    """Return the rows of a run's periods after so many, as they are asked about in motion."""
+    recording = read_journal(run / RECORDING).recording()
+    samples = recording.samples_per_period
+    assert samples is not None
+    first = int(recording.sample_index[recording.phase == Phase.MAIN][0])
+    rows = (recording.sample_index >= first + begun * samples) & (
+        recording.sample_index < first + periods * samples
+    )
+    part = recording.part(slice(*np.flatnonzero(rows)[[0, -1]] + [0, 1]))
+    return NewPeriods(part, run, first + begun * samples, periods)
+
+
 def test_the_mass_that_is_followed_is_the_one_that_is_reported(
     weighed: tuple[Path, dict[str, Any], int],
 ) -> None:
     runs, document, _ = weighed
     weighing = PayloadRequest()
-    unloaded = read_run(RunFolder.open(runs / document["done"]["unloaded"]))
+    unloaded = RunData.load(RunFolder.open(runs / document["done"]["unloaded"]))
     before = payload_runs([unloaded], [False], weighing.band_hz, weighing.standstill_rad_s)
     assert isinstance(before, PeriodicRuns)
     watch = MassWatch(unloaded.robot, before, weighing, None)
-    assert not watch.enough(runs / document["done"]["loaded 1"] / RECORDING, 3)
+    assert not watch.enough(periods_of(runs / document["done"]["loaded 1"], 0, 3))
     mass = document["payload"]["parameters"][0]["value"]
     assert watch.line().startswith(f"3 periods: {mass:.3f} \u00b1 ")
 
@@ -85,17 +100,17 @@ def test_a_warm_up_is_over_when_no_friction_changes_by_more_than_was_asked(
     weighed: tuple[Path, dict[str, Any], int],
 ) -> None:
     runs, document, _ = weighed
-    journal = runs / document["done"]["warm-up"] / RECORDING
+    run = runs / document["done"]["warm-up"]
     strict = WarmUpWatch(1e-3)
-    assert not strict.enough(journal, 3)
+    assert not strict.enough(periods_of(run, 0, 3))
     assert strict.line() == "warming up"
-    assert not strict.enough(journal, 4)
+    assert not strict.enough(periods_of(run, 3, 4))
     # Motors of one time constant, 60 s, warmed for 19 s: friction falls, by percents a period.
     assert strict.drift_percent is not None
     assert 0.1 < strict.drift_percent < 10.0
     assert strict.line().startswith(f"friction of {strict.worst} changes by ")
-    assert WarmUpWatch(1.01 * strict.drift_percent).enough(journal, 4)
-    assert not WarmUpWatch(0.99 * strict.drift_percent).enough(journal, 4)
+    assert WarmUpWatch(1.01 * strict.drift_percent).enough(periods_of(run, 0, 4))
+    assert not WarmUpWatch(0.99 * strict.drift_percent).enough(periods_of(run, 0, 4))
 
 
 def test_a_session_that_was_interrupted_goes_on_where_it_was(

@@ -15,7 +15,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.load import load_cell
 from rid_daq.app import run
-from rid_daq.runs.run_data import read_run
+from rid_daq.runs.run_data import RunData
 from tests.builders.told import document
 
 ROWS = 1000
@@ -77,7 +77,7 @@ def test_a_killed_run_becomes_a_whole_one_beside_it(
     manifest = new.manifest()
     assert (manifest.label, manifest.status) == ("swing", RunStatus.RECOVERED)
     assert manifest.facts == {"recovered_from": killed.run_id, "rows": ROWS, "rows_lost": 0}
-    data = read_run(new)
+    data = RunData.load(new)
     assert data.damage == ()
     assert len(data.recording) == ROWS
     assert data.recording.run_id == new.run_id
@@ -95,7 +95,7 @@ def test_what_is_lost_is_told_in_rows_and_seconds_and_by_the_exit_code(
     assert "lost 10 rows (0.08 s)" in said
     assert "the file was not closed" in said
     new = find_run(killed.path.parent, "latest")
-    data = read_run(new)
+    data = RunData.load(new)
     assert len(data.recording) == 990
     assert any("are lost (10 rows)" in note for note in data.damage)
 
@@ -126,7 +126,7 @@ def test_a_run_without_its_manifest_is_recovered_all_the_same(
     assert any("nothing vouches" in note for note in told["notes"])
     new = RunFolder.open(Path(told["recovered"]))
     assert new.manifest().label == killed.path.name
-    assert len(read_run(new).recording) == ROWS
+    assert len(RunData.load(new).recording) == ROWS
 
 
 def test_links_and_strange_names_in_a_run_folder_are_not_followed(

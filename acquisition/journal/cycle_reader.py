@@ -1,0 +1,145 @@
+"""`CycleReader`: a run's journal in pieces, as rows and as recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.journal.cycle_row import CDR_LITTLE_ENDIAN, joints_of_row, row_dtype
+from acquisition.journal.header import JournalHeader, first_header
+from acquisition.journal.mcap_reader import JournalDamage, JournalReader
+from acquisition.recording.recording import Recording
+from config.errors import RecordingError
+
+
+class CycleReader:
+    """Reads a journal once, from where it stopped; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        The `.mcap` file, in whatever state; it is not changed.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._reader = JournalReader(path)
+        self._header: JournalHeader | None = None
+        self._last_s = -np.inf
+
+    def __enter__(self) -> CycleReader:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._reader.__exit__()
+
+    @property
+    def header(self) -> JournalHeader:
+        """What the journal says about itself; known once a row was read.
+
+        Raises
+        ------
+        RecordingError
+            There is no row, or the header is lost.
+        """
+        if self._header is None:
+            raise RecordingError(f"{self.path}: no readable row of a rid-daq recording in it")
+        return self._header
+
+    @property
+    def damage(self) -> JournalDamage:
+        """What is missing of a journal that was read to its end, and is written no more."""
+        return self._reader.damage()
+
+    def rows(self, *, growing: bool = False) -> Iterator[NDArray[Any]]:
+        """Yield the rows that were not read before, as `row_dtype`, some thousands at a time.
+
+        Parameters
+        ----------
+        growing : bool
+            Whether the file may still be written.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be read, or is not a journal of this program.
+        """
+        for messages in self._reader.pieces(growing=growing):
+            if self._header is None:
+                self._header = first_header(JournalHeader, self._reader.headers)
+            if self._header is None:
+                raise RecordingError(
+                    f"{self.path}: the names of the joints are lost, rows alone mean nothing"
+                )
+            yield self._as_rows(messages.payloads, len(self._header.joint_names))
+
+    def recordings(self, *, growing: bool = False) -> Iterator[Recording]:
+        """Yield what was not read before as parts of one `Recording`; errors as those of `rows`.
+
+        Raises
+        ------
+        RecordingError
+            The rows do not make a recording (time stamps that do not increase).
+        """
+        for rows in self.rows(growing=growing):
+            part = recording_of(self.header, rows)
+            if part.time_s[0] <= self._last_s:
+                raise RecordingError(
+                    f"recording: time stamps must increase; {part.time_s[0]:.6f} s comes after"
+                    f" {self._last_s:.6f} s"
+                )
+            self._last_s = float(part.time_s[-1])
+            yield part
+
+    def _as_rows(self, payloads: list[bytes], joints: int) -> NDArray[Any]:
+        dtype = row_dtype(joints)
+        size = len(CDR_LITTLE_ENDIAN) + dtype.itemsize
+        for payload in payloads:
+            if len(payload) != size or not payload.startswith(CDR_LITTLE_ENDIAN):
+                found = joints_of_row(len(payload) - len(CDR_LITTLE_ENDIAN))
+                raise RecordingError(
+                    f"{self.path}: its rows have {len(payload)} bytes, those of {joints} joints"
+                    f" have {size}"
+                    + (f" (they look like {found} joints)" if found else "")
+                    + ": another program's or version's file"
+                )
+        return np.frombuffer(b"".join(payload[4:] for payload in payloads), dtype=dtype)
+
+
+def recording_of(header: JournalHeader, rows: NDArray[Any]) -> Recording:
+    """Return rows of a journal as a `Recording`.
+
+    Raises
+    ------
+    RecordingError
+        They do not make one (time stamps that do not increase).
+    """
+    answered = rows["valid"] != 0
+    return Recording(
+        joint_names=header.joint_names,
+        time_s=rows["time_s"],
+        position=rows["position"],
+        torque_nm=rows["torque_nm"],
+        valid=answered.all(axis=1),
+        phase=rows["phase"],
+        sample_index=rows["sample_index"],
+        target_position=rows["target_position"],
+        velocity_command=rows["velocity_command"],
+        sample_period_s=header.sample_period_s,
+        samples_per_period=header.samples_per_period,
+        torque_filter=header.torque_filter,
+        answered=answered,
+        source="cell",
+        cell_name=header.cell_name,
+        robot_name=header.robot_name,
+        run_id=header.run_id,
+    )

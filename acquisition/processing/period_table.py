@@ -1,0 +1,291 @@
+"""`PeriodTable`: the main periods of a recording, cut where they begin, as their rows come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.motion.samples import Phase
+from acquisition.recording.recording import Recording
+from config.arrays import BoolArray, FloatArray, IntArray
+from config.cell.cell import ButterworthFilter
+from config.errors import DataQualityError
+
+MISSING_FRACTION_LIMIT = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodTable:
+    """Positions and torques of every main period as they are.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    sample_period_s : float
+        Time between rows [s].
+    torque_filter : ButterworthFilter or None
+        The analog filter that the torques passed.
+    each_joint : bool
+        Whether joints have valid rows of their own.
+    start : int
+        Row of the motion at which the first period begins.
+    values : list of ndarray, shape (K, 2 n)
+        Positions, then torques, of each period; zero where a row is not there.
+    present : list of ndarray of bool, shape (K, n)
+        Which rows of which joints are there, of each period.
+    temperature_k : list of ndarray, shape (rows, n)
+        Temperatures of the drives in each period's valid rows [K]; empty where not measured.
+    """
+
+    joint_names: tuple[str, ...]
+    sample_period_s: float
+    torque_filter: ButterworthFilter | None
+    each_joint: bool
+    start: int
+    values: list[FloatArray]
+    present: list[BoolArray]
+    temperature_k: list[FloatArray]
+
+    @property
+    def samples(self) -> int:
+        """Rows of a period, K."""
+        return len(self.values[0])
+
+    def of_joint(self, joint: int) -> str:
+        """Return whose rows are spoken of, where joints have rows of their own."""
+        return f"joint {self.joint_names[joint]!r}: " if self.each_joint else ""
+
+    def places(self, recording: Recording) -> tuple[IntArray, IntArray]:
+        """Return the main rows of the recording, and where each stands from the first period on."""
+        rows = np.flatnonzero(_is_main(recording))
+        return rows, recording.sample_index[rows] - self.start
+
+    def mean_temperature(self, good: BoolArray) -> FloatArray | None:
+        """Return the mean over the valid rows of the good periods, (n,) [K]."""
+        if not self.temperature_k:
+            return None
+        kept = [self.temperature_k[period] for period in np.flatnonzero(good)]
+        return np.asarray(np.concatenate(kept).mean(axis=0))
+
+
+class PeriodCutter:
+    """Cuts a periodic recording that comes in parts, or as a whole."""
+
+    def __init__(self) -> None:
+        self._first: Recording | None = None
+        self._origin: int | None = None
+        self._values: dict[int, FloatArray] = {}
+        self._present: dict[int, BoolArray] = {}
+        self._temperature_k: dict[int, list[FloatArray]] = {}
+        self._main: tuple[int, int] = (0, 0)
+        self._before = -1
+        self._after: int | None = None
+
+    def add(self, part: Recording) -> None:
+        """Put the main rows of the next part in their places.
+
+        Raises
+        ------
+        DataQualityError
+            The recording is not periodic.
+        """
+        self._first = self._first or part
+        index, main = part.sample_index, _is_main(part)
+        earlier = index[(part.phase < Phase.MAIN) & (index >= 0)]
+        self._before = max(self._before, int(earlier.max(initial=-1)))
+        later = index[part.phase == Phase.RUN_OUT]
+        if len(later):
+            lowest = int(later.min())
+            self._after = lowest if self._after is None else min(self._after, lowest)
+        if not main.any():
+            return
+        lowest, highest = int(index[main].min()), int(index[main].max())
+        if self._origin is None:
+            self._origin, self._main = lowest, (lowest, highest)
+        self._main = min(self._main[0], lowest), max(self._main[1], highest)
+        samples, n = self._samples, len(part.joint_names)
+        period, place = np.divmod(index[main] - self._origin, samples)
+        valid, there = part.valid[main], part.valid_of_joints[main]
+        position, torque_nm = part.position[main], part.torque_nm[main]
+        for number in np.unique(period).tolist():
+            values = self._values.setdefault(number, np.zeros((samples, 2 * n)))
+            present = self._present.setdefault(number, np.zeros((samples, n), dtype=np.bool_))
+            own = np.flatnonzero(period == number)
+            row, joint = np.nonzero(there[own])
+            row = own[row]
+            values[place[row], joint] = position[row, joint]
+            values[place[row], n + joint] = torque_nm[row, joint]
+            present[place[row], joint] = True
+            if part.temperature_k is not None:
+                warm = part.temperature_k[main][own[valid[own]]]
+                self._temperature_k.setdefault(number, []).append(warm)
+
+    @property
+    def periods(self) -> int:
+        """Main periods so far, begun ones too."""
+        if self._origin is None:
+            return 0
+        return -(-(self._main[1] - self._main[0] + 1) // self._samples)
+
+    def table(self, start: int | None = None) -> PeriodTable:
+        """Return the periods; what was cut goes over to the table.
+
+        Parameters
+        ----------
+        start : int, optional
+            Row of the motion at which the first period begins, where that is known.
+
+        Raises
+        ------
+        DataQualityError
+            More than 2 % of a joint's rows are missing, or where a period starts is not known.
+        """
+        if self._first is None or self._origin is None:
+            raise DataQualityError(
+                "the recording holds no row of the main periods: it ended before"
+            )
+        if start is None:
+            start = self._first_row()
+        if start != self._origin:
+            self._move_to(start)
+        samples, n = self._samples, len(self._first.joint_names)
+        count = (self._main[1] - start) // samples + 1
+        empty = np.zeros((samples, 2 * n)), np.zeros((samples, n), dtype=np.bool_)
+        table = PeriodTable(
+            joint_names=self._first.joint_names,
+            sample_period_s=float(self._first.sample_period_s or 0.0),
+            torque_filter=self._first.torque_filter,
+            each_joint=self._first.answered is not None,
+            start=start,
+            values=[self._values.get(number, empty[0]) for number in range(count)],
+            present=[self._present.get(number, empty[1]) for number in range(count)],
+            temperature_k=[
+                np.concatenate(self._temperature_k.get(number, [np.zeros((0, n))]))
+                for number in range(count if self._temperature_k else 0)
+            ],
+        )
+        _refuse_gaps(table, self._main[1] - start + 1)
+        return table
+
+    @property
+    def _samples(self) -> int:
+        if self._first is None or self._first.samples_per_period is None:
+            raise DataQualityError("the recording is not periodic: it has no periods")
+        return self._first.samples_per_period
+
+    def _first_row(self) -> int:
+        """Return the row at which the first main period starts, even where that row was lost."""
+        first, last = self._main
+        earliest = self._before + 1 if self._before >= 0 else first
+        latest = first
+        if self._after is not None:
+            length = round((last + 1 - first) / self._samples) * self._samples
+            earliest = max(earliest, last + 1 - length)
+            latest = min(latest, self._after - length)
+        if earliest != latest:
+            raise DataQualityError(
+                f"the first main period starts between rows {earliest} and {latest} of the motion,"
+                " but the rows around it were lost: record again"
+            )
+        return latest
+
+    def _move_to(self, start: int) -> None:
+        """Cut again, the first period beginning at another row than the first one that came."""
+        assert self._origin is not None
+        samples = self._samples
+        shift = self._origin - start
+        for blocks in (self._values, self._present):
+            moved: dict[int, FloatArray | BoolArray] = {}
+            for number, block in blocks.items():
+                place = number * samples + shift
+                period, first = divmod(place, samples)
+                for target, rows, into in (
+                    (period, slice(None, samples - first), slice(first, None)),
+                    (period + 1, slice(samples - first, None), slice(None, first)),
+                ):
+                    part = block[rows]
+                    if part.any():
+                        moved.setdefault(target, np.zeros_like(block))[into] = part
+            blocks.clear()
+            blocks.update(moved)  # type: ignore[arg-type]
+        self._origin = start
+
+
+def cut_periods(recording: Recording, start: int | None = None) -> tuple[FloatArray, BoolArray]:
+    """Return positions and torques of the main periods as they are, and which rows are there.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of a periodic motion, K rows a period.
+    start : int, optional
+        Row of the motion at which its first period begins, where that is known.
+
+    Returns
+    -------
+    values : ndarray, shape (periods, K, 2 n)
+        Positions, then torques; zero where a row is not there.
+    present : ndarray of bool, shape (periods, K, n)
+        Which rows of which joints are.
+
+    Raises
+    ------
+    DataQualityError
+        More than 2 % of a joint's rows are missing, or where a period starts is not known.
+    """
+    cutter = PeriodCutter()
+    cutter.add(recording)
+    table = cutter.table(start)
+    return np.stack(table.values), np.stack(table.present)
+
+
+def sum_of(arrays: Iterable[FloatArray]) -> FloatArray:
+    """Return the sum of arrays of one shape, added one after the other."""
+    total: FloatArray | None = None
+    for array in arrays:
+        total = array.copy() if total is None else np.add(total, array, out=total)
+    if total is None:
+        raise ValueError("nothing to add")
+    return total
+
+
+def running_sum(so_far: FloatArray | None, values: FloatArray, axis: int = 0) -> FloatArray:
+    """Return a sum along an axis with more values, in the order of one sum over all of them."""
+    if so_far is not None:
+        values = np.concatenate([np.expand_dims(so_far, axis), values], axis=axis)
+    return np.asarray(values.sum(axis=axis))
+
+
+def _is_main(recording: Recording) -> BoolArray:
+    return np.asarray((recording.phase == Phase.MAIN) & (recording.sample_index >= 0))
+
+
+def _refuse_gaps(table: PeriodTable, reached: int) -> None:
+    """Refuse periods of which too many rows are missing.
+
+    Raises
+    ------
+    DataQualityError
+        They are; the text names the joint and the periods.
+    """
+    samples = table.samples
+    there = np.array([present.sum(axis=0) for present in table.present])
+    missing = reached - there.sum(axis=0)
+    worst = int(missing.argmax())
+    if missing[worst] > MISSING_FRACTION_LIMIT * reached:
+        where = np.flatnonzero(samples - there[:, worst] > MISSING_FRACTION_LIMIT * samples)
+        raise DataQualityError(
+            f"{table.of_joint(worst)}{missing[worst]} of {reached} rows of the main periods"
+            f" are missing or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much (it is"
+            f" more in {_listed(where + 1)}): look for lost frames on the bus"
+        )
+
+
+def _listed(periods: IntArray) -> str:
+    """Name periods by their numbers, those in sequence together."""
+    runs = np.split(periods, np.flatnonzero(np.diff(periods) > 1) + 1)
+    words = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
+    return ("periods " if len(periods) > 1 else "period ") + ", ".join(words)
