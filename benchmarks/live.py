@@ -37,6 +37,7 @@ from config.load import LoadedCell, load_cell
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.live.access import Access
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
 from rid_daq.terminal.console import Console
@@ -125,7 +126,9 @@ def bench() -> Iterator[Bench]:
     with (
         tempfile.TemporaryDirectory() as folder,
         live_page(Console(), LiveOptions(True, "127.0.0.1:0")) as page,
-        SimulatedCell(config, loaded.robot, plant, realtime=True, seed=1) as simulated,
+        SimulatedCell(
+            CellSimulation(config, loaded.robot, plant, realtime=True, seed=1)
+        ) as simulated,
     ):
         assert page is not None
         process = context.Process(target=crowd, args=(page.access, theirs), daemon=True)

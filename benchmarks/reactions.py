@@ -55,6 +55,7 @@ from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
 from mock_hw.host.device_process import keep_pace
+from mock_hw.simulation import CellSimulation
 
 EVERY_S: Final = 9.0
 """Between two faults: a session must have begun to move in it."""
@@ -317,13 +318,15 @@ def main() -> int:
         folder = Path(name)
         log = folder / "frames.log"
         with SimulatedCell(
-            config,
-            loaded.robot,
-            loaded.plant,
-            realtime=True,
-            seed=1,
-            log=log,
-            faults=_script(rounds, loaded.robot.joint_names),
+            CellSimulation(
+                config,
+                loaded.robot,
+                loaded.plant,
+                realtime=True,
+                seed=1,
+                log=log,
+                faults=_script(rounds, loaded.robot.joint_names),
+            )
         ) as simulated:
             loaded = replace(loaded, config=config)
             bench = Bench(loaded, simulated, folder)

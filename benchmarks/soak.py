@@ -39,6 +39,7 @@ from config.load import LoadedCell, load_cell
 from config.simulation.faults import FaultScript
 from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 
 GROWTH_BAR_PERCENT_PER_H: Final = 1.0
 GROWTH_BAR_QUICK_PERCENT: Final = 5.0
@@ -135,12 +136,14 @@ def soak(
     if loaded.plant is None:
         raise RuntimeError("the bundled cell has a plant")
     with SimulatedCell(
-        loaded.config,
-        loaded.robot,
-        loaded.plant,
-        realtime=False,
-        seed=seed,
-        faults=_script(plan, times_s, seed),
+        CellSimulation(
+            loaded.config,
+            loaded.robot,
+            loaded.plant,
+            realtime=False,
+            seed=seed,
+            faults=_script(plan, times_s, seed),
+        )
     ) as cell:
         for fault, at_s in zip(plan, times_s, strict=True):
             begun_s = time.monotonic()

@@ -13,12 +13,9 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from config.cell.cell import CanBusConfig, CellConfig
+from config.cell.cell import CanBusConfig
 from config.errors import RidDaqError, TransportError
 from config.process.termination import termination_waits
-from config.robot.robot import RobotDescription
-from config.simulation.faults import NO_SCRIPT, FaultScript
-from config.simulation.plant import PlantConfig
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
 from drivers.ports.can_link import CanLink, open_can
 from mock_hw.amplifier.port import AmplifierPort, PlateSettings
@@ -35,6 +32,7 @@ from mock_hw.plate_service import PlateService
 from mock_hw.rack import DriveRack
 from mock_hw.registers.registers import SimulatedRegisters
 from mock_hw.registers.server import DriveRegisters, RegisterService, RegisterSettings
+from mock_hw.simulation import CellSimulation
 
 _LOOK_S = 0.1
 _FAULT_PATIENCE_S = 5.0
@@ -48,22 +46,32 @@ LONGEST_WAIT_S = 0.010
 
 @dataclass(frozen=True)
 class DrivesSettings:
-    """What the drives' process is told."""
+    """What the drives' process is told.
 
-    cell: CellConfig
-    robot: RobotDescription
-    plant: PlantConfig
-    seed: int
-    realtime: bool
+    Attributes
+    ----------
+    simulation : CellSimulation
+        What is simulated.
+    socket : Path
+        Where the hub listens; the names of all other files begin with its name.
+    plate : PlateSettings, optional
+        The plate's amplifier.
+    registers : RegisterSettings, optional
+        The drives' registers.
+    bus : CanBusConfig, optional
+        The bus that the drives are on; None for the hub.
+    """
+
+    simulation: CellSimulation
     socket: Path
-    snapshot: Path
     plate: PlateSettings | None = None
     registers: RegisterSettings | None = None
-    faults: FaultScript = NO_SCRIPT
     bus: CanBusConfig | None = None
-    """The bus that the drives are on; None for the hub at `socket`."""
-    private_folder: bool = False
-    """Without a hub: whether the socket's folder is this cell's own, to be removed at the end."""
+
+    @property
+    def snapshot(self) -> Path:
+        """Where the axes' true state is written."""
+        return self.socket.with_suffix(".axes")
 
 
 def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
@@ -76,7 +84,7 @@ def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
     signal.signal(signal.SIGTERM, _exit)
     with contextlib.ExitStack() as stack:
         try:
-            if settings.private_folder:
+            if settings.bus is not None and settings.simulation.private:
                 stack.callback(shutil.rmtree, settings.socket.parent, ignore_errors=True)
                 stack.enter_context(folder_in_use(settings.socket.parent))
             if settings.bus is not None:
@@ -99,9 +107,9 @@ def serve_until(
         ):
             if alone:
                 gc.freeze()
-                keep_pace(settings.realtime)
+                keep_pace(settings.simulation.realtime)
             pipe.send(port)
-            if not settings.faults.program:
+            if not settings.simulation.faults.program:
                 pipe.close()
             with contextlib.suppress(TransportError):
                 run_rack(rack, client, plate)
@@ -115,7 +123,8 @@ def _rack_on_bus(
     settings: DrivesSettings, pipe: Connection, ended: Callable[[], bool]
 ) -> Iterator[tuple[DriveRack, DeviceClient]]:
     """Build the rack, its kernels compiled, and join the bus; the snapshot goes at the end."""
-    cell, robot, plant, seed = settings.cell, settings.robot, settings.plant, settings.seed
+    simulation = settings.simulation
+    cell, robot, plant, seed = simulation.cell, simulation.robot, simulation.truth, simulation.seed
     with termination_waits():  # an exception that a compiler's callback raises is lost
         DriveRack(cell, robot, plant, seed).advance_to(LONGEST_WAIT_S)
     pipe.recv()
@@ -125,8 +134,8 @@ def _rack_on_bus(
         try:
             now_s = client.now_ns * 1e-9
             announce = _announcer(pipe, client)
-            script = settings.faults
-            rack = DriveRack(cell, robot, plant, seed, snapshots, now_s, script, announce)
+            faults = simulation.faults
+            rack = DriveRack(cell, robot, plant, seed, snapshots, now_s, faults, announce)
             yield rack, client
         finally:
             client.close()
@@ -153,7 +162,7 @@ def _client(settings: DrivesSettings, ended: Callable[[], bool]) -> DeviceClient
     bus = settings.bus
     if bus is None:
         urgent = [NMT_COB_ID, SYNC_COB_ID]
-        urgent += [sdo_request_cob_id(axis.node_id) for axis in settings.cell.axes]
+        urgent += [sdo_request_cob_id(axis.node_id) for axis in settings.simulation.cell.axes]
         return HubClient(settings.socket, Role.DEVICE, urgent)
     if bus.interface == "slcan":
         return BusClient(CanLink(LawicelPort(adapter_path(bus.channel), bus.bitrate)), ended)
@@ -198,15 +207,17 @@ def _served(
 @contextlib.contextmanager
 def _registers(settings: DrivesSettings) -> Iterator[int]:
     """Serve the drives' registers, where the cell has a monitor; yield their TCP port."""
+    simulation = settings.simulation
     if settings.registers is None:
         yield 0
         return
     with SnapshotReader(settings.snapshot) as snapshots:
         drives = DriveRegisters(
-            settings.cell, settings.robot, settings.plant, settings.registers, snapshots
+            simulation.cell, simulation.robot, simulation.truth, settings.registers, snapshots
         )
         registers = SimulatedRegisters(drives, settings.registers.faults)
-        with RegisterService(registers, settings.registers, realtime=settings.realtime) as service:
+        realtime = simulation.realtime
+        with RegisterService(registers, settings.registers, realtime=realtime) as service:
             yield service.port
 
 

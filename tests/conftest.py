@@ -21,8 +21,8 @@ import pytest
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.plate import AmplifierConfig, PlateConfig
 from config.load import load_bundled_or_path
+from config.simulation.faults import AmplifierFault, FaultScript
 from config.simulation.plant import SimulatedPlate
-from mock_hw.amplifier.line_faults import NO_FAULTS, LineFault, LineFaults
 from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 
 STEP_S = 0.02
@@ -179,7 +179,7 @@ def serve_amplifier(tmp_path: Path) -> Iterator[Serve]:
     served: list[ServedAmplifier] = []
 
     def serve(
-        *faults: LineFault,
+        *faults: AmplifierFault,
         truth: SimulatedPlate | None = None,
         speed: int | None = None,
         **changes: object,
@@ -208,7 +208,7 @@ def serve_amplifier(tmp_path: Path) -> Iterator[Serve]:
             path,
             seed=7,
             baud_rate=speed,
-            faults=LineFaults(faults, seed=3) if faults else NO_FAULTS,
+            faults=FaultScript(seed=3, amplifier=faults),
         )
         served.append(ServedAmplifier(settings))
         return served[-1]

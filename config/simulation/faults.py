@@ -265,7 +265,13 @@ class RegisterFault(ConfigModel):
 class AmplifierFault(ConfigModel):
     """What goes wrong on the amplifier's line, or in it, at a row counted from 0.
 
-    `count` is of bytes, rows or N/s and `duration_s` of what lasts; `channel` 0 to 7.
+    `garbage` and `nuls`: `count` random or zero bytes come before the row. `lost_bytes`: `count`
+    bytes of the row, in one piece, never arrive. `torn_row`: the row ends in the middle, `gap`: it
+    never arrives, `bad_checksum`: one bit of it is flipped; `count` rows in a row. `stall`: nothing
+    arrives for `duration_s`, then everything at once. `unplug`: the port is gone for `duration_s`,
+    with all that was sent meanwhile; then there is a new one. `overload`: `channel` (0 to 7) feels
+    twice its range for `duration_s`. `drift`: it drifts by `count` N/s more for `duration_s`, and
+    keeps that. Durations are on the cell's clock.
     """
 
     kind: Literal[

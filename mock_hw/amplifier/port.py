@@ -16,17 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.plate import PlateConfig
+from config.simulation.faults import NO_SCRIPT, AmplifierFault, FaultScript
 from config.simulation.plant import SimulatedPlate
 from drivers.amplifier.simulated_arrivals import ArrivalWriter, arrivals_path
 from mock_hw.amplifier.amplifier import SimulatedAmplifier
-from mock_hw.amplifier.line_faults import (
-    NO_FAULTS,
-    FaultInjector,
-    FaultKind,
-    LineFault,
-    LineFaults,
-    Unit,
-)
+from mock_hw.amplifier.line_faults import FaultInjector, Unit
 from mock_hw.amplifier.rows import RowBlock
 from mock_hw.amplifier.sensors import PlateSensors
 from mock_hw.amplifier.serial_line import BITS_PER_BYTE, SerialLine
@@ -55,7 +49,7 @@ class PlateSettings:
     baud_rate
         What the amplifier is set to, where that is not what the cell file says.
     faults
-        Of the line.
+        What goes wrong; its `amplifier` part is used.
     """
 
     plate: PlateConfig
@@ -64,7 +58,7 @@ class PlateSettings:
     path: Path
     seed: int = 0
     baud_rate: int | None = None
-    faults: LineFaults = NO_FAULTS
+    faults: FaultScript = NO_SCRIPT
 
 
 class AmplifierPort:
@@ -103,9 +97,9 @@ class AmplifierPort:
             low_pass_order=amplifier.low_pass_order,
         )
         self._line = SerialLine(self._baud_rate, settings.truth.line_jitter_s, settings.seed + 1)
-        self._faults = FaultInjector(settings.faults)
+        self._faults = FaultInjector(settings.faults.amplifier, settings.faults.seed)
         self._overloads: list[tuple[float, int]] = []
-        self._drifts: list[tuple[float, LineFault]] = []
+        self._drifts: list[tuple[float, AmplifierFault]] = []
         self._replug_s = math.inf
         self._lost_rows = 0
         self._held: deque[tuple[float, bytes]] = deque()
@@ -280,16 +274,16 @@ class AmplifierPort:
 
     # Faults that last
 
-    def _begin(self, fault: LineFault, now_s: float) -> None:
+    def _begin(self, fault: AmplifierFault, now_s: float) -> None:
         until_s = now_s + fault.duration_s
-        if fault.kind is FaultKind.STALL:
+        if fault.kind == "stall":
             self._line.stall(until_s)
-        elif fault.kind is FaultKind.UNPLUG:
+        elif fault.kind == "unplug":
             self._port.unplug()
             self._replug_s = until_s
-        elif fault.kind is FaultKind.OVERLOAD:
+        elif fault.kind == "overload":
             self._overloads.append((until_s, fault.channel))
-        elif fault.kind is FaultKind.DRIFT:
+        elif fault.kind == "drift":
             self._drifts.append((now_s, fault))
 
     def _spoilt(

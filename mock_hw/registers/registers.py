@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final, Literal
 
-from config.simulation.faults import FaultScript
+from config.simulation.faults import RegisterFault
 
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 NO_FUNCTION, NO_REGISTER, BAD_COUNT = 1, 2, 3
@@ -19,43 +17,7 @@ GATEWAY_NO_ANSWER = 11
 MOST_READ, MOST_WRITTEN = 125, 123
 LONGEST_FRAME = 260
 
-Fault = Literal["silent", "late", "short", "wrong_unit", "garbage", "exception"]
 Registers = Callable[[int], Mapping[int, int] | None]
-
-
-@dataclass(frozen=True)
-class RegisterFaults:
-    """What goes wrong: for each request, counted from 0 over all drives, or for all (`always`).
-
-    What is late comes with the answer to the next request where `late_with_next` says so.
-    """
-
-    at: Mapping[int, Fault] | None = None
-    always: Fault | None = None
-    exception: int = 4
-    late_with_next: bool = False
-
-    def of(self, number: int) -> Fault | None:
-        """Return what goes wrong with a request."""
-        if self.at is not None and number in self.at:
-            return self.at[number]
-        return self.always
-
-
-NO_REGISTER_FAULTS: Final = RegisterFaults()
-
-
-def script_register_faults(script: FaultScript) -> RegisterFaults:
-    """Return what a fault script says of the registers."""
-    at: dict[int, Fault] = {}
-    for each in script.registers:
-        if each.at_request is not None:
-            at[each.at_request] = each.kind
-    always: list[Fault] = [fault.kind for fault in script.registers if fault.at_request is None]
-    codes = [fault.code for fault in script.registers if fault.kind == "exception"]
-    return RegisterFaults(
-        at, always[0] if always else None, codes[0] if codes else 4, late_with_next=True
-    )
 
 
 class SimulatedRegisters:
@@ -66,19 +28,19 @@ class SimulatedRegisters:
     registers
         Returns what a unit's registers hold, by address; None where there is no such unit.
     faults
-        What goes wrong.
+        What goes wrong, by request.
 
     Attributes
     ----------
     requests
         How many whole requests have come.
     held
-        Answers that are late: whoever serves sends them when it pleases.
+        Answers that are late: they come before the answer to the next request.
     """
 
-    def __init__(self, registers: Registers, faults: RegisterFaults = NO_REGISTER_FAULTS) -> None:
+    def __init__(self, registers: Registers, faults: Sequence[RegisterFault] = ()) -> None:
         self._registers = registers
-        self._faults = faults
+        self._faults = {fault.at_request: fault for fault in faults}
         self.requests = 0
         self.held: list[bytes] = []
 
@@ -133,7 +95,8 @@ class SimulatedRegisters:
         self, unit: int, request: bytes, frame: Callable[[bytes, int], bytes], *, gateway: bool
     ) -> list[bytes]:
         """Return the frames that answer a request: one, or none."""
-        fault = self._faults.of(self.requests)
+        fault = self._faults.get(self.requests, self._faults.get(None))
+        kind = None if fault is None else fault.kind
         self.requests += 1
         holds = self._registers(unit)
         if holds is None:  # a serial line stays silent, a gateway says so
@@ -141,20 +104,18 @@ class SimulatedRegisters:
                 return []
             return [frame(bytes((request[0] | 0x80, GATEWAY_NO_ANSWER)), unit)]
         pdu = answer(request, holds)
-        if fault == "exception":
-            pdu = bytes((request[0] | 0x80, self._faults.exception))
-        elif fault == "short" and len(pdu) > 4:
+        if fault is not None and kind == "exception":
+            pdu = bytes((request[0] | 0x80, fault.code))
+        elif kind == "short" and len(pdu) > 4:
             pdu = bytes((pdu[0], pdu[1] - 2)) + pdu[2:-2]
-        whole = frame(pdu, unit % 247 + 1 if fault == "wrong_unit" else unit)
-        if fault == "silent":
+        whole = frame(pdu, unit % 247 + 1 if kind == "wrong_unit" else unit)
+        if kind == "silent":
             return []
-        if fault == "late":
+        if kind == "late":
             self.held.append(whole)
             return []
-        late: list[bytes] = []
-        if self._faults.late_with_next:
-            late, self.held = self.held, []
-        if fault == "garbage":
+        late, self.held = self.held, []
+        if kind == "garbage":
             return [*late, bytes(byte ^ 0x5A for byte in whole)]
         return [*late, whole]
 

@@ -22,11 +22,12 @@ from config.cell.drive_profile import DriveProfile, Quantity
 from config.cell.monitor import ModbusTcp, MonitorConfig
 from config.errors import TransportError
 from config.robot.robot import RobotDescription
+from config.simulation.faults import RegisterFault
 from config.simulation.plant import PlantConfig
 from drivers.modbus.codec import encode
 from mock_hw.host.pty_port import PtyPort
 from mock_hw.plant.snapshot import SnapshotReader
-from mock_hw.registers.registers import NO_REGISTER_FAULTS, RegisterFaults, SimulatedRegisters
+from mock_hw.registers.registers import SimulatedRegisters
 
 BITS_PER_BYTE = 11  # start, eight data, parity or a second stop bit, stop
 MOST_CONNECTIONS = 8
@@ -62,7 +63,7 @@ class RegisterSettings:
     profile: DriveProfile
     path: Path
     certificates: ServerCertificates | None = None
-    faults: RegisterFaults = NO_REGISTER_FAULTS
+    faults: tuple[RegisterFault, ...] = ()
 
 
 class DriveRegisters:

@@ -21,6 +21,7 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.drive.eds import drive_sheet
 from mock_hw.drive.objects import DriveIdentity
 from mock_hw.host.runtime_directory import runtime_directory
+from mock_hw.simulation import CellSimulation
 from rid_daq.session.cells import is_served, refuse_one_process
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.output_file import refuse_output
@@ -82,16 +83,18 @@ def mock(
     _check_channel(loaded.config)
     refuse_output(log, overwrite=True)
     with SimulatedCell(
-        loaded.config,
-        loaded.robot,
-        loaded.plant if payload is None else loaded.plant.with_payload(payload),
-        realtime=not lockstep,
-        seed=seed,
-        directory=runtime_directory(),
-        log=log,
-        profile=loaded.amplifier_profile,
-        drive_profile=loaded.drive_profile,
-        faults=script,
+        CellSimulation(
+            loaded.config,
+            loaded.robot,
+            loaded.plant if payload is None else loaded.plant.with_payload(payload),
+            realtime=not lockstep,
+            seed=seed,
+            directory=runtime_directory(),
+            log=log,
+            amplifier_profile=loaded.amplifier_profile,
+            drive_profile=loaded.drive_profile,
+            faults=script,
+        )
     ) as simulated:
         listen = _listen(simulated.cell, loaded.config.can.channel)
         registers = _registers(simulated.cell)

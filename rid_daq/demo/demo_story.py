@@ -21,6 +21,7 @@ from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
 from identification.validation.torque_prediction import validate
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.demo.demo_paths import PathMotions, tell_paths
 from rid_daq.jobs.truth import true_parameters
 from rid_daq.recording.recorded_run import RecordedRun
@@ -75,13 +76,15 @@ def tell_story(
         raise ConfigError(f"cell {cell.name}: names no plant, so nothing can be simulated")
     with (
         SimulatedCell(
-            cell,
-            robot,
-            plant,
-            realtime=False,
-            seed=seed,
-            unmodelled=unmodelled,
-            profile=loaded.amplifier_profile,
+            CellSimulation(
+                cell,
+                robot,
+                plant,
+                realtime=False,
+                seed=seed,
+                unmodelled=unmodelled,
+                amplifier_profile=loaded.amplifier_profile,
+            )
         ) as simulated,
         hold_cell(simulated.cell),
     ):

@@ -119,19 +119,22 @@ def mountable_cell(
         return
     from mock_hw.bus.served_bus import SIMULATED
     from mock_hw.cell import SimulatedCell
+    from mock_hw.simulation import CellSimulation
 
     if loaded.plant is None:
         raise ConfigError(f"cell {cell.name}: a simulated cell needs plant")
     with (
         SimulatedCell(
-            cell,
-            loaded.robot,
-            loaded.plant if payload is None else loaded.plant.with_payload(payload),
-            realtime=simulation.realtime or cell.can.interface != SIMULATED,
-            seed=simulation.seed,
-            profile=loaded.amplifier_profile,
-            drive_profile=loaded.drive_profile,
-            faults=faults,
+            CellSimulation(
+                cell,
+                loaded.robot,
+                loaded.plant if payload is None else loaded.plant.with_payload(payload),
+                realtime=simulation.realtime or cell.can.interface != SIMULATED,
+                seed=simulation.seed,
+                amplifier_profile=loaded.amplifier_profile,
+                drive_profile=loaded.drive_profile,
+                faults=faults,
+            )
         ) as simulated,
         hold_cell(simulated.cell),
     ):
@@ -143,8 +146,8 @@ def _as_served(cell: CellConfig) -> CellConfig:
     if not cell.simulated:
         return cell
     from mock_hw.bus.served_bus import as_served, served_name
-    from mock_hw.cell import on_pseudo_terminal, with_address
     from mock_hw.host.runtime_directory import plate_path, registers_path
+    from mock_hw.simulation import on_pseudo_terminal, with_address
 
     served = cell.model_copy(update={"can": as_served(cell.can)})
     line = registers_path(served_name(cell))

@@ -19,6 +19,7 @@ from identification.estimation.file import write_estimate
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.jobs.truth import true_parameters
 
@@ -92,7 +93,7 @@ def test_a_motion_file_beyond_a_limit_is_exit_3_and_not_one_frame(
     config = loaded.config.model_copy(update={"plate": None})
     said = {}
     with SimulatedCell(
-        config, loaded.robot, loaded.plant, realtime=False, seed=3, log=log
+        CellSimulation(config, loaded.robot, loaded.plant, realtime=False, seed=3, log=log)
     ) as simulated:
         cell = simulated.cell.model_dump(mode="json") | {"simulated": False, "plant": None}
         (tmp_path / "cell.json").write_text(json.dumps(cell | {"robot": "weak.yaml"}))

@@ -14,6 +14,7 @@ from acquisition.motion.samples import MotionSamples
 from acquisition.supervision.stop_reason import StopCode
 from config.load import LoadedCell, to_yaml
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from tests.builders.obedient_cell import Outcome, one_axis, rows_until
 
@@ -40,7 +41,7 @@ def test_a_quick_stop_that_is_none_is_exit_3_and_no_drive_gets_power(
     (tmp_path / "motion.yaml").write_text(to_yaml(motion_of("ir361", 1)))
     config = loaded.config.model_copy(update={"plate": None})
     with SimulatedCell(
-        config, loaded.robot, loaded.plant, realtime=False, seed=3, log=log
+        CellSimulation(config, loaded.robot, loaded.plant, realtime=False, seed=3, log=log)
     ) as simulated:
         cell = simulated.cell.model_dump(mode="json") | {"simulated": False, "plant": None}
         cell["drive_safety"]["quick_stop_deceleration_rad_s2"] = deceleration

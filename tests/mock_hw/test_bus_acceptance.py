@@ -34,6 +34,7 @@ from config.errors import ConfigError, LockedError
 from config.load import LoadedCell, load_cell
 from drivers.cell import Cell, open_cell
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.preflight.preflight import preflight
 from tests.builders.stalls import where_time_runs
 
@@ -146,7 +147,7 @@ def serve(interface: str, folder: Path) -> Iterator[Served]:
     loaded = patient_cell(interface, CHANNELS[interface])
     assert loaded.plant is not None
     with SimulatedCell(
-        loaded.config, loaded.robot, loaded.plant, realtime=True, seed=2
+        CellSimulation(loaded.config, loaded.robot, loaded.plant, realtime=True, seed=2)
     ) as simulated:
         yield Served(loaded, simulated, folder)
 
@@ -288,6 +289,8 @@ def test_virtual_serves_one_process(served: Served) -> None:
 def test_simulated_time_belongs_to_rid_sim() -> None:
     loaded = patient_cell("slcan", "accept")
     assert loaded.plant is not None
-    simulated = SimulatedCell(loaded.config, loaded.robot, loaded.plant, realtime=False, seed=2)
+    simulated = SimulatedCell(
+        CellSimulation(loaded.config, loaded.robot, loaded.plant, realtime=False, seed=2)
+    )
     with pytest.raises(ConfigError, match=r"interface slcan there is real time only"):
         simulated.__enter__()

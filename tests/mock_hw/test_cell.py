@@ -29,6 +29,7 @@ from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
 from mock_hw.drives_process import LONGEST_WAIT_S
 from mock_hw.plant.snapshot import AxisSnapshot, SnapshotReader
+from mock_hw.simulation import CellSimulation
 
 SPEED_RAD_S = 0.3
 MOVE_FOR_EVER = f"""
@@ -78,7 +79,9 @@ def short_path() -> Iterator[Path]:
 def simulate(loaded: LoadedCell, *, realtime: bool = False, **options: object) -> SimulatedCell:
     assert loaded.plant is not None
     return SimulatedCell(
-        loaded.config, loaded.robot, loaded.plant, realtime=realtime, seed=5, **options
+        CellSimulation(
+            loaded.config, loaded.robot, loaded.plant, realtime=realtime, seed=5, **options
+        )
     )
 
 
@@ -210,15 +213,16 @@ def test_the_drives_outlive_their_killed_program_until_they_have_stopped(
         + """
 from pathlib import Path
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 if __name__ == "__main__":
-    with SimulatedCell(
+    with SimulatedCell(CellSimulation(
         loaded.config,
         loaded.robot,
         loaded.plant,
         realtime=False,
         seed=0,
         directory=Path(sys.argv[2]),
-    ) as simulated:
+    )) as simulated:
         move()
 """
     )

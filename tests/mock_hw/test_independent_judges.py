@@ -19,6 +19,7 @@ from config.load import LoadedCell, load_cell
 from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.drive.objects import DriveIdentity, drive_entries
+from mock_hw.simulation import CellSimulation
 
 PATIENCE_S = 120.0
 TYPES = {"B": 5, "b": 2, "H": 6, "h": 3, "I": 7, "i": 4, "s": 9}
@@ -33,7 +34,7 @@ def loaded() -> LoadedCell:
 def simulated(loaded: LoadedCell) -> Iterator[SimulatedCell]:
     assert loaded.plant is not None
     with SimulatedCell(
-        loaded.config, loaded.robot, loaded.plant, realtime=True, seed=0
+        CellSimulation(loaded.config, loaded.robot, loaded.plant, realtime=True, seed=0)
     ) as simulated:
         yield simulated
 
@@ -149,7 +150,9 @@ def test_tsharks_canopen_dissector_accepts_the_log(loaded: LoadedCell, tmp_path:
     log = tmp_path / "bus.log"
     with (
         SimulatedCell(
-            loaded.config, loaded.robot, loaded.plant, realtime=False, seed=0, log=log
+            CellSimulation(
+                loaded.config, loaded.robot, loaded.plant, realtime=False, seed=0, log=log
+            )
         ) as simulated,
         open_cell(simulated.cell, loaded.robot) as cell,
     ):

@@ -13,12 +13,13 @@ import pytest
 from config.cell.cell import CellConfig
 from config.errors import ProtocolError
 from config.load import LoadedCell, load_cell
+from config.simulation.faults import AmplifierFault, FaultScript
 from drivers.amplifier.amplifier import SerialAmplifier, open_amplifier
 from drivers.amplifier.simulated_arrivals import arrivals_path
 from drivers.cell import Cell, open_cell
-from mock_hw.amplifier.line_faults import FaultKind, LineFault, LineFaults
 from mock_hw.cell import SimulatedCell
 from mock_hw.plant.rigid_bodies import BaseWrench
+from mock_hw.simulation import CellSimulation
 
 Array = np.ndarray[Any, np.dtype[Any]]
 ENOUGH_S = 120.0
@@ -32,7 +33,13 @@ def loaded() -> LoadedCell:
 def simulate(loaded: LoadedCell, cell: CellConfig | None = None, **options: Any) -> SimulatedCell:
     assert loaded.plant is not None
     return SimulatedCell(
-        cell or loaded.config, loaded.robot, loaded.plant, seed=5, **{"realtime": False, **options}
+        CellSimulation(
+            cell or loaded.config,
+            loaded.robot,
+            loaded.plant,
+            seed=5,
+            **{"realtime": False, **options},
+        )
     )
 
 
@@ -178,10 +185,14 @@ def test_edges_at_the_trigger_input_are_the_times_of_sync(loaded: LoadedCell) ->
 
 
 def test_faults_of_its_line_reach_the_driver(loaded: LoadedCell) -> None:
-    faults = LineFaults(
-        (LineFault(FaultKind.GAP, 300, 20), LineFault(FaultKind.GARBAGE, 500, 100)), seed=2
+    faults = FaultScript(
+        seed=2,
+        amplifier=(
+            AmplifierFault(kind="gap", row=300, count=20),
+            AmplifierFault(kind="garbage", row=500, count=100),
+        ),
     )
-    rows = run(loaded, 100, plate_faults=faults)[0]
+    rows = run(loaded, 100, faults=faults)[0]
     assert set(range(len(rows) + 20)) - set(rows["sequence"].tolist()) == set(range(300, 320))
 
 

@@ -27,6 +27,7 @@ from drivers.cell import Cell, open_cell
 from drivers.ports.can_link import CanLink, open_can
 from drivers.ports.socketcan_port import SocketCanPort, transmit_queue_frames
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.preflight.bus_check import bus_lines
 
 CHANNEL = os.environ.get("RID_DAQ_SOCKETCAN", "")
@@ -95,7 +96,7 @@ def loaded() -> LoadedCell:
 def simulated(loaded: LoadedCell) -> Iterator[SimulatedCell]:
     assert loaded.plant is not None
     with SimulatedCell(
-        loaded.config, loaded.robot, loaded.plant, realtime=True, seed=4
+        CellSimulation(loaded.config, loaded.robot, loaded.plant, realtime=True, seed=4)
     ) as simulated:
         yield simulated
 
@@ -345,7 +346,9 @@ def test_the_kernels_slcan_driver_works_with_the_simulated_adapter(loaded: Loade
     config = loaded.config.model_copy(
         update={"can": CanBusConfig(interface="slcan", channel="adapter"), "cycle_time_ms": 20}
     )
-    with SimulatedCell(config, loaded.robot, loaded.plant, realtime=True, seed=4) as simulated:
+    with SimulatedCell(
+        CellSimulation(config, loaded.robot, loaded.plant, realtime=True, seed=4)
+    ) as simulated:
         driver = subprocess.Popen(
             ["slcand", "-F", "-o", "-s8", os.path.realpath(simulated.channel), "slcan0"]
         )

@@ -19,6 +19,7 @@ from config.errors import ConfigError, DriverError, RecordingError, TransportErr
 from config.load import load_cell
 from drivers.canopen.frames import SYNC_COB_ID, tpdo_cob_id
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 
 Frame = tuple[int, bytes, int]
 
@@ -33,7 +34,9 @@ def simulated(log: Path) -> SimulatedCell:
     loaded = load_cell("ir361")
     assert loaded.plant is not None
     config = loaded.config.model_copy(update={"plate": None, "monitor": None})
-    return SimulatedCell(config, loaded.robot, loaded.plant, realtime=False, seed=1, log=log)
+    return SimulatedCell(
+        CellSimulation(config, loaded.robot, loaded.plant, realtime=False, seed=1, log=log)
+    )
 
 
 def frames(reader: can.io.generic.MessageReader) -> list[Frame]:

@@ -22,6 +22,7 @@ from config.cell.cell import CellConfig
 from config.load import LoadedCell, load_cell
 from mock_hw.amplifier.line_faults import FaultKind, LineFault, LineFaults
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 
 PERIOD_S, PERIODS, RATE_HZ = 2.0, 8, 1500
 
@@ -34,7 +35,7 @@ def loaded() -> LoadedCell:
 def record(
     loaded: LoadedCell,
     folder: Path,
-    *faults: LineFault,
+    *faults: AmplifierFault,
     cell: CellConfig | None = None,
     periods: int = PERIODS,
 ) -> tuple[RecordOutcome, Recording, PlateRows]:
@@ -54,13 +55,15 @@ def record(
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     assert loaded.plant is not None
     with SimulatedCell(
-        cell or loaded.config,
-        loaded.robot,
-        loaded.plant,
-        realtime=False,
-        seed=4,
-        profile=loaded.amplifier_profile,
-        plate_faults=LineFaults(faults, seed=1),
+        CellSimulation(
+            cell or loaded.config,
+            loaded.robot,
+            loaded.plant,
+            realtime=False,
+            seed=4,
+            amplifier_profile=loaded.amplifier_profile,
+            faults=FaultScript(seed=1, amplifier=faults),
+        )
     ) as simulated:
         run = RunFolder.create(folder, "test")
         outcome = record_motion(
@@ -96,7 +99,7 @@ def test_row_28_overloads_are_flagged_and_no_saturated_sample_is_averaged(
     loaded: LoadedCell, healthy: Healthy, tmp_path: Path, measured: Measured
 ) -> None:
     begin = first_row_of(healthy[1], healthy[2], 3) + 600
-    fault = LineFault(FaultKind.OVERLOAD, begin, duration_s=0.3, channel=4)
+    fault = AmplifierFault(kind="overload", row=begin, duration_s=0.3, channel=4)
     outcome, recording, rows = record(loaded, tmp_path, fault)
     assert outcome.stop is None
     assert any("fz1 was overloaded; its range is 5000 N" in note for note in outcome.notes)
@@ -120,7 +123,7 @@ def test_row_28_overloads_are_flagged_and_no_saturated_sample_is_averaged(
 def test_row_28_more_than_three_overloaded_periods_stop_the_run(
     loaded: LoadedCell, tmp_path: Path, measured: Measured
 ) -> None:
-    fault = LineFault(FaultKind.OVERLOAD, 4000, duration_s=1e6, channel=0)
+    fault = AmplifierFault(kind="overload", row=4000, duration_s=1e6, channel=0)
     outcome, _, _ = record(loaded, tmp_path, fault, periods=30)
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.PLATE_OVERLOAD
@@ -134,7 +137,7 @@ def test_row_29_exactly_the_periods_of_drift_beyond_the_limit_are_left_out(
 ) -> None:
     """1 N/s for two periods, 30 % into the second: 0.7, 1 and 0.3 N/s; 0.5 N/s is the limit."""
     begin = first_row_of(healthy[1], healthy[2], 2) + int(0.3 * PERIOD_S * RATE_HZ)
-    fault = LineFault(FaultKind.DRIFT, begin, 1, duration_s=2 * PERIOD_S, channel=6)
+    fault = AmplifierFault(kind="drift", row=begin, count=1, duration_s=2 * PERIOD_S, channel=6)
     outcome, recording, rows = record(loaded, tmp_path, fault)
     assert outcome.stop is None
     average = averaged(recording, rows)
@@ -159,11 +162,11 @@ def test_row_30_damage_costs_at_most_two_rows_more_than_it_hits(
     loaded: LoadedCell, healthy: Healthy, tmp_path: Path, measured: Measured
 ) -> None:
     faults = (
-        LineFault(FaultKind.GARBAGE, 6000, 300),
-        LineFault(FaultKind.NULS, 8000, 20_000),
-        LineFault(FaultKind.TORN_ROW, 10_000, 3),
-        LineFault(FaultKind.LOST_BYTES, 12_000, 5),
-        LineFault(FaultKind.BAD_CHECKSUM, 14_000, 2),
+        AmplifierFault(kind="garbage", row=6000, count=300),
+        AmplifierFault(kind="nuls", row=8000, count=20_000),
+        AmplifierFault(kind="torn_row", row=10_000, count=3),
+        AmplifierFault(kind="lost_bytes", row=12_000, count=5),
+        AmplifierFault(kind="bad_checksum", row=14_000, count=2),
     )
     outcome, recording, rows = record(loaded, tmp_path, *faults)
     assert outcome.stop is None
@@ -187,7 +190,7 @@ def test_row_30_damage_costs_at_most_two_rows_more_than_it_hits(
 def test_row_30_an_unplugged_amplifier_stops_the_run(
     loaded: LoadedCell, tmp_path: Path, measured: Measured
 ) -> None:
-    fault = LineFault(FaultKind.UNPLUG, 7000, duration_s=1e6)
+    fault = AmplifierFault(kind="unplug", row=7000, duration_s=1e6)
     outcome, recording, rows = record(loaded, tmp_path, fault, periods=30)
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.PLATE_LINE

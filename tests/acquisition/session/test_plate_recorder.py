@@ -24,10 +24,10 @@ from acquisition.journal.plate_row import (
 from acquisition.session.plate_block import PlateBlock, PlateState
 from acquisition.session.plate_recorder import PlateTask, run_plate_recorder
 from config.errors import DeviceFaultError, RecordingError, TransportError
+from config.simulation.faults import AmplifierFault
 from drivers.amplifier.amplifier import open_amplifier
 from drivers.amplifier.frames import PLATE_EVENT, PLATE_ROW
 from drivers.interfaces import PlateRead
-from mock_hw.amplifier.line_faults import FaultKind, LineFault
 
 Serve = Callable[..., Any]
 ROWS = 1000
@@ -99,12 +99,12 @@ def test_damage_on_the_line_costs_what_it_hits_and_is_counted(
 ) -> None:
     clean, _ = recorded(serve_amplifier(), tmp_path)
     faults = (
-        LineFault(FaultKind.GARBAGE, 100, count=300),
-        LineFault(FaultKind.NULS, 200, count=5000),
-        LineFault(FaultKind.LOST_BYTES, 300, count=5),
-        LineFault(FaultKind.TORN_ROW, 400, count=2),
-        LineFault(FaultKind.GAP, 500, count=7),
-        LineFault(FaultKind.BAD_CHECKSUM, 600, count=3),
+        AmplifierFault(kind="garbage", row=100, count=300),
+        AmplifierFault(kind="nuls", row=200, count=5000),
+        AmplifierFault(kind="lost_bytes", row=300, count=5),
+        AmplifierFault(kind="torn_row", row=400, count=2),
+        AmplifierFault(kind="gap", row=500, count=7),
+        AmplifierFault(kind="bad_checksum", row=600, count=3),
     )
     (tmp_path / "dirty").mkdir()
     dirty, block = recorded(serve_amplifier(*faults), tmp_path / "dirty")
@@ -117,7 +117,7 @@ def test_damage_on_the_line_costs_what_it_hits_and_is_counted(
 
 
 def test_every_overloaded_row_is_flagged(serve_amplifier: Serve, tmp_path: Path) -> None:
-    fault = LineFault(FaultKind.OVERLOAD, 500, duration_s=0.1, channel=5)
+    fault = AmplifierFault(kind="overload", row=500, duration_s=0.1, channel=5)
     rows, block = recorded(serve_amplifier(fault), tmp_path)
     full = np.abs(rows.rows["counts"].astype(int)) >= 32767
     assert full[:, 5].any()
@@ -131,7 +131,7 @@ def test_every_overloaded_row_is_flagged(serve_amplifier: Serve, tmp_path: Path)
 def test_unplugged_and_plugged_in_again_it_goes_on_as_a_new_stream(
     serve_amplifier: Serve, tmp_path: Path
 ) -> None:
-    served = serve_amplifier(LineFault(FaultKind.UNPLUG, 5000, duration_s=0.2))
+    served = serve_amplifier(AmplifierFault(kind="unplug", row=5000, duration_s=0.2))
     served.stream_s = 6.0  # more than the system holds back, which is lost when it is unplugged
     rows, block = recorded(served, tmp_path)
     assert np.unique(rows.stream).tolist() == [0, 1]

@@ -24,8 +24,8 @@ from acquisition.task.control_block import Progress
 from config.errors import PreflightError
 from config.load import LoadedCell, load_cell
 from drivers.amplifier.amplifier import open_amplifier
-from mock_hw.amplifier.line_faults import FaultKind, LineFault, LineFaults
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 
 
 @pytest.fixture(scope="module")
@@ -34,16 +34,18 @@ def loaded() -> LoadedCell:
 
 
 @contextmanager
-def served(loaded: LoadedCell, *faults: LineFault) -> Iterator[SimulatedCell]:
+def served(loaded: LoadedCell, *faults: AmplifierFault) -> Iterator[SimulatedCell]:
     assert loaded.plant is not None
     with SimulatedCell(
-        loaded.config,
-        loaded.robot,
-        loaded.plant,
-        realtime=False,
-        seed=4,
-        profile=loaded.amplifier_profile,
-        plate_faults=LineFaults(faults),
+        CellSimulation(
+            loaded.config,
+            loaded.robot,
+            loaded.plant,
+            realtime=False,
+            seed=4,
+            amplifier_profile=loaded.amplifier_profile,
+            faults=FaultScript(amplifier=faults),
+        )
     ) as simulated:
         yield simulated
 
@@ -100,7 +102,7 @@ def test_every_row_of_the_motion_is_there_on_the_time_of_sync(
 
 
 def test_the_plates_line_lost_in_mid_motion_stops_it(loaded: LoadedCell, record: Record) -> None:
-    with served(loaded, LineFault(FaultKind.UNPLUG, 7000, duration_s=1e6)) as simulated:
+    with served(loaded, AmplifierFault(kind="unplug", row=7000, duration_s=1e6)) as simulated:
         outcome, rows = record(simulated, periods=500)
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.PLATE_LINE
@@ -131,7 +133,7 @@ def test_a_killed_plate_recorder_stops_the_motion(loaded: LoadedCell, record: Re
 def test_overloads_in_more_than_three_periods_stop_it_and_name_the_range(
     loaded: LoadedCell, record: Record
 ) -> None:
-    fault = LineFault(FaultKind.OVERLOAD, 4000, duration_s=1e6, channel=4)
+    fault = AmplifierFault(kind="overload", row=4000, duration_s=1e6, channel=4)
     with served(loaded, fault) as simulated:
         outcome, rows = record(simulated, periods=500)
     assert outcome.stop is not None

@@ -34,6 +34,7 @@ from acquisition.task.control_block import Progress, TaskState
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from tests.builders.recording_program import RECORD
 
 PATIENCE_S = 120.0
@@ -48,7 +49,9 @@ def loaded() -> LoadedCell:
 @pytest.fixture(scope="module")
 def simulated(loaded: LoadedCell) -> Iterator[SimulatedCell]:
     assert loaded.plant is not None
-    with SimulatedCell(loaded.config, loaded.robot, loaded.plant, realtime=False, seed=1) as cell:
+    with SimulatedCell(
+        CellSimulation(loaded.config, loaded.robot, loaded.plant, realtime=False, seed=1)
+    ) as cell:
         yield cell
 
 

@@ -18,6 +18,7 @@ from acquisition.task.set_points import PlannedMotion
 from config.load import load_cell
 from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 
 AT_CYCLE = 60
 QUICK_STOP, SYNC = "0200", "080"
@@ -53,7 +54,9 @@ def test_every_axis_is_told_to_stop_before_the_sync_after_the_request(
         return False
 
     with (
-        SimulatedCell(loaded.config, robot, loaded.plant, realtime=False, seed=1, log=log) as cell,
+        SimulatedCell(
+            CellSimulation(loaded.config, robot, loaded.plant, realtime=False, seed=1, log=log)
+        ) as cell,
         open_cell(cell.cell, robot) as opened,
     ):
         opened.axes.bring_up()

@@ -27,6 +27,7 @@ from drivers.cell import open_cell
 from mock_hw.amplifier.port import PlateSettings
 from mock_hw.amplifier.process import ServedAmplifier
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 
 loaded, folder = load_cell("ir361"), Path(sys.argv[2])
 cell, robot, plant, profile = loaded.config, loaded.robot, loaded.plant, loaded.amplifier_profile
@@ -38,7 +39,8 @@ def wait_for_the_signal():
     signal.sigwait(ending)
 
 def use_the_cell():
-    with SimulatedCell(cell, robot, plant, realtime=False, seed=1, directory=folder) as simulated:
+    simulation = CellSimulation(cell, robot, plant, realtime=False, seed=1, directory=folder)
+    with SimulatedCell(simulation) as simulated:
         wait_for_the_signal()
         with open_cell(simulated.cell, robot) as opened:
             opened.axes.bring_up()

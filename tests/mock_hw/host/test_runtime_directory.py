@@ -26,13 +26,14 @@ PROGRAM = """
 import multiprocessing, signal
 from config.load import load_cell
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.session.session import hold_cell
 
 if __name__ == "__main__":
     loaded = load_cell("ir361")
-    with SimulatedCell(
+    with SimulatedCell(CellSimulation(
         loaded.config, loaded.robot, loaded.plant, realtime=False, seed=1
-    ) as simulated, hold_cell(simulated.cell):
+    )) as simulated, hold_cell(simulated.cell):
         print(*(child.pid for child in multiprocessing.active_children()), flush=True)
         signal.pause()
 """

@@ -26,10 +26,11 @@ from config.cell.drive_profile import POLLED, DriveProfile
 from config.cell.monitor import ModbusRtu, ModbusTcp, ModbusTls, MonitorConfig
 from config.errors import DeviceTimeoutError, ProtocolError, TransportError
 from config.load import load_bundled_or_path
+from config.simulation.faults import RegisterFault
 from drivers.modbus.codec import encode, plan_reads
 from drivers.modbus.drive_monitor import ModbusDriveMonitor
 from drivers.modbus.link import ModbusLink, open_modbus
-from mock_hw.registers.registers import RegisterFaults, SimulatedRegisters
+from mock_hw.registers.registers import SimulatedRegisters
 from mock_hw.registers.server import RegisterService, RegisterSettings, ServerCertificates
 
 PROFILE = load_bundled_or_path("servo_registers", "profiles", DriveProfile)
@@ -57,6 +58,11 @@ def registers(unit: int) -> dict[int, int] | None:
     )
 
 
+def at_first(kind: Any, **more: Any) -> RegisterFault:
+    """What goes wrong with the first request."""
+    return RegisterFault(kind=kind, at_request=0, **more)
+
+
 class Workshop:
     """Starts services, and ends them with the test."""
 
@@ -72,7 +78,7 @@ class Workshop:
         self,
         kind: str,
         *,
-        faults: RegisterFaults | None = None,
+        fault: RegisterFault | None = None,
         tls: ModbusTls | None = None,
         certificates: ServerCertificates | None = None,
     ) -> MonitorConfig:
@@ -81,7 +87,7 @@ class Workshop:
             link = ModbusRtu(kind="rtu", address=str(self._path / "line"), parity="none")
         config = MonitorConfig(link=link, units=UNITS, timeout_s=TIMEOUT_S)
         settings = RegisterSettings(config, PROFILE, self._path / "line", certificates)
-        self.drives = SimulatedRegisters(registers, faults or RegisterFaults())
+        self.drives = SimulatedRegisters(registers, [fault] if fault else [])
         self.service = self._stack.enter_context(
             RegisterService(self.drives, settings, realtime=False)
         )
@@ -146,7 +152,7 @@ class TestTheDriverReadsThem:
     def test_a_refusal_names_registers_and_reason(
         self, workshop: Workshop, kind: str, measured: Measured
     ) -> None:
-        config = workshop.serve(kind, faults=RegisterFaults(at={0: "exception"}, exception=2))
+        config = workshop.serve(kind, fault=at_first("exception", code=2))
         with open_modbus(config) as link:
             (read,) = plan_reads(PROFILE, POLLED)
             with pytest.raises(ProtocolError, match=r"registers 100 to 103 .*exception 2: it has"):
@@ -156,7 +162,7 @@ class TestTheDriverReadsThem:
 
     @pytest.mark.fault(31)
     def test_silence_is_a_timeout(self, workshop: Workshop, kind: str, measured: Measured) -> None:
-        config = workshop.serve(kind, faults=RegisterFaults(at={0: "silent"}))
+        config = workshop.serve(kind, fault=at_first("silent"))
         line = monitor(config, workshop)
         (read,) = plan_reads(PROFILE, POLLED)
         with pytest.raises(DeviceTimeoutError, match=r"unit 1: no answer within 2 s; check"):
@@ -170,7 +176,7 @@ class TestTheDriverReadsThem:
     def test_a_damaged_answer_is_an_error_and_the_next_request_is_answered(
         self, workshop: Workshop, kind: str, fault: Any, measured: Measured
     ) -> None:
-        line = monitor(workshop.serve(kind, faults=RegisterFaults(at={0: fault})), workshop)
+        line = monitor(workshop.serve(kind, fault=at_first(fault)), workshop)
         first, second = line.read(), line.read()
         assert len(first.problems) == 1
         assert first.temperature_k[1:].tolist() == pytest.approx([303.15, 373.15])
@@ -183,7 +189,7 @@ class TestTheDriverReadsThem:
         self, workshop: Workshop, kind: str, measured: Measured
     ) -> None:
         """Unit 1 twice: only the second answer may count, and the first was of other registers."""
-        line = monitor(workshop.serve(kind, faults=RegisterFaults(at={0: "late"})), workshop)
+        line = monitor(workshop.serve(kind, fault=at_first("late")), workshop)
         workshop.late = True
         first = line.read()
         assert len(first.problems) == 1

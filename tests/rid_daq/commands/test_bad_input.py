@@ -11,6 +11,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.load import load_cell
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 
 MOTION = """\
@@ -145,7 +146,7 @@ def test_a_cell_that_waits_for_the_wrong_drive_is_told_which(
     served = load_cell("ir361")
     assert served.plant is not None
     with SimulatedCell(
-        served.config, served.robot, served.plant, realtime=False, seed=0
+        CellSimulation(served.config, served.robot, served.plant, realtime=False, seed=0)
     ) as simulated:
 
         def check_with(change: Callable[[str], str], robot: Callable[[str], str] = str) -> int:

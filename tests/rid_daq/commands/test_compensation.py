@@ -31,6 +31,7 @@ from config.simulation.faults import FaultScript, FrameFault
 from dynamics.geometry.kinematics import Chain
 from identification.estimation.file import read_estimate
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.session.cells import reachable_cell
 from tests.builders.told import document
@@ -234,9 +235,8 @@ class TestStream:
         arm = load_cell(str(workshop / "arm.yaml"))
         assert arm.plant is not None
         script = FaultScript(bus=(FrameFault(kind="drop", joint="axis2", probability=0.04),))
-        with SimulatedCell(
-            arm.config, arm.robot, arm.plant, realtime=False, seed=1, faults=script
-        ) as lossy:
+        simulation = CellSimulation(arm.config, arm.robot, arm.plant, False, 1, faults=script)
+        with SimulatedCell(simulation) as lossy:
             served = workshop / "lossy.yaml"
             served.write_text(to_yaml(lossy.cell))
             capsys.readouterr()

@@ -36,10 +36,11 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
+from config.simulation.faults import FaultScript, RegisterFault
 from dynamics.model.robot_model import RobotModel
 from identification.estimation.estimators import estimate_periodic
 from mock_hw.cell import SimulatedCell
-from mock_hw.registers.registers import RegisterFaults
+from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.jobs.truth import true_parameters
 from rid_daq.runs.run_data import RunData
@@ -145,7 +146,7 @@ def excited(
     """A robot that obeys the models, excited for four periods."""
     assert loaded.plant is not None
     with SimulatedCell(
-        loaded.config, wrist, loaded.plant, realtime=False, seed=4, unmodelled=False
+        CellSimulation(loaded.config, wrist, loaded.plant, realtime=False, seed=4, unmodelled=False)
     ) as simulated:
         path = tmp_path_factory.mktemp("runs")
         outcome, folder = record(replace(loaded, robot=wrist), simulated.cell, motion(4), path)
@@ -229,12 +230,14 @@ class TestTheMonitor:
 def fast_cell(loaded: LoadedCell) -> SimulatedCell:
     assert loaded.plant is not None
     return SimulatedCell(
-        faster(loaded, 4),
-        loaded.robot,
-        loaded.plant,
-        realtime=False,
-        seed=9,
-        register_faults=RegisterFaults(at={4: "silent"}),
+        CellSimulation(
+            faster(loaded, 4),
+            loaded.robot,
+            loaded.plant,
+            realtime=False,
+            seed=9,
+            faults=FaultScript(registers=(RegisterFault(kind="silent", at_request=4),)),
+        )
     )
 
 
@@ -315,9 +318,7 @@ class TestWarmUpAndPayload:
             simulated.attach("huge")
         with pytest.raises(TransportError, match="not running"):
             SimulatedCell.attach(
-                SimulatedCell(
-                    simulated._cell, simulated._robot, simulated._plant, realtime=False, seed=0
-                ),
+                SimulatedCell(simulated.simulation),
                 "small",
             )
 

@@ -21,6 +21,7 @@ from acquisition.session.record import RecordOutcome, record_motion
 from acquisition.task.control_block import Progress
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
 from rid_daq.terminal.console import Console
@@ -86,7 +87,7 @@ def recorded(loaded: LoadedCell, record: Record) -> tuple[RecordOutcome, np.ndar
     """Return what a fresh simulated cell's robot did in lock-step."""
     assert loaded.plant is not None
     with SimulatedCell(
-        loaded.config, loaded.robot, loaded.plant, realtime=False, seed=1
+        CellSimulation(loaded.config, loaded.robot, loaded.plant, realtime=False, seed=1)
     ) as simulated:
         outcome = record(simulated)
     assert outcome.complete

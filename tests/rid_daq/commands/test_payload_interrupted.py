@@ -19,6 +19,7 @@ from config.errors import RidDaqError
 from config.load import load_cell, to_yaml
 from config.simulation.faults import FaultScript, FrameFault
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 
 pytestmark = pytest.mark.slow
@@ -104,7 +105,7 @@ def test_a_run_that_lost_too_much_is_not_weighed_and_is_driven_again(
     script = FaultScript(bus=tuple(lost))
     runs = tmp_path / "runs"
     with SimulatedCell(
-        kr15.config, kr15.robot, kr15.plant, realtime=False, seed=1, faults=script
+        CellSimulation(kr15.config, kr15.robot, kr15.plant, realtime=False, seed=1, faults=script)
     ) as lossy:
         cell = tmp_path / "cell.yaml"
         cell.write_text(to_yaml(lossy.cell))

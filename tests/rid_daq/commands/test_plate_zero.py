@@ -24,6 +24,7 @@ from mock_hw.amplifier.sensors import PlateSensors
 from mock_hw.cell import SimulatedCell
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.plant.rigid_bodies import BaseWrench
+from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 
 pytestmark = pytest.mark.slow
@@ -151,13 +152,15 @@ def served(cell: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Iterato
     loaded = load_cell(str(cell))
     assert loaded.plant is not None
     with SimulatedCell(
-        loaded.config,
-        loaded.robot,
-        loaded.plant,
-        realtime=False,
-        seed=1,
-        directory=runtime_directory(),
-        profile=loaded.amplifier_profile,
+        CellSimulation(
+            loaded.config,
+            loaded.robot,
+            loaded.plant,
+            realtime=False,
+            seed=1,
+            directory=runtime_directory(),
+            amplifier_profile=loaded.amplifier_profile,
+        )
     ) as simulated:
         yield simulated
 

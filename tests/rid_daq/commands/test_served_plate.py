@@ -11,6 +11,7 @@ from config.load import load_cell
 from drivers.amplifier.amplifier import open_amplifier
 from mock_hw.cell import SimulatedCell
 from mock_hw.host.runtime_directory import plate_path, registers_path, runtime_directory
+from mock_hw.simulation import CellSimulation
 from rid_daq.preflight.monitor_check import monitor_lines
 from rid_daq.session.cells import reachable_cell
 
@@ -27,13 +28,15 @@ def test_the_plate_of_a_served_cell_is_found(
     assert loaded.amplifier_profile is not None
     with (
         SimulatedCell(
-            loaded.config,
-            loaded.robot,
-            loaded.plant,
-            realtime=True,
-            seed=0,
-            directory=runtime_directory(),
-            profile=loaded.amplifier_profile,
+            CellSimulation(
+                loaded.config,
+                loaded.robot,
+                loaded.plant,
+                realtime=True,
+                seed=0,
+                directory=runtime_directory(),
+                amplifier_profile=loaded.amplifier_profile,
+            )
         ) as simulated,
         reachable_cell(loaded) as cell,
     ):
@@ -60,7 +63,14 @@ def test_the_serial_line_of_a_served_cells_drives_is_found(
     loaded = replace(loaded, config=config)
     with (
         SimulatedCell(
-            config, loaded.robot, loaded.plant, realtime=True, seed=0, directory=runtime_directory()
+            CellSimulation(
+                config,
+                loaded.robot,
+                loaded.plant,
+                realtime=True,
+                seed=0,
+                directory=runtime_directory(),
+            )
         ),
         reachable_cell(loaded) as cell,
     ):

@@ -22,6 +22,7 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock, Progress, TaskState
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.session.running_sessions import RunningSession, running_sessions
 from rid_daq.session.session import hold_cell
@@ -75,7 +76,7 @@ def test_a_motion_is_stopped_from_another_process_and_seen_to_rest(
 
     with (
         SimulatedCell(
-            loaded.config, loaded.robot, loaded.plant, realtime=False, seed=1
+            CellSimulation(loaded.config, loaded.robot, loaded.plant, realtime=False, seed=1)
         ) as simulated,
         hold_cell(simulated.cell),
     ):

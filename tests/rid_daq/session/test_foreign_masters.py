@@ -22,6 +22,7 @@ from drivers.cell import open_cell
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
+from mock_hw.simulation import CellSimulation
 from rid_daq.session.session import hold_cell
 
 PROBE = 0x655  # an SDO request to a node that is not there: it changes nothing
@@ -52,7 +53,7 @@ def logged(tmp_path: Path) -> Iterator[Logged]:
     assert loaded.plant is not None
     log = tmp_path / "bus.log"
     with SimulatedCell(
-        config, loaded.robot, loaded.plant, realtime=False, seed=3, log=log
+        CellSimulation(config, loaded.robot, loaded.plant, realtime=False, seed=3, log=log)
     ) as simulated:
         yield Logged(loaded, simulated, log)
 
