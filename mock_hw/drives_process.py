@@ -126,7 +126,7 @@ def _rack_on_bus(
     simulation = settings.simulation
     cell, robot, plant, seed = simulation.cell, simulation.robot, simulation.truth, simulation.seed
     with termination_waits():  # an exception that a compiler's callback raises is lost
-        DriveRack(cell, robot, plant, seed).advance_to(LONGEST_WAIT_S)
+        DriveRack(cell, robot, plant, seed).advance(LONGEST_WAIT_S)
     pipe.recv()
     snapshots = SnapshotWriter(settings.snapshot, len(robot.joints))
     try:
@@ -235,7 +235,7 @@ def run_rack(rack: DriveRack, client: DeviceClient, plate: PlateService | None =
                 plate.note_sync(frame.time_ns * 1e-9)
         now_s = client.now_ns * 1e-9
         if now_s >= min(rack.next_s, rack.time_s + LONGEST_WAIT_S):
-            rack.advance_to(now_s)
+            rack.advance(now_s)
         for port, time_s, answer in rack.take_frames():
             client.post(answer.cob_id, answer.data, len(answer.data), port, round(time_s * 1e9))
         if plate is not None:

@@ -74,7 +74,7 @@ class PlateService:
         if self._commanded:
             self._obey(time.monotonic())
         else:
-            self._port.pass_on(time.monotonic())
+            self._port.advance(time.monotonic())
         return self._client.wait(0)
 
     def close(self) -> None:
@@ -112,7 +112,7 @@ class PlateService:
     def _catch_up(self) -> None:
         edges, self._edges = self._edges, []
         ends_s, wrenches = self._rack.take_base_wrenches()
-        self._port.advance(self._rack.time_s, ends_s, wrenches, edges)
+        self._port.feel(self._rack.time_s, ends_s, wrenches, edges)
 
     def _follow_port(self) -> None:
         """Listen to the port that is there now; with edges, as nobody at it would wake for ever."""

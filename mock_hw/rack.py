@@ -68,7 +68,7 @@ class Measured:
 
 
 class DriveRack:
-    """Drives and plant on one clock.
+    """Drives and plant on one clock, as one `SimulatedDevice`.
 
     Parameters
     ----------
@@ -183,24 +183,24 @@ class DriveRack:
     def receive(self, frame: Frame, now_s: float) -> None:
         """Give every drive a frame that was on the bus at `now_s` [s]."""
         if not all(drive.only_keeps(frame.cob_id) for drive in self.drives):
-            self.advance_to(now_s)
+            self.advance(now_s)
         if self._faults is not None:
             self._faults.see(frame, now_s)
         for drive in self.drives:
             drive.receive(frame, now_s)
 
-    def advance_to(self, now_s: float) -> None:
-        """Bring drives and plant to `now_s` [s], doing on the way what is due."""
+    def advance(self, until_s: float) -> None:
+        """Bring drives and plant to `until_s` [s], doing on the way what is due."""
         while True:
             due_s = max(self.next_s, self.time_s)
-            if due_s > now_s:
+            if due_s > until_s:
                 break
             self._move_to(due_s)
             if self._faults is not None:
-                self._faults.tick(due_s)
+                self._faults.advance(due_s)
             for drive in self.drives:
-                drive.tick(due_s)
-        self._move_to(now_s)
+                drive.advance(due_s)
+        self._move_to(until_s)
         self._publish()
 
     def take_frames(self) -> Sequence[tuple[int, float, Frame]]:
@@ -219,7 +219,7 @@ class DriveRack:
             self._step(step_end_s)
             if steps > 1 and self.next_s <= self.time_s:
                 for drive in self.drives:
-                    drive.tick(self.time_s)
+                    drive.advance(self.time_s)
 
     def _step(self, end_s: float) -> None:
         snapshots = self._snapshots

@@ -144,15 +144,15 @@ class SimulatedAmplifier:
             if answer is not None:
                 self._out.append(Unit(self._codec.answer(answer), now_s))
 
-    def advance(
+    def feel(
         self,
         end_s: float,
         ends_s: ArrayLike = (),
         charges_pc: ArrayLike = (),
         edges_s: ArrayLike = (),
     ) -> None:
-        """Let time pass, as `ChargeAmplifier.advance`; the trigger input had edges at `edges_s`."""
-        rows = self.physics.advance(end_s, ends_s, charges_pc)
+        """Let time pass, as `ChargeAmplifier.convert`; the trigger input had edges at `edges_s`."""
+        rows = self.physics.convert(end_s, ends_s, charges_pc)
         if not self.physics.converting:
             return
         first = 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -147,7 +148,7 @@ class ChargeAmplifier:
             self._set_filter()
             self._settle(self._output_v * rescale)
         else:
-            self._state *= rescale
+            self._filter.state[:] *= rescale
         self._output_v = self._output_v * rescale
         if self._next_row is not None and settings.rate_hz != before.rate_hz:
             self.start()
@@ -184,7 +185,7 @@ class ChargeAmplifier:
         counts: NDArray[np.int16] = self._convert(self._output_v[np.newaxis])[0]
         return counts
 
-    def advance(
+    def convert(
         self, end_s: float, ends_s: ArrayLike = (), charges_pc: ArrayLike = ()
     ) -> AmplifierRows:
         """Let time pass until `end_s`; return the rows that were converted meanwhile.
@@ -221,11 +222,9 @@ class ChargeAmplifier:
         volts = self._input(times, charges)
         if len(volts):
             self._overloaded = sum(1 << int(i) for i in np.flatnonzero(_at_limit(volts[-1])))
-        self.overload = _run_filter(
-            self.time_s, times, volts, row_times, self._poles,
-            self._gains, self._weights, self._state, self.overload, output, overload,
-        )  # fmt: skip
-        self._output_v = (self._weights @ self._state).real
+        rows = _Rows(row_times, output, overload)
+        self.overload = _run_filter(self.time_s, times, volts, self._filter, rows, self.overload)
+        self._output_v = (self._filter.weights @ self._filter.state).real
         self.time_s = end_s
         return AmplifierRows(row_times, device_s, self._convert(output), overload)
 
@@ -259,14 +258,13 @@ class ChargeAmplifier:
 
     def _set_filter(self) -> None:
         settings = self.settings
-        filters = butterworth_poles(settings.low_pass_order, settings.low_pass_hz)
-        self._poles, residues, self._weights = filters
-        self._gains = residues / self._poles
-        self._state = np.zeros((len(self._poles), CHANNELS), dtype=np.complex128)
+        poles, residues, weights = butterworth_poles(settings.low_pass_order, settings.low_pass_hz)
+        state = np.zeros((len(poles), CHANNELS), dtype=np.complex128)
+        self._filter = _LowPass(poles, residues / poles, weights, state)
 
     def _settle(self, volts: Vector) -> None:
         """Put the filter where a constant input of (8,) volts leaves it."""
-        self._state[:] = -self._gains[:, np.newaxis] * volts
+        self._filter.state[:] = -self._filter.gains[:, np.newaxis] * volts
 
 
 def _at_limit(volts: Vector) -> NDArray[np.bool_]:
@@ -279,19 +277,31 @@ def _shares_of(duration_s: float) -> Vector:
     return np.arange(1, steps + 1) / steps
 
 
+class _LowPass(NamedTuple):
+    """The filter of all channels: poles, residues over poles, output weights; state (p, 8)."""
+
+    poles: ComplexVector
+    gains: ComplexVector
+    weights: Vector
+    state: ComplexVector
+
+
+class _Rows(NamedTuple):
+    """When to look at the output, in order, and what is seen: (rows,), (rows, 8), (rows,)."""
+
+    time_s: Vector
+    output: Vector
+    overload: NDArray[np.uint8]
+
+
 @njit(cache=True)
 def _run_filter(
     start_s: float,
     ends_s: Vector,
     volts: Vector,
-    row_times: Vector,
-    poles: ComplexVector,
-    gains: ComplexVector,
-    weights: Vector,
-    state: NDArray[np.complex128],
+    low_pass: _LowPass,
+    rows: _Rows,
     latched: int,
-    output: Vector,
-    overload: NDArray[np.uint8],
 ) -> int:
     """Filter inputs that are constant over intervals; look at the output at every row's time.
 
@@ -301,21 +311,19 @@ def _run_filter(
         When the first interval begins, and when each ends [s].
     volts : (m, 8)
         Input before the charge stage's limits.
-    row_times : (rows,)
-        When to look, in order, within the intervals [s].
-    poles, gains, weights : (p,)
-        The filter: poles, residues over poles, output weights.
-    state : (p, 8)
-        Changed in place.
+    low_pass
+        The filter; its state is changed in place.
+    rows
+        Filled; their times lie within the intervals.
     latched
         The overload word at the beginning.
-    output, overload : (rows, 8), (rows,)
-        Filled.
 
     Returns
     -------
     The overload word at the end.
     """
+    poles, gains, weights, state = low_pass
+    row_times, output, overload = rows
     channels = volts.shape[1]
     limited = np.empty(channels)
     now_s = start_s

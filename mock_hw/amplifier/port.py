@@ -62,7 +62,7 @@ class PlateSettings:
 
 
 class AmplifierPort:
-    """The amplifier, its line and its port.
+    """The amplifier, its line and its port: a `SimulatedDevice` that is told what its sensors feel.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class AmplifierPort:
     Attributes
     ----------
     next_s
-        When `pass_on` is due: bytes arrive, or the port comes back [s]; infinity for never.
+        When `advance` is due: bytes arrive, or the port comes back [s]; infinity for never.
 
     Raises
     ------
@@ -127,7 +127,7 @@ class AmplifierPort:
 
     @property
     def time_s(self) -> float:
-        """How far the amplifier has been brought [s]."""
+        """Until when it has been told what acts on the plate [s]."""
         return self._device.physics.time_s
 
     def fileno(self) -> int:
@@ -157,16 +157,16 @@ class AmplifierPort:
         """
         self._device.receive(data, lambda: self._sensors.charges_pc(base_wrench), now_s)
         self._send()
-        self.pass_on(self.time_s if now_s is None else now_s)
+        self.advance(self.time_s if now_s is None else now_s)
 
-    def advance(
+    def feel(
         self,
         end_s: float,
         ends_s: ArrayLike = (),
         base_wrenches: ArrayLike = (),
         edges_s: ArrayLike = (),
     ) -> None:
-        """Let time pass and send what is measured meanwhile.
+        """Take what acts on the plate until `end_s`, and send what is measured meanwhile.
 
         Parameters
         ----------
@@ -179,18 +179,18 @@ class AmplifierPort:
         """
         ends = np.asarray(ends_s, dtype=np.float64)
         charges = self._sensors.charges_pc(np.reshape(base_wrenches, (-1, 6)))
-        self._device.advance(end_s, ends, self._spoilt(ends, charges), edges_s)
+        self._device.feel(end_s, ends, self._spoilt(ends, charges), edges_s)
         self._send()
-        self.pass_on(end_s)
+        self.advance(end_s)
 
-    def pass_on(self, now_s: float) -> None:
-        """Hand over what has arrived by `now_s` [s]; plug the port in again when it is time."""
-        if now_s >= self._replug_s:
+    def advance(self, until_s: float) -> None:
+        """Hand over what has arrived by `until_s` [s]; plug the port in again when it is time."""
+        if until_s >= self._replug_s:
             self._replug_s = math.inf
             self._port.plug()
         held = self._held
         ready = []
-        while held and held[0][0] <= now_s:
+        while held and held[0][0] <= until_s:
             ready.append(held.popleft()[1])
         if ready:
             self._write(b"".join(ready))

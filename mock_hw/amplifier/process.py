@@ -139,4 +139,4 @@ def _step(port: AmplifierPort, load: SwingingLoad, now_s: float) -> None:
     steps = max(1, math.ceil((now_s - begin_s) / STEP_S))
     ends_s = begin_s + (now_s - begin_s) * np.arange(1, steps + 1) / steps
     middles_s = ends_s - 0.5 * (now_s - begin_s) / steps
-    port.advance(now_s, ends_s, load.at(middles_s))
+    port.feel(now_s, ends_s, load.at(middles_s))

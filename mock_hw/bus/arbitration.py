@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from mock_hw.bus.wire_time import INTERMISSION_BITS, REMOTE_FLAG, arbitration_key, frame_bits
+from mock_hw.bus.wire_time import (
+    EXTENDED_FLAG,
+    EXTENDED_MASK,
+    INTERMISSION_BITS,
+    REMOTE_FLAG,
+    arbitration_key,
+    frame_bits,
+)
 
 FOREVER_NS = 2**62
 """A time that never comes."""
@@ -32,6 +39,18 @@ class Delivery(NamedTuple):
 
     source: Source
     frame: WireFrame
+
+
+def candump_line(frame: WireFrame, time_ns: int, channel: str) -> str:
+    """Return a frame as a line of candump's log, with its time [ns] and the bus's name."""
+    width, identifier = 3, frame.can_id
+    if frame.can_id & EXTENDED_FLAG:
+        width, identifier = 8, frame.can_id & EXTENDED_MASK
+    data = frame.data[: frame.length].hex().upper()
+    if frame.can_id & REMOTE_FLAG:
+        identifier, data = identifier & ~REMOTE_FLAG, f"R{frame.length}"
+    seconds, microseconds = divmod(time_ns // 1000, 1_000_000)
+    return f"({seconds:010d}.{microseconds:06d}) {channel} {identifier:0{width}X}#{data}\n"
 
 
 class CanWire:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import select
 import socket
 import time
@@ -10,7 +11,7 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from config.errors import ProtocolError
-from mock_hw.bus.arbitration import FOREVER_NS, CanWire, Delivery, WireFrame
+from mock_hw.bus.arbitration import FOREVER_NS, CanWire, Delivery, WireFrame, candump_line
 from mock_hw.bus.faults import BusFaults
 from mock_hw.bus.hub_protocol import (
     FRAME,
@@ -24,7 +25,7 @@ from mock_hw.bus.hub_protocol import (
     unpack_header,
     unpack_identifiers,
 )
-from mock_hw.bus.wire_time import ERROR_FLAG, EXTENDED_FLAG, EXTENDED_MASK, REMOTE_FLAG
+from mock_hw.bus.wire_time import ERROR_FLAG
 
 AFTER_RUN_NS = 2_000_000_000
 """How long lock-step time runs on, at the wall clock's pace, after the last master has left."""
@@ -54,7 +55,7 @@ class _Client:
 
 
 class CanHub:
-    """A CAN bus between the clients of a socket.
+    """A CAN bus between the clients of a socket: a `SimulatedDevice` on the computer's clock.
 
     In real time a frame is passed on when its time on the wire is over. A device's frame is on the
     wire from the time that it bears on, if nothing else was, and if that is not long ago: what this
@@ -79,6 +80,11 @@ class CanHub:
         Where to write every frame, in candump's format; seconds since 1970 in real time.
     faults
         What goes wrong; None for nothing.
+
+    Attributes
+    ----------
+    next_s
+        When the bus next has something to do by itself, at the last `advance` [s].
     """
 
     def __init__(
@@ -108,14 +114,28 @@ class CanHub:
         self._masters = 0
         self._horizon_ns = 0
         self._pace_from = (0, 0)
+        self.next_s = 0.0
 
     def run(self, stop_fds: Sequence[int], stop_at_ns: int = FOREVER_NS) -> None:
         """Serve until one of `stop_fds` is readable or CLOCK_MONOTONIC has reached `stop_at_ns`."""
-        while True:
-            wait_s = self._advance_realtime() if self._realtime else self._advance_lockstep()
-            left_s = (stop_at_ns - time.monotonic_ns()) * 1e-9
-            if left_s <= 0.0 or self._serve(stop_fds, min(wait_s, left_s, _LONGEST_SELECT_S)):
+        stop_at_s = stop_at_ns * 1e-9
+        while (now_s := time.monotonic()) < stop_at_s:
+            self.advance(now_s)
+            wait_s = min(self.next_s, stop_at_s) - time.monotonic()
+            if self._serve(stop_fds, min(max(0.0, wait_s), _LONGEST_SELECT_S)):
                 return
+
+    def advance(self, until_s: float) -> None:
+        """Do what is due on the bus until `until_s` [s, CLOCK_MONOTONIC].
+
+        In lock-step the clock only paces a bus without a master; otherwise all happens that can
+        before a client has to say something.
+        """
+        until_ns = round(until_s * 1e9)
+        if self._realtime:
+            self._advance_realtime(until_ns)
+        else:
+            self._advance_lockstep(until_ns)
 
     def close(self) -> None:
         """Disconnect every client and close the listening socket."""
@@ -128,19 +148,20 @@ class CanHub:
 
     # Real time
 
-    def _advance_realtime(self) -> float:
+    def _advance_realtime(self, until_ns: int) -> None:
         wire = self._wire
-        self._now_ns = time.monotonic_ns()
+        self._now_ns = until_ns
         while wire.next_ns <= self._now_ns:
             if (delivery := wire.step()) is not None:
                 self._deliver(delivery)
         self._give_out(observers_only=False)
-        return max(0.0, (wire.next_ns - time.monotonic_ns()) * 1e-9)
+        self.next_s = wire.next_ns * 1e-9
 
     # Lock-step
 
-    def _advance_lockstep(self) -> float:
-        """Move time on while nobody works; return how long to listen for clients [s]."""
+    def _advance_lockstep(self, until_ns: int) -> None:
+        """Move time on while nobody works."""
+        self.next_s = math.inf
         while self._busy == 0:
             next_ns = self._wire.next_ns
             for client in self._timed:
@@ -151,23 +172,22 @@ class CanHub:
                     self._now_ns = max(self._now_ns, self._horizon_ns)
                     self._admit_masters()
                     break
-                if not self._joining and (wait_s := self._pace(next_ns)) > 0.0:
-                    self._give_out(observers_only=True)
-                    return wait_s
+                if not self._joining and (wall_ns := self._pace(next_ns)) > until_ns:
+                    self.next_s = wall_ns * 1e-9
+                    break
             elif next_ns == FOREVER_NS:
                 break
             if next_ns > self._now_ns:
                 self._now_ns = next_ns
             self._handle_event()
         self._give_out(observers_only=True)
-        return FOREVER_NS * 1e-9
 
-    def _pace(self, next_ns: int) -> float:
-        """Return how long the wall clock still has to run until an event without a master [s]."""
+    def _pace(self, next_ns: int) -> int:
+        """Return when an event without a master happens, on CLOCK_MONOTONIC [ns]."""
         if next_ns > self._horizon_ns:
-            return FOREVER_NS * 1e-9
+            return FOREVER_NS
         wall_ns, simulated_ns = self._pace_from
-        return (next_ns - simulated_ns - (time.monotonic_ns() - wall_ns)) * 1e-9
+        return wall_ns + next_ns - simulated_ns
 
     def _handle_event(self) -> None:
         """Do what is due now: end a frame, wake clients, and only then start the next frame."""
@@ -216,17 +236,7 @@ class CanHub:
                 elif client.on_frames:
                     client.due_ns = min(client.due_ns, frame.time_ns + _LONGEST_BURST_NS)
         if self._log is not None:
-            stamp_us = (frame.time_ns + self._epoch_ns) // 1000
-            width, identifier = 3, frame.can_id
-            if frame.can_id & EXTENDED_FLAG:
-                width, identifier = 8, frame.can_id & EXTENDED_MASK
-            data = frame.data[: frame.length].hex().upper()
-            if frame.can_id & REMOTE_FLAG:
-                identifier, data = identifier & ~REMOTE_FLAG, f"R{frame.length}"
-            self._log.write(
-                f"({stamp_us // 1_000_000:010d}.{stamp_us % 1_000_000:06d}) {self._channel}"
-                f" {identifier:0{width}X}#{data}\n"
-            )
+            self._log.write(candump_line(frame, frame.time_ns + self._epoch_ns, self._channel))
 
     def _give_out(self, *, observers_only: bool) -> None:
         for client in [*self._clients.values()]:

@@ -46,7 +46,7 @@ _SYNC_PATIENCE = 1.5  # periods of 1006h without SYNC, as CANopenNode has it
 class SimulatedDrive:
     """A servo drive.
 
-    What it does by itself is due at `next_s`. Whoever runs it calls `tick` then, `receive` for
+    A `SimulatedDevice`. Whoever runs it calls `advance` at `next_s`, `receive` for
     every frame and `axis.observe` whenever its axis has moved, all in the order of time, and sends
     what `take_frames` returns.
 
@@ -106,7 +106,7 @@ class SimulatedDrive:
 
     @property
     def next_s(self) -> float:
-        """When `tick` is due [s]."""
+        """When it next has something to do by itself [s]."""
         due_s = min(
             self._boot_s,
             self._beat_s,
@@ -119,7 +119,18 @@ class SimulatedDrive:
             due_s = min(due_s, pdo.deadline_s)
         return due_s
 
-    def tick(self, now_s: float) -> None:
+    def advance(self, until_s: float) -> None:
+        """Do what is due until `until_s` [s], and what has changed by then."""
+        self._do_due(until_s)
+        self._now_s = until_s
+        self._send_changes()
+        self._do_due(until_s)
+
+    def _do_due(self, until_s: float) -> None:
+        while (due_s := self.next_s) <= until_s:
+            self._act(max(due_s, self._now_s))
+
+    def _act(self, now_s: float) -> None:
         """Do what is due at `now_s` [s]."""
         self._now_s = now_s
         if now_s >= self._boot_s:
@@ -128,7 +139,7 @@ class SimulatedDrive:
             self._beat_s += self.clock.lasts(self.objects[od.HEARTBEAT_PRODUCER] * 1e-3)
             if self.beats:
                 self._send(heartbeat_frame(self.node_id, self.nmt))
-        self.power.tick(now_s)
+        self.power.advance(now_s)
         for node_id in [node for node, due_s in self._silent_s.items() if now_s >= due_s]:
             del self._silent_s[node_id]
             self._lose_master(HEARTBEAT_LOST)

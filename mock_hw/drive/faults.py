@@ -65,7 +65,7 @@ class DriveFaults:
 
     @property
     def next_s(self) -> float:
-        """When `tick` is due [s]."""
+        """When the next fault begins or ends [s]."""
         coming = (*self._coming, *self._program)
         begins = (begin.at_s for begin, _ in coming if begin.at_s is not None)
         return min((*begins, *(due.time_s for due in self._due)), default=math.inf)
@@ -74,10 +74,11 @@ class DriveFaults:
         """Take notice of a frame, before the drives do; what begins in its cycle begins now."""
         self._cycles.see(frame.cob_id, frame.data)
         if self._coming or self._program:
-            self.tick(now_s)
+            self.advance(now_s)
 
-    def tick(self, now_s: float) -> None:
-        """Do what is due at `now_s` [s]."""
+    def advance(self, until_s: float) -> None:
+        """Begin and end what is due by `until_s` [s]."""
+        now_s = until_s
         for due in [due for due in self._due if due.time_s <= now_s]:
             self._due.remove(due)
             due.act(now_s)

@@ -77,7 +77,7 @@ class PowerStage:
     supplied
         Whether there is motor power; without it no command enables the drive.
     next_s
-        When `tick` is due: the end of a stopping ramp [s]; infinity when none runs.
+        When `advance` is due: the end of a stopping ramp [s]; infinity when none runs.
     """
 
     def __init__(self, objects: ObjectDictionary, clock: DriveClock | None = None) -> None:
@@ -187,9 +187,9 @@ class PowerStage:
         elif reaction == 3:
             self.quick_stop(now_s)
 
-    def tick(self, now_s: float) -> None:
+    def advance(self, until_s: float) -> None:
         """End the stopping ramp whose end has come."""
-        if self._after_ramp is not None and now_s >= self.next_s:
+        if self._after_ramp is not None and until_s >= self.next_s:
             self.switch_off(self._after_ramp)
 
     def _leave_operation(self, wanted: PowerState, now_s: float) -> None:

@@ -229,7 +229,9 @@ class Plant:
         outer_s = duration_s / outer_steps
         inner_steps = max(1, math.ceil(outer_s / INNER_STEP_S - 1e-9))
         inner_s = outer_s / inner_steps
-        gains = self._gains(inner_s)
+        inertia = rows.Inertia(self._mass, self._bias)
+        actuators = rows.Actuators(self._axes, command, self._spring)
+        torque_filter = rows.TorqueFilter(self._gains(inner_s), self._filter_state)
         for step in range(outer_steps):
             self._renew_rigid_bodies(0.5 * outer_s)
             before = self._state[: rows.ACCELERATION].copy() if self._watched is not None else None
@@ -238,14 +240,10 @@ class Plant:
                 inner_s,
                 self._time_s + step * outer_s,
                 step * outer_s,
-                self._mass,
-                self._bias,
-                self._axes,
-                command,
-                self._spring,
-                gains,
+                inertia,
+                actuators,
                 self._state,
-                self._filter_state,
+                torque_filter,
             )
             if self._watched is not None and before is not None:
                 last = step == outer_steps - 1

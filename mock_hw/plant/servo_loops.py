@@ -13,6 +13,7 @@ whose friction holds it has v⁺ = 0 exactly.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -97,20 +98,62 @@ def spring_torque(spring: Array, position: float) -> float:
     return float(stiffness * (length - free_length) * l_m * r_m * math.sin(position) / length)
 
 
+class Inertia(NamedTuple):
+    """The rigid bodies at the actuators.
+
+    Attributes
+    ----------
+    mass : ndarray, shape (n, n)
+        Mass matrix.
+    bias : ndarray, shape (n,)
+        Coriolis, centrifugal and gravity torques.
+    """
+
+    mass: Array
+    bias: Array
+
+
+class Actuators(NamedTuple):
+    """What the axes are and what they are told.
+
+    Attributes
+    ----------
+    axes, command : ndarray, shape (AXES_ROWS, n) and (COMMAND_ROWS, n)
+        Rows as named above.
+    spring : ndarray, shape (SPRING_ENTRIES,)
+        The gravity spring.
+    """
+
+    axes: Array
+    command: Array
+    spring: Array
+
+
+class TorqueFilter(NamedTuple):
+    """The filter behind the torque converter.
+
+    Attributes
+    ----------
+    gains : ndarray, shape (3, poles)
+        Per pole: exp(p h), and the weights of the torque at a step's beginning and end.
+    state : ndarray, shape (poles, n)
+        Changed in place.
+    """
+
+    gains: ComplexArray
+    state: ComplexArray
+
+
 @njit(cache=True)
 def advance_servo_loops(
     steps: int,
     step_s: float,
     start_s: float,
     since_command_s: float,
-    mass: Array,
-    bias: Array,
-    axes: Array,
-    command: Array,
-    spring: Array,
-    filter_gains: ComplexArray,
+    inertia: Inertia,
+    actuators: Actuators,
     state: Array,
-    filter_state: ComplexArray,
+    torque_filter: TorqueFilter,
 ) -> None:
     """Advance all axes by `steps` steps of `step_s`, in place.
 
@@ -119,18 +162,19 @@ def advance_servo_loops(
     steps, step_s
         How many steps, and how long one is [s].
     start_s, since_command_s
-        Time since the plant began, and since `command` began to hold [s].
-    mass, bias : (n, n), (n,)
-        Mass matrix and Coriolis, centrifugal and gravity torques at the actuators.
-    axes, command, state : (AXES_ROWS, n), (COMMAND_ROWS, n), (STATE_ROWS, n)
+        Time since the plant began, and since the command began to hold [s].
+    inertia
+        Held for all steps.
+    actuators
+        What the axes are and what they are told.
+    state : ndarray, shape (STATE_ROWS, n)
         Rows as named above.
-    spring : (SPRING_ENTRIES,)
-        The gravity spring.
-    filter_gains : (3, poles)
-        Per pole: exp(p h), and the weights of the torque at a step's beginning and end.
-    filter_state : (poles, n)
-        State of the torque filter.
+    torque_filter
+        What the torques are measured through.
     """
+    mass, bias = inertia
+    axes, command, spring = actuators
+    filter_gains, filter_state = torque_filter
     count = state.shape[1]
     system = np.empty((count, count))
     momentum = np.empty(count)

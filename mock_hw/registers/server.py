@@ -8,11 +8,14 @@ whoever asks lets simulated time wait for it.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import selectors
 import socket
 import ssl
 import threading
+import time
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,7 +121,7 @@ class DriveRegisters:
 
 
 class RegisterService:
-    """Serves until it is closed; a context manager.
+    """Serves until it is closed: a context manager and a `SimulatedDevice` on the computer's clock.
 
     Parameters
     ----------
@@ -154,6 +157,7 @@ class RegisterService:
         self._line_buffer = bytearray()
         self._tls: ssl.SSLContext | None = None
         self._byte_s = 0.0
+        self._due: deque[tuple[float, bytes]] = deque()
         self.port = 0
         link = settings.monitor.link
         try:
@@ -168,6 +172,18 @@ class RegisterService:
             raise TransportError(f"drive registers cannot be served: {error}") from None
         self._thread = threading.Thread(target=self._run, name="drive registers", daemon=True)
         self._thread.start()
+
+    @property
+    def next_s(self) -> float:
+        """When an answer has taken its time on the serial line [s, CLOCK_MONOTONIC]."""
+        return self._due[0][0] if self._due else math.inf
+
+    def advance(self, until_s: float) -> None:
+        """Hand over the answers that have come by `until_s` [s]."""
+        while self._due and self._due[0][0] <= until_s:
+            data = self._due.popleft()[1]
+            if self._line is not None:
+                self._line.write(data)
 
     def send_late_answers(self) -> None:
         """Send on the serial line what a fault has held back."""
@@ -258,17 +274,19 @@ class RegisterService:
         """Wait for bytes; a line with nobody at it hangs up and would wake this for ever."""
         if not line.listened:
             self._line_buffer.clear()
+            self._due.clear()
             self._stopped.wait(0.005)
             return
-        poll = selectors.DefaultSelector()
-        with poll:
+        with selectors.DefaultSelector() as poll:
             poll.register(self._stop, selectors.EVENT_READ)
             poll.register(line.fileno(), selectors.EVENT_READ)
-            poll.select()
-        data = line.read()
-        if not data:
-            return
-        self._line_buffer += data
-        for answer in self._registers.take_rtu(self._line_buffer):
-            self._stopped.wait((len(data) + len(answer)) * self._byte_s)
-            line.write(answer)
+            left_s = self.next_s - time.monotonic()
+            ready = poll.select(None if left_s == math.inf else max(0.0, left_s))
+        if ready:
+            data = line.read()
+            self._line_buffer += data
+            for answer in self._registers.take_rtu(self._line_buffer):
+                begin_s = max(time.monotonic(), self._due[-1][0] if self._due else 0.0)
+                takes_s = (len(data) + len(answer)) * self._byte_s
+                self._due.append((begin_s + takes_s, answer))
+        self.advance(time.monotonic())

@@ -140,7 +140,7 @@ class ObedientCell(can.BusABC):
             self._step(min(end_s, self.now_s + STEP_S) if powered else end_s)
         for drive in self.drives:
             if drive.next_s <= self.now_s:
-                drive.tick(self.now_s)
+                drive.advance(self.now_s)
         self._take()
         while self._events and self._events[0][0] <= self.now_s:
             time_s, _, frame = heapq.heappop(self._events)

@@ -122,7 +122,7 @@ class Bench:
                 if self.now_s >= time_s:
                     return
             else:
-                self.drive.tick(self.now_s)
+                self.drive.advance(self.now_s)
 
     def run_for(self, duration_s: float) -> None:
         self.run_to(self.now_s + duration_s)

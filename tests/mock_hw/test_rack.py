@@ -39,7 +39,7 @@ class Master:
         self.rack = rack
         self.nodes = [axis.node_id for axis in cell.axes]
         self.frames: list[tuple[float, Frame]] = []
-        rack.advance_to(0.1)
+        rack.advance(0.1)
         for node in self.nodes:
             for pdo in cyclic_pdos(node, "full"):
                 for write in pdo.writes():

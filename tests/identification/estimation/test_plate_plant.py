@@ -98,7 +98,7 @@ class RobotOnPlate:
             wrenches.append(plant.take_base_wrenches())
         ends = np.concatenate([end for end, _ in wrenches])
         charges = sensors.charges_pc(np.vstack([wrench for _, wrench in wrenches]))
-        made = amplifier.advance(float(ends[-1]), ends, charges)
+        made = amplifier.convert(float(ends[-1]), ends, charges)
         random = np.random.default_rng(seed)
         rows = np.zeros(len(made.time_s), dtype=ROW_DTYPE)
         late = 28 * 10 / setup.baud_rate + random.uniform(0.0, 0.005, len(rows))

@@ -41,7 +41,7 @@ def charge(forces: object) -> Array:
 
 def held(amplifier: ChargeAmplifier, forces: object, duration_s: float) -> AmplifierRows:
     now_s = amplifier.time_s
-    return amplifier.advance(now_s + duration_s, [now_s + 1e-9], [charge(forces)])
+    return amplifier.convert(now_s + duration_s, [now_s + 1e-9], [charge(forces)])
 
 
 def test_a_steady_force_since_operate_reads_as_that_force_in_counts() -> None:
@@ -110,7 +110,7 @@ def test_the_low_pass_is_the_butterworth_it_says_it_is() -> None:
         now_s = amplifier.time_s
         middles = ends - 0.5 * step_s
         force = 1000.0 * np.sin(2 * np.pi * frequency * middles)
-        rows = amplifier.advance(now_s + 2.0, now_s + ends, force[:, None] * np.array(PC_N))
+        rows = amplifier.convert(now_s + 2.0, now_s + ends, force[:, None] * np.array(PC_N))
         newtons = rows.counts[-1000:, 0] * NEWTONS[0]
         phase = 2 * np.pi * frequency * (rows.time_s[-1000:] - now_s)
         response = 2 * np.mean(newtons * np.exp(-1j * phase)) * 1j / 1000.0
@@ -124,7 +124,7 @@ def test_noise_is_white_of_the_stated_size_and_seeded() -> None:
     for seed in (1, 1, 2):
         amplifier = switched_on(seed, noise_v=0.01)
         amplifier.start()
-        runs.append(amplifier.advance(5.0).counts)
+        runs.append(amplifier.convert(5.0).counts)
     assert (runs[0] == runs[1]).all()
     assert (runs[0] != runs[2]).any()
     np.testing.assert_allclose(runs[0].std(axis=0) * 10.0 / 2**15, 0.01, rtol=0.05)
@@ -135,7 +135,7 @@ def test_noise_is_white_of_the_stated_size_and_seeded() -> None:
 def test_its_clock_is_its_own() -> None:
     amplifier = switched_on(clock_ppm=100.0, clock_offset_s=0.003)
     amplifier.start()
-    rows = [amplifier.advance(end_s) for end_s in np.arange(1, 1001) * 0.017]
+    rows = [amplifier.convert(end_s) for end_s in np.arange(1, 1001) * 0.017]
     device_s = np.concatenate([row.device_s for row in rows])
     time_s = np.concatenate([row.time_s for row in rows])
     assert len(device_s) == 17002 - 1  # 0.003 s + 17 s * 1.0001, from tick 4 on
@@ -168,9 +168,9 @@ def test_another_range_rescales_what_is_there() -> None:
 
 def test_time_never_runs_backwards() -> None:
     amplifier = switched_on()
-    amplifier.advance(1.0)
+    amplifier.convert(1.0)
     with pytest.raises(ValueError, match="before"):
-        amplifier.advance(0.5)
+        amplifier.convert(0.5)
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ class Bench:
         heard = b""
         for step in range(round(duration_s / step_s)):
             end_s = self.port.time_s + step_s
-            self.port.advance(end_s, [end_s], [REST])
+            self.port.feel(end_s, [end_s], [REST])
             heard += self.heard() if step % 8 == 7 else b""
         return heard + self.heard()
 
@@ -168,13 +168,13 @@ def test_in_real_time_bytes_are_held_until_they_have_arrived(make: Any) -> None:
     assert not arrivals_path(str(bench.path)).exists()
     assert bench.say(b"RO?\r") == b"", "two bytes take 43 us"
     assert bench.port.next_s < 0.002
-    bench.port.pass_on(0.0005)
+    bench.port.advance(0.0005)
     assert bench.heard() == b"0\r"
     bench.computer.write(b"RO?\r")
     bench.port.receive(bench.port.read(), REST, 0.5)
-    bench.port.pass_on(0.50001)
+    bench.port.advance(0.50001)
     assert bench.heard() == b""
-    bench.port.pass_on(0.6)
+    bench.port.advance(0.6)
     assert bench.heard() == b"0\r"
     assert bench.port.next_s == np.inf
 

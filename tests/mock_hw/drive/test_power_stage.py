@@ -87,7 +87,7 @@ def test_quick_stop_does_what_605a_says(
     if ramp_s:
         assert running.state is PowerState.QUICK_STOP_ACTIVE
         assert running.velocity_at(0.5 * ramp_s) == 500.0
-    running.tick(ramp_s)
+    running.advance(ramp_s)
     assert running.state is after
     assert running.velocity_at(ramp_s) == 0.0
 
@@ -130,7 +130,7 @@ def test_stepping_down_with_a_ramp(
     assert not running.following
     running.command(word, 0.4)
     assert running.next_s == 1.0, "repeating the command does not prolong the ramp"
-    running.tick(1.0)
+    running.advance(1.0)
     assert running.state is after
     objects[option] = 0
 
@@ -168,7 +168,7 @@ def test_no_order_of_events_enables_without_the_way_up_or_leaves_the_power_on_in
         before = power.state
         now_s += 0.008
         if power.next_s <= now_s:
-            power.tick(now_s)
+            power.advance(now_s)
             before = power.state
         if event == "fault":
             power.fault(now_s)
@@ -178,7 +178,7 @@ def test_no_order_of_events_enables_without_the_way_up_or_leaves_the_power_on_in
             power.set_target(1e5, now_s, 0.008)
         elif event == "wait":
             now_s += 100.0
-            power.tick(now_s)
+            power.advance(now_s)
         elif isinstance(event, int):
             power.command(event, now_s)
         if power.state is PowerState.OPERATION_ENABLED:

@@ -59,7 +59,6 @@ def registers(unit: int) -> dict[int, int] | None:
 
 
 def at_first(kind: Any, **more: Any) -> RegisterFault:
-    """What goes wrong with the first request."""
     return RegisterFault(kind=kind, at_request=0, **more)
 
 

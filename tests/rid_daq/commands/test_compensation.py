@@ -233,19 +233,17 @@ class TestStream:
         self, workshop: Path, capsys: pytest.CaptureFixture[str], measured: Callable[[str], None]
     ) -> None:
         arm = load_cell(str(workshop / "arm.yaml"))
-        assert arm.plant is not None
         script = FaultScript(bus=(FrameFault(kind="drop", joint="axis2", probability=0.04),))
         simulation = CellSimulation(arm.config, arm.robot, arm.plant, False, 1, faults=script)
         with SimulatedCell(simulation) as lossy:
-            served = workshop / "lossy.yaml"
-            served.write_text(to_yaml(lossy.cell))
+            (served := workshop / "lossy.yaml").write_text(to_yaml(lossy.cell))
             capsys.readouterr()
             words = ["stream", str(served), str(workshop / "circle.yaml"), "--json"]
             assert run([*words, *model_of(workshop)]) == 6
         quality = document(capsys)["quality"]
-        lost, rows = quality["lost_answers"]["axis2"], quality["rows"]
+        share = quality["lost_answers"]["axis2"] / quality["rows"]
         assert "joint 'axis2': " in quality["trouble"]
-        measured(f"'stream' that lost {100 * lost / rows:.1f} % of a drive's answers: exit 6")
+        measured(f"'stream' that lost {100 * share:.1f} % of a drive's answers: exit 6")
 
     def test_another_program_sends_a_path_never_seen(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
