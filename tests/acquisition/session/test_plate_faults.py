@@ -20,7 +20,7 @@ from acquisition.session.record import RecordOutcome, record_motion
 from acquisition.supervision.stop_reason import StopCode
 from config.cell.cell import CellConfig
 from config.load import LoadedCell, load_cell
-from mock_hw.amplifier.line_faults import FaultKind, LineFault, LineFaults
+from config.simulation.faults import AmplifierFault, FaultScript
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 

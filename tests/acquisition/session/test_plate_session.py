@@ -23,6 +23,7 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress
 from config.errors import PreflightError
 from config.load import LoadedCell, load_cell
+from config.simulation.faults import AmplifierFault, FaultScript
 from drivers.amplifier.amplifier import open_amplifier
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
