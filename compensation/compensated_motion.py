@@ -1,11 +1,15 @@
-"""A motion with the feedforward that a model and the velocity loops give it."""
+"""A motion beside a model of the robot: the torque that it takes, and its feedforward."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
-from acquisition.motion.samples import MotionSamples
+import numpy as np
+
+from acquisition.motion.motion_file import AnyMotion
+from acquisition.motion.samples import MotionSamples, Phase
 from compensation.feedforward.inverse import (
     FeedforwardTuning,
     periodic_feedforward,
@@ -13,11 +17,13 @@ from compensation.feedforward.inverse import (
 )
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import in_order
-from compensation.period_blend import turning_rows, with_period
 from config.arrays import FloatArray
+from config.errors import LimitError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
 from identification.estimation.estimate import Estimate, predict
+
+BLEND_S: Final = 0.3
 
 
 def compensated_motion(
@@ -93,3 +99,68 @@ def with_feedforward(
     if coupling is not None:
         own = own @ coupling.joints_by_motors.T
     return replace(samples, feedforward=with_period(samples, ahead, own))
+
+
+def turning_rows(samples: MotionSamples) -> tuple[int, int]:
+    """Return the first row of a periodic motion's first period, and the one after its last."""
+    turning = np.flatnonzero((samples.phase == Phase.MAIN) | (samples.phase == Phase.TRANSIENT))
+    return int(turning[0]), int(turning[-1]) + 1
+
+
+def with_period(samples: MotionSamples, rows: FloatArray, period: FloatArray) -> FloatArray:
+    """Return rows of a motion that go over into those of its last period, and out again.
+
+    Parameters
+    ----------
+    samples : MotionSamples
+        A periodic motion.
+    rows : ndarray, shape (samples, n)
+        Values before and after the periods.
+    period : ndarray, shape (samples_per_period, n)
+        Values of its last period, and of every other.
+    """
+    first, last = turning_rows(samples)
+    number = np.arange(len(samples))
+    # The motion's row k is row (k - last) of the period, everywhere.
+    exact = period[(number - last) % len(period)]
+    over = max(1, round(BLEND_S / samples.sample_period_s))
+    x = np.clip(np.minimum(number - first, last + over - number) / over, 0.0, 1.0)
+    weight = (x * x * (3.0 - 2.0 * x))[:, np.newaxis]
+    return np.asarray(rows + weight * (exact - rows))
+
+
+def refuse_torque(
+    motion: AnyMotion, samples: MotionSamples, estimate: Estimate, robot: RobotDescription
+) -> None:
+    """Refuse a motion that takes more torque than a joint has.
+
+    Parameters
+    ----------
+    motion : AnyMotion
+        What its file says.
+    samples : MotionSamples
+        The motion as planned.
+    estimate : Estimate
+        The model that predicts its torque.
+    robot : RobotDescription
+        The limits.
+
+    Raises
+    ------
+    LimitError
+        It does; the text names joint, time and, of a path, the segment.
+    """
+    torque = np.abs(predict(estimate, samples.position, samples.velocity, samples.acceleration))
+    for j, joint in enumerate(robot.joints):
+        row = int(torque[:, j].argmax())
+        if torque[row, j] <= joint.limits.torque:
+            continue
+        unit = "N m" if joint.type == "revolute" else "N"
+        where = f"at {row * samples.sample_period_s:.4g} s"
+        place = motion.where(robot, samples.sample_period_s, row)
+        if place:
+            where += f", {place},"
+        raise LimitError(
+            f"{where} the motion takes {torque[row, j]:.4g} {unit} of joint {joint.name!r} by the"
+            f" model, its limit is {joint.limits.torque:g}: drive it more slowly"
+        )

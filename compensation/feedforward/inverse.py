@@ -14,17 +14,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from acquisition.signals.bins import from_bins, to_bins
-from compensation.feedforward.rest_to_rest import returned
-from compensation.loops.command_path import interpolation_response
+from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray, read_only
 from config.errors import ConfigError
+from config.robot.robot import RobotDescription
 
-CYCLES_TO_ACT = 2.0
+CYCLES_TO_ACT: Final = 2.0
+REST_S: Final = 1.5
+RETURN_S: Final = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,21 @@ class FeedforwardTuning:
     def none(cls, joints: int) -> FeedforwardTuning:
         """Return the tuning that changes nothing."""
         return cls(np.ones(joints), np.zeros(joints))
+
+
+def refuse_coupled_wrist(robot: RobotDescription, what: str) -> None:
+    """Refuse what works joint by joint for a robot whose motors do not.
+
+    Raises
+    ------
+    ConfigError
+        The robot's wrist is coupled; `what` is named.
+    """
+    if robot.coupling is not None:
+        raise ConfigError(
+            f"robot {robot.name}: {what} works joint by joint, and this robot's wrist is coupled;"
+            " use `rid-daq compensate` without it"
+        )
 
 
 def inverse_response(
@@ -147,6 +165,34 @@ class InverseFilter:
         self._carried = self._decay * self._carried + self._old * self._last + self._new * torque_nm
         self._last = torque_nm
         return np.asarray((torque_nm - self._carried) / self.gain)
+
+
+def padding_rows(step_s: float) -> int:
+    """Return the rows of the return, with a rest before and after it."""
+    return round((2.0 * REST_S + RETURN_S) / step_s)
+
+
+def returned(values: FloatArray, step_s: float) -> FloatArray:
+    """Return a signal with a smooth way back to its first row, so that its bins have no jump.
+
+    The return is far longer than a velocity loop's integral time: nothing of it is left when the
+    motion begins.
+
+    Parameters
+    ----------
+    values : ndarray, shape (samples, n)
+        A signal that rests at both ends.
+    step_s : float
+        Time between rows [s].
+
+    Returns
+    -------
+    ndarray, shape (samples + padding_rows, n)
+    """
+    rows = padding_rows(step_s)
+    x = np.clip((np.arange(1, rows + 1) * step_s - REST_S) / RETURN_S, 0.0, 1.0)[:, np.newaxis]
+    share = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    return np.concatenate([values, values[-1] + share * (values[0] - values[-1])])
 
 
 def rest_to_rest_feedforward(

@@ -27,11 +27,9 @@ from numpy.typing import NDArray
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.signals.bins import from_bins, to_bins
-from compensation.feedforward.coupled_wrist import refuse_coupled_wrist
-from compensation.feedforward.inverse import inverse_response
+from compensation.feedforward.inverse import inverse_response, refuse_coupled_wrist, returned
 from compensation.feedforward.repeated_error import RepeatedError
-from compensation.feedforward.rest_to_rest import returned
-from compensation.loops.command_path import interpolation_response
+from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray
 from config.errors import DataQualityError
@@ -213,22 +211,10 @@ def _likely(loop: VelocityLoop) -> list[VelocityLoop]:
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     root = np.linalg.cholesky(loop.covariance + 1e-18 * np.eye(len(loop.names)))
     reach = math.sqrt(_CHI2_95[min(len(loop.names), len(_CHI2_95)) - 1])
-    found = []
-    for step in reach * ways @ root.T:
-        change = dict(zip(loop.names, step.tolist(), strict=True))
-        found.append(
-            replace(
-                loop,
-                gain=max(loop.gain + change.get("gain", 0.0), 1e-3 * loop.gain),
-                integral_time_s=max(
-                    loop.integral_time_s + change.get("integral_time_s", 0.0),
-                    1e-3 * loop.integral_time_s,
-                ),
-                delay_s=max(loop.delay_s + change.get("delay", 0.0), 0.0),
-                lag_s=max(loop.lag_s + change.get("lag", 0.0), 0.0),
-            )
-        )
-    return found
+    return [
+        loop.moved(dict(zip(loop.names, step.tolist(), strict=True)))
+        for step in reach * ways @ root.T
+    ]
 
 
 _CHI2_95: Final = (3.841, 5.991, 7.815, 9.488)

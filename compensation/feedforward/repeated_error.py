@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
-from compensation.feedforward.rest_to_rest import padding_rows, returned
+from compensation.feedforward.inverse import padding_rows, returned
 from config.arrays import FloatArray, read_only
 from config.errors import DataQualityError
 

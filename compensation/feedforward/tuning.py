@@ -20,10 +20,13 @@ from numpy.typing import NDArray
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.signals.bins import differentiate_on_bins, to_bins
-from compensation.feedforward.coupled_wrist import refuse_coupled_wrist
-from compensation.feedforward.inverse import FeedforwardTuning, inverse_response
+from compensation.feedforward.inverse import (
+    FeedforwardTuning,
+    inverse_response,
+    refuse_coupled_wrist,
+)
 from compensation.feedforward.repeated_error import RepeatedError
-from compensation.loops.command_path import interpolation_response
+from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray, read_only
 from config.errors import DataQualityError

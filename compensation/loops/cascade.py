@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensation.loops.axis_mechanics import AxisMechanics
-from compensation.loops.command_path import interpolation_response
+from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray
 from config.errors import EstimationError

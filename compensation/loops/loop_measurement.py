@@ -19,13 +19,16 @@ from acquisition.recording.recording import Recording
 from acquisition.signals.bins import filter_response
 from compensation.loops.axis_mechanics import fit_axis_mechanics
 from compensation.loops.cascade import Cascade
-from compensation.loops.command_path import interpolation_response
 from compensation.loops.frequency_response import (
     FrequencyResponse,
     controller_responses,
     mechanics_responses,
 )
-from compensation.loops.multisine_spectra import MultisineSpectra, multisine_spectra
+from compensation.loops.multisine_spectra import (
+    MultisineSpectra,
+    interpolation_response,
+    multisine_spectra,
+)
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
 from config.robot.robot import RobotDescription
 

@@ -12,7 +12,6 @@ from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import filter_response
-from compensation.loops.command_path import interpolation_response
 from config.arrays import FloatArray, IntArray, PhaseArray
 from config.cell.cell import ButterworthFilter
 from config.errors import DataQualityError
@@ -174,3 +173,21 @@ def _main_parts(phase: PhaseArray) -> list[tuple[int, int]]:
     main = np.concatenate([[0], (phase == Phase.MAIN).astype(int), [0]])
     edges = np.flatnonzero(np.diff(main)).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def interpolation_response(frequency_hz: FloatArray, cycle_time_s: float) -> Complex:
+    """Return how commands that are sent once a cycle reach the velocity loop.
+
+    What is sent in cycle k acts from SYNC k+1 on, and the drive goes to it linearly within that
+    cycle: a triangle two cycles wide, two cycles late.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (lines,)
+        Where.
+    cycle_time_s : float
+        The cycle [s].
+    """
+    late = np.exp(-2j * math.pi * frequency_hz * 2.0 * cycle_time_s)
+    bent = np.sinc(frequency_hz * cycle_time_s) ** 2
+    return np.asarray(bent * late, dtype=complex)

@@ -9,8 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from compensation.feedforward.coupled_wrist import refuse_coupled_wrist
-from compensation.feedforward.inverse import CYCLES_TO_ACT, FeedforwardTuning
+from compensation.feedforward.inverse import CYCLES_TO_ACT, FeedforwardTuning, refuse_coupled_wrist
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online_kernel import (
     AXES_ROWS,

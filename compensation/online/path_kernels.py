@@ -26,8 +26,10 @@ Q: Final = 0  # rows of a node: position, velocity, acceleration, torque at full
 V: Final = 1
 A: Final = 2
 TAU: Final = 3
-SWIFT: Final = 4  # of the segment that ends there: its largest speed,
-ALONG: Final = 5  # and its least acceleration along the motion, the worst either way at a turn
+# Of the segment that ends there: its largest speed, and its least acceleration along the motion,
+# the worst either way at a turn.
+MAX_SPEED: Final = 4
+MIN_ACCELERATION: Final = 5
 NODE_ROWS: Final = 6
 
 # Rows of `axes`, a column a joint.
@@ -60,10 +62,10 @@ ENDED: Final = 1
 REFUSED: Final = 2
 
 NOT_FINITE: Final = 1
-POSITION: Final = 2
-FAST: Final = 3
-JERKED: Final = 4
-HEAVY: Final = 5
+POSITION_LIMIT: Final = 2
+SPEED_LIMIT: Final = 3
+ACCELERATION_LIMIT: Final = 4
+TORQUE_LIMIT: Final = 5
 
 # Numbers of `pace`.
 OFFSET: Final = 0  # time into the segment at full rate [s]
@@ -125,7 +127,7 @@ def take_points(
                 _refuse(counts, pace, NOT_FINITE, j, read - 1, point[j], 0.0)
             elif not axes[LOW, j] <= point[j] <= axes[HIGH, j]:
                 limit = axes[LOW, j] if point[j] < axes[LOW, j] else axes[HIGH, j]
-                _refuse(counts, pace, POSITION, j, read - 1, point[j], limit)
+                _refuse(counts, pace, POSITION_LIMIT, j, read - 1, point[j], limit)
             if counts[CLOSED] != OPEN:
                 break
         if counts[CLOSED] == OPEN:
@@ -190,7 +192,7 @@ def _push(
     for j in range(n):
         limit = axes[TORQUE, j]
         if abs(node[TAU, j]) > limit:  # what is not a number is the compensation's doubt
-            _refuse(counts, pace, HEAVY, j, which, node[TAU, j], limit)
+            _refuse(counts, pace, TORQUE_LIMIT, j, which, node[TAU, j], limit)
     if counts[CLOSED] == OPEN:
         counts[KNOWN] = k + 1
 
@@ -216,27 +218,27 @@ def _judge(
         high = max(p0, p1, p2, p3, p4, p5)
         slack = 1e-9 + 0.01 * abs(p5 - p0)
         if low < axes[LOW, j] - slack:
-            _refuse(counts, pace, POSITION, j, which, low, axes[LOW, j])
+            _refuse(counts, pace, POSITION_LIMIT, j, which, low, axes[LOW, j])
         if high > axes[HIGH, j] + slack:
-            _refuse(counts, pace, POSITION, j, which, high, axes[HIGH, j])
+            _refuse(counts, pace, POSITION_LIMIT, j, which, high, axes[HIGH, j])
         v1, v2, v3 = 5.0 * (p2 - p1) / h, 5.0 * (p3 - p2) / h, 5.0 * (p4 - p3) / h
         slowest = min(begin[V, j], v1, v2, v3, end[V, j])
         fastest = max(begin[V, j], v1, v2, v3, end[V, j])
-        swift = max(fastest, -slowest)
-        if not swift <= axes[SPEED, j]:
-            _refuse(counts, pace, FAST, j, which, swift, axes[SPEED, j])
+        speed = max(fastest, -slowest)
+        if not speed <= axes[SPEED, j]:
+            _refuse(counts, pace, SPEED_LIMIT, j, which, speed, axes[SPEED, j])
         a1, a2 = 4.0 * (v2 - v1) / h, 4.0 * (v3 - v2) / h
         least = min(begin[A, j], a1, a2, end[A, j])
         most = max(begin[A, j], a1, a2, end[A, j])
         size = max(most, -least)
         if not size <= axes[ACCELERATION, j]:
-            _refuse(counts, pace, JERKED, j, which, size, axes[ACCELERATION, j])
-        end[SWIFT, j] = swift
-        end[ALONG, j] = -size
+            _refuse(counts, pace, ACCELERATION_LIMIT, j, which, size, axes[ACCELERATION, j])
+        end[MAX_SPEED, j] = speed
+        end[MIN_ACCELERATION, j] = -size
         if slowest >= 0.0:
-            end[ALONG, j] = least
+            end[MIN_ACCELERATION, j] = least
         elif fastest <= 0.0:
-            end[ALONG, j] = -most
+            end[MIN_ACCELERATION, j] = -most
 
 
 @kernel
@@ -262,11 +264,12 @@ def plan_stop(
         segment = nodes[(i + 1) % length]
         best = 1.0
         for j in range(n):
-            limit, swift, along = axes[ACCELERATION, j], segment[SWIFT, j], segment[ALONG, j]
-            if along < 0.0:  # worst where the rate is still high
-                best = min(best, (swift * x + twice * limit) / (swift - twice * along))
-            elif swift > 1e-12:
-                best = min(best, x + twice * (limit + along * x) / swift)
+            limit = axes[ACCELERATION, j]
+            speed, least = segment[MAX_SPEED, j], segment[MIN_ACCELERATION, j]
+            if least < 0.0:  # worst where the rate is still high
+                best = min(best, (speed * x + twice * limit) / (speed - twice * least))
+            elif speed > 1e-12:
+                best = min(best, x + twice * (limit + least * x) / speed)
         x = max(best, 0.0)
         profile[i % length] = x
     safe = counts[NODE] - 1

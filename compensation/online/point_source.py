@@ -31,30 +31,30 @@ from compensation.online.online_kernel import (
     next_set_point,
 )
 from compensation.online.path_kernels import (
+    ACCELERATION_LIMIT,
     ALLOWED,
     ARRIVED,
     BEFORE,
     CLOSED,
-    FAST,
     FOUND,
-    HEAVY,
     HIGH,
     HORIZON,
-    JERKED,
     KNOWN,
     LOW,
     NODE,
     NODE_ROWS,
     NOT_FINITE,
     OPEN,
-    POSITION,
+    POSITION_LIMIT,
     REFUSED,
     SAFE,
     SPARE,
+    SPEED_LIMIT,
     STATE,
     TAKEN,
     TAU,
     TORQUE,
+    TORQUE_LIMIT,
     WHICH,
     WHOSE,
     WHY,
@@ -76,9 +76,9 @@ PAUSE_S: Final = 0.0005
 LONGEST_STREAM_S: Final = 3600.0
 
 _WHAT: Final = {
-    POSITION: ("position", ""),
-    FAST: ("speed", "/s"),
-    JERKED: ("acceleration", "/s^2"),
+    POSITION_LIMIT: ("position", ""),
+    SPEED_LIMIT: ("speed", "/s"),
+    ACCELERATION_LIMIT: ("acceleration", "/s^2"),
 }
 
 
@@ -314,7 +314,7 @@ class PointSource:
         if why == NOT_FINITE:
             text = f"{where}: the position is not a number"
             limits = {"joint": joint.name}
-        elif why == HEAVY:
+        elif why == TORQUE_LIMIT:
             text = (
                 f"{where}: the model asks for a torque of {found:.4g}, the limit is {allowed:.4g}"
             )

@@ -12,10 +12,9 @@ import typer
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.runs.catalogue import find_run
-from compensation.compensated_motion import compensated_motion
+from compensation.compensated_motion import compensated_motion, refuse_torque
 from compensation.feedforward.file import Origin, TuningEntry, write_feedforward
 from compensation.feedforward.repeated_error import repeated_error
-from compensation.feedforward.torque_limits import refuse_torque
 from compensation.feedforward.tuning import tune
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import in_order

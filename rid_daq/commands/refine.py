@@ -11,12 +11,12 @@ import typer
 
 from acquisition.motion.limits import verify_limits
 from acquisition.runs.catalogue import find_runs
+from compensation.compensated_motion import with_period
 from compensation.feedforward.file import Origin, RefinementEntry, write_feedforward
 from compensation.feedforward.refinement import Refinement, refinement
 from compensation.feedforward.repeated_error import RepeatedError, repeated_error
 from compensation.loops.loop_file import read_loops
 from compensation.online.online import in_order
-from compensation.period_blend import with_period
 from config.errors import ConfigError, DataQualityError
 from identification.estimation.file import read_estimate
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run, sha256_of

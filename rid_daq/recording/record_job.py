@@ -11,8 +11,8 @@ from acquisition.motion.rehearsal import SLOWER, rehearsal
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.manifest import require_label
 from acquisition.session.frame_recorder import require_listenable
+from compensation.compensated_motion import refuse_torque
 from compensation.feedforward.file import LARGEST_FILE_BYTES
-from compensation.feedforward.torque_limits import refuse_torque
 from config.cell.cell import CellConfig
 from config.formats.bounded_file import read_file
 from config.formats.yaml_tree import MAX_BYTES

@@ -12,7 +12,7 @@ from acquisition.motion.kinds.circle import CircleMotion
 from acquisition.motion.kinds.tool_path import PathMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.recording.recording import Recording
-from compensation.compensated_motion import compensated_motion
+from compensation.compensated_motion import compensated_motion, refuse_torque, with_period
 from compensation.feedforward.refinement import (
     Refinement,
     refinement,
@@ -20,11 +20,9 @@ from compensation.feedforward.refinement import (
     without_jumps,
 )
 from compensation.feedforward.repeated_error import RepeatedError, repeated_error
-from compensation.feedforward.torque_limits import refuse_torque
 from compensation.feedforward.tracking_error import TrackingError, tracking_error
 from compensation.feedforward.tuning import tune
 from compensation.loops.velocity_loop import VelocityLoop
-from compensation.period_blend import with_period
 from config.errors import ConfigError, DataQualityError
 from config.load import LoadedCell
 from dynamics.geometry.kinematics import Chain

@@ -15,7 +15,6 @@ from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
 from benchmarks.closed_loop import closed_loop
 from benchmarks.velocity_loop import Proof, prove
-from compensation.loops.command_path import interpolation_response
 from compensation.loops.frequency_response import (
     Distortion,
     FrequencyResponse,
@@ -23,7 +22,7 @@ from compensation.loops.frequency_response import (
 )
 from compensation.loops.loop_measurement import measure_loops
 from compensation.loops.multisine_motion import multisine_motion
-from compensation.loops.multisine_spectra import multisine_spectra
+from compensation.loops.multisine_spectra import interpolation_response, multisine_spectra
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop, whiteness
 from config.errors import DataQualityError, EstimationError
 from config.load import LoadedCell
