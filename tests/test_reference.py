@@ -17,7 +17,8 @@ def test_the_reference_pages_are_what_the_code_says() -> None:
         "import importlib.util, json\n"
         f"spec = importlib.util.spec_from_file_location('make', {str(REFERENCE / 'make.py')!r})\n"
         "make = importlib.util.module_from_spec(spec); spec.loader.exec_module(make)\n"
-        "print(json.dumps([make.command_line(), make.files()]))\n"
+        "pages = make.command_line(), make.files(), make.results(), make.result_schema()\n"
+        "print(json.dumps(pages))\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -26,7 +27,7 @@ def test_the_reference_pages_are_what_the_code_says() -> None:
         check=True,
         env={**os.environ, "PYTHONIOENCODING": "utf-8"},
     )
-    command_line, files = json.loads(done.stdout)
     how = "run: .venv/bin/python docs/reference/make.py"
-    assert (REFERENCE / "command-line.md").read_text(encoding="utf-8") == command_line, how
-    assert (REFERENCE / "files.md").read_text(encoding="utf-8") == files, how
+    names = ("command-line.md", "files.md", "results.md", "result.schema.json")
+    for name, page in zip(names, json.loads(done.stdout), strict=True):
+        assert (REFERENCE / name).read_text(encoding="utf-8") == page, how

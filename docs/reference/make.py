@@ -75,6 +75,27 @@ def files() -> str:
     return "\n".join(parts)
 
 
+def results() -> str:
+    """Return the page of `result.json`: every section, every key, its kind."""
+    from rid_daq.report.result import SCHEMA, Result
+
+    parts = [
+        "# Results\n\nGenerated from the schema. `result.json` of a run holds every number of its"
+        " report; `result.schema.json` beside this page is its JSON schema. A key that is left"
+        " out or null means that nothing was computed. Keys may be added within a version of the"
+        f" document (`schema`: {SCHEMA!r}); none is renamed or removed.\n"
+    ]
+    _model(Result, [], parts)
+    return "\n".join(parts)
+
+
+def result_schema() -> str:
+    """Return the JSON schema of `result.json`."""
+    from rid_daq.report.result import Result
+
+    return json.dumps(Result.model_json_schema(), ensure_ascii=False, indent=1) + "\n"
+
+
 def _own_commands(name: str) -> list[str]:
     """Return the commands of a command that has its own."""
     import typer
@@ -102,7 +123,9 @@ def _model(model: type[BaseModel], seen: list[type[BaseModel]], parts: list[str]
     inner: list[type[BaseModel]] = []
     for name, field in model.model_fields.items():
         kind, models = _kind(field.annotation)
-        parts.append(f"| `{name}` | {kind}{_bounds(field.metadata)} | {_default(field)} |")
+        parts.append(
+            f"| `{field.alias or name}` | {kind}{_bounds(field.metadata)} | {_default(field)} |"
+        )
         inner += models
     parts.append("")
     for child in inner:
@@ -169,9 +192,11 @@ def _kind(annotation: Any) -> tuple[str, list[type[BaseModel]]]:
 
 
 def main() -> None:
-    """Write both pages."""
+    """Write all pages."""
     (HERE / "command-line.md").write_text(command_line(), encoding="utf-8")
     (HERE / "files.md").write_text(files(), encoding="utf-8")
+    (HERE / "results.md").write_text(results(), encoding="utf-8")
+    (HERE / "result.schema.json").write_text(result_schema(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -173,3 +173,16 @@ def weight_parameters(estimate: Estimate) -> IntArray:
     size = np.abs(phi).max(axis=(0, 1))
     same = np.ptp(phi, axis=0).max(axis=0) <= 1e-9 * size
     return np.flatnonzero(same & (size > 0.0))
+
+
+def weight_words(estimate: Estimate) -> tuple[str, ...]:
+    """Return the parameters that only the standing weight shows, in words.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of any model; without a force plate there are none.
+    """
+    if estimate.options.kind == "internal":
+        return ()
+    return tuple(estimate.base.expressions[i] for i in weight_parameters(estimate))

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from acquisition.runs.catalogue import find_run
-from rid_daq.report.result import write_result
-from rid_daq.report.sections import average_section
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.average import AverageSection
 from rid_daq.runs.run_data import RunData, Unfinished, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
@@ -29,9 +29,8 @@ def average(
     console = Console(as_json)
     data = RunData.load(find_run(runs, run), unfinished=unfinished)
     notes = tell_lacks(console, [data])
-    section = average_section(data.average, data.robot)
-    result = result_of(data, notes) | {"average": section}
-    path = write_result(data.folder, result)
+    section = AverageSection.of(data.average, data.robot)
+    path = write_result(data.folder, result_of(data, notes).updated(average=section))
     console.document(
         {
             "run": data.folder.run_id,
@@ -40,18 +39,5 @@ def average(
             "report": str(path),
         }
     )
-    console.say(section["sentence"])
-    for period in section["rejected"]:
-        console.say(f"  period {period['index'] + 1} rejected: {period['reason']}")
-    console.table(
-        ("axis", "torque noise", "position noise"),
-        [
-            (
-                axis["joint"],
-                f"{axis['torque_noise']:.4g} {axis['torque_unit']}",
-                f"{axis['position_noise']:.3g} {axis['unit']}",
-            )
-            for axis in section["axes"]
-        ],
-    )
+    section.print(console)
     console.say(f"Report: {path}")

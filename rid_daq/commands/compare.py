@@ -15,8 +15,8 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
 from identification.validation.torque_prediction import validate
-from rid_daq.report.render import number
-from rid_daq.report.result import check, verdict
+from rid_daq.report.formats import number
+from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.runs.run_data import RunData, Unfinished, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
@@ -64,7 +64,7 @@ def compare(
     notes = tell_lacks(console, judged)
     predictions = [_prediction(sides, data) for data in judged]
     worst = difference.worst
-    line = check(
+    line = Check.of(
         f"largest difference ({difference.names[worst]})",
         float(abs(difference.sigmas[worst])),
         "≤",
@@ -74,14 +74,14 @@ def compare(
     headline = (
         "The two agree: noise explains every difference"
         if difference.agree
-        else f"They differ: {difference.names[worst]} by {number(line['value'], 3)} sigmas, noise"
+        else f"They differ: {difference.names[worst]} by {number(line.value, 3)} sigmas, noise"
         f" explains {number(difference.limit_sigmas, 3)}"
     )
     console.document(
         {
             "first": sides[0].name,
             "second": sides[1].name,
-            "verdict": verdict([line], headline, _sentence(difference)),
+            "verdict": Verdict.of([line], headline, _sentence(difference)),
             "parameters": _parameters(difference),
             "only_first": list(difference.only_first),
             "only_second": list(difference.only_second),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -15,8 +15,14 @@ from identification.design.two_harmonic import design_two_harmonic
 from rid_daq.demo.demo_paths import PathMotions
 from rid_daq.demo.demo_story import DEMO_CELL, Motions
 from rid_daq.demo.parallel import run_stories
-from rid_daq.report.result import Result, check, new_result, verdict, write_result
-from rid_daq.report.sections import cell_section, truth_case
+from rid_daq.report.result import Result, WithoutUnmodelled
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.runs import CellSection
+from rid_daq.report.sections.timing import Timing
+from rid_daq.report.sections.tracking import TrackingSection
+from rid_daq.report.sections.truth import TruthCase
+from rid_daq.report.sections.validation import ValidationSection
+from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.console import AsJson, Console
@@ -81,110 +87,121 @@ def demo(
             total_s += chapter.duration_s(loaded.robot, cycle_s)
         motions = Motions(excitation, validation, chapter)
         stories = run_stories(folder, motions, total_s, seed, console)
-        result = new_result(
-            f"rid-daq demo on the simulated cell {loaded.config.name}", loaded.robot.name
+        on, off = stories[True], stories[False]
+        truth = (
+            TruthCase.compared("effects that no model has: on", on.estimate),
+            TruthCase.compared("effects that no model has: off", off.estimate),
         )
-        result["cell"] = cell_section(loaded.config)
-        result["seed"] = seed
-        _tell_main_story(result, stories[True])
-        result["truth"] = [
-            truth_case("effects that no model has: on", stories[True]["estimate"]),
-            truth_case("effects that no model has: off", stories[False]["estimate"]),
-        ]
-        result["without_unmodelled"] = {
-            key: stories[False][key] for key in ("average", "estimate", "validation")
-        }
-        result["verdict"] = _verdict(result)
-        result["timing"] = {
-            "elapsed_s": time.monotonic() - started_s,
-            "created_utc": folder.manifest().created_utc,
-            "run_ids": [run for story in stories.values() for run in story["run_ids"]],
-            "loops": stories[True]["loops"],
-        }
+        judged = _verdict(on.validation, truth, on.tracking)
+        title = f"rid-daq demo on the simulated cell {loaded.config.name}"
+        result = Result.new(title, loaded.robot.name).updated(
+            cell=CellSection.of(loaded.config),
+            seed=seed,
+            runs=on.runs,
+            average=on.average,
+            estimate=on.estimate,
+            validation=on.validation,
+            curves=on.curves,
+            tracking=on.tracking,
+            truth=truth,
+            without_unmodelled=WithoutUnmodelled(
+                average=off.average, estimate=off.estimate, validation=off.validation
+            ),
+            verdict=judged,
+            timing=Timing(
+                elapsed_s=time.monotonic() - started_s,
+                created_utc=folder.manifest().created_utc,
+                run_ids=(*on.run_ids, *off.run_ids),
+                loops=on.loops,
+            ),
+        )
         report = write_result(folder, result)
-        passed = result["verdict"]["passed"]
+        passed = judged.passed
         folder.finish(RunStatus.COMPLETE, {"verdict": "passed" if passed else "failed"})
-    console.document(result | {"folder": str(folder.path), "report": str(report)})
+    document = result.model_dump(mode="json", by_alias=True)
+    console.document({**document, "folder": str(folder.path), "report": str(report)})
     _say(console, result)
-    console.verdict(passed, result["verdict"]["headline"])
+    console.verdict(passed, judged.headline)
     console.say(f"Report: {report}")
     if not passed:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
 
 
-def _tell_main_story(result: Result, story: dict[str, Any]) -> None:
-    for key in ("runs", "average", "estimate", "validation", "curves", "tracking"):
-        if key in story:
-            result[key] = story[key]
-
-
-def _verdict(result: Result) -> dict[str, Any]:
-    worst = max(result["validation"]["axes"], key=lambda axis: axis["error_over_floor"])
-    on, off = result["truth"]
+def _verdict(
+    validation: ValidationSection,
+    truth: tuple[TruthCase, TruthCase],
+    tracking: TrackingSection | None,
+) -> Verdict:
+    over = {axis.joint: axis.error_over_floor or 0.0 for axis in validation.axes}
+    worst = max(over, key=lambda joint: over[joint])
+    on, off = truth
     checks = [
-        check(
-            f"validation error over the floor, worst axis ({worst['joint']})",
-            worst["error_over_floor"],
+        Check.of(
+            f"validation error over the floor, worst axis ({worst})",
+            over[worst],
             "≤",
             FLOOR_RATIO_LIMIT,
         ),
-        check(
+        Check.of(
             "true parameters inside two sigma, unmodelled effects off",
-            100.0 * off["inside"] / off["of"],
+            100.0 * off.inside / off.of,
             "≥",
             100.0 * INSIDE_SHARE_LIMIT,
             "%",
         ),
+        *([] if tracking is None else _path_checks(tracking)),
     ]
-    checks += _path_checks(result)
-    passed = all(line["passed"] for line in checks)
-    closer = ", and paths are followed many times closer" if "tracking" in result else ""
-    return verdict(
+    passed = all(line.passed for line in checks)
+    closer = "" if tracking is None else ", and paths are followed many times closer"
+    return Verdict.of(
         checks,
         f"Passed: the model predicts the validation run as well as the truth does{closer}"
         if passed
         else "Failed: see the line marked NO",
         f"The floor is the error that the plant's true parameters leave: noise, and effects that no"
-        f" model has. With those effects on, {on['inside']} of {on['of']} true parameters lie"
-        f" inside their interval; with them off, {off['inside']} of {off['of']}.",
+        f" model has. With those effects on, {on.inside} of {on.of} true parameters lie"
+        f" inside their interval; with them off, {off.inside} of {off.of}.",
     )
 
 
-def _path_checks(result: Result) -> list[dict[str, Any]]:
+def _path_checks(tracking: TrackingSection) -> list[Check]:
     """Return what the compensated paths are held to: the circle, then what tuned nothing."""
-    if "tracking" not in result:
-        return []
     checks = []
-    for (what, limits), motion in zip(PATH_LIMITS, result["tracking"]["motions"], strict=True):
-        for key, words, limit in zip(
-            ("mean_ratio", "max_ratio"), ("in the mean", "at its worst"), limits, strict=True
+    for (what, limits), motion in zip(PATH_LIMITS, tracking.motions, strict=True):
+        for ratio, words, limit in zip(
+            (motion.mean_ratio, motion.max_ratio),
+            ("in the mean", "at its worst"),
+            limits,
+            strict=True,
         ):
-            checks.append(
-                check(f"{what} followed closer {words}", motion[key], "≥", limit, "times")
-            )
+            text = f"{what} followed closer {words}"
+            checks.append(Check.of(text, ratio or 0.0, "≥", limit, "times"))
     return checks
 
 
 def _say(console: Console, result: Result) -> None:
+    assert result.validation is not None
     console.say()
     console.table(
         ("axis", "rms torque", "error", "floor", "error/floor"),
         [
             (
-                axis["joint"],
-                f"{axis['rms_torque']:.2f} {axis['unit']}",
-                f"{axis['rms_error']:.3f} {axis['unit']}",
-                f"{axis['floor']:.3f} {axis['unit']}",
-                f"{axis['error_over_floor']:.3f}",
+                axis.joint,
+                f"{axis.rms_torque or 0.0:.2f} {axis.unit}",
+                f"{axis.rms_error or 0.0:.3f} {axis.unit}",
+                f"{axis.floor or 0.0:.3f} {axis.unit}",
+                f"{axis.error_over_floor or 0.0:.3f}",
             )
-            for axis in result["validation"]["axes"]
+            for axis in result.validation.axes
         ],
     )
-    for case in result["truth"]:
-        console.say(case["sentence"])
-    for motion in result["tracking"]["motions"] if "tracking" in result else []:
+    for case in result.truth or ():
+        console.say(case.sentence)
+    for motion in () if result.tracking is None else result.tracking.motions:
+        before = "–" if motion.before is None else f"{1e3 * motion.before.mean_m:.3f}"
         console.say(
-            f"{motion['sentence']} Mean distance {1e3 * motion['before']['mean_m']:.3f} mm before,"
-            f" {1e3 * motion['after']['mean_m']:.3f} mm after pre-compensation."
+            f"{motion.sentence} Mean distance {before} mm before,"
+            f" {1e3 * motion.after.mean_m:.3f} mm after pre-compensation."
         )
-    console.say(f"Took {result['timing']['elapsed_s']:.1f} s.")
+    if result.timing is not None and result.timing.elapsed_s is not None:
+        console.say(f"Took {result.timing.elapsed_s:.1f} s.")

@@ -21,9 +21,9 @@ from identification.design.two_harmonic import condition_number, design_two_harm
 from identification.estimation.file import read_estimate
 from identification.friction.motions import constant_velocity_motion, reversed_motion
 from rid_daq.jobs.design_job import Search, chosen_criterion, excitation_problem, search
+from rid_daq.jobs.friction_motion import say_speeds, write_friction_motion
 from rid_daq.jobs.multisine_job import Grid, Phases, write_multisine
-from rid_daq.report.friction_section import say_speeds, write_friction_motion
-from rid_daq.report.sections import units
+from rid_daq.report.sections.section import units
 from rid_daq.session.cells import CellName
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode

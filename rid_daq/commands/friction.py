@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -16,9 +16,9 @@ from identification.estimation.file import read_estimate
 from identification.friction.curve import FrictionCurve, joined
 from identification.friction.experiments import constant_velocity_curves, reversed_curves
 from identification.friction.fits import fit_friction
-from rid_daq.report.friction_section import friction_section
-from rid_daq.report.render import number
-from rid_daq.report.result import write_result
+from identification.validation.estimated_friction import estimated_friction
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.friction import FrictionSection
 from rid_daq.runs.run_data import RunData, Unfinished, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
@@ -57,14 +57,10 @@ def friction(
         for curve in _curves(one):
             curves.setdefault(curve.joint, []).append(curve)
     whole = [joined(curves[name]) for name in first.robot.joint_names if name in curves]
-    section = friction_section(
-        whole,
-        [fit_friction(curve, first.robot) for curve in whole],
-        first.robot,
-        None if model is None else read_estimate(model),
-    )
-    result = result_of(first, notes) | {"friction": section}
-    path = write_result(first.folder, result)
+    compared = None if model is None else estimated_friction(read_estimate(model), first.robot)
+    fits = [fit_friction(curve, first.robot) for curve in whole]
+    section = FrictionSection.of(whole, fits, first.robot, compared)
+    path = write_result(first.folder, result_of(first, notes).updated(friction=section))
     console.document(
         {
             "run": first.folder.run_id,
@@ -73,7 +69,7 @@ def friction(
             "report": str(path),
         }
     )
-    _tell(console, section)
+    section.print(console)
     console.say(f"Report: {path}")
 
 
@@ -91,53 +87,3 @@ def _curves(data: RunData) -> tuple[FrictionCurve, ...]:
         " there and back: make one with `rid-daq design CELL --kind constant-velocity -o MOTION`"
         " (or `--kind reversed`) and record it"
     )
-
-
-def _tell(console: Console, section: dict[str, Any]) -> None:
-    console.say(section["sentence"])
-    for joint in section["joints"]:
-        curve, torque = joint["curve"], joint["torque_unit"]
-        ways = curve["forward"] is not None
-        console.say()
-        console.table(
-            (
-                joint["joint"],
-                "friction",
-                "± 2σ",
-                *(("forwards", "backwards", "± 2σ") if ways else ()),
-            ),
-            [
-                (
-                    f"{number(speed, 3)} {joint['unit']}/s",
-                    f"{number(curve['odd'][i])} {torque}",
-                    number(2.0 * curve["odd_std"][i], 2),
-                    *(_directions(curve, i) if ways else ()),
-                )
-                for i, speed in enumerate(curve["speed"])
-            ],
-        )
-        console.table(
-            ("model", "rms error", "criterion", "coefficients ± 2σ"),
-            [
-                (
-                    fit["name"],
-                    f"{number(fit['rms'], 3)} {torque}",
-                    number(fit["criterion"], 3),
-                    ", ".join(_coefficient(p) for p in fit["parameters"]),
-                )
-                for fit in joint["fits"]
-            ],
-        )
-        console.verdict(None, joint["sentence"])
-
-
-def _directions(curve: dict[str, Any], i: int) -> tuple[str, str, str]:
-    return (
-        number(curve["forward"][i]),
-        number(curve["backward"][i]),
-        number(2.0 * curve["direction_std"][i], 2),
-    )
-
-
-def _coefficient(p: dict[str, Any]) -> str:
-    return f"{p['name']} {number(p['value'])} ± {number(2.0 * p['std'], 2)} {p['unit']}"

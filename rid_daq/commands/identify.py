@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, cast, get_args
+from typing import Annotated, cast, get_args
 
 import numpy as np
 import typer
@@ -13,6 +13,7 @@ from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
 from config.robot.robot import FrictionTerm
 from identification.accuracy.identifiability import weak_parameters
+from identification.calibration.base_reaction import weight_words
 from identification.consistency.closest_robot import consistent
 from identification.cross_checks.agreement import CrossCheck, Method
 from identification.estimation.estimate import Estimate
@@ -21,6 +22,7 @@ from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, Estimat
 from identification.model.options import ModelOptions
 from identification.validation.friction_drift import friction_drift
 from identification.validation.friction_selection import FRICTION_CANDIDATES, Comparison
+from identification.validation.period_comparison import compare_period
 from rid_daq.jobs.identification_job import (
     EstimationRequest,
     check_otherwise,
@@ -28,11 +30,12 @@ from rid_daq.jobs.identification_job import (
     estimate_runs,
     gains_of_drives,
 )
-from rid_daq.report.curves import period_curves
-from rid_daq.report.plate_section import plate_section, tell_plate, weight_words
-from rid_daq.report.render import number
-from rid_daq.report.result import write_result
-from rid_daq.report.sections import average_section, comparison_section, estimate_section
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.average import AverageSection
+from rid_daq.report.sections.comparison import ComparisonSection
+from rid_daq.report.sections.curves import CurvesSection
+from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.sections.plate import PlateSection
 from rid_daq.runs.run_data import RunData, Unfinished, note_output, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
@@ -160,14 +163,16 @@ def identify(
     gains = None
     if load_mass_kg is not None:
         gains = gains_of_drives(estimate, data, how, load_mass_kg, load_mass_sigma_kg)
-    plate = plate_section(estimate, identified.improvement, identified.consistency)
+    weight = weight_words(estimate)
+    plate = None
+    if estimate.plate is not None:
+        plate = PlateSection.of(
+            estimate.plate, weight, identified.improvement, identified.consistency
+        )
     first = data[0]
     output = output or first.folder.file(MODEL)
     write_estimate(output, estimate)
     note_output(first.folder, output)
-    result = result_of(first, notes)
-    result["estimate"] = estimate_section(estimate)
-    weight = weight_words(estimate)
     weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
     findings = [each.sentence for each in weak]
     for item in data:
@@ -178,29 +183,31 @@ def identify(
         findings += [f"{sentence}." for sentence in gains.sentences()]
     if cross_check:
         findings += _cross_check(console, estimate, data, how)
-    result["estimate"]["findings"] = findings
-    document: dict[str, Any] = {"model": str(output), "estimate": result["estimate"]}
+    section = EstimateSection.of(estimate, findings=findings)
+    document: dict[str, object] = {"model": str(output), "estimate": section}
     if gains is not None:
         document["drive_gains"] = {
             name: {"value": float(value), "std": float(sigma)}
             for name, value, sigma in zip(gains.joint_names, gains.values, gains.sigma, strict=True)
         }
-    if plate:
-        result["plate"] = document["plate"] = plate
-    if comparison is not None:
-        result["comparison"] = comparison_section(comparison)
-        document["comparison"] = result["comparison"]
+    compared = None if comparison is None else ComparisonSection.of(comparison)
+    parts = {"plate": plate, "comparison": compared}
+    document |= {name: part for name, part in parts.items() if part is not None}
+    result = result_of(first, notes).updated(estimate=section, **parts)
     if first.is_periodic:
         average = identified.averages[0]
-        result["average"] = average_section(average, first.robot)
-        result["curves"] = period_curves(estimate, average)
+        period = compare_period(estimate, average)
+        result = result.updated(
+            average=AverageSection.of(average, first.robot),
+            curves=CurvesSection.of_period(estimate, period, average.periods_kept),
+        )
     path = write_result(first.folder, result)
     console.document({**document, "notes": notes, "report": str(path)})
-    if comparison is not None:
-        _tell_comparison(console, comparison)
-    _tell(console, estimate, result["estimate"]["sentence"])
-    if plate:
-        tell_plate(console, plate)
+    if compared is not None:
+        compared.print(console)
+    section.print(console)
+    if plate is not None:
+        plate.print(console)
     elif all(item.recording.reaction is not None for item in data) and first.is_periodic:
         console.say("The runs have a force plate's reaction too: --model combined uses it")
     for finding in findings:
@@ -279,59 +286,3 @@ def _compare(console: Console, data: list[RunData], how: EstimationRequest) -> C
         return compare_friction(
             data, how, lambda done, _, terms: shown.update(float(done), f"next: {terms}")
         )
-
-
-def _tell_comparison(console: Console, comparison: Comparison) -> None:
-    console.say("Friction terms, judged on parts of the runs that each fit left out:")
-    chosen = set(comparison.chosen)
-    console.table(
-        ("friction terms", *comparison.joint_names, "AIC", "BIC", "chosen for"),
-        [
-            (
-                ", ".join(trial.terms) or "each joint its own",
-                *(number(float(error), 4) for error in trial.error_nm),
-                f"{trial.aic:.0f}",
-                f"{trial.bic:.0f}",
-                ", ".join(
-                    name
-                    for name, terms in zip(comparison.joint_names, comparison.chosen, strict=True)
-                    if terms == trial.terms and trial.terms in chosen
-                ),
-            )
-            for trial in (*comparison.trials, comparison.together)
-        ],
-    )
-    console.say(
-        "RMS error on moving samples [N m or N]. Each joint has the simplest terms within one"
-        " standard error of its best."
-    )
-
-
-def _tell(console: Console, estimate: Estimate, sentence: str) -> None:
-    console.say(sentence)
-    rows = [
-        (
-            str(i + 1),
-            estimate.base.expressions[i],
-            number(float(estimate.values[i]), 5),
-            number(2.0 * float(estimate.sigma[i]), 2),
-            estimate.base.units[i],
-        )
-        for i in range(len(estimate.base))
-    ]
-    model = estimate.model
-    rows += [
-        (str(len(rows) + k + 1), name, number(float(value), 5), number(2.0 * float(sigma), 2), unit)
-        for k, (name, value, sigma, unit) in enumerate(
-            zip(
-                model.nonlinear_names,
-                model.nonlinear_values,
-                estimate.nonlinear_sigma,
-                model.nonlinear_units,
-                strict=True,
-            )
-        )
-    ]
-    console.table(("#", "parameter", "estimate", "± 2σ", "unit"), rows)
-    if estimate.base.unseen:
-        console.say(f"Without any effect on the torques: {', '.join(estimate.base.unseen)}")

@@ -15,8 +15,9 @@ from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.load import to_yaml
-from rid_daq.report.result import verdict, write_result
-from rid_daq.runs.run_data import MAP, ROBOT, SOURCE, RunData, result_of
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.verdict import Verdict
+from rid_daq.runs.run_data import MAP, ROBOT, SOURCE, RunData, bad_rows, result_of
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.console import AsJson, Console
@@ -57,12 +58,13 @@ def import_(
         folder.write(MAP, to_yaml(columns, f"How {SOURCE} was read.").encode())
         folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name} as used.").encode())
         data = RunData(folder, recording, robot, report)
-        result = result_of(data)
-        result["title"] = f"Import of {report.file}"
         headline = "Imported without loss"
         if report.rows_damaged:
             headline = f"Imported; {report.rows_damaged} damaged rows left out"
-        result["verdict"] = verdict([], headline, "; ".join(report.lines()[:2]) + ".")
+        result = result_of(data).updated(
+            title=f"Import of {report.file}",
+            verdict=Verdict.of([], headline, "; ".join(report.lines()[:2]) + "."),
+        )
         path = write_result(folder, result)
         folder.finish(RunStatus.COMPLETE, {"robot": robot.name, "rows": report.rows_used})
     console.document(
@@ -73,7 +75,7 @@ def import_(
             "rows_read": report.rows_read,
             "rows_used": report.rows_used,
             "rows_damaged": report.rows_damaged,
-            "damaged": result["runs"][0]["bad_rows"],
+            "damaged": bad_rows(report),
         }
     )
     for line in report.lines():

@@ -19,8 +19,8 @@ from identification.payload.file import write_payload
 from identification.payload.procedures import PayloadOptions
 from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, known_quantity, weigh_runs
-from rid_daq.report.payload_section import payload_section, payload_verdict, tell_payload
-from rid_daq.report.result import write_result
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.runs.flange import compared
 from rid_daq.runs.run_data import RunData, Unfinished, note_output, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
@@ -147,24 +147,23 @@ def identify(
     output = output or first.folder.file(PAYLOAD)
     write_payload(output, payload)
     note_output(first.folder, output)
-    result = result_of(first, notes)
-    section = payload_section(payload, repeats)
-    section["findings"] += compared(data, flags, payload)
-    result["title"] = f"Payload on {first.robot.name}"
-    result["payload"] = section
-    result["verdict"] = payload_verdict(payload)
+    section = PayloadSection.of(payload, repeats, compared(data, flags, payload))
+    judged = payload_verdict(payload)
+    result = result_of(first, notes).updated(
+        title=f"Payload on {first.robot.name}", payload=section, verdict=judged
+    )
     path = write_result(first.folder, result)
     console.document(
         {
             "file": str(output),
             "payload": section,
-            "verdict": result["verdict"],
+            "verdict": judged,
             "notes": notes,
             "report": str(path),
         }
     )
-    tell_payload(console, section)
-    console.verdict(payload.passed, result["verdict"]["headline"])
+    section.print(console)
+    console.verdict(payload.passed, judged.headline)
     console.say(f"Payload: {output}")
     console.say(f"Report: {path}")
     if payload.passed:

@@ -12,8 +12,8 @@ from config.formats.bounded_file import read_file
 from identification.payload.body import REPORTED, REPORTED_UNITS
 from identification.payload.controllers.formats import LoadFormat, deviation, read_load_data
 from identification.payload.file import read_payload
-from rid_daq.report.render import number
-from rid_daq.report.result import check, verdict
+from rid_daq.report.formats import number
+from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -52,8 +52,8 @@ def read_back(
     except ConfigError as error:
         raise ConfigError(f"{file}: {error}") from None
     apart = 100.0 * deviation(body, found, form)
-    line = check("largest difference", apart, "≤", tolerance_percent, "%")
-    passed = bool(line["passed"])
+    line = Check.of("largest difference", apart, "≤", tolerance_percent, "%")
+    passed = line.passed
     headline = (
         f"Passed: {file} holds the payload"
         if passed
@@ -63,7 +63,7 @@ def read_back(
         {
             "file": str(file),
             "format": form.value,
-            "verdict": verdict([line], headline, "Compared with what was measured."),
+            "verdict": Verdict.of([line], headline, "Compared with what was measured."),
             "read": dict(zip(REPORTED, (float(x) for x in found.reported), strict=True)),
         }
     )

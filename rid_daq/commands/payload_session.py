@@ -14,7 +14,6 @@ from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
 from rid_daq.recording.payload_session_job import PayloadWeighed, weigh_payload
 from rid_daq.recording.payload_steps import PayloadSessionRequest, StepFailed
 from rid_daq.recording.recorded_run import stop_document
-from rid_daq.report.payload_section import tell_payload
 from rid_daq.session.cells import CellName
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
@@ -140,14 +139,15 @@ def _print(console: Console, weighed: PayloadWeighed) -> None:
         {
             "session": state.folder.run_id,
             "file": str(weighed.file),
-            "payload": result["payload"],
-            "verdict": result["verdict"],
+            "payload": result.payload,
+            "verdict": result.verdict,
             "done": state.done,
             "facts": state.facts,
             "report": str(weighed.report),
         }
     )
-    tell_payload(console, result["payload"])
-    console.verdict(weighed.judged.passed, result["verdict"]["headline"])
+    if result.payload is not None:
+        result.payload.print(console)
+    console.verdict(weighed.judged.passed, result.verdict.headline)
     console.say(f"Payload: {weighed.file}")
     console.say(f"Report: {weighed.report}")

@@ -10,7 +10,6 @@ from config.cell.plate import PlateZero
 from config.errors import ConfigError
 from rid_daq.recording.plate_zero_job import PlateZeroed, PlateZeroRequest, zero_plate
 from rid_daq.recording.recorded_run import stop_document
-from rid_daq.report.zero_section import tell_zero
 from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared
@@ -83,7 +82,7 @@ def zero(
         _print_stop(console, zeroed)
         raise typer.Exit(zeroed.run.exit_code)
     _print(console, zeroed, zeroed.zero)
-    if not zeroed.run.result["verdict"]["passed"]:
+    if not zeroed.run.result.verdict.passed:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
 
 
@@ -108,7 +107,8 @@ def _print_stop(console: Console, zeroed: PlateZeroed) -> None:
 
 def _print(console: Console, zeroed: PlateZeroed, zero: PlateZero) -> None:
     run, written = zeroed.run, zeroed.written
-    section, judged = run.result["plate_zero"], run.result["verdict"]
+    section, judged = run.result.plate_zero, run.result.verdict
+    assert section is not None
     console.document(
         {
             "folder": str(run.folder.path),
@@ -119,11 +119,11 @@ def _print(console: Console, zeroed: PlateZeroed, zero: PlateZero) -> None:
             "written": None if written is None else str(written),
         }
     )
-    tell_zero(console, section)
-    console.verdict(judged["passed"], f"{judged['headline']}. {judged['sentence']}")
+    section.print(console)
+    console.verdict(judged.passed, f"{judged.headline}. {judged.sentence}")
     console.say(f"Report: {run.report}")
     if written is not None:
         console.say(f"4 of 4: written into {written}")
-    elif judged["passed"]:
+    elif judged.passed:
         console.say("4 of 4: put these lines under `plate:` in the cell file (--write does it):")
         console.say(zeroed.lines.rstrip("\n"))

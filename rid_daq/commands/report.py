@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from acquisition.runs.catalogue import find_run
-from rid_daq.report.result import read_result, write_result
+from rid_daq.report.result_file import read_result, write_result
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
@@ -24,7 +24,7 @@ def report(
     folder = find_run(runs, run)
     result = read_result(folder)
     path = write_result(folder, result)
-    console.document(result | {"report": str(path)})
-    console.verdict(result["verdict"]["passed"], result["verdict"]["headline"])
-    console.say(result["verdict"]["sentence"])
+    console.document({**result.model_dump(mode="json", by_alias=True), "report": str(path)})
+    console.verdict(result.verdict.passed, result.verdict.headline)
+    console.say(result.verdict.sentence)
     console.say(f"Report: {path}")

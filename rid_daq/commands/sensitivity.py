@@ -34,7 +34,7 @@ from identification.sensitivity.problem import (
     deviation_percent,
 )
 from rid_daq.jobs.truth import true_parameters
-from rid_daq.report.render import number
+from rid_daq.report.formats import number
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.output_file import Overwrite, refuse_output

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError, DataQualityError
-from rid_daq.report.render import number
-from rid_daq.report.result import verdict, write_result
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.tracking import ErrorSize, FollowedMotion, TrackingSection
+from rid_daq.runs.followed_motion import followed
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.run_data import Unfinished, result_of, tell_lacks
-from rid_daq.runs.tracking_section import followed, tracking_section
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
@@ -56,11 +56,10 @@ def tracking(
                 f"--against {other.run_id}: is of none of the motions given; compare runs of the"
                 " same motion"
             )
-    section = tracking_section([followed(*pair) for pair in pairs], robot)
-    result = result_of(driven[0].data, notes)
-    result["title"] = f"Paths of {robot.name}"
-    result["tracking"] = section
-    result["verdict"] = verdict([], *_sentences(section))
+    section = TrackingSection.of([followed(*pair) for pair in pairs], robot)
+    result = result_of(driven[0].data, notes).updated(
+        title=f"Paths of {robot.name}", tracking=section, verdict=section.verdict
+    )
     path = write_result(driven[0].data.folder, result)
     console.document(
         _document(pairs, section, robot.joint_names) | {"notes": notes, "report": str(path)}
@@ -79,14 +78,14 @@ def tracking(
         [
             (
                 one.data.folder.manifest().label,
-                motion["use"],
-                *_row(motion, "mean"),
-                *_row(motion, "max"),
+                motion.use,
+                *_row(motion, "mean_m", motion.mean_ratio),
+                *_row(motion, "max_m", motion.max_ratio),
             )
-            for (one, _), motion in zip(pairs, section["motions"], strict=True)
+            for (one, _), motion in zip(pairs, section.motions, strict=True)
         ],
     )
-    console.verdict(None, result["verdict"]["headline"])
+    console.verdict(None, section.verdict.headline)
     console.say(f"Report: {path}")
 
 
@@ -107,51 +106,37 @@ def _before(run: MotionRun, others: list[MotionRun]) -> MotionRun | None:
     return same[0] if same else None
 
 
-def _sentences(section: dict[str, Any]) -> tuple[str, str]:
-    """Return what the report says first."""
-    after = [motion["after"]["mean_m"] for motion in section["motions"]]
-    ratios = [motion["mean_ratio"] for motion in section["motions"] if motion["mean_ratio"]]
-    mean = f"Mean distance from the path {number(1e3 * max(after), 3)} mm"
-    mean += " at most" if len(after) > 1 else ""
-    if not ratios:
-        return mean, "No run without compensation was given to compare with."
-    least = number(min(ratios), 3)
-    return (
-        f"{mean}, {least} times closer than before" + (" at least" if len(ratios) > 1 else ""),
-        "Before is velocity feedforward alone, after is with pre-compensation.",
-    )
-
-
 def _document(
     pairs: list[tuple[MotionRun, MotionRun | None]],
-    section: dict[str, Any],
+    section: TrackingSection,
     joints: tuple[str, ...],
-) -> dict[str, Any]:
-    motions = []
-    for (one, before), motion in zip(pairs, section["motions"], strict=True):
-        motions.append(
+) -> dict[str, object]:
+    return {
+        "motions": [
             {
                 "run": one.run_id,
-                "use": motion["use"],
-                **_sizes(motion["after"], joints),
+                "use": motion.use,
+                **_sizes(motion.after, joints),
                 "against": None
-                if before is None
-                else {"run": before.run_id, **_sizes(motion["before"], joints)},
-                "mean_ratio": motion["mean_ratio"],
-                "max_ratio": motion["max_ratio"],
+                if before is None or motion.before is None
+                else {"run": before.run_id, **_sizes(motion.before, joints)},
+                "mean_ratio": motion.mean_ratio,
+                "max_ratio": motion.max_ratio,
             }
-        )
-    return {"motions": motions}
+            for (one, before), motion in zip(pairs, section.motions, strict=True)
+        ]
+    }
 
 
-def _sizes(size: dict[str, Any], joints: tuple[str, ...]) -> dict[str, Any]:
-    return size | {"joint_peak": dict(zip(joints, size["joint_peak"], strict=True))}
+def _sizes(size: ErrorSize, joints: tuple[str, ...]) -> dict[str, object]:
+    peaks = dict(zip(joints, size.joint_peak, strict=True))
+    return {"mean_m": size.mean_m, "max_m": size.max_m, "joint_peak": peaks}
 
 
-def _row(motion: dict[str, Any], key: str) -> tuple[str, str, str]:
-    before = motion["before"]
+def _row(motion: FollowedMotion, key: str, ratio: float | None) -> tuple[str, str, str]:
+    before = motion.before
     return (
-        f"{1e3 * motion['after'][f'{key}_m']:.4f}",
-        "–" if before is None else f"{1e3 * before[f'{key}_m']:.3f}",
-        "–" if before is None else f"{motion[f'{key}_ratio']:.1f} times",
+        f"{1e3 * getattr(motion.after, key):.4f}",
+        "–" if before is None else f"{1e3 * getattr(before, key):.3f}",
+        "–" if ratio is None else f"{ratio:.1f} times",
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -20,20 +20,16 @@ from identification.estimation.file import read_estimate
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.validation.diagnosis import diagnose
 from identification.validation.reaction_prediction import validate_reaction
-from identification.validation.torque_prediction import Validation
 from identification.validation.torque_prediction import validate as compare
 from rid_daq.jobs.motion_load import is_motion_file, limits_of, motion_load
-from rid_daq.report.curves import torque_curves, validation_section
-from rid_daq.report.plate_section import (
-    load_checks,
-    load_section,
-    reaction_section,
-    tell_load,
-    tell_reaction,
-)
-from rid_daq.report.render import number
-from rid_daq.report.result import check, verdict, write_result
-from rid_daq.report.sections import estimate_section
+from rid_daq.report.formats import number
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.base_load import BaseLoadSection
+from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
+from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.sections.reaction import ReactionSection
+from rid_daq.report.sections.validation import ValidationSection
+from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.runs.run_data import RunData, Unfinished, result_of, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
@@ -114,46 +110,57 @@ def validate(
         sentence += " The external model knows no friction: torques are not judged."
     if same:
         sentence += " The model was identified from this very run: this is no validation."
-    section = validation_section(validation, data.robot, sentence)
-    section["diagnosis"] = [found.sentence for found in diagnose(estimate, validation)]
-    result["title"] = f"Validation of {estimate.robot.name}"
-    result["validation"] = section
-    result["estimate"] = estimate_section(estimate)
-    result.setdefault("curves", {})["torque"] = torque_curves(validation, data.robot)
-    plate: dict[str, Any] = {}
+    section = ValidationSection.of(
+        validation,
+        data.robot,
+        sentence,
+        diagnosis=[found.sentence for found in diagnose(estimate, validation)],
+    )
+    reaction = load = None
     if data.recording.reaction is not None and estimate.options.kind != "internal":
         try:
             compared = validate_reaction(estimate, data.recording, cutoff_hz=band_hz)
-            plate["reaction"] = reaction_section(compared)
+            reaction = ReactionSection.of(compared)
         except DataQualityError as error:
             console.say(f"The reaction on the base is not compared: {error}")
     if base:
         motion = (validation.position, validation.velocity, validation.acceleration)
-        load = base_load(estimate, validation.time_s, *motion, _base_limits(data), mass_kg=mass_kg)
-        plate["base_load"] = load_section(load)
-    result.update(plate)
-    result["verdict"] = _verdict(section, estimate, plate.get("base_load"))
+        limits_of_base = _base_limits(data)
+        load = BaseLoadSection.of(
+            base_load(estimate, validation.time_s, *motion, limits_of_base, mass_kg=mass_kg)
+        )
+    judged = _verdict(section, estimate, load)
+    curves = (result.curves or CurvesSection()).model_copy(
+        update={"torque": TorqueCurves.of(validation, data.robot)}
+    )
+    result = result.updated(
+        title=f"Validation of {estimate.robot.name}",
+        validation=section,
+        estimate=EstimateSection.of(estimate),
+        curves=curves,
+        reaction=reaction,
+        base_load=load,
+        verdict=judged,
+    )
     path = write_result(data.folder, result)
+    plate = {"reaction": reaction, "base_load": load}
     console.document(
         {
             "validation": section,
-            **plate,
-            "verdict": result["verdict"],
+            **{name: part for name, part in plate.items() if part is not None},
+            "verdict": judged,
             "notes": notes,
             "report": str(path),
         }
     )
-    _tell(console, validation, section)
-    if "reaction" in plate:
-        tell_reaction(console, plate["reaction"])
-        console.say(plate["reaction"]["sentence"])
-    if "base_load" in plate:
-        tell_load(console, plate["base_load"])
-        console.say(plate["base_load"]["sentence"])
-    passed = result["verdict"]["passed"]
-    console.verdict(passed, result["verdict"]["headline"])
+    section.print(console)
+    for part in (reaction, load):
+        if part is not None:
+            part.print(console)
+            console.say(part.sentence)
+    console.verdict(judged.passed, judged.headline)
     console.say(f"Report: {path}")
-    if passed is False:
+    if judged.passed is False:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
 
 
@@ -172,21 +179,20 @@ def _predict(
             " (--base-limits); record it to judge torques"
         )
     load = motion_load(estimate, motion, cell, mass_kg)
-    section = load_section(load)
-    section["sentence"] += " That is the motion as commanded: overshoot of the drives comes on top."
-    checks = load_checks(section)
-    failed = [line["text"].rsplit(" ", 1)[-1] for line in checks if not line["passed"]]
-    judged = verdict(
-        checks,
+    more = " That is the motion as commanded: overshoot of the drives comes on top."
+    section = BaseLoadSection.of(load, more)
+    failed = [line.text.rsplit(" ", 1)[-1] for line in section.checks if not line.passed]
+    judged = Verdict.of(
+        section.checks,
         f"Failed: {', '.join(failed)} beyond the limit"
         if failed
         else f"Passed: {motion.name} keeps the limits of the base",
-        section["sentence"],
+        section.sentence,
     )
     console.document({"base_load": section, "verdict": judged})
-    tell_load(console, section)
-    console.say(section["sentence"])
-    console.verdict(judged["passed"], judged["headline"])
+    section.print(console)
+    console.say(section.sentence)
+    console.verdict(judged.passed, judged.headline)
     if failed:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
 
@@ -232,50 +238,28 @@ def _base_limits(data: RunData) -> PlateLimits:
 
 
 def _verdict(
-    section: dict[str, Any], estimate: Estimate, load: dict[str, Any] | None
-) -> dict[str, Any]:
-    held = [axis for axis in section["axes"] if axis["limit_percent"] is not None]
+    section: ValidationSection, estimate: Estimate, load: BaseLoadSection | None
+) -> Verdict:
     checks = [
-        check(
-            f"relative torque error, {axis['joint']}",
-            axis["relative_error_percent"],
+        Check.of(
+            f"relative torque error, {axis.joint}",
+            axis.relative_error_percent,
             "≤",
-            axis["limit_percent"],
+            axis.limit_percent,
             "%",
         )
-        for axis in held
-        if axis["relative_error_percent"] is not None
+        for axis in section.axes
+        if axis.limit_percent is not None and axis.relative_error_percent is not None
     ]
-    checks += [] if load is None else load_checks(load)
-    errors = ", ".join(f"{number(axis['relative_error_percent'], 3)}" for axis in section["axes"])
+    checks += [] if load is None else load.checks
+    errors = ", ".join(f"{number(axis.relative_error_percent, 3)}" for axis in section.axes)
     sentence = f"Relative torque error, axis by axis: {errors} %."
     if not checks:
-        return verdict([], "Torques predicted; no limits were given", sentence)
-    failed = [line["text"].rsplit(" ", 1)[-1] for line in checks if not line["passed"]]
+        return Verdict.of([], "Torques predicted; no limits were given", sentence)
+    failed = [line.text.rsplit(" ", 1)[-1] for line in checks if not line.passed]
     headline = (
         f"Failed: {', '.join(failed)} beyond the limit"
         if failed
         else f"Passed: the model of {estimate.robot.name} predicts this run"
     )
-    return verdict(checks, headline, sentence)
-
-
-def _tell(console: Console, validation: Validation, section: dict[str, Any]) -> None:
-    console.say(section["sentence"])
-    console.table(
-        ("axis", "rms torque", "rms error", "relative", "limit", "holds"),
-        [
-            (
-                axis["joint"],
-                f"{number(axis['rms_torque'])} {axis['unit']}",
-                f"{number(axis['rms_error'])} {axis['unit']}",
-                f"{number(axis['relative_error_percent'], 3)} %",
-                "–" if axis["limit_percent"] is None else f"{axis['limit_percent']:g} %",
-                {None: "–", True: "yes", False: "NO"}[axis["passed"]],
-            )
-            for axis in section["axes"]
-        ],
-        red=[verdict is False for verdict in validation.verdicts],
-    )
-    for finding in section["diagnosis"]:
-        console.say(finding)
+    return Verdict.of(checks, headline, sentence)

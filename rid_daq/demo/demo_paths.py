@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 from acquisition.motion.kinds.circle import CircleMotion
 from acquisition.motion.kinds.multisine import MultisineMotion
@@ -27,10 +27,11 @@ from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.report.sections import run_section
+from rid_daq.report.sections.runs import RunSection
+from rid_daq.report.sections.tracking import TrackingSection
+from rid_daq.runs.followed_motion import followed
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.run_data import FEEDFORWARD
-from rid_daq.runs.tracking_section import followed, tracking_section
 
 NEAR: Final = (0.1, -0.1, 0.4)
 BAND_HZ: Final = (0.75, 15.0)
@@ -105,6 +106,15 @@ class PathMotions:
         return sum(count * motion.plan(robot, cycle_time_s).duration_s for motion, count in times)
 
 
+@dataclass(frozen=True)
+class PathsTold:
+    """What the chapter adds to a result: how closely paths were followed, and its runs."""
+
+    tracking: TrackingSection
+    runs: tuple[RunSection, ...]
+    run_ids: tuple[str, ...]
+
+
 def tell_paths(
     record: Record,
     motions: PathMotions,
@@ -112,7 +122,7 @@ def tell_paths(
     cell: CellConfig,
     estimate: Estimate,
     root: RunFolder,
-) -> dict[str, Any]:
+) -> PathsTold:
     """Run the chapter on the robot that has just been identified; return its sections.
 
     The loops come from a multisine, scale and delay from the plain circle. The path was never used
@@ -147,15 +157,15 @@ def tell_paths(
         runs += [(f"{name.capitalize()}, compensated", motion, after)]
         pairs.append((read_motion_run(after.folder), read_motion_run(plain.folder)))
     assert tuning is not None
-    section = tracking_section([followed(*pair) for pair in pairs], robot)
-    section["sentence"] += f" {_loop_sentence(loops, tuning)}"
-    return {
-        "tracking": section,
-        "runs": [
-            run_section(role, motion.describe(), run.recording, robot) for role, motion, run in runs
-        ],
-        "run_ids": [run.folder.run_id for _, _, run in runs],
-    }
+    more = f" {_loop_sentence(loops, tuning)}"
+    return PathsTold(
+        tracking=TrackingSection.of([followed(*pair) for pair in pairs], robot, more),
+        runs=tuple(
+            RunSection.of(role, motion.describe(), run.recording, robot)
+            for role, motion, run in runs
+        ),
+        run_ids=tuple(run.folder.run_id for _, _, run in runs),
+    )
 
 
 def _loop_sentence(loops: list[VelocityLoop], tuning: Tuning) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from config.errors import ConfigError, SafetyStop
 from config.load import load_cell, to_yaml
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
+from identification.validation.period_comparison import compare_period
 from identification.validation.torque_prediction import validate
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
@@ -26,8 +26,13 @@ from rid_daq.demo.demo_paths import PathMotions, tell_paths
 from rid_daq.jobs.truth import true_parameters
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession
-from rid_daq.report.curves import period_curves, torque_curves, validation_section
-from rid_daq.report.sections import average_section, estimate_section, loop_section, run_section
+from rid_daq.report.sections.average import AverageSection
+from rid_daq.report.sections.curves import CurvesSection, SpectrumCurves, TorqueCurves
+from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.sections.runs import RunSection
+from rid_daq.report.sections.timing import LoopTiming
+from rid_daq.report.sections.tracking import TrackingSection
+from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.runs.run_data import MOTION
 from rid_daq.session.session import hold_cell
 from rid_daq.terminal.console import Progress
@@ -47,9 +52,23 @@ class Motions:
     paths: PathMotions | None
 
 
+@dataclass(frozen=True)
+class Story:
+    """The sections of a result that one robot's story gives, and the ids of its runs."""
+
+    runs: tuple[RunSection, ...]
+    average: AverageSection
+    estimate: EstimateSection
+    validation: ValidationSection
+    curves: CurvesSection
+    tracking: TrackingSection | None
+    loops: tuple[LoopTiming, ...]
+    run_ids: tuple[str, ...]
+
+
 def tell_story(
     folder: RunFolder, motions: Motions, seed: int, unmodelled: bool, show: Show
-) -> dict[str, Any]:
+) -> Story:
     """Run the story on one simulated robot; return the sections of its result.
 
     Parameters
@@ -97,41 +116,47 @@ def tell_story(
         average = average_periods(excited.recording)
         estimate = estimate_periodic(robot, [average], cell_name=cell.name)
         write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
-        chapter: dict[str, Any] = {"runs": [], "run_ids": []}
+        chapter = None
         if unmodelled and motions.paths is not None:
             chapter = tell_paths(record, motions.paths, robot, cell, estimate, folder)
     truth = estimate.base.from_standard(true_parameters(estimate.model, robot, plant))
     noise_nm = np.sqrt(average.torque_variance)
     validation = validate(estimate, validated.recording, noise_nm=noise_nm)
     floor = validate(replace(estimate, values=truth), validated.recording)
-    return {
-        "runs": [
-            run_section(role, motion.describe(), run.recording, robot)
-            for role, motion, run in (
-                ("Excitation", motions.excitation, excited),
-                ("Validation", motions.validation, validated),
-            )
-        ]
-        + chapter["runs"],
-        **({"tracking": chapter["tracking"]} if "tracking" in chapter else {}),
-        "average": average_section(average, robot),
-        "estimate": estimate_section(estimate, truth),
-        "validation": validation_section(
+    period = compare_period(estimate, average)
+    return Story(
+        runs=(
+            *(
+                RunSection.of(role, motion.describe(), run.recording, robot)
+                for role, motion, run in (
+                    ("Excitation", motions.excitation, excited),
+                    ("Validation", motions.validation, validated),
+                )
+            ),
+            *(() if chapter is None else chapter.runs),
+        ),
+        average=AverageSection.of(average, robot),
+        estimate=EstimateSection.of(estimate, truth),
+        validation=ValidationSection.of(
             validation,
             robot,
             f"{motions.validation.points} random points, not used for the estimate.",
             floor.rms_nm,
         ),
-        "curves": {
-            "spectrum": period_curves(estimate, average)["spectrum"],
-            "torque": torque_curves(validation, robot),
-        },
-        "loops": [
-            loop_section(role, run.outcome.statistics)
+        curves=CurvesSection(
+            torque=TorqueCurves.of(validation, robot),
+            spectrum=SpectrumCurves.of(robot, period, average.periods_kept),
+        ),
+        tracking=None if chapter is None else chapter.tracking,
+        loops=tuple(
+            LoopTiming.of(role, run.outcome.statistics)
             for role, run in (("Excitation", excited), ("Validation", validated))
-        ],
-        "run_ids": [excited.folder.run_id, validated.folder.run_id, *chapter["run_ids"]],
-    }
+        ),
+        run_ids=(
+            *(run.folder.run_id for run in (excited, validated)),
+            *(() if chapter is None else chapter.run_ids),
+        ),
+    )
 
 
 class _Told:

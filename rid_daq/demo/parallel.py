@@ -16,7 +16,7 @@ from config import errors
 from config.errors import DriverError, RidDaqError
 from config.process.shortage import as_named
 from config.process.termination import TERMINATION, termination_held
-from rid_daq.demo.demo_story import Motions, tell_story
+from rid_daq.demo.demo_story import Motions, Story, tell_story
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -27,7 +27,7 @@ _ONE_THREAD: dict[str, str] = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "
 
 def run_stories(
     folder: RunFolder, motions: Motions, total_s: float, seed: int, console: Console
-) -> dict[bool, dict[str, Any]]:
+) -> dict[bool, Story]:
     """Tell the story with and without the effects that no model has.
 
     Parameters
@@ -46,7 +46,7 @@ def run_stories(
     Returns
     -------
     dict
-        The sections of `rid_daq.demo.demo_story.tell_story`, by whether those effects were on.
+        What `rid_daq.demo.demo_story.tell_story` gives, by whether those effects were on.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def run_stories(
         A step of one of them failed.
     """
     spawn = get_context("spawn")
-    stories: dict[bool, dict[str, Any]] = {}
+    stories: dict[bool, Story] = {}
     with contextlib.ExitStack() as stack:
         lines: dict[Connection, bool] = {}
         for unmodelled in (True, False):
@@ -73,7 +73,7 @@ def run_stories(
                 for line in wait(list(lines)):
                     unmodelled = lines[line]  # type: ignore[index]
                     message = _receive(line)  # type: ignore[arg-type]
-                    if isinstance(message, dict):
+                    if isinstance(message, Story):
                         stories[unmodelled] = message
                         done_s[unmodelled] = total_s
                         del lines[line]  # type: ignore[arg-type]

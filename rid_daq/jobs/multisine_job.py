@@ -14,7 +14,7 @@ from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, to_yaml
 from identification.estimation.file import read_estimate
-from rid_daq.report.sections import units
+from rid_daq.report.sections.section import units
 from rid_daq.terminal.console import Console
 
 

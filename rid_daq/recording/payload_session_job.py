@@ -23,9 +23,11 @@ from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, weigh_runs
 from rid_daq.recording.payload_state import UNLOADED, SessionState
 from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
 from rid_daq.recording.run_session import open_session
-from rid_daq.report.payload_section import payload_section, payload_verdict
-from rid_daq.report.result import Result, new_result, write_result
-from rid_daq.report.sections import cell_section, run_section
+from rid_daq.report.result import Result
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.payload import PayloadSection, payload_verdict
+from rid_daq.report.sections.runs import CellSection, RunSection
+from rid_daq.report.sections.timing import Timing
 from rid_daq.runs.flange import compared
 from rid_daq.runs.run_data import MOTION, ROBOT, require_own
 from rid_daq.session.cells import Simulation
@@ -46,7 +48,7 @@ class PayloadWeighed:
         What was done.
     judged : PayloadResult
         The payload.
-    result : dict
+    result : Result
         The session's result.
     file, report : Path
         Where payload and report are.
@@ -152,21 +154,23 @@ def _weighed(
     file = state.folder.file(PAYLOAD)
     write_payload(file, judged)
     state.folder.write(PAYLOAD, file.read_bytes())
-    result = new_result(f"Payload session on {loaded.config.name}", loaded.robot.name)
-    result["cell"] = cell_section(loaded.config)
-    section = payload_section(judged, repeats)
-    section["findings"] += compared(data, carried, judged)
-    section["findings"] += _warm_up_finding(state.facts.get("warm_up"))
-    result["payload"] = section
-    result["runs"] = [
-        run_section(name, motion.describe(), item.recording, item.robot)
-        for name, item in zip(state.weighed, data, strict=True)
+    findings = [
+        *compared(data, carried, judged),
+        *_warm_up_finding(state.facts.get("warm_up")),
     ]
-    result["verdict"] = payload_verdict(judged)
-    result["timing"] = {
-        "created_utc": state.folder.manifest().created_utc,
-        "run_ids": list(state.done.values()),
-    }
+    title = f"Payload session on {loaded.config.name}"
+    result = Result.new(title, loaded.robot.name).updated(
+        cell=CellSection.of(loaded.config),
+        payload=PayloadSection.of(judged, repeats, findings),
+        runs=tuple(
+            RunSection.of(name, motion.describe(), item.recording, item.robot)
+            for name, item in zip(state.weighed, data, strict=True)
+        ),
+        verdict=payload_verdict(judged),
+        timing=Timing(
+            created_utc=state.folder.manifest().created_utc, run_ids=tuple(state.done.values())
+        ),
+    )
     report = write_result(state.folder, result)
     word = "passed" if judged.passed else "failed"
     state.folder.finish(RunStatus.COMPLETE, {"robot": loaded.robot.name, "verdict": word})

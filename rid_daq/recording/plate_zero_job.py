@@ -27,7 +27,7 @@ from config.errors import ConfigError, DataQualityError
 from config.load import bundled_names, load_cell
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession, open_session
-from rid_daq.report.zero_section import as_zero, zero_section, zero_verdict
+from rid_daq.report.sections.plate_zero import PlateZeroSection, as_zero, zero_verdict
 from rid_daq.runs.plate_zero_lines import write_zero, zero_lines
 from rid_daq.runs.run_data import RunData
 from rid_daq.session.cells import Simulation
@@ -134,16 +134,18 @@ def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
                 return PlateZeroed(run)
             found = _offset(run.data, _plate_of(session.cell), turn, readings)
             judged = zero_verdict(found, turn, plate)
-            run.result["title"] = f"Zero of the plate of {loaded.config.name}"
-            run.result["plate_zero"] = zero_section(found, turn)
-            run.result["verdict"] = judged
-            run.facts["zeroed"] = judged["passed"]
+            run.result = run.result.updated(
+                title=f"Zero of the plate of {loaded.config.name}",
+                plate_zero=PlateZeroSection.of(found, turn),
+                verdict=judged,
+            )
+            run.facts["zeroed"] = judged.passed
             zero = as_zero(found, turn)
             source = f"found by `rid-daq plate zero`, run {run.folder.run_id}"
             lines = zero_lines(zero, source)
             run.folder.write(ZERO_FILE, lines.encode())
     written = None
-    if request.write and judged["passed"]:
+    if request.write and judged.passed:
         written = Path(request.cell)
         write_zero(written, zero, source)
     return PlateZeroed(run, zero, lines, written)

@@ -6,7 +6,6 @@ import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from pydantic import JsonValue
 
@@ -16,8 +15,10 @@ from acquisition.runs.manifest import RunStatus
 from acquisition.session.record import RecordOutcome
 from acquisition.supervision.stop_reason import StopCode
 from config.errors import DataQualityError, RecordingError
-from rid_daq.report.result import REPORT, Result
-from rid_daq.report.sections import loop_sentence
+from rid_daq.report.result import Result
+from rid_daq.report.result_file import REPORT
+from rid_daq.report.sections.timing import loop_sentence
+from rid_daq.report.sections.verdict import Verdict
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import RunQuality
 from rid_daq.terminal.console import Console
@@ -45,7 +46,7 @@ _CHECK = "Find the cause at the robot before you start again; `rid-daq check` re
 _NOT_GOOD = "Recorded, but not good enough to go on with"
 
 
-@dataclass(frozen=True)
+@dataclass
 class RecordedRun:
     """A recorded motion with its report.
 
@@ -59,8 +60,8 @@ class RecordedRun:
         What was measured; None where no row could be read.
     quality : RunQuality or None
         How whole it is; None where the motion was stopped.
-    result : dict
-        The result document; more may be added until it is written.
+    result : Result
+        The result; more may be added until it is written.
     facts : dict
         What the manifest says of the run; more may be added until it is written.
     """
@@ -118,23 +119,22 @@ class RecordedRun:
         """How well the loop kept its time."""
         return loop_sentence(self.outcome.statistics)
 
-    def set_verdict(self, goals: Sequence[str]) -> None:
-        """Put into the result how the motion ended, how far its goals are, and what is lost."""
-        judged: dict[str, Any] = self.result["verdict"]
+    def verdict(self, goals: Sequence[str]) -> Verdict:
+        """Return how the motion ended, how far its goals are, and what is lost."""
         if self.outcome.stop is not None:
-            judged["headline"], judged["sentence"] = "Stopped before its end", self.stop_sentence
-            judged["passed"] = False
-            return
-        judged["headline"] = "Recorded completely"
+            return Verdict.failed("Stopped before its end", self.stop_sentence)
         sentences = [". ".join(goals or [self.timing_sentence])]
+        good = self.quality is None or self.quality.good
         if self.quality is not None:
-            sentences += self.quality.sentences()
-            if not self.quality.good:
-                judged["headline"], judged["passed"] = _NOT_GOOD, False
-                sentences.insert(0, self.quality.trouble)
-        judged["sentence"] = " ".join(f"{line.removesuffix('.')}." for line in sentences)
+            lost = list(self.quality.sentences())
+            trouble = [] if good else [self.quality.trouble]
+            sentences = [*trouble, *sentences, *lost]
+        sentence = " ".join(f"{line.removesuffix('.')}." for line in sentences)
+        if not good:
+            return Verdict.failed(_NOT_GOOD, sentence)
+        return Verdict.of([], "Recorded completely", sentence)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Return what programs are told of the run."""
         return {
             "run": self.folder.run_id,
@@ -172,7 +172,7 @@ def stop_words(outcome: RecordOutcome) -> str:
     return f"S{text[1:]}" if text.startswith("stopped ") else f"Stopped: {text}"
 
 
-def stop_document(outcome: RecordOutcome) -> dict[str, Any]:
+def stop_document(outcome: RecordOutcome) -> dict[str, object]:
     """Return what programs are told of a motion's end: `stop`, None where it came, and `notes`."""
     stop = outcome.stop
     return {

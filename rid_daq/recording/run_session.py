@@ -24,8 +24,11 @@ from config.errors import RecordingError, TransportError
 from config.load import LoadedCell
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
 from rid_daq.recording.recorded_run import RecordedRun, ending_said
-from rid_daq.report.result import new_result, write_result
-from rid_daq.report.sections import average_section, cell_section, loop_section, run_section
+from rid_daq.report.result import Result
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.average import AverageSection
+from rid_daq.report.sections.runs import CellSection, RunSection
+from rid_daq.report.sections.timing import LoopTiming, Timing
 from rid_daq.runs.flange import note_flange
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import run_quality
@@ -181,11 +184,13 @@ class RunSession:
             with ending_said(outcome, request.epilogue):
                 run = self._judged(folder, request, outcome)
                 run.facts.update(facts, rows=outcome.rows)
-                run.result["timing"] = {
-                    "elapsed_s": elapsed_s,
-                    "created_utc": created_utc,
-                    "loops": [loop_section(request.role, outcome.statistics)],
-                }
+                run.result = run.result.updated(
+                    timing=Timing(
+                        elapsed_s=elapsed_s,
+                        created_utc=created_utc,
+                        loops=(LoopTiming.of(request.role, outcome.statistics),),
+                    )
+                )
                 yield run
                 write_result(folder, run.result)
                 folder.finish(run.status, run.facts)
@@ -229,19 +234,22 @@ class RunSession:
     ) -> RecordedRun:
         """Read what was recorded, once, and judge it."""
         robot = self.loaded.robot
-        result = new_result(f"Recording on {self.cell.name}", robot.name)
-        result["cell"] = cell_section(self.cell)
         data = RunData.load(folder, unfinished=True) if outcome.rows else None
-        quality = None
+        quality = section = average = None
         if data is not None:
             stop = None if outcome.stop is None else outcome.stop.text
-            section = run_section(request.role, request.sentence, data.recording, robot, stop)
-            result["runs"] = [section]
+            section = RunSection.of(request.role, request.sentence, data.recording, robot, stop)
             quality = run_quality(data.recording) if outcome.complete else None
         if quality is not None and quality.average is not None:
-            result["average"] = average_section(quality.average, robot)
+            average = AverageSection.of(quality.average, robot)
+        result = Result.new(f"Recording on {self.cell.name}", robot.name).updated(
+            cell=CellSection.of(self.cell),
+            runs=None if section is None else (section,),
+            average=average,
+        )
         run = RecordedRun(folder, outcome, data, quality, result)
-        run.set_verdict([] if request.watch is None else request.watch.sentences())
+        goals = [] if request.watch is None else request.watch.sentences()
+        run.result = result.updated(verdict=run.verdict(goals))
         return run
 
     @contextlib.contextmanager

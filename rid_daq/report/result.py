@@ -1,140 +1,125 @@
-"""`result.json`: every number of a run's report, in one document that commands add sections to.
-
-Sections, all optional but the first four: `title`, `robot`, `verdict`, `software`; `cell`, `seed`,
-`runs`, `average`, `estimate`, `truth`, `validation`, `curves`. What differs from one execution to
-the next (run ids, clock times, loop timing) stands under `timing` and nowhere else, so that two
-simulated runs with the same seed agree in all the rest, bit for bit.
-"""
+"""`Result`: every number of a run's report, in one document that commands add sections to."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from typing import Final, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import Field
 
-from acquisition.runs.folder import RunFolder
-from config.errors import ConfigError, RecordingError
-from config.formats.json_file import parse_json
-from rid_daq.report.render import render_report
+from rid_daq.report.sections.average import AverageSection
+from rid_daq.report.sections.base_load import BaseLoadSection
+from rid_daq.report.sections.comparison import ComparisonSection
+from rid_daq.report.sections.curves import CurvesSection
+from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.sections.friction import FrictionSection
+from rid_daq.report.sections.payload import PayloadSection
+from rid_daq.report.sections.plate import PlateSection
+from rid_daq.report.sections.plate_zero import PlateZeroSection
+from rid_daq.report.sections.reaction import ReactionSection
+from rid_daq.report.sections.runs import CellSection, RunSection
+from rid_daq.report.sections.section import Section, Texts
+from rid_daq.report.sections.timing import Timing
+from rid_daq.report.sections.tracking import TrackingSection
+from rid_daq.report.sections.truth import TruthCase
+from rid_daq.report.sections.validation import ValidationSection
+from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
+from rid_daq.report.sections.verdict import Verdict
 from rid_daq.session.versions import software_versions
 
-SCHEMA = "rid-daq result 1"
-RESULT = "result.json"
-REPORT = "report.html"
-
-Result = dict[str, Any]
+SCHEMA: Final = "rid-daq result 1"
 
 
-class _Verdict(BaseModel):
-    model_config = ConfigDict(strict=True)
+class WithoutUnmodelled(Section):
+    """The demo on a robot without the effects that no model has."""
 
-    passed: bool | None
-    headline: str
-    sentence: str
-    checks: list[dict[str, Any]]
+    average: AverageSection
+    estimate: EstimateSection
+    validation: ValidationSection
 
 
-class _Head(BaseModel):
-    """What every document has; other sections are judged where they are shown."""
+class Result(Section):
+    """A run's result, as `result.json` holds it.
 
-    model_config = ConfigDict(strict=True)
+    All sections but the first five keys are left out where nothing was computed. What differs from
+    one execution to the next (run ids, clock times, loop timing) stands under `timing` and nowhere
+    else, so that two simulated runs with the same seed agree in all the rest, bit for bit. The page
+    of a section is the template of its name; their order here is their order on the page.
 
+    Attributes
+    ----------
+    format : str
+        The version of this document, under the key `schema`.
+    title, robot : str
+        What was done, and the robot's name.
+    verdict : Verdict
+        Whether the result holds.
+    software : dict of str
+        Versions of what it was made with, by name.
+    notes : tuple of str
+        What the runs lack that it rests on.
+    cell : CellSection
+        The cell that it was recorded on.
+    seed : int
+        Of the demo.
+    without_unmodelled : WithoutUnmodelled
+        Of the demo.
+    timing : Timing
+        All that differs from one execution to the next.
+    """
+
+    format: Literal["rid-daq result 1"] = Field(default=SCHEMA, alias="schema")
     title: str
     robot: str
-    verdict: _Verdict
-    software: dict[str, Any]
-    runs: list[dict[str, Any]] = []
-    timing: dict[str, Any] = {}
+    verdict: Verdict
+    software: dict[str, str]
+    notes: Texts | None = None
+    cell: CellSection | None = None
+    seed: int | None = None
 
+    payload: PayloadSection | None = None
+    validation: ValidationSection | None = None
+    curves: CurvesSection | None = None
+    estimate: EstimateSection | None = None
+    plate: PlateSection | None = None
+    comparison: ComparisonSection | None = None
+    truth: tuple[TruthCase, ...] | None = None
+    tracking: TrackingSection | None = None
+    plate_zero: PlateZeroSection | None = None
+    reaction: ReactionSection | None = None
+    base_load: BaseLoadSection | None = None
+    friction: FrictionSection | None = None
+    velocity_loops: VelocityLoopsSection | None = None
+    runs: tuple[RunSection, ...] | None = None
+    average: AverageSection | None = None
 
-def new_result(title: str, robot: str) -> Result:
-    """Return a result document without a verdict yet."""
-    return {
-        "schema": SCHEMA,
-        "title": title,
-        "robot": robot,
-        "verdict": verdict([], "Nothing to judge", "No limit was set for this run."),
-        "software": software_versions(),
-    }
+    without_unmodelled: WithoutUnmodelled | None = None
+    timing: Timing | None = None
 
+    @classmethod
+    def new(cls, title: str, robot: str) -> Result:
+        """Return a result with nothing judged yet, made by this program.
 
-def check(text: str, value: float, relation: str, limit: float, unit: str = "") -> dict[str, Any]:
-    """Return one line of a verdict: what was reached, and what was required.
+        Parameters
+        ----------
+        title : str
+            What was done.
+        robot : str
+            The robot's name.
+        """
+        return cls(
+            title=title,
+            robot=robot,
+            verdict=Verdict.of([], "Nothing to judge", "No limit was set for this run."),
+            software=software_versions(),
+        )
 
-    Parameters
-    ----------
-    text
-        What is held to a limit.
-    value, limit
-        Reached and required.
-    relation
-        "≤" or "≥": how `value` must stand to `limit`.
-    unit
-        Of both.
-    """
-    passed = value <= limit if relation == "≤" else value >= limit
-    return {
-        "text": text,
-        "value": value,
-        "relation": relation,
-        "limit": limit,
-        "unit": unit,
-        "passed": bool(passed),
-    }
+    def updated(self, **sections: object) -> Result:
+        """Return the document with sections (or title, verdict, notes) replaced or added.
 
-
-def verdict(checks: Sequence[dict[str, Any]], headline: str, sentence: str) -> dict[str, Any]:
-    """Return the verdict section: passed, failed, or (without checks) none."""
-    passed = all(line["passed"] for line in checks) if checks else None
-    return {
-        "passed": passed,
-        "headline": headline,
-        "sentence": sentence,
-        "checks": list(checks),
-    }
-
-
-def read_result(folder: RunFolder) -> Result:
-    """Return a run's result document.
-
-    Raises
-    ------
-    RecordingError
-        The run has none yet, or the file is not one.
-    """
-    path = folder.file(RESULT)
-    if not path.exists():
-        raise RecordingError(f"{folder.path}: no {RESULT} yet; the run ended before it had one")
-    try:
-        document = parse_json(folder.read(RESULT))
-    except ConfigError as error:
-        raise RecordingError(f"{path}: {error}; was it edited?") from None
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-        raise RecordingError(f"{path}: not a result of this version ({SCHEMA!r} expected)")
-    try:
-        _Head.model_validate(document)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise RecordingError(f"{path}: {where}: {first['msg']}; was it edited?") from None
-    return document
-
-
-def write_result(folder: RunFolder, result: Result) -> Path:
-    """Write `result.json` and `report.html` into a run folder; return the report's path.
-
-    Raises
-    ------
-    RecordingError
-        A file cannot be written; or a section, which was read from a file, cannot be shown.
-    """
-    text = json.dumps(result, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
-    path = folder.write(RESULT, text.encode())
-    try:
-        page = render_report(result)
-    except RecordingError as error:
-        raise RecordingError(f"{path}: {error}") from error
-    return folder.write(REPORT, page.encode())
+        Raises
+        ------
+        pydantic.ValidationError
+            A section is not of its class, or there is no such section.
+        """
+        own = {name: getattr(self, name) for name in type(self).model_fields if name != "format"}
+        return Result.model_validate({**own, **sections})

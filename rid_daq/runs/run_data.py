@@ -33,8 +33,10 @@ from acquisition.runs.manifest import RECORDING, RunStatus
 from config.errors import ConfigError, DataQualityError, LockedError, RecordingError
 from config.load import load_bundled_or_path, load_robot
 from config.robot.robot import RobotDescription
-from rid_daq.report.result import RESULT, Result, new_result, read_result
-from rid_daq.report.sections import run_section
+from rid_daq.report.result import Result
+from rid_daq.report.result_file import RESULT, read_result
+from rid_daq.report.sections.runs import BadRows, RunSection
+from rid_daq.report.sections.timing import Timing
 from rid_daq.terminal.console import Console
 
 SOURCE = "source.csv"
@@ -296,28 +298,31 @@ def result_of(data: RunData, notes: Sequence[str] = ()) -> Result:
         There is one, and it cannot be read.
     """
     result = read_result(data.folder) if data.folder.file(RESULT).exists() else _first_result(data)
-    result.pop("notes", None)
-    return result | {"notes": list(notes)} if notes else result
+    return result.updated(notes=tuple(notes) or None)
 
 
 def _first_result(data: RunData) -> Result:
-    manifest = data.folder.manifest()
-    result = new_result(f"Run {manifest.label}", data.robot.name)
-    section = run_section("recording", "As recorded.", data.recording, data.robot)
-    if data.import_report is not None:
-        report = data.import_report
-        section["sentence"] = "; ".join(report.lines()[:2]) + "."
-        section["bad_rows"] = [
-            {
-                "rows": f"{rows.first}-{rows.last}" if rows.last > rows.first else str(rows.first),
-                "count": rows.count,
-                "reason": ", ".join(
-                    f"{count} {reason} (row {example.row}: {example.detail})"
-                    for (reason, count), example in zip(rows.counts, rows.examples, strict=True)
-                ),
-            }
-            for rows in report.damaged
-        ]
-    result["runs"] = [section]
-    result["timing"] = {"created_utc": manifest.created_utc, "run_ids": [manifest.run_id]}
-    return result
+    manifest, report = data.folder.manifest(), data.import_report
+    section = RunSection.of("recording", "As recorded.", data.recording, data.robot)
+    if report is not None:
+        sentence = "; ".join(report.lines()[:2]) + "."
+        section = section.model_copy(update={"sentence": sentence, "bad_rows": bad_rows(report)})
+    return Result.new(f"Run {manifest.label}", data.robot.name).updated(
+        runs=(section,),
+        timing=Timing(created_utc=manifest.created_utc, run_ids=(manifest.run_id,)),
+    )
+
+
+def bad_rows(report: ImportReport) -> tuple[BadRows, ...]:
+    """Return the rows that an import left out, as the report has them."""
+    return tuple(
+        BadRows(
+            rows=f"{rows.first}-{rows.last}" if rows.last > rows.first else str(rows.first),
+            count=rows.count,
+            reason=", ".join(
+                f"{count} {reason} (row {example.row}: {example.detail})"
+                for (reason, count), example in zip(rows.counts, rows.examples, strict=True)
+            ),
+        )
+        for rows in report.damaged
+    )

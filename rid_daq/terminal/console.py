@@ -6,12 +6,13 @@ import json
 import re
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Protocol
 
 import typer
+from pydantic import BaseModel
 
 _INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
@@ -71,6 +72,19 @@ def _cell(text: str) -> str:
     return printable(text).replace("\n", "\\n").replace("\t", "\\t")
 
 
+def _as_json(value: object) -> object:
+    """Return a model as JSON has it.
+
+    Raises
+    ------
+    TypeError
+        It is none.
+    """
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json", by_alias=True)
+    raise TypeError(f"{type(value).__name__} is nothing that JSON has")
+
+
 class Progress(Protocol):
     """A progress display: how far, and one line about how it goes."""
 
@@ -113,11 +127,13 @@ class Console:
         style = "bold" if passed is None else "bold green" if passed else "bold red"
         RichConsole().print(Text(printable(text), style=style))
 
-    def document(self, document: dict[str, Any]) -> None:
+    def document(self, document: Mapping[str, object] | BaseModel) -> None:
         """Write the command's result for programs; nothing without `--json`."""
         if self.as_json:
             _output.documents += 1
-            text = json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False)
+            text = json.dumps(
+                document, ensure_ascii=False, indent=2, allow_nan=False, default=_as_json
+            )
             _write(_INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
     def table(

@@ -40,7 +40,7 @@ def whole_result() -> dict[str, Any]:
         "schema": "rid-daq result 1",
         "title": "Identification of ir361",
         "robot": "ir361",
-        "cell": {"name": "ir361", "simulated": True, "cycle_time_ms": 8},
+        "cell": {"name": "ir361", "simulated": True, "cycle_time_ms": 8, "bus": "rid_sim:ir361"},
         "seed": 1,
         "verdict": {
             "passed": True,
@@ -62,6 +62,9 @@ def whole_result() -> dict[str, Any]:
                 "role": "excitation",
                 "sentence": "Fourier motion, 16 periods of 10 s after 1 transient period.",
                 "stop": None,
+                "rows": 21250,
+                "invalid_rows": 0,
+                "duration_s": 170.0,
                 "axes": [
                     {
                         "joint": joint,
@@ -81,6 +84,9 @@ def whole_result() -> dict[str, Any]:
         ],
         "average": {
             "sentence": "15 of 16 periods averaged, 1250 samples each.",
+            "periods_kept": 15,
+            "samples_per_period": 1250,
+            "missing_samples": 0,
             "rejected": [{"index": 3, "reason": "7 samples are missing"}],
             "axes": [
                 {
@@ -95,9 +101,17 @@ def whole_result() -> dict[str, Any]:
         },
         "estimate": {
             "sentence": "Maximum likelihood on 250 bins; condition number 31.",
+            "method": "periodic",
+            "condition_number": 31.0,
+            "equations": 750,
+            "band_hz": 10.0,
+            "periods": 15,
+            "weighting": "ml",
+            "unseen": ["m1"],
             "has_truth": True,
             "parameters": [
                 {
+                    "name": f"Izz{i}",
                     "words": f"Izz{i} + 0.2304 m3 {'+ 151 Im2' if i > 3 else ''}",
                     "unit": "kg m²",
                     "value": 12.3456 / i**3,
@@ -105,21 +119,36 @@ def whole_result() -> dict[str, Any]:
                     "std_noise": 0.0021,
                     "std_residual": 0.0123,
                     "truth": 12.34 / i**3,
+                    "deviation_sigmas": 0.0056 / i**3 / 0.0123,
                     "inside_two_sigma": i % 4 != 0,
                 }
                 for i in range(1, 24)
+            ],
+            "axes": [
+                {
+                    "joint": joint,
+                    "unit": "N m",
+                    "residual": 2.1,
+                    "noise": 1.3,
+                    "left_out_fraction": 0.04,
+                }
+                for joint in joints
             ],
         },
         "truth": [
             {
                 "title": title,
                 "sentence": f"{title}: 21 of 23 true values inside their interval.",
+                "inside": 21,
+                "of": 23,
                 "deviation_sigmas": [reach * math.sin(2.3 * i) for i in range(23)],
             }
             for title, reach in (("unmodelled effects on", 12.0), ("unmodelled effects off", 1.9))
         ],
         "validation": {
             "sentence": "20 random points, all samples with |velocity| over 0.02 rad/s.",
+            "cutoff_hz": 10.0,
+            "standstill_rad_s": 0.02,
             "has_floor": True,
             "has_limits": True,
             "axes": [
@@ -129,6 +158,7 @@ def whole_result() -> dict[str, Any]:
                     "rms_torque": 71.0,
                     "rms_error": 4.31,
                     "relative_error_percent": 6.07,
+                    "all_samples_percent": 6.5,
                     "noise": 1.29,
                     "floor": 3.9,
                     "error_over_floor": 1.105,
@@ -188,7 +218,7 @@ def whole_result() -> dict[str, Any]:
             },
         },
         "timing": {
-            "created_utc": "2026-01-01 12:00:00",
+            "created_utc": "2026-01-01T12:00:00Z",
             "elapsed_s": 47.11,
             "loops": [
                 {
@@ -196,6 +226,17 @@ def whole_result() -> dict[str, Any]:
                     "sentence": "21 250 cycles, 0 overruns, 0 missed answers.",
                     "edges_us": [0.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0],
                     "counts": [9000, 8000, 3000, 900, 200, 80, 40, 0],
+                    "cycles": 21250,
+                    "overruns": 0,
+                    "missed_frames": [0, 0, 0],
+                    "lateness_p50_s": 1e-5,
+                    "lateness_p99_s": 1e-4,
+                    "lateness_max_s": 5e-4,
+                    "lateness_edges_s": [0.0, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3],
+                    "lateness_counts": [9000, 8000, 3000, 900, 200, 80, 40, 0],
+                    "exchange_p50_s": 4e-4,
+                    "exchange_p99_s": 5e-4,
+                    "exchange_max_s": 6e-4,
                 }
             ],
         },

@@ -196,8 +196,8 @@ NOT_JSON: list[tuple[bytes, bytes, str]] = [
     (b'"cycle_time_ms": 8', b'"x": "\\ud800"', "cell.x: is text with half a character"),
     (b'"headline"', b'"headlin"', "verdict.headline"),
     (b'"robot"', b'"robott"', "robot"),
-    (b'"measured"', b'"measuret"', "curves: cannot be shown: the key 'measured' is missing"),
-    (b'"axes"', b'"axis"', "cannot be shown"),
+    (b'"measured"', b'"measuret"', "curves.torque.axes.0.measured: Field required"),
+    (b'"axes"', b'"axis"', "validation.axes: Field required"),
 ]
 
 

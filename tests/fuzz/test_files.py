@@ -35,7 +35,7 @@ from identification.payload.controllers.formats import LoadFormat, load_data, re
 from identification.payload.file import read_payload
 from rid_daq.jobs.urdf_starter import urdf_files
 from rid_daq.recording.payload_state import SessionState
-from rid_daq.report.result import read_result
+from rid_daq.report.result_file import read_result
 
 BUNDLED = Path(__file__).resolve().parents[2] / "config" / "bundled"
 LONGEST_S = 30.0  # a bound that no load of the computer reaches; a hang does

@@ -17,8 +17,8 @@ from compensation.loops.multisine_motion import limit_use, multisine_motion, vel
 from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.app import run
-from rid_daq.report.bode_figure import cascade_figure, controller_figure
-from rid_daq.report.velocity_loop_section import velocity_loop_section
+from rid_daq.report.figures.bode import cascade_figure, controller_figure
+from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
 
 DESIGN = ["design", "ir361", "--kind", "multisine", "--period", "4", "--realisations", "1"]
 
@@ -82,23 +82,25 @@ def test_the_section_is_json_and_draws_both_figures() -> None:
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     recording = closed_loop(cell, cell.plant, samples, 5)
     found = measure_loops(recording, motion, cell.robot, 15.0)
-    section = velocity_loop_section(cell.robot, found, advise(found.cascades))
-    section = json.loads(json.dumps(section, allow_nan=False))
-    assert section["position_gain_per_s"] == 15.0
-    assert 5.0 < section["largest_position_gain_per_s"] < 40.0
-    for number, axis in enumerate(section["axes"]):
-        assert {trial["mdl"] for trial in axis["trials"]}
-        assert 30.0 < axis["position_margins"]["phase_deg"] < 80.0
-        assert 6.0 < axis["position_margins"]["gain_db"] < 25.0
-        measured, drawn = axis["cascade"]["measured"], axis["cascade"]["position"]
-        inside = np.array(measured["frequency_hz"]) > 3.0
-        modelled = np.interp(
-            measured["frequency_hz"], axis["cascade"]["frequency_hz"], drawn["magnitude"]
-        )
-        ratio = np.array(measured["magnitude"])[inside] / modelled[inside]
+    section = VelocityLoopsSection.of(cell.robot, found, advise(found.cascades))
+    assert VelocityLoopsSection.model_validate_json(section.model_dump_json()) == section
+    assert section.position_gain_per_s == 15.0
+    assert section.largest_position_gain_per_s is not None
+    assert 5.0 < section.largest_position_gain_per_s < 40.0
+    for number, axis in enumerate(section.axes):
+        margins = axis.position_margins
+        assert axis.trials
+        assert margins.phase_deg is not None
+        assert margins.gain_db is not None
+        assert 30.0 < margins.phase_deg < 80.0
+        assert 6.0 < margins.gain_db < 25.0
+        measured, drawn = axis.cascade.measured, axis.cascade.position
+        inside = np.array(measured.frequency_hz) > 3.0
+        modelled = np.interp(measured.frequency_hz, axis.cascade.frequency_hz, drawn.magnitude)
+        ratio = np.array(measured.magnitude)[inside] / modelled[inside]
         np.testing.assert_allclose(np.median(ratio), 1.0, atol=0.1)
-        controller = controller_figure(axis["response"] | {"unit": axis["unit"]}, f"c{number}")
-        cascade = cascade_figure(axis["cascade"], f"p{number}")
+        controller = controller_figure(axis, f"c{number}")
+        cascade = cascade_figure(axis.cascade, f"p{number}")
         for words in ("odd distortion", "even distortion", "frequency [Hz]", "σ by noise"):
             assert words in controller
         assert "position loop, measured" in cascade

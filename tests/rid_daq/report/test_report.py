@@ -10,9 +10,12 @@ import pytest
 
 from acquisition.runs.folder import RunFolder
 from config.errors import RecordingError
-from rid_daq.report.path_figures import magnification
-from rid_daq.report.render import duration, number, render_report
-from rid_daq.report.result import check, new_result, read_result, verdict, write_result
+from rid_daq.report.figures.paths import magnification
+from rid_daq.report.formats import duration, number
+from rid_daq.report.render import render_report
+from rid_daq.report.result import Result
+from rid_daq.report.result_file import read_result, write_result
+from rid_daq.report.sections.verdict import Check, Verdict
 from tests.builders.invented import whole_result
 
 
@@ -40,10 +43,22 @@ def _read(page: str) -> _Page:
     return parser
 
 
+def typed(document: dict[str, Any]) -> Result:
+    """Return what a result.json of this content holds."""
+    return Result.model_validate_json(json.dumps(document))
+
+
+@pytest.fixture
+def undrawn(result: dict[str, Any]) -> dict[str, Any]:
+    """The result without all that is drawn, which takes its time."""
+    drawn = ("curves", "truth", "tracking", "timing")
+    return {key: value for key, value in result.items() if key not in drawn}
+
+
 @pytest.fixture(scope="module")
 def page() -> str:
     """The report with everything in it."""
-    return render_report(whole_result())
+    return render_report(typed(whole_result()))
 
 
 def test_the_page_needs_nothing_from_anywhere(page: str) -> None:
@@ -65,10 +80,10 @@ def test_links_inside_the_drawings_arrive(page: str) -> None:
     assert wanted <= set(parsed.ids)
 
 
-def test_the_verdict_stands_before_everything_else(page: str, result: dict[str, Any]) -> None:
+def test_the_verdict_stands_before_everything_else(page: str, undrawn: dict[str, Any]) -> None:
     assert page.index("Passed: the model predicts") < page.index("<h2>")
-    result["verdict"] = verdict([check("error", 2.0, "≤", 1.3)], "Failed: badly off", "It is.")
-    assert 'class="verdict failed"' in render_report(result)
+    judged = Verdict.of([Check.of("error", 2.0, "≤", 1.3)], "Failed: badly off", "It is.")
+    assert 'class="verdict failed"' in render_report(typed(undrawn).updated(verdict=judged))
 
 
 def test_the_page_shows_what_the_issue_asks_for(page: str) -> None:
@@ -102,39 +117,31 @@ def test_a_deviation_is_magnified_by_a_round_number(
     assert magnification(extent_m, deviation_m) == times
 
 
-@pytest.mark.parametrize(
-    "section", ["runs", "average", "estimate", "truth", "tracking", "curves", "timing"]
-)
+@pytest.mark.parametrize("section", ["runs", "average", "estimate", "validation"])
 def test_a_result_without_a_section_still_has_a_report(
-    result: dict[str, Any], section: str
+    undrawn: dict[str, Any], section: str
 ) -> None:
-    del result[section]
-    if section not in (
-        "runs",
-        "estimate",
-        "tracking",
-    ):  # drawn beside these alone, which takes its time
-        result.pop("curves", None)
-    assert "</html>" in render_report(result)
+    del undrawn[section]
+    assert "</html>" in render_report(typed(undrawn))
 
 
 def test_a_result_with_nothing_but_a_title_has_a_report() -> None:
-    page = render_report(new_result("Recording", "ur10e"))
+    page = render_report(Result.new("Recording", "ur10e"))
     assert "Nothing to judge" in page
 
 
-def test_text_of_devices_and_files_cannot_become_markup(result: dict[str, Any]) -> None:
+def test_text_of_devices_and_files_cannot_become_markup(undrawn: dict[str, Any]) -> None:
     evil = "<script>alert(1)</script>"
-    result["average"]["rejected"][0]["reason"] = evil
-    result["runs"][0]["stop"] = evil
-    result["estimate"]["parameters"][0]["words"] = evil
-    page = render_report(result)
+    undrawn["average"]["rejected"][0]["reason"] = evil
+    undrawn["runs"][0]["stop"] = evil
+    undrawn["estimate"]["parameters"][0]["words"] = evil
+    page = render_report(typed(undrawn))
     assert evil not in page
     assert page.count("&lt;script&gt;") == 3
 
 
 def test_the_same_numbers_give_the_same_bytes(page: str, result: dict[str, Any]) -> None:
-    assert render_report(result) == page
+    assert render_report(typed(result)) == page
 
 
 @pytest.mark.parametrize(
@@ -163,8 +170,9 @@ def folder(tmp_path: Path) -> RunFolder:
 
 
 def test_a_result_survives_its_file(result: dict[str, Any], folder: RunFolder) -> None:
-    report = write_result(folder, result)
-    assert read_result(folder) == json.loads(json.dumps(result))
+    report = write_result(folder, typed(result))
+    assert read_result(folder) == typed(result)
+    assert json.loads(folder.read("result.json")) == result
     assert report == folder.path / "report.html"
     assert {"report.html", "result.json"} == set(folder.manifest().files)
 
@@ -176,20 +184,34 @@ def test_a_file_that_is_no_result_is_refused(content: bytes, folder: RunFolder) 
         read_result(folder)
 
 
+def test_a_result_of_a_newer_version_says_so(folder: RunFolder) -> None:
+    folder.write("result.json", b'{"schema": "rid-daq result 2", "title": 1}')
+    with pytest.raises(RecordingError, match="of a newer rid-daq; this one reads"):
+        read_result(folder)
+
+
+def test_a_key_that_nobody_knows_is_named(result: dict[str, Any], folder: RunFolder) -> None:
+    result["runs"][0]["colour"] = "red"
+    folder.write("result.json", json.dumps(result).encode())
+    with pytest.raises(RecordingError, match=r"runs\.0\.colour: .*was it edited"):
+        read_result(folder)
+
+
 def test_a_run_without_a_result_is_told_apart(folder: RunFolder) -> None:
     with pytest.raises(RecordingError, match="yet"):
         read_result(folder)
 
 
 def test_a_verdict_without_checks_is_none_and_one_failure_fails_it() -> None:
-    assert verdict([], "", "")["passed"] is None
-    good, bad = check("a", 1.0, "≤", 1.0), check("b", 0.8, "≥", 0.9)
-    assert good["passed"]
-    assert not bad["passed"]
-    assert verdict([good, bad], "", "")["passed"] is False
+    assert Verdict.of([], "", "").passed is None
+    good, bad = Check.of("a", 1.0, "≤", 1.0), Check.of("b", 0.8, "≥", 0.9)
+    assert good.passed
+    assert not bad.passed
+    assert Verdict.of([good, bad], "", "").passed is False
 
 
 def test_a_motion_that_never_began_has_a_report(result: dict[str, Any]) -> None:
-    loop = result["timing"]["loops"][0]
+    (loop,) = result["timing"]["loops"]
     loop["counts"] = [0] * len(loop["counts"])
-    assert "lateness of the cycle" in render_report(result)
+    head = {key: result[key] for key in ("title", "robot", "verdict", "software", "timing")}
+    assert "lateness of the cycle" in render_report(typed(head))

@@ -7,35 +7,44 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
-from rid_daq.report.figures import FAINT, MEASURED, PREDICTED, STYLE, WRONG, as_svg
+from rid_daq.report.figures.curves import (
+    FAINT,
+    MEASURED,
+    PREDICTED,
+    STYLE,
+    WRONG,
+    as_label,
+    as_svg,
+)
+from rid_daq.report.sections.velocity_loops import AxisLoop, CascadeCurves, LoopMargins
 
 EVEN, NOISE, LINE = "#7c3aed", "#8593a3", "#475569"
 SMALLEST_DB = 1e-9
 
 
-def controller_figure(axis: dict[str, Any], name: str) -> str:
+def controller_figure(axis: AxisLoop, name: str) -> Markup:
     """Draw one velocity controller's frequency response, its errors, and what was fitted.
 
     Parameters
     ----------
-    axis
-        `unit`; `frequency_hz`, `magnitude`, `phase_deg`, `std_noise`, `std_total`, one value a
-        line; `fit` (`frequency_hz`, `magnitude`, `phase_deg`); `even`, `odd` (`frequency_hz`,
-        `level`, `noise`, one value a line).
-    name
+    axis : AxisLoop
+        Whose `response` is drawn.
+    name : str
         A word for the drawing's element names, different for every figure of a page.
     """
-    f, size = _array(axis["frequency_hz"]), _array(axis["magnitude"])
-    total, noise = _array(axis["std_total"]), _array(axis["std_noise"])
-    fit = axis["fit"]
+    response = axis.response
+    f, size = _array(response.frequency_hz), _array(response.magnitude)
+    total, noise = _array(response.std_total), _array(response.std_noise)
+    fit = response.fit
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 4.6), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
-        top.plot(fit["frequency_hz"], _db(fit["magnitude"]), color=PREDICTED, label="fitted PI")
+        top.plot(fit.frequency_hz, _db(fit.magnitude), color=PREDICTED, label="fitted PI")
         reach = 2.0 * total
         top.fill_between(
             f,
@@ -49,20 +58,20 @@ def controller_figure(axis: dict[str, Any], name: str) -> str:
         top.plot(f, _db(size), "o", color=MEASURED, markersize=3.0, label="measured")
         top.plot(f, _db(total), color=LINE, linewidth=1.2, label="σ in all")
         top.plot(f, _db(noise), color=NOISE, linewidth=1.2, linestyle="--", label="σ by noise")
-        for key, label, marker, colour in (
-            ("odd", "odd distortion", "^", WRONG),
-            ("even", "even distortion", "v", EVEN),
+        for distortion, label, marker, colour in (
+            (response.odd, "odd distortion", "^", WRONG),
+            (response.even, "even distortion", "v", EVEN),
         ):
             top.plot(
-                axis[key]["frequency_hz"],
-                _db(axis[key]["level"]),
+                distortion.frequency_hz,
+                _db(distortion.level),
                 marker,
                 color=colour,
                 markersize=3.0,
                 linestyle="",
                 label=label,
             )
-        both = [(axis[key]["frequency_hz"], axis[key]["noise"]) for key in ("even", "odd")]
+        both = [(each.frequency_hz, each.noise) for each in (response.even, response.odd)]
         where = np.concatenate([_array(at) for at, _ in both])
         floor = np.concatenate([_array(noise) for _, noise in both])
         order = np.argsort(where)
@@ -74,11 +83,11 @@ def controller_figure(axis: dict[str, Any], name: str) -> str:
             linewidth=1.4,
             label="noise at empty lines",
         )
-        top.set_ylabel(f"dB over 1 {axis['unit']}")
+        top.set_ylabel(f"dB over 1 {as_label(axis.unit)}")
         figure.legend(loc="outside upper right", ncols=8, fontsize=7.5, columnspacing=1.2)
-        bottom.plot(fit["frequency_hz"], fit["phase_deg"], color=PREDICTED)
+        bottom.plot(fit.frequency_hz, fit.phase_deg, color=PREDICTED)
         spread = np.degrees(np.arcsin(np.minimum(reach / size, 1.0)))
-        phase = _array(axis["phase_deg"])
+        phase = _array(response.phase_deg)
         bottom.fill_between(
             f, phase - spread, phase + spread, color=PREDICTED, alpha=0.25, linewidth=0.0
         )
@@ -88,41 +97,37 @@ def controller_figure(axis: dict[str, Any], name: str) -> str:
         return as_svg(figure, name)
 
 
-def cascade_figure(axis: dict[str, Any], name: str) -> str:
+def cascade_figure(cascade: CascadeCurves, name: str) -> Markup:
     """Draw the opened velocity and position loop of an axis, with their margins.
 
     Parameters
     ----------
-    axis
-        `frequency_hz`, and `velocity` and `position`, each with `magnitude`, `phase_deg` (one value
-        a frequency) and `margins` (`gain_db`, `phase_deg`, `crossover_hz`, `phase_crossover_hz`,
-        each None where there is none); `measured`: `frequency_hz`, `magnitude`, `phase_deg` of the
-        position loop at the lines.
-    name
+    cascade : CascadeCurves
+        The loops; the measured position loop is drawn at its lines.
+    name : str
         A word for the drawing's element names, different for every figure of a page.
     """
-    f = _array(axis["frequency_hz"])
+    f = _array(cascade.frequency_hz)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 4.0), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True)
-        for key, label, colour in (
-            ("velocity", "velocity loop", FAINT),
-            ("position", "position loop", PREDICTED),
+        for loop, label, colour, margins in (
+            (cascade.velocity, "velocity loop", FAINT, NOISE),
+            (cascade.position, "position loop", PREDICTED, WRONG),
         ):
-            loop = axis[key]
-            top.plot(f, _db(loop["magnitude"]), color=colour, linewidth=1.4, label=label)
-            bottom.plot(f, loop["phase_deg"], color=colour, linewidth=1.4)
-            _margins(top, bottom, loop["margins"], WRONG if key == "position" else NOISE)
-        measured = axis["measured"]
+            top.plot(f, _db(loop.magnitude), color=colour, linewidth=1.4, label=label)
+            bottom.plot(f, loop.phase_deg, color=colour, linewidth=1.4)
+            _margins(top, bottom, loop.margins, margins)
+        measured = cascade.measured
         dots: Any = {"color": MEASURED, "markersize": 3.0, "linestyle": ""}
         top.plot(
-            measured["frequency_hz"],
-            _db(measured["magnitude"]),
+            measured.frequency_hz,
+            _db(measured.magnitude),
             "o",
             label="position loop, measured",
             **dots,
         )
-        bottom.plot(measured["frequency_hz"], measured["phase_deg"], "o", **dots)
+        bottom.plot(measured.frequency_hz, measured.phase_deg, "o", **dots)
         top.axhline(0.0, color=LINE, linewidth=0.8)
         bottom.axhline(-180.0, color=LINE, linewidth=0.8)
         top.set_ylim(-50.0, 50.0)
@@ -135,10 +140,10 @@ def cascade_figure(axis: dict[str, Any], name: str) -> str:
         return as_svg(figure, name)
 
 
-def _margins(top: Axes, bottom: Axes, margins: dict[str, float | None], colour: str) -> None:
+def _margins(top: Axes, bottom: Axes, margins: LoopMargins, colour: str) -> None:
     """Mark gain and phase margin where they are, with their sizes."""
-    gain, gain_at = margins["gain_db"], margins["phase_crossover_hz"]
-    phase, phase_at = margins["phase_deg"], margins["crossover_hz"]
+    gain, gain_at = margins.gain_db, margins.phase_crossover_hz
+    phase, phase_at = margins.phase_deg, margins.crossover_hz
     beside: Any = {"textcoords": "offset points", "xytext": (5, 0), "va": "center"}
     words: Any = {**beside, "fontsize": 8.0, "color": colour}
     if gain is not None and gain_at is not None:

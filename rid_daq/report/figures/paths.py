@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rid_daq.report.figures import FAINT, MEASURED, PREDICTED, STYLE, WRONG, as_svg
+from rid_daq.report.figures.curves import (
+    FAINT,
+    MEASURED,
+    PREDICTED,
+    STYLE,
+    WRONG,
+    as_label,
+    as_svg,
+)
+from rid_daq.report.sections.tracking import DrawnPaths, JointUnit, PathCurves
 
 DRAWN_SHARE = 0.12
 AXES = "xyz"
 
 
-def path_figure(drawn: dict[str, Any], name: str) -> str:
+def path_figure(drawn: DrawnPaths, name: str) -> Markup:
     """Draw a path to scale with the deviation from it magnified, before and after.
 
     Left both at the magnification that suits the larger error, right what is left at one of its
@@ -24,13 +34,13 @@ def path_figure(drawn: dict[str, Any], name: str) -> str:
 
     Parameters
     ----------
-    drawn
-        `after` and `before` (or None): `wanted_m` and `deviation_m`, three columns each.
-    name
+    drawn : DrawnPaths
+        The path with compensation and, where there is such a run, without.
+    name : str
         A word for the drawing's element names, different for every figure of a page.
     """
-    after, before = drawn["after"], drawn["before"]
-    wanted = np.asarray(after["wanted_m"], dtype=float)
+    after, before = drawn.after, drawn.before
+    wanted = np.asarray(after.wanted_m, dtype=float)
     extents = np.ptp(wanted, axis=1)
     across = sorted(np.argsort(extents)[1:].tolist())
     sights = [[("after", after, PREDICTED)]]
@@ -45,7 +55,7 @@ def path_figure(drawn: dict[str, Any], name: str) -> str:
             times = magnification(float(extents.max()), largest)
             panel.plot(*wanted[across], color=FAINT, linewidth=2.4, label="wanted")
             for label, curve, color in lines:
-                path, off = (np.asarray(curve[key])[across] for key in ("wanted_m", "deviation_m"))
+                path, off = (np.asarray(xyz)[across] for xyz in (curve.wanted_m, curve.deviation_m))
                 panel.plot(*(path + times * off), color=color, linewidth=1.1, label=label)
             _scale(panel, float(extents.max()), times)
             panel.set_title(f"deviation drawn {times:g} times as large", fontsize=9.0)
@@ -55,38 +65,42 @@ def path_figure(drawn: dict[str, Any], name: str) -> str:
         return as_svg(figure, name)
 
 
-def error_figure(drawn: dict[str, Any], joints: list[dict[str, Any]], name: str) -> str:
+def error_figure(drawn: DrawnPaths, joints: Sequence[JointUnit], name: str) -> Markup:
     """Draw the tool point's distance from its path, and the errors of axes and joints over time.
 
     Parameters
     ----------
-    drawn
-        As for `path_figure`, with `time_s`, `distance_m` and `joint`, one list a joint.
-    joints
-        One mapping a joint: `joint` and `unit`.
-    name
+    drawn : DrawnPaths
+        As for `path_figure`.
+    joints : sequence of JointUnit
+        The robot's joints.
+    name : str
         A word for the drawing's element names, different for every figure of a page.
     """
-    lines = [(label, drawn[label]) for label in ("before", "after") if drawn[label] is not None]
+    both = (("before", drawn.before), ("after", drawn.after))
+    lines = [(label, curve) for label, curve in both if curve is not None]
     colors = {"before": WRONG, "after": PREDICTED}
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 6.0), layout="constrained")
         top, middle, bottom = figure.subfigures(3, 1, squeeze=False)[:, 0]
         panel = top.subplots()
         for label, curve in lines:
-            distance = 1e3 * np.maximum(np.asarray(curve["distance_m"]), 1e-7)
-            panel.semilogy(curve["time_s"], distance, color=colors[label], label=label)
+            distance = 1e3 * np.maximum(np.asarray(curve.distance_m), 1e-7)
+            panel.semilogy(curve.time_s, distance, color=colors[label], label=label)
         panel.set_ylabel("distance [mm]")
         panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
-        panel.set_xlim(0.0, max(curve["time_s"][-1] for _, curve in lines))
+        panel.set_xlim(0.0, max(curve.time_s[-1] for _, curve in lines))
         base = [(f"{axis}, base frame", "path error [mm]") for axis in AXES]
-        own = [(joint["joint"], f"joint error [m{joint['unit']}]") for joint in joints]
-        for part, key, titles in ((middle, "deviation_m", base), (bottom, "joint", own)):
+        own = [
+            (as_label(joint.joint), f"joint error [m{as_label(joint.unit)}]") for joint in joints
+        ]
+        for part, titles in ((middle, base), (bottom, own)):
             panels = part.subplots(1, len(titles), squeeze=False).ravel()
             for k, (panel, (title, words)) in enumerate(zip(panels, titles, strict=True)):
                 for label, curve in lines:
-                    values = 1e3 * np.asarray(curve[key][k])
-                    panel.plot(curve["time_s"], values, color=colors[label], linewidth=0.9)
+                    errors = curve.joint if part is bottom else curve.deviation_m
+                    values = 1e3 * np.asarray(errors[k])
+                    panel.plot(curve.time_s, values, color=colors[label], linewidth=0.9)
                 panel.set_title(title, fontsize=9.0)
                 if k == 0:
                     panel.set_ylabel(words)
@@ -100,9 +114,9 @@ def magnification(extent_m: float, deviation_m: float) -> float:
 
     Parameters
     ----------
-    extent_m
+    extent_m : float
         Of the path.
-    deviation_m
+    deviation_m : float
         The largest one.
     """
     wanted = DRAWN_SHARE * extent_m / max(deviation_m, 1e-9)
@@ -110,8 +124,8 @@ def magnification(extent_m: float, deviation_m: float) -> float:
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(wanted, 1.0))
 
 
-def _largest(curve: dict[str, Any], across: list[int]) -> float:
-    return float(np.linalg.norm(np.asarray(curve["deviation_m"])[across], axis=0).max())
+def _largest(curve: PathCurves, across: list[int]) -> float:
+    return float(np.linalg.norm(np.asarray(curve.deviation_m)[across], axis=0).max())
 
 
 def _scale(panel: Axes, extent_m: float, times: float) -> None:

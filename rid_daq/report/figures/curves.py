@@ -1,4 +1,4 @@
-"""The report's figures: plain numbers to inline SVG."""
+"""Curves: torque over time and frequency, deviations from the truth, lateness, friction."""
 
 from __future__ import annotations
 
@@ -10,8 +10,14 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from markupsafe import Markup
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+
+from rid_daq.report.sections.curves import SpectrumCurves, TorqueCurve
+from rid_daq.report.sections.friction import JointFriction
+from rid_daq.report.sections.truth import TruthCase
+from rid_daq.terminal.console import printable
 
 MEASURED, PREDICTED, WRONG, FAINT, GRID = "#1f2933", "#3b82f6", "#c2410c", "#b6c0cb", "#e3e8ee"
 
@@ -33,22 +39,22 @@ STYLE: Any = {
 }
 
 
-def torque_figure(time_s: Sequence[float], axis: dict[str, Any], name: str) -> str:
+def torque_figure(time_s: Sequence[float], axis: TorqueCurve, name: str) -> Markup:
     """Draw one axis' measured and predicted torque, and their difference below.
 
     Parameters
     ----------
-    time_s
-        One value a sample.
-    axis
-        `measured`, `predicted`, `counted` (0: drawn grey), one value a sample; `unit`.
-    name
+    time_s : sequence of float
+        One value a sample [s].
+    axis : TorqueCurve
+        The axis; what does not count is drawn grey.
+    name : str
         A word for the drawing's element names, different for every figure of a page.
     """
     t = np.asarray(time_s, dtype=float)
-    measured = np.asarray(axis["measured"], dtype=float)
-    predicted = np.asarray(axis["predicted"], dtype=float)
-    counted = np.asarray(axis["counted"], dtype=bool)
+    measured = np.asarray(axis.measured, dtype=float)
+    predicted = np.asarray(axis.predicted, dtype=float)
+    counted = np.asarray(axis.counted, dtype=bool)
     error = measured - predicted
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 3.5), layout="constrained")
@@ -62,45 +68,42 @@ def torque_figure(time_s: Sequence[float], axis: dict[str, Any], name: str) -> s
             linewidth=0.9,
             label="predicted",
         )
-        top.set_ylabel(f"torque [{axis['unit']}]")
+        top.set_ylabel(f"torque [{as_label(axis.unit)}]")
         top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
         bottom.plot(t, np.where(counted, np.nan, error), color=FAINT, linewidth=0.8)
         bottom.plot(t, np.where(counted, error, np.nan), color=WRONG, linewidth=0.8)
         reach = 1.2 * float(np.max(np.abs(error[counted]), initial=0.0))
         if reach > 0.0:
             bottom.set_ylim(-reach, reach)
-        bottom.set_ylabel(f"error [{axis['unit']}]")
+        bottom.set_ylabel(f"error [{as_label(axis.unit)}]")
         bottom.set_xlabel("time [s]")
         bottom.set_xlim(float(t[0]), float(t[-1]))
         return as_svg(figure, name)
 
 
-def spectrum_figure(frequency_hz: Sequence[float], axes: Sequence[dict[str, Any]]) -> str:
+def spectrum_figure(spectrum: SpectrumCurves) -> Markup:
     """Draw every axis' torque, residual and noise floor per harmonic of the mean period.
 
     Parameters
     ----------
-    frequency_hz
-        The harmonics.
-    axes
-        One mapping an axis: `joint`, `measured_nm`, `residual_nm`, `noise_nm`, one value a
-        harmonic each.
+    spectrum : SpectrumCurves
+        What is drawn.
     """
-    f = np.asarray(frequency_hz, dtype=float)
+    f, axes = np.asarray(spectrum.frequency_hz, dtype=float), spectrum.axes
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 1.0 + 2.2 * -(-len(axes) // 3)), layout="constrained")
         columns = min(3, len(axes))
         panels = figure.subplots(-(-len(axes) // 3), columns, sharey=True, squeeze=False).ravel()
         for panel, axis in zip(panels, axes, strict=False):
             lines = (
-                ("measured_nm", "torque", {"color": FAINT, "marker": "s", "linestyle": ""}),
-                ("residual_nm", "residual", {"color": WRONG, "marker": "o", "linestyle": ""}),
-                ("noise_nm", "noise floor", {"color": MEASURED, "linewidth": 1.2}),
+                (axis.measured_nm, "torque", {"color": FAINT, "marker": "s", "linestyle": ""}),
+                (axis.residual_nm, "residual", {"color": WRONG, "marker": "o", "linestyle": ""}),
+                (axis.noise_nm, "noise floor", {"color": MEASURED, "linewidth": 1.2}),
             )
-            for key, label, style in lines:
-                values = np.asarray(axis[key], dtype=float)
+            for curve, label, style in lines:
+                values = np.asarray(curve, dtype=float)
                 panel.semilogy(f, values, label=label, markersize=2.5, **style)
-            panel.set_title(axis["joint"], fontsize=9.0)
+            panel.set_title(as_label(axis.joint), fontsize=9.0)
             panel.set_xlabel("frequency [Hz]")
         for panel in panels[len(axes) :]:
             panel.set_visible(False)
@@ -110,19 +113,19 @@ def spectrum_figure(frequency_hz: Sequence[float], axes: Sequence[dict[str, Any]
         return as_svg(figure, "spectrum")
 
 
-def truth_figure(cases: Sequence[dict[str, Any]]) -> str:
+def truth_figure(cases: Sequence[TruthCase]) -> Markup:
     """Draw how far estimates lie from the truth, in standard uncertainties, for simulated cells.
 
     Parameters
     ----------
-    cases
-        One mapping a plant: `title`, and `deviation_sigmas`, one value a parameter.
+    cases : sequence of TruthCase
+        One a plant.
     """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 2.4), layout="constrained")
         panels = np.atleast_1d(figure.subplots(1, len(cases)))
         for panel, case in zip(panels, cases, strict=True):
-            values = np.asarray(case["deviation_sigmas"], dtype=float)
+            values = np.asarray(case.deviation_sigmas, dtype=float)
             number = np.arange(1, len(values) + 1)
             inside = np.abs(values) <= 2.0
             panel.axhspan(-2.0, 2.0, color=PREDICTED, alpha=0.10, linewidth=0.0)
@@ -132,22 +135,22 @@ def truth_figure(cases: Sequence[dict[str, Any]]) -> str:
             if reach > 10.0:
                 panel.set_yscale("symlog", linthresh=3.0)
             panel.set_ylim(-reach, reach)
-            panel.set_title(case["title"], fontsize=9.0)
+            panel.set_title(as_label(case.title), fontsize=9.0)
             panel.set_xlabel("parameter number")
         panels[0].set_ylabel("(estimate - truth) / σ")
         return as_svg(figure, "truth")
 
 
-def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str) -> str:
+def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str) -> Markup:
     """Draw how late the cyclic task's cycles began; counts on a logarithmic scale.
 
     Parameters
     ----------
-    edges_us
+    edges_us : sequence of float
         The bins' lower edges [µs], one a bin; the last bin holds everything beyond.
-    counts
+    counts : sequence of int
         Cycles in each bin.
-    name
+    name : str
         A word for the drawing's element names, different for every figure of a page.
     """
     number = np.asarray(counts, dtype=float)
@@ -171,19 +174,17 @@ def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str
         return as_svg(figure, name)
 
 
-def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
+def friction_figure(joints: Sequence[JointFriction]) -> Markup:
     """Draw every joint's measured friction over its speed, with the models through it.
 
     Parameters
     ----------
-    joints
-        One mapping a joint: `joint`, `unit`, `torque_unit`, `curve` (`speed`, `odd`, `odd_std`,
-        `forward`, `backward` or None, one value a speed) and `lines` (`speed`, and by name the
-        torques at it).
+    joints : sequence of JointFriction
+        One a joint.
     """
     columns = min(3, len(joints))
     rows = -(-len(joints) // 3)
-    styles: tuple[dict[str, Any], ...] = (
+    styles: tuple[Any, ...] = (
         {"color": PREDICTED, "linewidth": 1.4},
         {"color": FAINT},
         {"color": WRONG},
@@ -192,28 +193,31 @@ def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
         figure = Figure(figsize=(9.6, 0.6 + 2.6 * rows), layout="constrained")
         panels = figure.subplots(rows, columns, squeeze=False).ravel()
         for panel, joint in zip(panels, joints, strict=False):
-            curve, lines = joint["curve"], joint["lines"]
-            for (name, torque), style in zip(lines["torque"].items(), styles, strict=False):
-                panel.plot(lines["speed"], torque, label=name, **style)
-            if curve["forward"] is not None:
-                ways = (("forward", ">", 1.0), ("backward", "<", -1.0))
-                for way, marker, sign in ways:
-                    values = sign * np.asarray(curve[way], dtype=float)
+            curve, lines = joint.curve, joint.lines
+            for (name, torque), style in zip(lines.torque.items(), styles, strict=False):
+                panel.plot(lines.speed, torque, label=as_label(name), **style)
+            if curve.forward is not None:
+                ways = (
+                    ("forward", curve.forward, ">", 1.0),
+                    ("backward", curve.backward, "<", -1.0),
+                )
+                for way, friction, marker, sign in ways:
+                    values = sign * np.asarray(friction, dtype=float)
                     faint: Any = {"color": "#8593a3", "markersize": 3.5, "markerfacecolor": "none"}
-                    panel.plot(curve["speed"], values, marker, label=way, **faint)
+                    panel.plot(curve.speed, values, marker, label=way, **faint)
             panel.errorbar(
-                curve["speed"],
-                curve["odd"],
-                2.0 * np.asarray(curve["odd_std"], dtype=float),
+                curve.speed,
+                curve.odd,
+                2.0 * np.asarray(curve.odd_std, dtype=float),
                 fmt="o",
                 color=MEASURED,
                 markersize=3.5,
                 capsize=2.0,
                 label="measured ± 2σ",
             )
-            panel.set_title(joint["joint"], fontsize=9.0)
-            panel.set_xlabel(f"speed [{joint['unit']}/s]")
-            panel.set_ylabel(f"friction [{joint['torque_unit']}]")
+            panel.set_title(as_label(joint.joint), fontsize=9.0)
+            panel.set_xlabel(f"speed [{as_label(joint.unit)}/s]")
+            panel.set_ylabel(f"friction [{as_label(joint.torque_unit)}]")
             panel.set_xlim(left=0.0)
             panel.legend(loc="lower right", fontsize=7.5)
         for panel in panels[len(joints) :]:
@@ -221,7 +225,12 @@ def friction_figure(joints: Sequence[dict[str, Any]]) -> str:
         return as_svg(figure, "friction")
 
 
-def as_svg(figure: Figure, name: str) -> str:
+def as_label(text: str) -> str:
+    """Return text for a figure, shown as it is: invisible characters visible, `$` no formula."""
+    return printable(text).replace("$", r"\$")
+
+
+def as_svg(figure: Figure, name: str) -> Markup:
     """Return a drawing as an element to put into a page, its ids made its own by a word."""
     buffer = io.StringIO()
     # `savefig` would draw everything twice, once to lay it out; drawing lays it out as well.
@@ -231,9 +240,11 @@ def as_svg(figure: Figure, name: str) -> str:
     drawing = drawing[drawing.index("<svg") :]
     drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
     drawing = drawing.replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')
-    return re.sub(
-        r'(<svg[^>]*?) width="[^"]*" height="[^"]*"|<metadata>.*?</metadata>\s*',
-        lambda found: found.group(1) or "",
-        drawing,
-        flags=re.DOTALL,
+    return Markup(
+        re.sub(
+            r'(<svg[^>]*?) width="[^"]*" height="[^"]*"|<metadata>.*?</metadata>\s*',
+            lambda found: found.group(1) or "",
+            drawing,
+            flags=re.DOTALL,
+        )
     )

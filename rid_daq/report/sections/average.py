@@ -1,0 +1,125 @@
+"""`AverageSection`: the periods of a run, averaged, and their noise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from config.robot.robot import RobotDescription
+from rid_daq.report.sections.section import Section, units
+from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from acquisition.processing.periods import PeriodAverage
+
+
+class RejectedPeriod(Section):
+    """A period that was not averaged.
+
+    Attributes
+    ----------
+    index : int
+        Counted from 0.
+    reason : str
+        Why.
+    """
+
+    index: int
+    reason: str
+
+
+class AxisNoise(Section):
+    """The noise of one sample of an axis, as the scatter between periods shows it (1 sigma).
+
+    Attributes
+    ----------
+    joint, unit, torque_unit : str
+        Its name, and the units of its position and torque.
+    torque_noise, position_noise : float
+        In these units.
+    """
+
+    joint: str
+    unit: str
+    torque_unit: str
+    torque_noise: float
+    position_noise: float
+
+
+class AverageSection(Section):
+    """How many periods were averaged, which were rejected and why, and the noise.
+
+    Attributes
+    ----------
+    sentence : str
+        All of it in a sentence.
+    periods_kept, samples_per_period, missing_samples : int
+        Averaged; of one; single rows that were left out of the mean.
+    rejected : tuple of RejectedPeriod
+        The other periods.
+    axes : tuple of AxisNoise
+        One an axis.
+    """
+
+    sentence: str
+    periods_kept: int
+    samples_per_period: int
+    missing_samples: int
+    rejected: tuple[RejectedPeriod, ...]
+    axes: tuple[AxisNoise, ...]
+
+    @classmethod
+    def of(cls, average: PeriodAverage, robot: RobotDescription) -> AverageSection:
+        """Return what is said of averaged periods."""
+        recorded = average.periods_kept + len(average.rejected)
+        return cls(
+            sentence=f"{average.periods_kept} of {recorded} periods averaged,"
+            f" {average.samples_per_period} samples each; {average.missing_samples} single rows"
+            f" without a valid answer were left out of the mean.{_plate_sentence(average)}",
+            periods_kept=average.periods_kept,
+            samples_per_period=average.samples_per_period,
+            missing_samples=average.missing_samples,
+            rejected=tuple(
+                RejectedPeriod(index=p.index, reason=p.reason) for p in average.rejected
+            ),
+            axes=tuple(
+                AxisNoise(
+                    joint=joint.name,
+                    unit=units(joint)[0],
+                    torque_unit=units(joint)[1],
+                    torque_noise=float(np.sqrt(average.torque_variance[column])),
+                    position_noise=float(np.sqrt(average.position_variance[column])),
+                )
+                for column, joint in enumerate(robot.joints)
+            ),
+        )
+
+    def print(self, console: Console) -> None:
+        """Print the periods and the noise."""
+        console.say(self.sentence)
+        for period in self.rejected:
+            console.say(f"  period {period.index + 1} rejected: {period.reason}")
+        console.table(
+            ("axis", "torque noise", "position noise"),
+            [
+                (
+                    axis.joint,
+                    f"{axis.torque_noise:.4g} {axis.torque_unit}",
+                    f"{axis.position_noise:.3g} {axis.unit}",
+                )
+                for axis in self.axes
+            ],
+        )
+
+
+def _plate_sentence(average: PeriodAverage) -> str:
+    """Return what became of the force plate's channels, where there were any."""
+    plate = average.reaction
+    if plate is None:
+        return ""
+    drift = 1e3 * float(np.abs(plate.drift_n_s).max())
+    words = f" The force plate's channels drifted by up to {drift:.3g} mN/s, which was removed"
+    if plate.left_out:
+        words += f"; {', '.join(plate.left_out)} left out for overload, loss or drift"
+    return words + "."

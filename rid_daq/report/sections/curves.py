@@ -1,0 +1,169 @@
+"""`CurvesSection`: torque over time, and by frequency against the noise floor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Strict
+
+from config.robot.robot import RobotDescription
+from rid_daq.report.sections.section import Numbers, Section, finite, rounded, thinned, units
+
+if TYPE_CHECKING:
+    from identification.estimation.estimate import Estimate
+    from identification.validation.period_comparison import PeriodComparison
+    from identification.validation.torque_prediction import Validation
+
+
+class TorqueCurve(Section):
+    """Measured and predicted torque of an axis, one value a time, in `unit`.
+
+    Attributes
+    ----------
+    joint, unit, caption : str
+        Its name, the unit, and how large the error is.
+    measured, predicted : tuple of float
+        The torques.
+    counted : tuple of int
+        1 where the error counts, 0 where the axis stands still.
+    """
+
+    joint: str
+    unit: str
+    caption: str
+    measured: Numbers
+    predicted: Numbers
+    counted: Annotated[tuple[int, ...], Strict(False)]
+
+
+class TorqueCurves(Section):
+    """Torque over time.
+
+    Attributes
+    ----------
+    sentence : str
+        What is drawn.
+    time_s : tuple of float
+        [s].
+    axes : tuple of TorqueCurve
+        One an axis.
+    """
+
+    sentence: str
+    time_s: Numbers
+    axes: tuple[TorqueCurve, ...]
+
+    @classmethod
+    def of(cls, validation: Validation, robot: RobotDescription) -> TorqueCurves:
+        """Return measured and predicted torque over time, and what counts."""
+        rows = thinned(len(validation.time_s))
+        axes = []
+        for i, joint in enumerate(robot.joints):
+            error, share = finite(validation.rms_nm[i]), finite(validation.relative_percent[i])
+            unit = units(joint)[1]
+            caption = "stands still"
+            if error is not None and share is not None:
+                caption = f"rms error {error:.3g} {unit}, {share:.3g} % of the torque"
+            axes.append(
+                TorqueCurve(
+                    joint=joint.name,
+                    unit=unit,
+                    caption=caption,
+                    measured=rounded(validation.measured_nm[rows, i]),
+                    predicted=rounded(validation.predicted_nm[rows, i]),
+                    counted=tuple(int(moving) for moving in validation.moving[rows, i]),
+                )
+            )
+        return cls(
+            sentence="Grey: standstill, where the error does not count.",
+            time_s=rounded(validation.time_s[rows] - validation.time_s[0], 7),
+            axes=tuple(axes),
+        )
+
+    @classmethod
+    def of_period(
+        cls, estimate: Estimate, comparison: PeriodComparison, periods: int
+    ) -> TorqueCurves:
+        """Return the torques of a mean of so many periods, with what was fitted to them."""
+        rows = thinned(len(comparison.time_s))
+        return cls(
+            sentence=f"The mean of {periods} periods; the model was fitted to it.",
+            time_s=rounded(comparison.time_s[rows], 7),
+            axes=tuple(
+                TorqueCurve(
+                    joint=joint.name,
+                    unit=units(joint)[1],
+                    caption=f"rms residual of the fit {estimate.residual_nm[i]:.3g}"
+                    f" {units(joint)[1]}",
+                    measured=rounded(comparison.measured_nm[rows, i]),
+                    predicted=rounded(comparison.predicted_nm[rows, i]),
+                    counted=(1,) * len(comparison.time_s[rows]),
+                )
+                for i, joint in enumerate(estimate.robot.joints)
+            ),
+        )
+
+
+class SpectrumCurve(Section):
+    """RMS torque of an axis a harmonic [N m or N]: measured, left over, and of noise alone."""
+
+    joint: str
+    measured_nm: Numbers
+    residual_nm: Numbers
+    noise_nm: Numbers
+
+
+class SpectrumCurves(Section):
+    """What a model leaves of a mean period, against the noise floor.
+
+    Attributes
+    ----------
+    sentence : str
+        What is drawn.
+    frequency_hz : tuple of float
+        The harmonics [Hz].
+    axes : tuple of SpectrumCurve
+        One an axis.
+    """
+
+    sentence: str
+    frequency_hz: Numbers
+    axes: tuple[SpectrumCurve, ...]
+
+    @classmethod
+    def of(
+        cls, robot: RobotDescription, comparison: PeriodComparison, periods: int
+    ) -> SpectrumCurves:
+        """Return a mean period's torques by frequency."""
+        return cls(
+            sentence="Per harmonic of the mean period: torque, what the model leaves of it"
+            " (standstill included), and what the noise between periods leaves there"
+            f" ({periods} averaged). Anti-alias filter divided out.",
+            frequency_hz=rounded(comparison.frequency_hz[1:], 7),
+            axes=tuple(
+                SpectrumCurve(
+                    joint=joint.name,
+                    measured_nm=rounded(comparison.measured_spectrum_nm[1:, i]),
+                    residual_nm=rounded(comparison.residual_spectrum_nm[1:, i]),
+                    noise_nm=rounded(comparison.noise_spectrum_nm[1:, i]),
+                )
+                for i, joint in enumerate(robot.joints)
+            ),
+        )
+
+
+class CurvesSection(Section):
+    """The curves of a report; each is left out where there is none."""
+
+    torque: TorqueCurves | None = None
+    spectrum: SpectrumCurves | None = None
+
+    @classmethod
+    def of_period(
+        cls, estimate: Estimate, comparison: PeriodComparison, periods: int
+    ) -> CurvesSection:
+        """Return the curves of a mean of so many periods, to which a model was fitted."""
+        return cls(
+            torque=TorqueCurves.of_period(estimate, comparison, periods),
+            spectrum=SpectrumCurves.of(estimate.robot, comparison, periods),
+        )

@@ -1,0 +1,254 @@
+"""`EstimateSection`: the parameters of a robot with their intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Section, Texts, units
+from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from identification.estimation.estimate import Estimate
+
+
+class ParameterEntry(Section):
+    """One parameter with its standard deviations, in `unit`.
+
+    Attributes
+    ----------
+    name, words, unit : str
+        Short, in words, and its unit.
+    value, std : float
+        The estimate, and the standard deviation to quote.
+    std_noise, std_residual : float or None
+        By measured noise alone, and by white residuals; None where they are not known.
+    truth, deviation_sigmas : float
+        Of a simulated robot: the true value, and how far the estimate is off, in `std`.
+    inside_two_sigma : bool
+        Whether that is at most two.
+    """
+
+    name: str
+    words: str
+    unit: str
+    value: float
+    std: float
+    std_noise: float | None
+    std_residual: float | None
+    truth: float | None = None
+    deviation_sigmas: float | None = None
+    inside_two_sigma: bool | None = None
+
+
+class AxisResidual(Section):
+    """What the model leaves of an axis' torque.
+
+    Attributes
+    ----------
+    joint, unit : str
+        Its name, and the unit of its torque.
+    residual : float
+        Root mean square, in `unit`.
+    noise : float or None
+        Of the measurement; None where there are no periods.
+    left_out_fraction : float
+        Share of the samples that are not used for friction (standstill).
+    """
+
+    joint: str
+    unit: str
+    residual: float
+    noise: float | None
+    left_out_fraction: float
+
+
+class EstimateSection(Section):
+    """The parameters with their intervals, and how they were found.
+
+    Attributes
+    ----------
+    sentence : str
+        How, in words.
+    method : str
+        "periodic" (on the harmonics) or "smoothed" (in the time domain).
+    condition_number : float
+        Of the scaled equations.
+    equations : int
+        Their number.
+    band_hz : float
+        Highest frequency used [Hz].
+    periods : int
+        Averaged; 0 where the recording is not periodic.
+    weighting : str
+        "ml", "ls" or "huber".
+    unseen : tuple of str
+        Parameters without any effect on the torques.
+    has_truth : bool
+        Whether the true values are known.
+    parameters : tuple of ParameterEntry
+        Base parameters, then nonlinear ones.
+    axes : tuple of AxisResidual
+        One an axis.
+    findings : tuple of str
+        What a person should know of it; left out where nobody looked.
+    """
+
+    sentence: str
+    method: Literal["periodic", "smoothed"]
+    condition_number: float
+    equations: int
+    band_hz: float
+    periods: int
+    weighting: Literal["ml", "ls", "huber"]
+    unseen: Texts
+    has_truth: bool
+    parameters: tuple[ParameterEntry, ...]
+    axes: tuple[AxisResidual, ...]
+    findings: Texts | None = None
+
+    @classmethod
+    def of(
+        cls,
+        estimate: Estimate,
+        truth: Sequence[float] | np.ndarray[Any, Any] | None = None,
+        findings: Sequence[str] | None = None,
+    ) -> EstimateSection:
+        """Return what is said of an estimate.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            The estimate.
+        truth : sequence of float, length b, optional
+            The true base parameters, where the robot is simulated.
+        findings : sequence of str, optional
+            What a person should know of it.
+        """
+        return cls(
+            sentence=_sentence(estimate),
+            method=estimate.method,
+            condition_number=float(estimate.condition_number),
+            equations=estimate.equations,
+            band_hz=estimate.band_hz,
+            periods=estimate.periods,
+            weighting=estimate.weighting,
+            unseen=estimate.base.unseen,
+            has_truth=truth is not None,
+            parameters=(*_base_parameters(estimate, truth), *_nonlinear_parameters(estimate)),
+            axes=tuple(
+                AxisResidual(
+                    joint=joint.name,
+                    unit=units(joint)[1],
+                    residual=float(estimate.residual_nm[i]),
+                    noise=None if estimate.noise_nm is None else float(estimate.noise_nm[i]),
+                    left_out_fraction=float(estimate.left_out_fraction[i]),
+                )
+                for i, joint in enumerate(estimate.robot.joints)
+            ),
+            findings=None if findings is None else tuple(findings),
+        )
+
+    def print(self, console: Console) -> None:
+        """Print the parameters with their intervals."""
+        console.say(self.sentence)
+        console.table(
+            ("#", "parameter", "estimate", "± 2σ", "unit"),
+            [
+                (
+                    str(i),
+                    each.words,
+                    number(each.value, 5),
+                    number(2.0 * each.std, 2),
+                    each.unit,
+                )
+                for i, each in enumerate(self.parameters, start=1)
+            ],
+        )
+        if self.unseen:
+            console.say(f"Without any effect on the torques: {', '.join(self.unseen)}")
+
+
+def _base_parameters(
+    estimate: Estimate, truth: Sequence[float] | np.ndarray[Any, Any] | None
+) -> list[ParameterEntry]:
+    noise = estimate.sigma_noise
+    entries = []
+    for i, (name, words, unit) in enumerate(
+        zip(estimate.base.names, estimate.base.expressions, estimate.base.units, strict=True)
+    ):
+        value, std = float(estimate.values[i]), float(estimate.sigma[i])
+        true = None if truth is None else float(truth[i])
+        deviation = None if true is None else (value - true) / std
+        entries.append(
+            ParameterEntry(
+                name=name,
+                words=words,
+                unit=unit,
+                value=value,
+                std=std,
+                std_noise=None if noise is None else float(noise[i]),
+                std_residual=float(estimate.sigma_residual[i]),
+                truth=true,
+                deviation_sigmas=deviation,
+                inside_two_sigma=None if deviation is None else abs(deviation) <= 2.0,
+            )
+        )
+    return entries
+
+
+def _nonlinear_parameters(estimate: Estimate) -> list[ParameterEntry]:
+    model = estimate.model
+    return [
+        ParameterEntry(
+            name=name,
+            words=name,
+            unit=unit,
+            value=float(value),
+            std=float(sigma),
+            std_noise=None,
+            std_residual=None,
+        )
+        for name, unit, value, sigma in zip(
+            model.nonlinear_names,
+            model.nonlinear_units,
+            model.nonlinear_values,
+            estimate.nonlinear_sigma,
+            strict=True,
+        )
+    ]
+
+
+_OUTPUTS = {
+    "internal": "",
+    "external": ", of the reaction on the force plate alone",
+    "combined": ", of the torques and the reaction on the force plate",
+}
+
+
+def _sentence(estimate: Estimate) -> str:
+    left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
+    way = {
+        "ml": "Least squares weighted by noise (maximum likelihood)",
+        "ls": "Least squares without weights",
+        "huber": "Robust least squares (Huber) weighted by noise",
+    }[estimate.weighting]
+    how = (
+        f"{way} by QR on the bins up to {estimate.band_hz:g} Hz of {estimate.periods} averaged"
+        " periods"
+        if estimate.method == "periodic"
+        else f"{way} by QR in the time domain; the recording is not periodic, so it is low-passed"
+        f" without phase shift at {estimate.band_hz:g} Hz instead of averaged"
+    )
+    return (
+        f"{how}{_OUTPUTS[estimate.options.kind]}: {len(estimate.base)} base parameters from"
+        f" {estimate.equations} equations,"
+        f" condition number {estimate.condition_number:.3g}. Below"
+        f" {estimate.standstill_rad_s:g} rad/s friction is not sign(velocity); such samples are not"
+        f" used for it ({left_out} % of each axis). Intervals are by leaving out one part of the"
+        " data after the other (cluster jackknife), so that they hold for model error as well; what"
+        " measured noise or white residuals alone would say stands beside them."
+    )

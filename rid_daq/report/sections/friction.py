@@ -1,0 +1,285 @@
+"""`FrictionSection`: friction measured alone, joint by joint, and the models through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Numbers, Section, Texts, units
+from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from identification.friction.curve import FrictionCurve
+    from identification.friction.fits import FrictionFit
+
+LINE_POINTS = 120
+
+
+class MeasuredFriction(Section):
+    """Friction over speed, one value a speed.
+
+    Attributes
+    ----------
+    speed : tuple of float
+        [rad/s or m/s].
+    odd, odd_std : tuple of float
+        What changes its sign with the speed, with standard deviations [N m or N].
+    forward, backward, direction_std : tuple of float, or None
+        Both ways alone, where the motion tells them.
+    """
+
+    speed: Numbers
+    odd: Numbers
+    odd_std: Numbers
+    forward: Numbers | None
+    backward: Numbers | None
+    direction_std: Numbers | None
+
+    @classmethod
+    def of(cls, curve: FrictionCurve) -> MeasuredFriction:
+        """Return what was measured."""
+
+        def listed(values: FloatArray | None) -> Numbers | None:
+            return None if values is None else tuple(values.tolist())
+
+        return cls(
+            speed=curve.speed.tolist(),
+            odd=curve.odd.tolist(),
+            odd_std=curve.odd_sigma.tolist(),
+            forward=listed(curve.forward),
+            backward=listed(curve.backward),
+            direction_std=listed(curve.direction_sigma),
+        )
+
+
+class FrictionCoefficient(Section):
+    """A coefficient of a friction model with its standard deviation, in `unit`."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
+
+
+class FrictionModel(Section):
+    """A friction model fitted to one joint.
+
+    Attributes
+    ----------
+    name : str
+        In words.
+    terms : tuple of str
+        As the robot file has them.
+    rms : float
+        Root mean square error [N m or N].
+    misfit : float
+        Error in units of the measured variance.
+    criterion : float
+        Akaike's, corrected for few values.
+    parameters : tuple of FrictionCoefficient
+        The coefficients.
+    """
+
+    name: str
+    terms: Texts
+    rms: float
+    misfit: float
+    criterion: float
+    parameters: tuple[FrictionCoefficient, ...]
+
+    @classmethod
+    def of(cls, fit: FrictionFit) -> FrictionModel:
+        """Return a fitted model."""
+        return cls(
+            name=fit.name,
+            terms=fit.terms,
+            rms=fit.rms_nm,
+            misfit=fit.misfit,
+            criterion=fit.criterion,
+            parameters=tuple(
+                FrictionCoefficient(name=name, value=float(value), std=float(std), unit=unit)
+                for name, value, std, unit in zip(
+                    fit.parameter_names, fit.values, fit.sigmas, fit.parameter_units, strict=True
+                )
+            ),
+        )
+
+
+class FrictionLines(Section):
+    """Models drawn over speed: torque by the model's name."""
+
+    speed: Numbers
+    torque: dict[str, Numbers]
+
+
+class JointFriction(Section):
+    """The friction of a joint.
+
+    Attributes
+    ----------
+    joint, unit, torque_unit : str
+        Its name, and the units of its position and torque.
+    sentence : str
+        Which model is best, and what to write into the robot file.
+    curve : MeasuredFriction
+        The measured friction.
+    fits : tuple of FrictionModel
+        The models, the best first.
+    lines : FrictionLines
+        What is drawn of them.
+    """
+
+    joint: str
+    unit: str
+    torque_unit: str
+    sentence: str
+    curve: MeasuredFriction
+    fits: tuple[FrictionModel, ...]
+    lines: FrictionLines
+
+    def print(self, console: Console) -> None:
+        """Print the measured friction and the models."""
+        curve, torque = self.curve, self.torque_unit
+        ways = () if curve.forward is None else ("forwards", "backwards", "± 2σ")
+        console.say()
+        console.table(
+            (self.joint, "friction", "± 2σ", *ways),
+            [
+                (
+                    f"{number(speed, 3)} {self.unit}/s",
+                    f"{number(curve.odd[i])} {torque}",
+                    number(2.0 * curve.odd_std[i], 2),
+                    *_directions(curve, i),
+                )
+                for i, speed in enumerate(curve.speed)
+            ],
+        )
+        console.table(
+            ("model", "rms error", "criterion", "coefficients ± 2σ"),
+            [
+                (
+                    fit.name,
+                    f"{number(fit.rms, 3)} {torque}",
+                    number(fit.criterion, 3),
+                    ", ".join(
+                        f"{p.name} {number(p.value)} ± {number(2.0 * p.std, 2)} {p.unit}"
+                        for p in fit.parameters
+                    ),
+                )
+                for fit in self.fits
+            ],
+        )
+        console.verdict(None, self.sentence)
+
+
+class FrictionSection(Section):
+    """Curves, models and what follows from them, joint by joint."""
+
+    sentence: str
+    joints: tuple[JointFriction, ...]
+
+    @classmethod
+    def of(
+        cls,
+        curves: Sequence[FrictionCurve],
+        fits: Sequence[tuple[FrictionFit, ...]],
+        robot: RobotDescription,
+        model: Callable[[int, FloatArray], FloatArray] | None = None,
+    ) -> FrictionSection:
+        """Return what was measured and fitted.
+
+        Parameters
+        ----------
+        curves, fits : sequence of FrictionCurve, and of tuple of FrictionFit
+            The measured friction, and the models fitted to it, the best first.
+        robot : RobotDescription
+            The robot.
+        model : callable, optional
+            Returns the friction of a joint [N m or N] at speeds, of a model to compare with.
+        """
+        from identification.friction.fits import CLEARLY_BETTER
+
+        return cls(
+            sentence="Half of what turning round changes: gravity and inertia are gone. The"
+            " criterion is Akaike's, corrected for few values: small is good, and of models within"
+            f" {CLEARLY_BETTER:g} of the smallest the simplest is taken.",
+            joints=tuple(
+                _joint(curve, own, robot, model, CLEARLY_BETTER)
+                for curve, own in zip(curves, fits, strict=True)
+            ),
+        )
+
+    def print(self, console: Console) -> None:
+        """Print all joints."""
+        console.say(self.sentence)
+        for joint in self.joints:
+            joint.print(console)
+
+
+def _joint(
+    curve: FrictionCurve,
+    fits: tuple[FrictionFit, ...],
+    robot: RobotDescription,
+    model: Callable[[int, FloatArray], FloatArray] | None,
+    clearly_better: float,
+) -> JointFriction:
+    j = robot.joint_names.index(curve.joint)
+    unit, torque_unit = units(robot.joints[j])
+    speed = np.linspace(0.0, 1.05 * float(curve.speed.max()), LINE_POINTS)
+    speed[0] = 1e-3 * speed[-1]
+    lines = {f"{fit.name} (best)" if fit is fits[0] else fit.name: fit for fit in fits[:2]}
+    torque: dict[str, Numbers] = {
+        name: tuple(_odd(fit.torque, speed).tolist()) for name, fit in lines.items()
+    }
+    sentence = _sentence(curve, fits, clearly_better)
+    if model is not None:
+        torque["the model file"] = tuple(_odd(lambda v: model(j, v), speed).tolist())
+        error = curve.odd - _odd(lambda v: model(j, v), curve.speed)
+        sentence += (
+            f" The model file is off by {np.sqrt(np.mean(error**2)):.3g} {torque_unit} (rms),"
+            f" {100.0 * np.sqrt(np.mean(error**2) / np.mean(curve.odd**2)):.2g} %."
+        )
+    return JointFriction(
+        joint=curve.joint,
+        unit=unit,
+        torque_unit=torque_unit,
+        sentence=sentence,
+        curve=MeasuredFriction.of(curve),
+        fits=tuple(FrictionModel.of(fit) for fit in fits),
+        lines=FrictionLines(speed=tuple(speed.tolist()), torque=torque),
+    )
+
+
+def _sentence(curve: FrictionCurve, fits: tuple[FrictionFit, ...], clearly_better: float) -> str:
+    """Say which model is best, and what to write into the robot file."""
+    if not fits:
+        return f"{curve.joint}: too few speeds to fit a model; run more of them."
+    best = fits[0]
+    smallest = min(fit.criterion for fit in fits)
+    close = [fit.name for fit in fits[1:] if fit.criterion - smallest < clearly_better]
+    text = f"{curve.joint}: {best.name} fits best"
+    text += f" ({', '.join(close)} not clearly worse)" if close else ""
+    speed = next(
+        (v for n, v in zip(best.parameter_names, best.values, strict=True) if n[:3] == "vs_"), None
+    )
+    start = "" if speed is None else f", stribeck_velocity: {speed:.3g}"
+    return f"{text}; in the robot file: friction: [{', '.join(best.terms)}]{start}."
+
+
+def _odd(torque: Callable[[FloatArray], FloatArray], speed: FloatArray) -> FloatArray:
+    return np.asarray(0.5 * (torque(speed) - torque(-speed)))
+
+
+def _directions(curve: MeasuredFriction, i: int) -> tuple[str, ...]:
+    if curve.forward is None or curve.backward is None or curve.direction_std is None:
+        return ()
+    return (
+        number(curve.forward[i]),
+        number(curve.backward[i]),
+        number(2.0 * curve.direction_std[i], 2),
+    )

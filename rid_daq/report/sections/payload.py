@@ -1,0 +1,294 @@
+"""`PayloadSection`: what a robot carries, with intervals, and whether that is sure enough."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, cast
+
+from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Numbers, Section, Texts, units
+from rid_daq.report.sections.verdict import Check, Relation, Verdict
+from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from identification.payload.estimate import PayloadEstimate
+    from identification.payload.verdict import PayloadResult, Repeats
+
+_PROCEDURES = {
+    "together": "Robot and payload estimated together from runs with and without it",
+    "difference": "Torques of the same motion with and without the payload, subtracted",
+    "model": "Runs with the payload, less the model of the unloaded robot",
+    "apart": "The robot identified with the payload and without, and subtracted",
+}
+
+
+class PayloadParameter(Section):
+    """A parameter of a payload with standard deviations, in `unit`.
+
+    Attributes
+    ----------
+    name, unit : str
+        Its name and unit.
+    value, std, std_noise : float or None
+        The estimate, the standard deviation to quote, and that by noise; None where the motion
+        does not show it.
+    known : bool
+        Whether it was given.
+    exported : float
+        Of the closest body that can exist; left out where not all parameters are seen.
+    """
+
+    name: str
+    unit: str
+    value: float | None
+    std: float | None
+    std_noise: float | None
+    known: bool
+    exported: float | None = None
+
+
+class PrincipalMoment(Section):
+    """A principal moment of inertia [kg m^2], and the axis that it is about."""
+
+    moment: float
+    axis: Numbers
+
+
+class PayloadRepeats(Section):
+    """The payload from each loaded run alone.
+
+    Attributes
+    ----------
+    runs : int
+        So many.
+    ratio : float
+        Their scatter over the quoted standard deviation, all parameters together.
+    scatter : tuple of float
+        Standard deviation between runs, one a parameter.
+    """
+
+    runs: int
+    ratio: float
+    scatter: Numbers
+
+
+class PayloadAxis(Section):
+    """What an axis sees of the payload.
+
+    Attributes
+    ----------
+    joint, unit : str
+        Its name, and the unit of its torque.
+    payload, residual : float
+        Torque of the payload, and what is left over (RMS), in `unit`.
+    mass_per_percent : float
+        By how much the mass changes for 1 % of this axis' torque [kg].
+    """
+
+    joint: str
+    unit: str
+    payload: float
+    residual: float
+    mass_per_percent: float
+
+
+class PayloadSection(Section):
+    """A payload with its intervals, principal axes, findings and torques.
+
+    Attributes
+    ----------
+    sentence, procedure : str
+        How it was found.
+    equations, rank : int
+        Their number, and the number of parameters that they show.
+    condition_number : float
+        Of the equations.
+    parameters : tuple of PayloadParameter
+        Mass, centre of gravity, inertia.
+    principal : tuple of PrincipalMoment, or None
+        None where not all parameters are seen.
+    repeats : PayloadRepeats or None
+        None where there is one loaded run.
+    findings : tuple of str
+        What a person should know.
+    axes : tuple of PayloadAxis
+        One an axis.
+    existence : str
+        Whether such a body can exist; left out where not all parameters are seen.
+    """
+
+    sentence: str
+    procedure: str
+    equations: int
+    condition_number: float
+    rank: int
+    parameters: tuple[PayloadParameter, ...]
+    principal: tuple[PrincipalMoment, ...] | None
+    repeats: PayloadRepeats | None
+    findings: Texts
+    axes: tuple[PayloadAxis, ...]
+    existence: str | None = None
+
+    @classmethod
+    def of(
+        cls, payload: PayloadResult, repeats: Repeats | None, findings: Sequence[str] = ()
+    ) -> PayloadSection:
+        """Return what is said of a payload.
+
+        Parameters
+        ----------
+        payload : PayloadResult
+            The payload.
+        repeats : Repeats or None
+            The same from each loaded run alone.
+        findings : sequence of str
+            What else a person should know.
+        """
+        from identification.payload.findings import payload_findings
+
+        estimate = payload.estimate
+        whole = estimate.rank == len(estimate.values)
+        own = (f"{finding.sentence}." for finding in payload_findings(estimate))
+        return cls(
+            sentence=_sentence(estimate),
+            procedure=estimate.procedure,
+            equations=estimate.equations,
+            condition_number=estimate.condition_number,
+            rank=estimate.rank,
+            parameters=_parameters(estimate, whole),
+            principal=_principal(estimate) if whole else None,
+            repeats=None
+            if repeats is None
+            else PayloadRepeats(
+                runs=len(repeats.values),
+                ratio=repeats.ratio,
+                scatter=tuple(float(x) for x in repeats.scatter),
+            ),
+            findings=(*own, *findings),
+            axes=tuple(
+                PayloadAxis(
+                    joint=joint.name,
+                    unit=units(joint)[1],
+                    payload=float(estimate.payload_nm[j]),
+                    residual=float(estimate.residual_nm[j]),
+                    mass_per_percent=0.01 * float(estimate.gain_effects[0, j]),
+                )
+                for j, joint in enumerate(estimate.robot.joints)
+            ),
+            existence=_existence(estimate) if whole else None,
+        )
+
+    def print(self, console: Console) -> None:
+        """Print the payload."""
+        console.say(self.sentence)
+        console.table(
+            ("parameter", "estimate", "± 2σ", "unit", ""),
+            [
+                (
+                    entry.name,
+                    "not seen" if entry.value is None else number(entry.value, 5),
+                    "–" if entry.std is None else number(2.0 * entry.std, 2),
+                    entry.unit,
+                    "known" if entry.known else "",
+                )
+                for entry in self.parameters
+            ],
+        )
+        console.say("Centre of gravity from the flange, inertia about it, in the flange's axes.")
+        if self.principal is not None and self.existence is not None:
+            console.say(
+                "Principal moments [kg m^2] about: "
+                + "; ".join(
+                    f"{number(each.moment, 4)} about ({', '.join(f'{x:.3f}' for x in each.axis)})"
+                    for each in self.principal
+                )
+            )
+            console.say(self.existence)
+        if self.repeats is not None:
+            console.say(
+                f"{self.repeats.runs} runs, each for itself: mass scatters by"
+                f" {self.repeats.scatter[0]:.3g} kg (1σ); scatter over quoted standard deviation,"
+                f" all ten: {self.repeats.ratio:.2f}."
+            )
+        for finding in self.findings:
+            console.say(finding)
+        console.table(
+            ("axis", "torque of the payload (RMS)", "left over (RMS)", "mass per 1 % of torque"),
+            [
+                (
+                    axis.joint,
+                    f"{number(axis.payload, 3)} {axis.unit}",
+                    f"{number(axis.residual, 3)} {axis.unit}",
+                    f"{number(axis.mass_per_percent, 2)} kg",
+                )
+                for axis in self.axes
+            ],
+        )
+
+
+def payload_verdict(payload: PayloadResult) -> Verdict:
+    """Return whether a payload is as sure as was asked for."""
+    estimate = payload.estimate
+    checks = [
+        Check.of(line.text, line.value, cast("Relation", line.relation), line.limit, line.unit)
+        for line in payload.checks
+    ]
+    failed = [line.text for line in checks if not line.passed]
+    mass = (
+        f"{estimate.reported[0]:.3f} kg ± {2 * estimate.sigma[0]:.2g} kg (2σ)"
+        if estimate.seen[0]
+        else "a mass that this motion does not show"
+    )
+    headline = (
+        f"Failed: {'; '.join(failed)}"
+        if failed
+        else f"Passed: the payload has {mass.split(' (')[0]}"
+    )
+    sentence = f"Mass: {mass}. Load data are exported where this verdict is passed."
+    return Verdict.of(checks, headline, sentence)
+
+
+def _parameters(estimate: PayloadEstimate, whole: bool) -> tuple[PayloadParameter, ...]:
+    from identification.payload.body import REPORTED, REPORTED_UNITS
+
+    known = {quantity.name for quantity in estimate.known}
+    return tuple(
+        PayloadParameter(
+            name=name,
+            unit=unit,
+            value=float(estimate.reported[i]) if estimate.seen[i] else None,
+            std=float(estimate.sigma[i]) if estimate.seen[i] else None,
+            std_noise=float(estimate.sigma_noise[i]) if estimate.seen[i] else None,
+            known=name in known,
+            exported=float(estimate.body.reported[i]) if whole else None,
+        )
+        for i, (name, unit) in enumerate(zip(REPORTED, REPORTED_UNITS, strict=True))
+    )
+
+
+def _principal(estimate: PayloadEstimate) -> tuple[PrincipalMoment, ...]:
+    moments, axes = estimate.body.principal
+    return tuple(
+        PrincipalMoment(moment=float(moment), axis=tuple(float(x) for x in axis))
+        for moment, axis in zip(moments, axes.T, strict=True)
+    )
+
+
+def _existence(estimate: PayloadEstimate) -> str:
+    p = estimate.consistent[1]
+    if p == 1.0:
+        return "A body with these parameters can exist."
+    explains = "explains" if estimate.can_exist else "DOES NOT explain"
+    return (
+        "No body has exactly these parameters; the closest one that can exist"
+        f" {explains} the data (p = {p:.2g})."
+    )
+
+
+def _sentence(estimate: PayloadEstimate) -> str:
+    held = ", ".join(f"{k.name} = {k.value:g} ± {2 * k.sigma:.2g} (2σ)" for k in estimate.known)
+    return (
+        f"{_PROCEDURES[estimate.procedure]}: {estimate.equations} equations, friction free in each"
+        f" run, condition number {estimate.condition_number:.3g}"
+        + (f"; known: {held}." if held else ".")
+    )

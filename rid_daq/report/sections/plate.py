@@ -1,0 +1,248 @@
+"""`PlateSection`: what a force plate under the robot adds to an estimate."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Strict
+
+from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
+from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Numbers, Section, Texts
+from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from identification.accuracy.plate_benefit import Improvement
+    from identification.calibration.torque_scale import TorqueConsistency
+    from identification.equations.plate_fit import PlateFit
+
+
+class WrenchResidual(Section):
+    """What the model leaves of one component of the base wrench, RMS in `unit`.
+
+    Attributes
+    ----------
+    name, unit : str
+        The component.
+    residual, noise : float
+        Left over, and what noise alone would leave.
+    """
+
+    name: str
+    unit: str
+    residual: float
+    noise: float
+
+
+class ImprovedParameter(Section):
+    """A parameter with its standard deviation by torques, by the plate, and by both, in `unit`."""
+
+    words: str
+    unit: str
+    value: float
+    std_internal: float | None
+    std_external: float | None
+    std_combined: float
+
+
+class ImprovementSection(Section):
+    """What the plate improved.
+
+    Attributes
+    ----------
+    determinant_ratio : float
+        Of the covariances of the shared parameters.
+    shared : tuple of str
+        Parameters that torques and plate both show.
+    parameters : tuple of ImprovedParameter
+        All of them.
+    """
+
+    determinant_ratio: float
+    shared: Texts
+    parameters: tuple[ImprovedParameter, ...]
+
+    @classmethod
+    def of(cls, improved: Improvement) -> ImprovementSection:
+        """Return what the combined model says of the plate's gain."""
+        return cls(
+            determinant_ratio=improved.determinant_ratio,
+            shared=improved.shared,
+            parameters=tuple(
+                ImprovedParameter(
+                    words=each.expression,
+                    unit=each.unit,
+                    value=each.value,
+                    std_internal=each.sigma_internal,
+                    std_external=each.sigma_external,
+                    std_combined=each.sigma_combined,
+                )
+                for each in improved.parameters
+            ),
+        )
+
+
+class AxisTorqueScale(Section):
+    """How an axis' torque constant compares with the plate.
+
+    Attributes
+    ----------
+    joint : str
+        Its name.
+    ratio, std : float
+        Torque by the plate over torque by the drive.
+    p_value : float
+        Probability of such a difference by noise.
+    wrong : bool
+        Whether the torque constant is wrong by it.
+    """
+
+    joint: str
+    ratio: float
+    std: float
+    p_value: float
+    wrong: bool
+
+
+class TorqueConstants(Section):
+    """Whether the torque constants agree with the plate.
+
+    Attributes
+    ----------
+    p_value : float
+        Probability of such differences by noise, all axes together.
+    axes : tuple of AxisTorqueScale
+        One an axis.
+    """
+
+    p_value: float
+    axes: tuple[AxisTorqueScale, ...]
+
+    @classmethod
+    def of(cls, torques: TorqueConsistency) -> TorqueConstants:
+        """Return how torque constants compare with the plate."""
+        return cls(
+            p_value=torques.p_value,
+            axes=tuple(
+                AxisTorqueScale(
+                    joint=axis.joint,
+                    ratio=axis.ratio,
+                    std=axis.sigma,
+                    p_value=axis.p_value,
+                    wrong=axis.wrong,
+                )
+                for axis in torques.axes
+            ),
+        )
+
+
+class PlateSection(Section):
+    """How a force plate fits an estimate, and what it improved.
+
+    Attributes
+    ----------
+    sentences : tuple of str
+        All of it in words.
+    components : tuple of WrenchResidual
+        One a component of the base wrench.
+    delay_s, delay_std_s : tuple of float
+        How late the plate's signals were, one a run [s].
+    left_out : tuple of tuple of str
+        Channels that are not used, run by run.
+    drift_n_s : tuple of tuple of float
+        Drift that was removed, run by run, one a channel [N/s].
+    improvement : ImprovementSection or None
+        Of the combined model.
+    torque_constants : TorqueConstants or None
+        Of the combined model.
+    """
+
+    sentences: Texts
+    components: tuple[WrenchResidual, ...]
+    delay_s: Numbers
+    delay_std_s: Numbers
+    left_out: Annotated[tuple[Texts, ...], Strict(False)]
+    drift_n_s: Annotated[tuple[Numbers, ...], Strict(False)]
+    improvement: ImprovementSection | None
+    torque_constants: TorqueConstants | None
+
+    @classmethod
+    def of(
+        cls,
+        plate: PlateFit,
+        weight: Sequence[str],
+        improved: Improvement | None = None,
+        torques: TorqueConsistency | None = None,
+    ) -> PlateSection:
+        """Return how a force plate fits an estimate.
+
+        Parameters
+        ----------
+        plate : PlateFit
+            Of the external or the combined model.
+        weight : sequence of str
+            Parameters that only the standing weight shows, in words.
+        improved, torques : Improvement and TorqueConsistency, optional
+            What the combined model says of the plate's gain and of the torque constants.
+        """
+        sentences = [_fit_sentence(plate, weight)]
+        sentences += [] if improved is None else [improved.sentence]
+        sentences += [] if torques is None else [torques.sentence]
+        return cls(
+            sentences=tuple(sentences),
+            components=tuple(
+                WrenchResidual(
+                    name=name,
+                    unit=unit,
+                    residual=float(plate.residual[k]),
+                    noise=float(plate.noise[k]),
+                )
+                for k, (name, unit) in enumerate(zip(WRENCH_NAMES, WRENCH_UNITS, strict=True))
+            ),
+            delay_s=tuple(plate.delay_s.tolist()),
+            delay_std_s=tuple(plate.delay_sigma_s.tolist()),
+            left_out=plate.left_out,
+            drift_n_s=plate.drift_n_s.tolist(),
+            improvement=None if improved is None else ImprovementSection.of(improved),
+            torque_constants=None if torques is None else TorqueConstants.of(torques),
+        )
+
+    def print(self, console: Console) -> None:
+        """Print what the force plate improved."""
+        if self.improvement is not None:
+            console.say("Standard deviations by the measured noise, with torques, plate, and both:")
+            console.table(
+                ("parameter", "torques", "plate", "both", "unit"),
+                [
+                    (
+                        each.words,
+                        number(each.std_internal, 2),
+                        number(each.std_external, 2),
+                        number(each.std_combined, 2),
+                        each.unit,
+                    )
+                    for each in self.improvement.parameters
+                ],
+            )
+        for sentence in self.sentences:
+            console.say(sentence)
+
+
+def _fit_sentence(plate: PlateFit, weight: Sequence[str]) -> str:
+    delays = ", ".join(
+        f"{1e3 * delay:.3f} ± {2e3 * sigma:.3f}"
+        for delay, sigma in zip(plate.delay_s, plate.delay_sigma_s, strict=True)
+    )
+    words = f"The force plate's signals were {delays} ms late, which is made up for"
+    words += f"; drift of up to {1e3 * abs(plate.drift_n_s).max():.3g} mN/s a channel is removed"
+    left_out = sorted({name for names in plate.left_out for name in names})
+    if left_out:
+        words += f"; {', '.join(left_out)} not used, for overload, loss or drift"
+    if weight:
+        words += (
+            f". {', '.join(weight)} is the standing weight, which a plate cannot tell from its"
+            " offset"
+        )
+    return words + "."

@@ -1,0 +1,185 @@
+"""`PlateZeroSection`: a force plate's offsets with their uncertainty, and whether they hold."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
+from config.cell.plate import CHANNEL_NAMES, PlateConfig, PlateZero
+from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Numbers, Section, Texts
+from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from acquisition.plate_zero.plate_zero import PlateOffset, ZeroTurn
+
+DIGITS = 4
+"""Decimals of a zero in a cell file: a tenth of a millinewton."""
+
+
+class ChannelZero(Section):
+    """The offset [N] and the drift [N/s] of a channel, with standard deviations."""
+
+    name: str
+    offset_n: float
+    offset_std_n: float
+    drift_n_s: float
+    drift_std_n_s: float
+
+
+class GravityComponent(Section):
+    """A component of gravity's wrench in the first pose, with its standard deviation, in `unit`."""
+
+    name: str
+    unit: str
+    value: float
+    std: float
+
+
+class PlateZeroSection(Section):
+    """The channels, the moment of gravity, and how they were told apart.
+
+    Attributes
+    ----------
+    sentences : tuple of str
+        In words.
+    turn_degrees : float
+        By how much axis 1 was turned.
+    first_pose, second_pose : tuple of float
+        The poses of the readings [rad or m].
+    seconds : float
+        How long all of it took [s].
+    channels : tuple of ChannelZero
+        One a channel.
+    gravity : tuple of GravityComponent
+        One a component of the wrench.
+    """
+
+    sentences: Texts
+    turn_degrees: float
+    first_pose: Numbers
+    second_pose: Numbers
+    seconds: float
+    channels: tuple[ChannelZero, ...]
+    gravity: tuple[GravityComponent, ...]
+
+    @classmethod
+    def of(cls, found: PlateOffset, turn: ZeroTurn) -> PlateZeroSection:
+        """Return what the readings show."""
+        degrees = math.degrees(turn.turn_rad)
+        return cls(
+            sentences=(
+                f"Axis 1 was turned by {degrees:.0f} degrees and back, {found.seconds:.0f} s in"
+                f" all. {_how(turn)}",
+                f"Gravity's moment in the first pose: {_moment(found)}. The robot's weight is taken"
+                " for offset.",
+            ),
+            turn_degrees=degrees,
+            first_pose=tuple(turn.first.tolist()),
+            second_pose=tuple(turn.second.tolist()),
+            seconds=found.seconds,
+            channels=tuple(
+                ChannelZero(
+                    name=name,
+                    offset_n=float(found.offset_n[k]),
+                    offset_std_n=float(found.offset_sigma_n[k]),
+                    drift_n_s=float(found.drift_n_s[k]),
+                    drift_std_n_s=float(found.drift_sigma_n_s[k]),
+                )
+                for k, name in enumerate(CHANNEL_NAMES)
+            ),
+            gravity=tuple(
+                GravityComponent(
+                    name=name,
+                    unit=unit,
+                    value=float(found.gravity[k]),
+                    std=float(found.gravity_sigma[k]),
+                )
+                for k, (name, unit) in enumerate(zip(WRENCH_NAMES, WRENCH_UNITS, strict=True))
+            ),
+        )
+
+    def print(self, console: Console) -> None:
+        """Print the channels' offsets and drifts."""
+        console.table(
+            ("channel", "offset", "± 2σ", "drift", "± 2σ"),
+            [
+                (
+                    each.name,
+                    f"{each.offset_n:.2f} N",
+                    f"{number(2.0 * each.offset_std_n, 2)} N",
+                    f"{1e3 * each.drift_n_s:.1f} mN/s",
+                    f"{number(2e3 * each.drift_std_n_s, 2)} mN/s",
+                )
+                for each in self.channels
+            ],
+        )
+        for sentence in self.sentences:
+            console.say(sentence)
+
+
+def as_zero(found: PlateOffset, turn: ZeroTurn) -> PlateZero:
+    """Return what was found as a cell file's `plate.zero`."""
+    offset, drift, pose, rest = (
+        tuple(round(value, digits) for value in values.tolist())
+        for values, digits in (
+            (found.offset_n, DIGITS),
+            (found.drift_n_s, DIGITS + 2),
+            (turn.first, DIGITS + 2),
+            (found.rest_n, DIGITS),
+        )
+    )
+    return PlateZero(offset_n=offset, drift_n_s=drift, pose=pose, rest_n=rest)
+
+
+def zero_verdict(found: PlateOffset, turn: ZeroTurn, plate: PlateConfig) -> Verdict:
+    """Return whether the zero holds.
+
+    What axis 1 cannot have turned, forces and the moment about it, shows a plate that is described
+    wrongly, or a robot that touches something.
+    """
+    from acquisition.session.plate_preparation import ZERO_LIMIT_N
+
+    forces = float(np.abs(found.gravity[:3]).max())
+    about = float(abs(turn.axis @ found.gravity[3:]))
+    drift = float(np.abs(found.drift_n_s).max())
+    certain = 2.0 * float(found.offset_sigma_n.max())
+    reach_m = max(plate.a_m, plate.b_m)
+    checks = [
+        Check.of("largest force that came from turning", forces, "≤", ZERO_LIMIT_N, "N"),
+        Check.of(
+            "moment about axis 1 that came from turning", about, "≤", ZERO_LIMIT_N * reach_m, "N m"
+        ),
+        Check.of("least certain offset, 2σ", certain, "≤", ZERO_LIMIT_N, "N"),
+        Check.of("fastest drift", drift, "≤", plate.drift_limit_n_s, "N/s"),
+    ]
+    failed = [line.text for line in checks if not line.passed]
+    worst = int(np.abs(found.offset_n).argmax())
+    reach = number(2.0 * found.offset_sigma_n[worst], 2)
+    sentence = f"Largest offset {found.offset_n[worst]:.2f} ± {reach} N ({CHANNEL_NAMES[worst]})."
+    headline = f"Failed: {', '.join(failed)}" if failed else "Passed: the force plate is zeroed"
+    return Verdict.of(checks, headline, sentence)
+
+
+def _how(turn: ZeroTurn) -> str:
+    if turn.is_half:
+        return (
+            "Half the sum of the readings is the offset, half their difference the moment of"
+            " gravity."
+        )
+    return (
+        "That is less than half a turn, as far as the limits allow: the offset is half the"
+        f" sum of the readings and {0.5 / math.tan(0.5 * turn.turn_rad):.3g} times their"
+        " difference, a quarter turn on, and less certain by that."
+    )
+
+
+def _moment(found: PlateOffset) -> str:
+    return ", ".join(
+        f"{WRENCH_NAMES[k]} {found.gravity[k]:.2f} ± {number(2.0 * found.gravity_sigma[k], 2)} N m"
+        for k in (3, 4)
+    )

@@ -1,0 +1,97 @@
+"""`ReactionSection`: the base wrench of a run, predicted and measured."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
+from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Numbers, Section, rounded, thinned
+from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from identification.validation.reaction_prediction import ReactionValidation
+
+
+class WrenchError(Section):
+    """The error of one component, in `unit`.
+
+    Attributes
+    ----------
+    name, unit : str
+        The component.
+    rms_error : float
+        Root mean square.
+    relative_error_percent : float
+        Of the measured one [%].
+    noise : float or None
+        Of the measurement, where it is known.
+    measured, predicted : tuple of float
+        The curves, thinned for drawing.
+    """
+
+    name: str
+    unit: str
+    rms_error: float
+    relative_error_percent: float
+    noise: float | None
+    measured: Numbers
+    predicted: Numbers
+
+
+class ReactionSection(Section):
+    """The errors of a predicted base wrench.
+
+    Attributes
+    ----------
+    sentence : str
+        What is compared.
+    delay_s : float
+        How late the plate's signals were [s].
+    components : tuple of WrenchError
+        One a component.
+    time_s : tuple of float
+        Of the curves [s].
+    """
+
+    sentence: str
+    delay_s: float
+    components: tuple[WrenchError, ...]
+    time_s: Numbers
+
+    @classmethod
+    def of(cls, validation: ReactionValidation) -> ReactionSection:
+        """Return the errors of a predicted base wrench."""
+        rows = thinned(len(validation.time_s))
+        return cls(
+            sentence=validation.sentence,
+            delay_s=validation.delay_s,
+            components=tuple(
+                WrenchError(
+                    name=name,
+                    unit=unit,
+                    rms_error=float(validation.rms[k]),
+                    relative_error_percent=float(validation.relative_percent[k]),
+                    noise=None if validation.noise is None else float(validation.noise[k]),
+                    measured=rounded(validation.measured[rows, k]),
+                    predicted=rounded(validation.predicted[rows, k]),
+                )
+                for k, (name, unit) in enumerate(zip(WRENCH_NAMES, WRENCH_UNITS, strict=True))
+            ),
+            time_s=rounded(validation.time_s[rows] - validation.time_s[0], 7),
+        )
+
+    def print(self, console: Console) -> None:
+        """Print how well the base wrench was predicted."""
+        console.table(
+            ("reaction", "rms error", "relative", "noise"),
+            [
+                (
+                    each.name,
+                    f"{number(each.rms_error)} {each.unit}",
+                    f"{number(each.relative_error_percent, 3)} %",
+                    "–" if each.noise is None else f"{number(each.noise, 3)} {each.unit}",
+                )
+                for each in self.components
+            ],
+        )

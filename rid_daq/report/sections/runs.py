@@ -1,0 +1,196 @@
+"""`CellSection` and `RunSection`: on which cell something was run, and what was recorded of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from acquisition.motion.samples import Phase
+from config.cell.cell import CellConfig
+from config.robot.robot import RobotDescription
+from rid_daq.report.sections.section import Section, units
+
+if TYPE_CHECKING:
+    from acquisition.recording.recording import Recording
+
+
+class CellSection(Section):
+    """The cell, as the report's head names it.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    simulated : bool
+        Whether no hardware moved.
+    cycle_time_ms : int
+        Of the cyclic task [ms].
+    bus : str
+        Interface and channel.
+    """
+
+    name: str
+    simulated: bool
+    cycle_time_ms: int
+    bus: str
+
+    @classmethod
+    def of(cls, cell: CellConfig) -> CellSection:
+        """Return what the report says of a cell."""
+        return cls(
+            name=cell.name,
+            simulated=cell.simulated,
+            cycle_time_ms=cell.cycle_time_ms,
+            bus=f"{cell.can.interface}:{cell.can.channel}",
+        )
+
+
+class AxisExtremes(Section):
+    """How far, fast and hard an axis went in a run.
+
+    Attributes
+    ----------
+    joint, unit, torque_unit : str
+        Its name, and the units of its position and torque.
+    position_min, position_max : float
+        In `unit`.
+    max_velocity : float
+        In `unit` per second.
+    max_torque : float
+        In `torque_unit`.
+    max_torque_percent : float
+        Of the robot file's limit [%].
+    max_following_error : float or None
+        In `unit`; None where the recording has no set-points.
+    """
+
+    joint: str
+    unit: str
+    torque_unit: str
+    position_min: float
+    position_max: float
+    max_velocity: float
+    max_torque: float
+    max_torque_percent: float
+    max_following_error: float | None
+
+
+class BadRows(Section):
+    """Neighbouring rows of an imported file that were left out.
+
+    Attributes
+    ----------
+    rows : str
+        Which: "7", or "2-20".
+    count : int
+        How many.
+    reason : str
+        Why.
+    """
+
+    rows: str
+    count: int
+    reason: str
+
+
+class RunSection(Section):
+    """What was run: extremes of every axis, lost rows, and why it stopped early.
+
+    Attributes
+    ----------
+    role : str
+        What the run was for.
+    sentence : str
+        What was asked for, and what became of it.
+    stop : str or None
+        Why the motion was stopped, where it was.
+    rows, invalid_rows : int
+        Recorded, and those without a valid answer.
+    duration_s : float
+        Of the recording [s].
+    axes : tuple of AxisExtremes
+        One an axis; none where fewer than two rows are valid.
+    bad_rows : tuple of BadRows
+        What an import left out.
+    """
+
+    role: str
+    sentence: str
+    stop: str | None
+    rows: int
+    invalid_rows: int
+    duration_s: float
+    axes: tuple[AxisExtremes, ...]
+    bad_rows: tuple[BadRows, ...]
+
+    @classmethod
+    def of(
+        cls,
+        role: str,
+        sentence: str,
+        recording: Recording,
+        robot: RobotDescription,
+        stop: str | None = None,
+    ) -> RunSection:
+        """Return what was run.
+
+        Parameters
+        ----------
+        role : str
+            What the run was for.
+        sentence : str
+            What was asked for.
+        recording : Recording
+            What was measured.
+        robot : RobotDescription
+            The robot, for limits and units.
+        stop : str, optional
+            Why the motion was stopped, where it was.
+        """
+        invalid = int(np.count_nonzero(~recording.valid))
+        lost = "no row is missing" if invalid == 0 else f"{invalid} rows have no valid answer"
+        duration_s = float(recording.time_s[-1] - recording.time_s[0]) if len(recording) else 0.0
+        return cls(
+            role=role,
+            sentence=f"{sentence} {len(recording)} rows in {duration_s:.1f} s; {lost}.",
+            stop=stop,
+            rows=len(recording),
+            invalid_rows=invalid,
+            duration_s=duration_s,
+            axes=_extremes(recording, robot),
+            bad_rows=(),
+        )
+
+
+def _extremes(recording: Recording, robot: RobotDescription) -> tuple[AxisExtremes, ...]:
+    good = recording.valid
+    position, torque, time_s = (
+        x[good] for x in (recording.position, recording.torque_nm, recording.time_s)
+    )
+    if len(position) < 2:
+        return ()
+    speed = np.abs(np.diff(position, axis=0) / np.diff(time_s)[:, np.newaxis]).max(axis=0)
+    following: list[float | None] = [None] * len(robot.joints)
+    if recording.target_position is not None:
+        moving = good & (recording.phase != Phase.APPROACH)
+        error = np.abs(recording.target_position - recording.position)[moving]
+        following = [float(worst) for worst in error.max(axis=0, initial=0.0)]
+    axes = []
+    for column, joint in enumerate(robot.joints):
+        unit, torque_unit = units(joint)
+        largest = float(np.abs(torque[:, column]).max())
+        axes.append(
+            AxisExtremes(
+                joint=joint.name,
+                unit=unit,
+                torque_unit=torque_unit,
+                position_min=float(position[:, column].min()),
+                position_max=float(position[:, column].max()),
+                max_velocity=float(speed[column]),
+                max_torque=largest,
+                max_torque_percent=100.0 * largest / joint.limits.torque,
+                max_following_error=following[column],
+            )
+        )
+    return tuple(axes)

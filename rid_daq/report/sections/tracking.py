@@ -1,0 +1,212 @@
+"""`TrackingSection`: how closely paths were followed, before and after compensation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Strict
+
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Numbers, Section, rounded, units
+from rid_daq.report.sections.verdict import Verdict
+
+if TYPE_CHECKING:
+    from compensation.feedforward.tracking_error import TrackingError
+
+DRAWN_POINTS = 500
+Columns = Annotated[tuple[Numbers, ...], Strict(False)]
+
+
+@dataclass(frozen=True)
+class FollowedRun:
+    """How closely one run followed its path.
+
+    Attributes
+    ----------
+    error : TrackingError
+        Over the run's main part.
+    drawn : slice
+        The rows to draw: the last period, or all.
+    sample_period_s : float
+        Time between rows [s].
+    """
+
+    error: TrackingError
+    drawn: slice
+    sample_period_s: float
+
+
+class ErrorSize(Section):
+    """The size of a run's errors.
+
+    Attributes
+    ----------
+    mean_m, max_m : float
+        Distance of the tool point from its path [m].
+    joint_peak : tuple of float
+        Largest error of each joint [rad or m].
+    """
+
+    mean_m: float
+    max_m: float
+    joint_peak: Numbers
+
+    @classmethod
+    def of(cls, error: TrackingError) -> ErrorSize:
+        """Return the size of a run's errors."""
+        return cls(
+            mean_m=error.mean_m, max_m=error.max_m, joint_peak=tuple(error.joint_peak.tolist())
+        )
+
+
+class PathCurves(Section):
+    """A run's path and errors over time, thinned for drawing.
+
+    Attributes
+    ----------
+    time_s : tuple of float
+        [s].
+    wanted_m, deviation_m : tuple of tuple of float
+        The tool point's path in the base frame and how far the robot was from it, x, y and z [m].
+    distance_m : tuple of float
+        The size of the deviation [m].
+    joint : tuple of tuple of float
+        Wanted minus reached, one a joint [rad or m].
+    """
+
+    time_s: Numbers
+    wanted_m: Columns
+    deviation_m: Columns
+    distance_m: Numbers
+    joint: Columns
+
+    @classmethod
+    def of(cls, run: FollowedRun) -> PathCurves:
+        """Return the rows to draw, so many that a figure shows all there is to see."""
+        error, period = run.error, run.drawn
+        wanted, reached = error.wanted_m[period], error.reached_m[period]
+        kept = slice(None, None, max(1, len(wanted) // DRAWN_POINTS))
+
+        def columns(values: FloatArray) -> Columns:
+            return tuple(rounded(column) for column in values.T)
+
+        times = run.sample_period_s * np.arange(len(wanted), dtype=np.float64)
+        return cls(
+            time_s=rounded(times[kept]),
+            wanted_m=columns(wanted[kept]),
+            deviation_m=columns((reached - wanted)[kept]),
+            distance_m=rounded(error.distance_m[period][kept]),
+            joint=columns(error.joint[period][kept]),
+        )
+
+
+class DrawnPaths(Section):
+    """The paths of a motion: with compensation and, where there is such a run, without."""
+
+    after: PathCurves
+    before: PathCurves | None
+
+
+class FollowedMotion(Section):
+    """One motion: how closely it was followed, and by which use of its own runs.
+
+    Attributes
+    ----------
+    sentence : str
+        What was driven.
+    use : str
+        Whether runs of this motion have made its feedforward.
+    after, before : ErrorSize
+        With compensation and, where there is such a run, without.
+    mean_ratio, max_ratio : float or None
+        By how many times mean and largest distance have shrunk.
+    drawn : DrawnPaths
+        The curves.
+    """
+
+    sentence: str
+    use: str
+    after: ErrorSize
+    before: ErrorSize | None
+    mean_ratio: float | None
+    max_ratio: float | None
+    drawn: DrawnPaths
+
+    @classmethod
+    def of(
+        cls, sentence: str, use: str, after: FollowedRun, before: FollowedRun | None
+    ) -> FollowedMotion:
+        """Return what is said of a motion that was driven with compensation, and without."""
+        one, other = after.error, None if before is None else before.error
+        return cls(
+            sentence=sentence,
+            use=use,
+            after=ErrorSize.of(one),
+            before=None if other is None else ErrorSize.of(other),
+            mean_ratio=None if other is None else other.mean_m / max(one.mean_m, 1e-12),
+            max_ratio=None if other is None else other.max_m / max(one.max_m, 1e-12),
+            drawn=DrawnPaths(
+                after=PathCurves.of(after),
+                before=None if before is None else PathCurves.of(before),
+            ),
+        )
+
+
+class JointUnit(Section):
+    """A joint, and the unit of its position."""
+
+    joint: str
+    unit: str
+
+
+class TrackingSection(Section):
+    """The table of all motions, and what their figures draw.
+
+    Attributes
+    ----------
+    sentence : str
+        What is compared.
+    joints : tuple of JointUnit
+        The robot's joints.
+    motions : tuple of FollowedMotion
+        One a motion.
+    """
+
+    sentence: str
+    joints: tuple[JointUnit, ...]
+    motions: tuple[FollowedMotion, ...]
+
+    @classmethod
+    def of(
+        cls, motions: Sequence[FollowedMotion], robot: RobotDescription, more: str = ""
+    ) -> TrackingSection:
+        """Return the section of some motions of a robot; `more` is said besides."""
+        return cls(
+            sentence="Distance between the tool point wanted and reached at the same instant, by"
+            " the robot file's kinematics; joint errors are wanted minus reached." + more,
+            joints=tuple(
+                JointUnit(joint=joint.name, unit=units(joint)[0]) for joint in robot.joints
+            ),
+            motions=tuple(motions),
+        )
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the report says first; nothing is judged."""
+        after = [motion.after.mean_m for motion in self.motions]
+        ratios = [motion.mean_ratio for motion in self.motions if motion.mean_ratio]
+        mean = f"Mean distance from the path {number(1e3 * max(after), 3)} mm"
+        mean += " at most" if len(after) > 1 else ""
+        if not ratios:
+            return Verdict.of([], mean, "No run without compensation was given to compare with.")
+        closer = f"{mean}, {number(min(ratios), 3)} times closer than before"
+        return Verdict.of(
+            [],
+            closer + (" at least" if len(ratios) > 1 else ""),
+            "Before is velocity feedforward alone, after is with pre-compensation.",
+        )

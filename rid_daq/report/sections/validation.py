@@ -1,0 +1,167 @@
+"""`ValidationSection`: predicted against measured torque, axis by axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Section, Texts, finite, units
+from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from identification.validation.torque_prediction import Validation
+
+
+class AxisError(Section):
+    """The torque error of an axis, in `unit`, on samples at which it moves.
+
+    Attributes
+    ----------
+    joint, unit : str
+        Its name, and the unit of its torque.
+    rms_torque, rms_error : float or None
+        Root mean squares; None where it stands still.
+    relative_error_percent, all_samples_percent : float or None
+        Error over torque [%], on moving samples and on all.
+    noise : float or None
+        Of one measured sample, where periods show it.
+    floor, error_over_floor : float or None
+        Of a simulated robot: the error of the true parameters, and the error over it.
+    limit_percent : float or None
+        What the relative error is held to [%].
+    passed : bool or None
+        Whether it holds.
+    samples : int
+        That count.
+    """
+
+    joint: str
+    unit: str
+    rms_torque: float | None
+    rms_error: float | None
+    relative_error_percent: float | None
+    all_samples_percent: float | None
+    noise: float | None
+    floor: float | None
+    error_over_floor: float | None
+    limit_percent: float | None
+    passed: bool | None
+    samples: int
+
+
+class ValidationSection(Section):
+    """The torque errors of every axis, and what they are held to.
+
+    Attributes
+    ----------
+    sentence : str
+        What is compared.
+    cutoff_hz : float
+        Signals are compared up to here [Hz].
+    standstill_rad_s : float
+        Lowest speed that counts [rad/s].
+    has_floor, has_limits : bool
+        Whether the truth is known, and whether limits are given.
+    axes : tuple of AxisError
+        One an axis.
+    diagnosis : tuple of str
+        What the errors look like; left out where nobody looked.
+    """
+
+    sentence: str
+    cutoff_hz: float
+    standstill_rad_s: float
+    has_floor: bool
+    has_limits: bool
+    axes: tuple[AxisError, ...]
+    diagnosis: Texts | None = None
+
+    @classmethod
+    def of(
+        cls,
+        validation: Validation,
+        robot: RobotDescription,
+        sentence: str,
+        floor_nm: FloatArray | None = None,
+        diagnosis: Sequence[str] | None = None,
+    ) -> ValidationSection:
+        """Return the torque errors of every axis.
+
+        Parameters
+        ----------
+        validation : Validation
+            The comparison.
+        robot : RobotDescription
+            The robot, for units.
+        sentence : str
+            Which run was predicted.
+        floor_nm : ndarray, shape (n,), optional
+            RMS error of the true parameters, where the robot is simulated.
+        diagnosis : sequence of str, optional
+            What the errors look like.
+        """
+        shares = ", ".join(f"{100.0 * share:.0f}" for share in validation.moving_fraction)
+        return cls(
+            sentence=f"{sentence} Signals below {validation.cutoff_hz:g} Hz (no phase shift);"
+            f" errors count samples at {validation.standstill_rad_s:g} rad/s or faster ({shares} %"
+            " of each axis): below, friction is stiction.",
+            cutoff_hz=validation.cutoff_hz,
+            standstill_rad_s=validation.standstill_rad_s,
+            has_floor=floor_nm is not None,
+            has_limits=validation.limits_percent is not None,
+            axes=tuple(
+                _axis(validation, robot, i, None if floor_nm is None else finite(floor_nm[i]))
+                for i in range(len(robot.joints))
+            ),
+            diagnosis=None if diagnosis is None else tuple(diagnosis),
+        )
+
+    def print(self, console: Console) -> None:
+        """Print the errors axis by axis."""
+        console.say(self.sentence)
+        console.table(
+            ("axis", "rms torque", "rms error", "relative", "limit", "holds"),
+            [
+                (
+                    axis.joint,
+                    f"{number(axis.rms_torque)} {axis.unit}",
+                    f"{number(axis.rms_error)} {axis.unit}",
+                    f"{number(axis.relative_error_percent, 3)} %",
+                    "–" if axis.limit_percent is None else f"{axis.limit_percent:g} %",
+                    {None: "–", True: "yes", False: "NO"}[axis.passed],
+                )
+                for axis in self.axes
+            ],
+            red=[axis.passed is False for axis in self.axes],
+        )
+        for finding in self.diagnosis or ():
+            console.say(finding)
+
+
+def _axis(
+    validation: Validation, robot: RobotDescription, i: int, floor: float | None
+) -> AxisError:
+    joint = robot.joints[i]
+    moving = validation.moving[:, i]
+    measured = validation.measured_nm[moving, i]
+    error = finite(validation.rms_nm[i])
+    limits = validation.limits_percent
+    return AxisError(
+        joint=joint.name,
+        unit=units(joint)[1],
+        rms_torque=float(np.sqrt(np.mean(measured**2))) if len(measured) else None,
+        rms_error=error,
+        relative_error_percent=finite(validation.relative_percent[i]),
+        all_samples_percent=finite(validation.all_samples_percent[i]),
+        noise=None if validation.noise_nm is None else float(validation.noise_nm[i]),
+        floor=floor,
+        error_over_floor=None if error is None or not floor else error / floor,
+        limit_percent=None if limits is None else limits[i],
+        passed=validation.verdicts[i],
+        samples=int(np.count_nonzero(moving)),
+    )

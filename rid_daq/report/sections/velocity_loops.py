@@ -1,0 +1,476 @@
+"""`VelocityLoopsSection`: the drives' velocity loops, measured and fitted, with their margins."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite, rounded, units
+from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from compensation.loops.cascade import Cascade, GainAdvice, Margins
+    from compensation.loops.frequency_response import Distortion, FrequencyResponse
+    from compensation.loops.loop_measurement import LoopMeasurement
+    from compensation.loops.velocity_loop import VelocityLoop
+
+SMALLEST_P = 0.001
+LARGEST_MISFIT = 0.3
+FIT_POINTS = 200
+CASCADE_POINTS = 300
+LOWEST_HZ = 0.2
+HIGHEST_HZ = 50.0
+
+
+class Polar(Section):
+    """A frequency response: magnitude, and phase between -360 and 0 degrees at its start.
+
+    Attributes
+    ----------
+    frequency_hz, magnitude, phase_deg : tuple of float
+        One value a frequency.
+    """
+
+    frequency_hz: Numbers
+    magnitude: Numbers
+    phase_deg: Numbers
+
+
+class DistortionSection(Section):
+    """Distortion at lines that nobody excites, one value a line.
+
+    Attributes
+    ----------
+    frequency_hz : tuple of float
+        The lines [Hz].
+    output, level, noise : tuple of float
+        What the response does not explain there, over the velocity error beside it, and its noise.
+    """
+
+    frequency_hz: Numbers
+    output: Numbers
+    level: Numbers
+    noise: Numbers
+
+    @classmethod
+    def of(cls, found: Distortion) -> DistortionSection:
+        """Return the distortion of one kind of lines."""
+        return cls(
+            frequency_hz=rounded(found.frequency_hz),
+            output=rounded(found.output),
+            level=rounded(found.level),
+            noise=rounded(found.noise),
+        )
+
+
+class ControllerResponse(Polar):
+    """A velocity controller's response with its errors, distortion, and what was fitted."""
+
+    std_noise: Numbers
+    std_total: Numbers
+    coherence: Numbers
+    even: DistortionSection
+    odd: DistortionSection
+    fit: Polar
+
+    @classmethod
+    def of(cls, measured: FrequencyResponse, loop: VelocityLoop) -> ControllerResponse:
+        """Return what was measured of a controller."""
+        f = measured.frequency_hz
+        grid = np.geomspace(f[0], f[-1], FIT_POINTS)
+        magnitude, phase_deg = _polar(measured.response)
+        fitted, fitted_deg = _polar(loop.response(grid))
+        return cls(
+            frequency_hz=tuple(f.tolist()),
+            magnitude=magnitude,
+            phase_deg=phase_deg,
+            std_noise=rounded(np.sqrt(measured.variance_noise)),
+            std_total=rounded(np.sqrt(measured.variance)),
+            coherence=rounded(measured.coherence),
+            even=DistortionSection.of(measured.even),
+            odd=DistortionSection.of(measured.odd),
+            fit=Polar(frequency_hz=rounded(grid), magnitude=fitted, phase_deg=fitted_deg),
+        )
+
+
+class MechanicsResponse(Polar):
+    """The response of an axis, velocity over torque, with its errors."""
+
+    std_total: Numbers
+    coherence: Numbers
+
+    @classmethod
+    def of(cls, measured: FrequencyResponse) -> MechanicsResponse:
+        """Return what was measured of an axis."""
+        magnitude, phase_deg = _polar(measured.response)
+        return cls(
+            frequency_hz=tuple(measured.frequency_hz.tolist()),
+            magnitude=magnitude,
+            phase_deg=phase_deg,
+            std_total=rounded(np.sqrt(measured.variance)),
+            coherence=rounded(measured.coherence),
+        )
+
+
+class LoopMargins(Section):
+    """How far an open loop is from instability; None where there is no such crossing.
+
+    Attributes
+    ----------
+    gain, gain_db : float or None
+        The factor by which its gain may grow, and the same in decibels.
+    phase_deg : float or None
+        The phase that it may lose.
+    crossover_hz, phase_crossover_hz : float or None
+        Where its gain is 1, and where its phase is -180 degrees.
+    """
+
+    gain: float | None
+    phase_deg: float | None
+    crossover_hz: float | None
+    phase_crossover_hz: float | None
+    gain_db: float | None
+
+    @classmethod
+    def of(cls, found: Margins) -> LoopMargins:
+        """Return the margins of a loop."""
+        return cls(
+            gain=found.gain,
+            phase_deg=found.phase_deg,
+            crossover_hz=found.crossover_hz,
+            phase_crossover_hz=found.phase_crossover_hz,
+            gain_db=found.gain_db,
+        )
+
+    @property
+    def words(self) -> tuple[str, str]:
+        """Phase and gain margin."""
+        phase, gain = self.phase_deg, self.gain_db
+        return (
+            "no crossover" if phase is None else f"{phase:.0f}° at {self.crossover_hz:.2g} Hz",
+            "any gain" if gain is None else f"{gain:.1f} dB",
+        )
+
+
+class OpenLoop(Section):
+    """An opened loop over the cascade's frequencies, with its margins."""
+
+    magnitude: Numbers
+    phase_deg: Numbers
+    margins: LoopMargins
+
+    @classmethod
+    def of(cls, response: np.ndarray[Any, Any], margins: LoopMargins) -> OpenLoop:
+        """Return an opened loop."""
+        magnitude, phase_deg = _polar(response)
+        return cls(magnitude=magnitude, phase_deg=phase_deg, margins=margins)
+
+
+class CascadeCurves(Section):
+    """The opened velocity and position loop of an axis, modelled, and the latter as measured."""
+
+    frequency_hz: Numbers
+    velocity: OpenLoop
+    position: OpenLoop
+    measured: Polar
+
+    @classmethod
+    def of(
+        cls, controller: FrequencyResponse, mechanics: FrequencyResponse, cascade: Cascade
+    ) -> CascadeCurves:
+        """Return what is drawn of a cascade."""
+        highest = min(HIGHEST_HZ, 0.45 / cascade.cycle_time_s)
+        grid = np.geomspace(LOWEST_HZ, highest, CASCADE_POINTS)
+        f = controller.frequency_hz
+        opened = controller.response * mechanics.response
+        modelled = cascade.position_loop(f) / cascade.closed_velocity_loop(f)
+        measured = modelled * opened / (1.0 + opened)
+        shown = f <= highest
+        magnitude, phase_deg = _polar(measured[shown])
+        return cls(
+            frequency_hz=rounded(grid),
+            velocity=OpenLoop.of(
+                cascade.velocity_loop(grid), LoopMargins.of(cascade.velocity_margins)
+            ),
+            position=OpenLoop.of(
+                cascade.position_loop(grid), LoopMargins.of(cascade.position_margins)
+            ),
+            measured=Polar(
+                frequency_hz=rounded(f[shown]), magnitude=magnitude, phase_deg=phase_deg
+            ),
+        )
+
+
+class LoopTrialSection(Section):
+    """A candidate of the controller: terms beside the PI, cost, and two criteria."""
+
+    extras: Texts
+    cost: float
+    aic: float
+    mdl: float
+
+
+class MechanicsStd(Section):
+    """Standard deviations of an axis' inertia and damping."""
+
+    inertia: float
+    damping: float
+
+
+class AxisLoop(Section):
+    """One axis: its velocity controller, its mechanics, and its cascade.
+
+    Attributes
+    ----------
+    joint, unit, inertia_unit : str
+        Its name, and the units of gain and damping, and of inertia.
+    gain, integral_time_s, delay_s, lag_s : float
+        Of the controller; `gain` in `unit`, the others in seconds.
+    std : dict of float
+        Standard deviation of each parameter that was fitted, by its name.
+    covariance : tuple of tuple of float
+        Of the same, in the same order.
+    p_value, whiteness : float
+        Probability of a misfit as large by noise alone, and of misfits as alike on neighbours.
+    trials : tuple of LoopTrialSection
+        The candidates.
+    inertia, damping : float
+        Of the axis, with `mechanics_std` and the share that is not explained (`mechanics_misfit`).
+    velocity_margins, position_margins : LoopMargins
+        Of the two loops.
+    position_peak : float
+        Largest amplification of the closed position loop.
+    largest_position_gain_per_s : float or None
+        That keeps the margins [1/s].
+    response, mechanics_response, cascade : ControllerResponse, MechanicsResponse, CascadeCurves
+        The curves.
+    findings : tuple of str
+        What is wrong, if anything.
+    """
+
+    joint: str
+    unit: str
+    gain: float
+    integral_time_s: float
+    delay_s: float
+    lag_s: float
+    std: dict[str, float]
+    covariance: tuple[Numbers, ...]
+    p_value: float
+    whiteness: float
+    trials: tuple[LoopTrialSection, ...]
+    inertia: float
+    inertia_unit: str
+    damping: float
+    mechanics_std: MechanicsStd
+    mechanics_misfit: float
+    velocity_margins: LoopMargins
+    position_margins: LoopMargins
+    position_peak: float
+    largest_position_gain_per_s: float | None
+    response: ControllerResponse
+    mechanics_response: MechanicsResponse
+    cascade: CascadeCurves
+    findings: Texts
+
+    @classmethod
+    def of(
+        cls,
+        robot: RobotDescription,
+        controller: FrequencyResponse,
+        mechanics: FrequencyResponse,
+        cascade: Cascade,
+    ) -> AxisLoop:
+        """Return what was measured and fitted of an axis."""
+        loop, axis = cascade.loop, cascade.mechanics
+        position_unit, torque_unit = units(robot.joints[robot.joint_names.index(loop.joint_name)])
+        sigma = np.sqrt(np.diagonal(axis.covariance))
+        return cls(
+            joint=loop.joint_name,
+            unit=f"{torque_unit} s/{position_unit}",
+            gain=loop.gain,
+            integral_time_s=loop.integral_time_s,
+            delay_s=loop.delay_s,
+            lag_s=loop.lag_s,
+            std=loop.sigma,
+            covariance=tuple(tuple(row) for row in loop.covariance.tolist()),
+            p_value=loop.p_value,
+            whiteness=loop.whiteness,
+            trials=tuple(
+                LoopTrialSection(extras=t.extras, cost=t.cost, aic=t.aic, mdl=t.mdl)
+                for t in loop.trials
+            ),
+            inertia=axis.inertia,
+            inertia_unit="kg m^2" if position_unit == "rad" else "kg",
+            damping=axis.damping,
+            mechanics_std=MechanicsStd(inertia=float(sigma[0]), damping=float(sigma[1])),
+            mechanics_misfit=axis.misfit,
+            velocity_margins=LoopMargins.of(cascade.velocity_margins),
+            position_margins=LoopMargins.of(cascade.position_margins),
+            position_peak=cascade.peak,
+            largest_position_gain_per_s=finite(cascade.largest_position_gain_per_s),
+            response=ControllerResponse.of(controller, loop),
+            mechanics_response=MechanicsResponse.of(mechanics),
+            cascade=CascadeCurves.of(controller, mechanics, cascade),
+            findings=tuple(_findings(controller, cascade)),
+        )
+
+
+class VelocityLoopsSection(Section):
+    """Responses, fitted controllers, margins and advice, axis by axis.
+
+    Attributes
+    ----------
+    sentence : str
+        How they were measured.
+    position_gain_per_s, largest_position_gain_per_s : float or None
+        Now, and the largest that keeps the margins of all axes [1/s].
+    advice : str
+        About the position gain.
+    axes : tuple of AxisLoop
+        One an axis.
+    """
+
+    sentence: str
+    position_gain_per_s: float
+    largest_position_gain_per_s: float | None
+    advice: str
+    axes: tuple[AxisLoop, ...]
+
+    @classmethod
+    def of(
+        cls, robot: RobotDescription, measured: LoopMeasurement, advice: GainAdvice
+    ) -> VelocityLoopsSection:
+        """Return what was measured of the loops.
+
+        Parameters
+        ----------
+        robot : RobotDescription
+            The robot, for units.
+        measured : LoopMeasurement
+            Responses and fits.
+        advice : GainAdvice
+            About the position gain.
+        """
+        return cls(
+            sentence=_sentence(measured),
+            position_gain_per_s=advice.present_per_s,
+            largest_position_gain_per_s=finite(advice.largest_per_s),
+            advice=advice.sentence,
+            axes=tuple(
+                AxisLoop.of(robot, controller, axis, cascade)
+                for controller, axis, cascade in zip(
+                    measured.controllers, measured.mechanics, measured.cascades, strict=True
+                )
+            ),
+        )
+
+    def print(self, console: Console) -> None:
+        """Print controllers, margins, distortion and advice."""
+        console.table(
+            ("axis", "gain", "± 2σ", "integral time [s]", "± 2σ", "delay + lag [ms]", "p", "white"),
+            [
+                (
+                    axis.joint,
+                    f"{number(axis.gain, 5)} {axis.unit}",
+                    number(2.0 * axis.std["gain"], 2),
+                    number(axis.integral_time_s, 4),
+                    number(2.0 * axis.std["integral_time_s"], 2),
+                    f"{1e3 * (axis.delay_s + axis.lag_s):.2f}",
+                    f"{axis.p_value:.2g}",
+                    f"{axis.whiteness:.2g}",
+                )
+                for axis in self.axes
+            ],
+        )
+        console.table(
+            ("axis", "inertia", "velocity loop", "", "position loop", "", "largest K_v"),
+            [
+                (
+                    axis.joint,
+                    f"{number(axis.inertia, 3)} {axis.inertia_unit}",
+                    *axis.velocity_margins.words,
+                    *axis.position_margins.words,
+                    f"{number(axis.largest_position_gain_per_s, 3)} 1/s",
+                )
+                for axis in self.axes
+            ],
+        )
+        for axis in self.axes:
+            lines = axis.response.frequency_hz
+            console.say(
+                f"{axis.joint}: {len(lines)} lines from {lines[0]:.3g} to {lines[-1]:.3g} Hz;"
+                f" {_distortion(axis)}."
+            )
+            for finding in axis.findings:
+                console.say(f"{axis.joint}: {finding}.")
+        console.say(self.advice)
+
+
+def _sentence(measured: LoopMeasurement) -> str:
+    first, left_out = measured.controllers[0], measured.left_out
+    sentence = (
+        f"{first.realisations} realisations of {first.periods} periods. Intervals are two standard"
+        " deviations, from what differs between periods and between realisations. Gain and integral"
+        " time are fitted to the complex response by maximum likelihood; delay and lag are taken"
+        " into the fit where the description length gets shorter by them."
+    )
+    if left_out:
+        numbers = ", ".join(str(k) for k in left_out)
+        sentence += f" Left out, because rows are missing: realisation {numbers}."
+    if first.realisations == 1:
+        sentence += " One realisation cannot tell nonlinear distortion from the response."
+    return sentence
+
+
+def _findings(measured: FrequencyResponse, cascade: Cascade) -> list[str]:
+    """Say what is wrong, if anything."""
+    loop, found = cascade.loop, []
+    if loop.p_value < SMALLEST_P:
+        found.append(
+            "a proportional-integral controller does not explain what was measured: look for"
+            " filters in the drive, or excite less"
+        )
+    if loop.whiteness < SMALLEST_P:
+        found.append(
+            "what the fit leaves is alike on neighbouring lines: a term is missing, such as a"
+            " filter or a second delay"
+        )
+    weak = measured.frequency_hz[measured.coherence < 0.5]
+    if len(weak):
+        where = ", ".join(f"{f:.3g}" for f in weak)
+        found.append(
+            f"torque follows the multisine badly (coherence below 0.5) at {where} Hz: these lines"
+            " hardly count; excite more, or start the band higher"
+        )
+    if cascade.mechanics.misfit > LARGEST_MISFIT:
+        found.append(
+            f"the axis is not one inertia (misfit {100.0 * cascade.mechanics.misfit:.0f} %):"
+            " elastic, or stuck; its margins do not hold"
+        )
+    return found
+
+
+def _distortion(axis: AxisLoop) -> str:
+    parts = []
+    for kind, found in (("even", axis.response.even), ("odd", axis.response.odd)):
+        if found.level:
+            parts.append(f"{kind} {_rms(found.level):.2g} (noise {_rms(found.noise):.2g})")
+    if not parts:
+        return "no line was left empty, so distortion is not told"
+    return f"distortion [{axis.unit} RMS]: {', '.join(parts)}"
+
+
+def _rms(values: Numbers) -> float:
+    return float((sum(value**2 for value in values) / len(values)) ** 0.5)
+
+
+def _polar(response: np.ndarray[Any, Any]) -> tuple[Numbers, Numbers]:
+    """Return magnitude and phase, the phase between -360 and 0 degrees at its start."""
+    phase: FloatArray = np.degrees(np.unwrap(np.angle(response)))
+    phase = phase - 360.0 * np.ceil(phase[0] / 360.0 - 1e-9) if len(phase) else phase
+    return rounded(np.abs(response), 6), rounded(phase)
