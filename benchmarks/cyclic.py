@@ -108,15 +108,15 @@ def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int],
         count += 1
         if count % beats == 0:
             link.send_frames((beat,))
-        return done_s, exchange.received.tolist().count(True)
+        return done_s, exchange.answers.received.tolist().count(True)
 
     after = 0
 
     def surplus() -> int:
         nonlocal after
         exchange.collect(time.monotonic())  # what came after the last cycle
-        after += int(np.count_nonzero(exchange.received))
-        return exchange.late_frames + exchange.duplicate_frames + after
+        after += int(np.count_nonzero(exchange.answers.received))
+        return exchange.answers.late_frames + exchange.duplicate_frames + after
 
     return cycle, surplus, link.clock.sleep_until
 

@@ -32,12 +32,12 @@ from compensation.online.online import REST_RAD_S, OnlineFeedforward
 from compensation.online.point_ring import PointRing
 from compensation.online.point_source import PointSource
 from config.load import LoadedCell, load_cell
+from drivers.interfaces.servo_axes import Answers
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import RobotModel
 
 GAIN, INTEGRAL_S, DELAY_S = 500.0, 0.1, 5e-4
 LARGEST_SHARE = 0.10
-ENABLED = 0x27
 Points = NDArray[np.float64]
 
 
@@ -162,13 +162,15 @@ def share_of_core(cycles: int) -> tuple[float, float]:
     exchange = driver_cycle(bus)
     supervisor = Supervisor(cell.config, cell.robot)
     supervisor.begin(points[0].tolist())
-    received, torque, words = [True] * 3, [0.0] * 3, [ENABLED] * 3
+    answers = Answers.before_any(3)
+    answers.received[:] = answers.enabled[:] = True
 
     def whole(row: int) -> object:
         target = at(row)
         assert target is not None
         position, velocity, ahead = target.position, target.velocity, target.feedforward  # type: ignore[attr-defined]
-        stop = supervisor.check_measured(received, position, torque, words, position, velocity)
+        answers.position[:] = position
+        stop = supervisor.check_measured(answers, position, velocity)
         command = loop.velocity_command(position, ahead, position)
         stop = stop or supervisor.check_set_point(position, velocity, command)
         assert stop is None, stop

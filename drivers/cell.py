@@ -19,11 +19,13 @@ class Cell:
 
     Attributes
     ----------
-    config
+    config : CellConfig
         The cell file.
-    axes
+    axes : CanServoAxes
         The robot's drives.
-    clock
+    link : CanLink
+        Their bus.
+    clock : Clock
         The time that every deadline of this cell is in.
     """
 
@@ -31,7 +33,7 @@ class Cell:
         self.config = config
         self.axes = CanServoAxes(link, config, robot)
         self.clock: Clock = link.clock
-        self._link = link
+        self.link = link
 
     def __enter__(self) -> Cell:
         """Return the cell itself."""
@@ -50,7 +52,7 @@ class Cell:
         """
         troubles: list[RidDaqError] = []
         with ExitStack() as leaving:
-            leaving.callback(_attempt, self._link.close, troubles)
+            leaving.callback(_attempt, self.link.close, troubles)
             leaving.callback(_attempt, self._disable, troubles)
             leaving.callback(_attempt, self._halt, troubles)
         if not troubles:

@@ -23,7 +23,7 @@ from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, read_only
 from config.errors import RecordingError
 from config.robot.robot import RobotDescription
-from drivers.interfaces import MonitorReading
+from drivers.interfaces.drive_monitor import MonitorReading
 
 _ENCAPSULATION_BYTES = 4
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.journal.header import HeaderModel
-from drivers.interfaces import MonitorReading
+from drivers.interfaces.drive_monitor import MonitorReading
 
 MONITOR = "monitor.mcap"
 TOPIC = "/drive_monitor"

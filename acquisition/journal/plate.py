@@ -27,7 +27,7 @@ from acquisition.journal.plate_row import (
 )
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import RecordingError
-from drivers.interfaces import PlateRead
+from drivers.interfaces.force_plate import PlateRead
 
 PLATE_RECORDING = "plate.mcap"
 ROW_CHANNEL, EVENT_CHANNEL = 1, 2

@@ -22,7 +22,7 @@ from config.cell.monitor import MonitorConfig
 from config.errors import DriverError
 from config.process.shortage import as_named
 from config.process.termination import leave_terminal
-from drivers.interfaces import DriveMonitor, MonitorReading
+from drivers.interfaces.drive_monitor import DriveMonitor, MonitorReading
 from drivers.modbus.drive_monitor import open_drive_monitor
 
 LOOK_S = 0.02

@@ -10,7 +10,7 @@ from config.arrays import FloatArray
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.plate import PlateConfig
 from drivers.amplifier.amplifier import open_amplifier
-from drivers.interfaces import PlateSetting
+from drivers.interfaces.force_plate import PlateSetting
 
 ZERO_LIMIT_N = 5.0
 

@@ -35,7 +35,7 @@ from config.process.termination import leave_terminal
 from drivers.amplifier.amplifier import SerialAmplifier, open_amplifier
 from drivers.amplifier.simulated_arrivals import arrivals_path
 from drivers.amplifier.stream import StreamCounts
-from drivers.interfaces import PlateRead
+from drivers.interfaces.force_plate import PlateRead
 
 LONGEST_PIECE_S = 0.02
 PIECE_BYTES = 2048  # half of what a terminal's buffer holds

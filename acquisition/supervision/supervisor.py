@@ -16,14 +16,12 @@ from acquisition.supervision.stuck_encoders import StuckEncoders
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
-from drivers.interfaces import DriveEvent, EventKind
+from drivers.interfaces.servo_axes import Answers, DriveEvent, EventKind
 
 LATE_FRACTION = 0.5
 PLAUSIBLE_FACTOR = 1.5
 IMPLAUSIBLE_LIMIT = 2
 LATE_ANSWERS_WINDOW = 100
-
-_STATE_MASK, _OPERATION_ENABLED, _FAULT = 0x6F, 0x27, 0x08
 
 _CODE_OF_EVENT = {
     EventKind.EMERGENCY: StopCode.EMERGENCY,
@@ -158,10 +156,7 @@ class Supervisor:
 
     def check_measured(
         self,
-        received: Sequence[bool],
-        position: Sequence[float],
-        torque_nm: Sequence[float],
-        statusword: Sequence[int],
+        answers: Answers,
         target_position: Sequence[float],
         target_velocity: Sequence[float],
         periods: int = 1,
@@ -170,12 +165,8 @@ class Supervisor:
 
         Parameters
         ----------
-        received : sequence of bool, length joints
-            Whose answer came in time, and was not contradicted.
-        position, torque_nm : sequence of float
-            Link side [rad or m; N m or N].
-        statusword : sequence of int
-            6041h.
+        answers : Answers
+            Of this cycle.
         target_position, target_velocity : sequence of float
             The set-point of this cycle [rad or m, and per second].
         periods : int
@@ -183,6 +174,8 @@ class Supervisor:
         """
         rules = self._rules
         valid = self.valid
+        received, enabled = answers.received.tolist(), answers.enabled.tolist()
+        position, torque_nm = answers.position.tolist(), answers.torque_nm.tolist()
         for i in self._joints:
             self._since[i] += periods
             valid[i] = 0
@@ -193,9 +186,8 @@ class Supervisor:
                     return self._second_answers.explain(i) or self._missed_frames(i)
                 continue
             self._missed[i] = 0
-            word = statusword[i]
-            if word & _STATE_MASK != _OPERATION_ENABLED:
-                return self._not_enabled(i, word)
+            if not enabled[i]:
+                return self._not_enabled(i, answers)
             if not all(received[j] for j in self._partners[i]):
                 continue
             actual, since = position[i], self._since[i]
@@ -313,8 +305,8 @@ class Supervisor:
             limit=float(self._rules.missed_frames_limit),
         )
 
-    def _not_enabled(self, i: int, word: int) -> StopReason:
-        faulty = bool(word & _FAULT)
+    def _not_enabled(self, i: int, answers: Answers) -> StopReason:
+        faulty, word = bool(answers.fault[i]), int(answers.statusword[i])
         return StopReason(
             StopCode.DRIVE_FAULT if faulty else StopCode.NOT_ENABLED,
             f"joint {self._names[i]}: its drive "

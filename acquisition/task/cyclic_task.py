@@ -17,23 +17,23 @@ from acquisition.motion.approach import approach
 from acquisition.motion.collision import refuse_collision
 from acquisition.motion.limits import refuse_pose
 from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.supervision.supervisor import Supervisor
 from acquisition.task.control_block import ControlBlock, Pace, RecorderState, TaskState
 from acquisition.task.monitor_rounds import MonitorRounds
 from acquisition.task.position_loop import PositionLoop
 from acquisition.task.ring import Ring
-from acquisition.task.set_points import SetPoint, SetPointSource
+from acquisition.task.set_points import SetPointSource
 from acquisition.task.stop_sequence import StopSequence
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot.robot import RobotDescription
-from drivers.interfaces import ServoAxes
+from drivers.interfaces.servo_axes import ServoAxes
 from drivers.ports.clock import Clock
 from dynamics.geometry.clearances import Clearances
 
-COLLECT_FRACTION = 0.6
 HOLD_S = 0.2
 RING_LIMIT = 0.8
 RECORDER_PATIENCE_S = 30.0
@@ -138,11 +138,11 @@ class CyclicTask:
         self._refuse_collision(start)
         control.task_state = TaskState.ENABLING
         synced_s = axes.enable()
-        position = axes.position.tolist()
+        position = axes.answers.position.tolist()
         refuse_pose(self._robot, position)
-        way = approach(axes.position, start, self._robot, self._period_s)
+        way = approach(axes.answers.position, start, self._robot, self._period_s)
         self._supervisor.begin(position)
-        self._late_frames = axes.late_frames
+        self._late_frames = axes.answers.late_frames
         self._origin_s = synced_s
         self._cycle = max(1, math.ceil((self._clock.now_s() - synced_s) / self._period_s))
         control.task_state = TaskState.MOVING
@@ -162,8 +162,9 @@ class CyclicTask:
     def _refuse_collision(self, start: FloatArray) -> None:
         """Measure the way to the motion, still without power, with signs of life in between."""
         clearances = Clearances.of(self._robot, self._cell.workspace)
-        refuse_pose(self._robot, self._axes.position.tolist())
-        way = approach(self._axes.position, start, self._robot, self._period_s)
+        position = self._axes.answers.position
+        refuse_pose(self._robot, position.tolist())
+        way = approach(position, start, self._robot, self._period_s)
         refuse_collision(
             clearances,
             way.position,
@@ -249,19 +250,17 @@ class CyclicTask:
 
     def _move(self, target: SetPoint, lateness_s: float, periods: int) -> StopReason | None:
         axes, supervisor = self._axes, self._supervisor
+        answers = axes.answers
         time_s, exchange_s = self._exchange()
-        late_frames = axes.late_frames - self._late_frames
-        self._late_frames = axes.late_frames
+        late_frames = answers.late_frames - self._late_frames
+        self._late_frames = answers.late_frames
         reason = (
             supervisor.check_events(axes.take_events())
             or supervisor.check_late_frames(late_frames)
-            or supervisor.check_second_answers(axes.second_answers.tolist())
+            or supervisor.check_second_answers(answers.second_answers.tolist())
             or supervisor.check_target(target.position, target.velocity, periods)
             or supervisor.check_measured(
-                axes.received.tolist(),
-                axes.position.tolist(),
-                axes.torque_nm.tolist(),
-                axes.statusword.tolist(),
+                answers,
                 target.position,
                 target.velocity,
                 periods,
@@ -275,7 +274,7 @@ class CyclicTask:
             reason = supervisor.check_set_point(target.position, target.velocity, wanted, periods)
             if reason is None:
                 self._velocity[:] = wanted
-                if not axes.received.any():
+                if not answers.received.any():
                     command = self._rest  # a bus without drives would keep it for their return
                 elif axes.command(self._velocity):
                     command = wanted
@@ -294,9 +293,8 @@ class CyclicTask:
         return reason or full
 
     def _exchange(self) -> tuple[float, float]:
-        """Do SYNC and collect; return the time of SYNC and how long the answers took [s]."""
-        time_s = self._axes.sync()
-        self._axes.collect(time_s + COLLECT_FRACTION * self._period_s)
+        """Do the exchange; return the time of SYNC and how long the answers took [s]."""
+        time_s = self._axes.exchange()
         return time_s, self._clock.now_s() - time_s
 
     def _write(
@@ -308,7 +306,7 @@ class CyclicTask:
         command: list[float],
         valid: list[int],
     ) -> StopReason | None:
-        axes = self._axes
+        answers = self._axes.answers
         self._unrecorded_s = 0.0
         row = (
             time_s,
@@ -317,13 +315,13 @@ class CyclicTask:
             *target.position,
             *target.feedforward,
             *command,
-            *axes.position.tolist(),
-            *axes.torque_nm.tolist(),
-            *axes.position_counts.tolist(),
+            *answers.position.tolist(),
+            *answers.torque_nm.tolist(),
+            *answers.position_counts.tolist(),
             self._cycle,
             target.sample_index,
-            *axes.torque_raw.tolist(),
-            *axes.statusword.tolist(),
+            *answers.torque_raw.tolist(),
+            *answers.statusword.tolist(),
             *valid,
             target.phase,
         )
@@ -352,7 +350,7 @@ class CyclicTask:
         return failed or control.stop_code == StopCode.RECORDER
 
     def _stop(self) -> None:
-        position = self._axes.position.tolist()
+        position = self._axes.answers.position.tolist()
         here = SetPoint(position, self._rest, self._rest, -1, Phase.HOLD)
         self._ending.come_to_rest(lambda: self._stop_cycle(here))
 
@@ -363,7 +361,7 @@ class CyclicTask:
         time_s, exchange_s = self._exchange()
         axes.quick_stop()
         axes.send_heartbeat(self._clock.now_s())
-        valid = [int(received) for received in axes.received.tolist()]
+        valid = [int(received) for received in axes.answers.received.tolist()]
         self._write(here, time_s, lateness_s, exchange_s, self._rest, valid)
         self._control.set_progress(-1, Phase.HOLD, self._cycle)
         self._cycle += 1

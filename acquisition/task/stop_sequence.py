@@ -14,7 +14,7 @@ from acquisition.task.control_block import ControlBlock
 from config.cell.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot.robot import RobotDescription
-from drivers.interfaces import ServoAxes
+from drivers.interfaces.servo_axes import ServoAxes
 from drivers.ports.clock import Clock
 from drivers.servo.stop_ramp import LONGEST_STOP_S
 
@@ -72,7 +72,7 @@ class StopSequence:
             of its SYNC [s] and how many cycle times have passed since the last.
         """
         axes = self._axes
-        before = axes.position.tolist()
+        before = axes.answers.position.tolist()
         began_s = time_s = self._clock.now_s()
         slowing = SlowingDown(self._deceleration, self._period_s, before, began_s)
         resting = 0
@@ -80,7 +80,8 @@ class StopSequence:
             axes.quick_stop()
             while time_s < began_s + self._patience_s:
                 time_s, periods = cycle()
-                received, position = axes.received.tolist(), axes.position.tolist()
+                received = axes.answers.received.tolist()
+                position = axes.answers.position.tolist()
                 most = REST_VELOCITY * self._period_s * periods
                 rest = all(received) and all(
                     abs(now - then) <= most for now, then in zip(position, before, strict=True)

@@ -8,10 +8,10 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
+from acquisition.supervision.cycle import SetPoint
 
 from acquisition.motion.samples import Phase
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from acquisition.task.set_points import SetPoint
 from compensation.online.online import OnlineFeedforward
 from compensation.online.online_kernel import (
     CARRIED,

@@ -21,7 +21,7 @@ from drivers.amplifier.settings import RequiredSetting, required_settings
 from drivers.amplifier.simulated_arrivals import ArrivalReader, arrivals_path
 from drivers.amplifier.stream import AmplifierStream, StreamCounts
 from drivers.device_text import printable
-from drivers.interfaces import ForcePlate, PlateRead, PlateSetting
+from drivers.interfaces.force_plate import ForcePlate, PlateRead, PlateSetting
 from drivers.ports.serial_link import SerialLink, open_serial
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from config.cell.drive_profile import NAMEPLATE, POLLED, DriveProfile, Quantity
 from config.cell.monitor import MonitorConfig
 from config.errors import DeviceTimeoutError, ProtocolError
-from drivers.interfaces import DriveMonitor, MonitorReading, MotorData
+from drivers.interfaces.drive_monitor import DriveMonitor, MonitorReading, MotorData
 from drivers.modbus.codec import decode, plan_reads
 from drivers.modbus.link import ModbusLink, open_modbus
 

@@ -15,7 +15,7 @@ from config.errors import (
 from config.robot.robot import RobotDescription
 from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
 from drivers.canopen.nmt import NmtCommand, nmt_frame
-from drivers.interfaces import DriveSetting
+from drivers.interfaces.servo_axes import DriveSetting
 from drivers.ports.can_link import CanLink
 from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.requirements import STATUS_EVENT_MS

@@ -37,6 +37,11 @@ class PowerState(IntEnum):
         """Whether the drive may move its motor in this state."""
         return self in _POWERED
 
+    @property
+    def faulty(self) -> bool:
+        """Whether the drive has a fault, or is on its way there."""
+        return self in _FAULTY
+
 
 _POWERED = frozenset(
     (
@@ -45,6 +50,7 @@ _POWERED = frozenset(
         PowerState.FAULT_REACTION_ACTIVE,
     )
 )
+_FAULTY = frozenset((PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE))
 
 
 class ControlWord(IntEnum):

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from config.errors import TransportError
 from config.robot.wrist_coupling import WristCoupling
 from drivers.canopen.frames import SYNC, Frame, tpdo_cob_id
+from drivers.interfaces.servo_axes import Answers
 from drivers.ports.can_link import CanLink
 from drivers.ports.can_ports import Arrival
-from drivers.servo.cia402 import AxisUnits, PowerState
+from drivers.servo.cia402 import AxisUnits, PowerState, state_of
 from drivers.servo.command_frames import Frames, FullCommands, TrimmedCommands
 from drivers.servo.drive_watch import DriveWatch
 
@@ -67,26 +68,20 @@ class CyclicExchange:
 
     Attributes
     ----------
-    received : ndarray of bool, shape (n,)
-        Whether the drive answered in this cycle, and nobody contradicted it under its identifier;
-        if not, the other arrays keep its last values.
-    position : ndarray of float, shape (n,)
-        Of the joints [rad or m].
-    torque_nm : ndarray of float, shape (n,)
-        Of the motors, at the link side of their gears [N m or N].
-    position_counts, torque_raw, statusword : ndarray of int32, int16, uint16, shape (n,)
-        6064h, 6077h and 6041h as they came.
-    late_frames, duplicate_frames
-        How many TPDOs came after their cycle, or twice; they are not used. An answer too many is a
-        late one where its drive did not answer in one of the `LATE_CYCLES` cycles before.
-    second_answers, contradictions : ndarray of int64, shape (n,)
-        In how many cycles an identifier answered more than once, and in how many of these with
-        other data: then neither is used. What comes after `collect` has returned belongs to the
-        cycle before, whose first answer was used; the next `WATCHED_CYCLES` cycles wait for both.
-    left_enabled
+    answers : Answers
+        What `collect` took last; counts, torque and status word are 6064h, 6077h and 6041h. An
+        answer too many is a late one where its drive did not answer in one of the `LATE_CYCLES`
+        cycles before, otherwise a second one. What comes after `collect` has returned belongs to
+        the cycle before, whose first answer was used; the next `WATCHED_CYCLES` cycles wait for
+        both.
+    duplicate_frames : int
+        How many second answers came; they are not used.
+    contradictions : ndarray of int64, shape (n,)
+        In how many cycles an identifier's answers differed: then neither is used.
+    left_enabled : bool
         Whether an answer has shown another state than Operation Enabled; set here, cleared by the
         owner.
-    sync_time_s
+    sync_time_s : float
         Time of the last SYNC [s].
     """
 
@@ -103,23 +98,18 @@ class CyclicExchange:
         count = len(node_ids)
         self._link = link
         self._watch = watch
-        self.received: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
-        self.position = np.zeros(count)
+        self.answers = Answers.before_any(count)
         self._coupling = coupling
-        self._motor_position = self.position if coupling is None else np.zeros(count)
-        self.torque_nm = np.zeros(count)
-        self.position_counts = np.zeros(count, dtype=np.int32)
-        self.torque_raw = np.zeros(count, dtype=np.int16)
-        self.statusword = np.zeros(count, dtype=np.uint16)
-        self.late_frames = 0
+        position = self.answers.position
+        self._motor_position = position if coupling is None else np.zeros(count)
         self.duplicate_frames = 0
-        self.second_answers: NDArray[np.int64] = np.zeros(count, dtype=np.int64)
         self.contradictions: NDArray[np.int64] = np.zeros(count, dtype=np.int64)
         self.left_enabled = False
         self.sync_time_s = -math.inf
         self._cycle = 0
         self._missed_in = [-LATE_CYCLES - 1] * count  # the last cycle without an answer
-        self._answers = [b""] * count  # the last ones that came first in their cycle
+        self._data = [b""] * count  # of the last answers that came first in their cycle
+        self._status = [-1] * count  # the last status word of each; -1: none was seen
         self._answered_in = [-1] * count  # which was this
         self._doubled_in = [-1] * count  # the last cycle with a second answer
         self._contradicted_in = [-1] * count
@@ -150,7 +140,9 @@ class CyclicExchange:
             self._units_per_rad_s[axis] = unit.velocity_units_per_rad_s
             self._nm_per_permille[axis] = unit.nm_per_permille
         self._commands.forget()
-        self.statusword.fill(0)
+        self._status = [-1] * len(self._status)
+        for array in (self.answers.statusword, self.answers.enabled, self.answers.fault):
+            array.fill(0)
 
     def sync(self) -> float:
         """Send SYNC; return its time on the link's clock [s].
@@ -183,14 +175,14 @@ class CyclicExchange:
         """Take an answer too many: that of an earlier cycle that lacks one, or a second one."""
         if self._cycle - self._missed_in[axis] <= LATE_CYCLES:
             self._missed_in[axis] = -LATE_CYCLES - 1
-            self.late_frames += 1
+            self.answers.late_frames += 1
             return
         self.duplicate_frames += 1
         self._watched_until = self._cycle + WATCHED_CYCLES
         if self._doubled_in[axis] != cycle:
             self._doubled_in[axis] = cycle
-            self.second_answers[axis] += 1
-        if self._answered_in[axis] == cycle and data != self._answers[axis]:
+            self.answers.second_answers[axis] += 1
+        if self._answered_in[axis] == cycle and data != self._data[axis]:
             self._contradict(axis, data, cycle)
 
     def _contradict(self, axis: int, data: bytes, cycle: int) -> None:
@@ -199,9 +191,10 @@ class CyclicExchange:
             self._contradicted_in[axis] = cycle
             self.contradictions[axis] += 1
         if not self._trimmed:
-            for each in (data, self._answers[axis]):
+            for each in (data, self._data[axis]):
                 if len(each) == _ANSWER.size:  # what is read before SYNC was not looked at yet
-                    self._look_at_status(_STATUS.unpack_from(each)[0])
+                    state = state_of(_STATUS.unpack_from(each)[0])
+                    self.left_enabled |= state is not PowerState.OPERATION_ENABLED
 
     def collect(self, deadline_s: float) -> None:
         """Wait for every axis's answer, at most until `deadline_s` [s]; fill the arrays.
@@ -210,7 +203,7 @@ class CyclicExchange:
         values and has `received` False. A drive's heartbeat counts as lost if its time-out will
         have ended by the time that a quick stop which is sent now is on the bus.
         """
-        received = self.received
+        received = self.answers.received
         received.fill(False)
         link = self._link
         if self._burst_s:
@@ -218,7 +211,7 @@ class CyclicExchange:
             link.clock.sleep_until(min(expected_s, deadline_s))
         missing, taken, read_s, last_s = len(received), 0, self.sync_time_s, 0.0
         slots, sync_s, size = self._slots, self.sync_time_s, self._answer_bytes
-        cycle, answered_in, answers = self._cycle, self._answered_in, self._answers
+        cycle, answered_in, answers = self._cycle, self._answered_in, self._data
         while (
             (missing or cycle <= self._watched_until)
             and taken < MOST_FRAMES
@@ -239,7 +232,7 @@ class CyclicExchange:
                     self._take_surplus(axis, data, cycle)
                 else:
                     answered_in[axis] = cycle
-                    answers[axis] = bytes(data)
+                    answers[axis] = data
                     missing -= 1
                     last_s = time_s
         for axis, data in enumerate(answers):
@@ -251,7 +244,7 @@ class CyclicExchange:
         if (missing or cycle <= self._watched_until) and taken < MOST_FRAMES:
             read_s = max(read_s, deadline_s)  # nothing more came until then
         if self._coupling is not None:
-            self._coupling.to_joints(self._motor_position, self.position)
+            self._coupling.to_joints(self._motor_position, self.answers.position)
         self._watch.check(read_s if self._stamped else sync_s, self._telling_s)
 
     def _learn(self, arrival_s: float) -> None:
@@ -262,24 +255,28 @@ class CyclicExchange:
             self._expected_s = min(max(expected_s, self._burst_s), MOST_BURSTS * self._burst_s)
 
     def _take_answer(self, axis: int, data: bytes) -> None:
+        answers = self.answers
         if self._trimmed:
             counts, torque = _TRIMMED_ANSWER.unpack(data)
         else:
             status, counts, torque = _ANSWER.unpack(data)
-            self._take_status(axis, status)
-        self.position_counts[axis] = counts
-        self.torque_raw[axis] = torque
+            if status != self._status[axis]:
+                self._take_status(axis, status)
+        answers.position_counts[axis] = counts
+        answers.torque_raw[axis] = torque
         turned = counts - self._zero_counts[axis]
         self._motor_position[axis] = turned / self._counts_per_rad[axis]
-        self.torque_nm[axis] = torque * self._nm_per_permille[axis]
+        answers.torque_nm[axis] = torque * self._nm_per_permille[axis]
 
     def _take_status(self, axis: int, status: int) -> None:
-        self.statusword[axis] = status
-        self._look_at_status(status)
-
-    def _look_at_status(self, status: int) -> None:
-        if status & 0x6F != PowerState.OPERATION_ENABLED:
-            self.left_enabled = True
+        """Take a status word that is another than the last."""
+        state = state_of(status)
+        enabled = state is PowerState.OPERATION_ENABLED
+        self._status[axis] = status
+        self.answers.statusword[axis] = status
+        self.answers.enabled[axis] = enabled
+        self.answers.fault[axis] = state.faulty
+        self.left_enabled |= not enabled
 
     def _other_frame(self, arrival: Arrival) -> None:
         """Take a frame that is no answer to SYNC: a statusword by itself, or for the watch."""

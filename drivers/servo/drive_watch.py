@@ -27,7 +27,7 @@ from drivers.canopen.frames import (
 from drivers.canopen.heartbeat import HeartbeatConsumer
 from drivers.canopen.nmt import NmtState, state_name
 from drivers.device_text import printable
-from drivers.interfaces import DriveEvent, EventKind
+from drivers.interfaces.servo_axes import DriveEvent, EventKind
 
 MOST_EVENTS = 64
 MOST_NAMED = 4

@@ -20,8 +20,6 @@ from drivers.servo.sdo_port import SdoPort
 RESET_TIMEOUT_S = 1.0
 LOOK_S = 0.02
 
-_FAULTY = (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
-
 
 @dataclass(frozen=True, slots=True)
 class FaultReset:
@@ -49,12 +47,12 @@ class FaultReset:
     @property
     def was_faulty(self) -> bool:
         """Whether there was a fault."""
-        return self.before in _FAULTY
+        return self.before.faulty
 
     @property
     def is_faulty(self) -> bool:
         """Whether there still is one."""
-        return self.after in _FAULTY
+        return self.after.faulty
 
 
 def reset_fault(
@@ -82,7 +80,7 @@ def reset_fault(
     joint, node = axis.joint, axis.node_id
     try:
         before = state_of(port.read_int(0x6041, 0))
-        if before not in _FAULTY:
+        if not before.faulty:
             return FaultReset(joint, node, before, before)
         code = port.read_int(0x603F, 0)
     except SdoAbort as abort:
@@ -102,7 +100,7 @@ def reset_fault(
 def _settled(link: CanLink, port: SdoPort, others: Callable[[Frame, float], None]) -> PowerState:
     """Return the state once it is no fault any more, or after `RESET_TIMEOUT_S`."""
     until_s = link.clock.now_s() + RESET_TIMEOUT_S
-    while (state := state_of(port.read_int(0x6041, 0))) in _FAULTY:
+    while (state := state_of(port.read_int(0x6041, 0))).faulty:
         if link.clock.now_s() >= until_s:
             break
         look_s = link.clock.now_s() + LOOK_S

@@ -24,7 +24,7 @@ from drivers.canopen.pdo import (
 )
 from drivers.canopen.sdo import SdoAbort, abort_text, object_name
 from drivers.device_text import printable
-from drivers.interfaces import DriveSetting
+from drivers.interfaces.servo_axes import DriveSetting
 from drivers.ports.can_link import CanLink
 from drivers.servo.cia402 import (
     CYCLIC_SYNCHRONOUS_VELOCITY,
@@ -285,9 +285,8 @@ class DriveSetup:
         except SdoAbort as abort:
             self._note(0x6041, 0, "state", "no fault", abort_text(abort.code), "red")
             return
-        faulty = state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
-        text = f"{state.words}: {code_text(last)} ({last:04X}h)" if faulty else state.words
-        self._note(0x6041, 0, "state", "no fault", text, "red" if faulty else "ok")
+        text = f"{state.words}: {code_text(last)} ({last:04X}h)" if state.faulty else state.words
+        self._note(0x6041, 0, "state", "no fault", text, "red" if state.faulty else "ok")
 
     def _note(
         self,

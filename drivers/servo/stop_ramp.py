@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from config.cell.cell import CellConfig, DriveAxis
 from config.robot.robot import Joint
-from drivers.interfaces import DriveSetting
+from drivers.interfaces.servo_axes import DriveSetting
 from drivers.servo.cia402 import AxisUnits
 
 LONGEST_STOP_S = 2.0

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from config.cell.cell import CellConfig
-from drivers.interfaces import EventKind
+from drivers.interfaces.servo_axes import EventKind
 from drivers.ports.clock import Clock
-from drivers.servo.axes import COLLECT_FRACTION, CanServoAxes
+from drivers.servo.axes import CanServoAxes
 from drivers.servo.cia402 import PowerState
 
 HEARTBEAT_LOST = 0x8130
@@ -127,6 +127,4 @@ def _cycle(axes: CanServoAxes, clock: Clock, cell: CellConfig, before_s: float) 
     """Do SYNC and collect one cycle after another; return the time of SYNC [s]."""
     due_s = max(before_s + cell.cycle_time_s, clock.now_s())
     clock.sleep_until(due_s)
-    sync_s = axes.sync()
-    axes.collect(sync_s + COLLECT_FRACTION * cell.cycle_time_s)
-    return sync_s
+    return axes.exchange()

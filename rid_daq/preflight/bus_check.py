@@ -65,7 +65,9 @@ def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
     A frame of nobody now and then is told; more than one a cycle loads the bus.
     """
     axes, limit = opened.axes, opened.config.supervision.second_answers_limit
-    counts = zip(axes.second_answers.tolist(), axes.contradictions.tolist(), strict=True)
+    counts = zip(
+        axes.answers.second_answers.tolist(), axes.cyclic.contradictions.tolist(), strict=True
+    )
     lines = [
         CheckLine(
             where=f"{axis.joint}, node {axis.node_id}",
@@ -80,8 +82,8 @@ def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
         )
         for axis, (second, different) in zip(opened.config.axes, counts, strict=True)
     ]
-    if axes.unexpected_frames:
-        many = axes.unexpected_frames > cycles
+    if axes.watch.unexpected_frames:
+        many = axes.watch.unexpected_frames > cycles
         lines.append(
             CheckLine(
                 where=opened.config.can.channel,

@@ -8,8 +8,7 @@ from config.cell.cell import CellConfig
 from config.errors import DriverError, PreflightError, RidDaqError
 from config.robot.robot import RobotDescription
 from drivers.cell import Cell, open_cell
-from drivers.interfaces import DriveSetting
-from drivers.servo.axes import COLLECT_FRACTION
+from drivers.interfaces.servo_axes import DriveSetting
 from rid_daq.preflight.bus_check import CheckLine, sender_lines, watch_lines
 
 _NEXT: dict[str, str] = {
@@ -61,7 +60,7 @@ def check_drives(
                 lines = [_setting(setting) for setting in opened.axes.settings()]
             opened.axes.start()
             lines += _answers(opened, seconds)
-            position = opened.axes.position.tolist()
+            position = opened.axes.answers.position.tolist()
             if not any(line.verdict == "red" for line in lines):
                 lines += watch_lines(opened)
     except (DriverError, PreflightError) as error:
@@ -93,18 +92,17 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
     for _ in range(cycles):
         due_s = max(due_s + cycle_time_s, clock.now_s())
         clock.sleep_until(due_s)
-        sync_s = axes.sync()
-        axes.collect(sync_s + COLLECT_FRACTION * cycle_time_s)
+        sync_s = axes.exchange()
         exchanges_s.append(clock.now_s() - sync_s)
         axes.send_heartbeat(clock.now_s())
         axes.quick_stop()  # the drives watch for set-points; this one moves nothing
         missing = [
             count + (not received)
-            for count, received in zip(missing, axes.received.tolist(), strict=True)
+            for count, received in zip(missing, axes.answers.received.tolist(), strict=True)
         ]
     exchanges_s.sort()
     slow_s = exchanges_s[math.ceil(0.99 * len(exchanges_s)) - 1]
-    in_time = slow_s < COLLECT_FRACTION * cycle_time_s
+    in_time = slow_s < axes.answers_within_s
     events = [event.text for event in axes.take_events() if event.kind.is_fault]
     lines = [
         CheckLine(
@@ -123,19 +121,19 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
         CheckLine(
             where="drives",
             what="from SYNC to the last answer, 99 of 100",
-            required=f"< {1e3 * COLLECT_FRACTION * cycle_time_s:.1f} ms",
+            required=f"< {1e3 * axes.answers_within_s:.1f} ms",
             found=f"{1e3 * slow_s:.2f} ms",
             verdict="ok" if in_time else "red",
             next_action="" if in_time else "look at the bus load and the adapter's latency",
         )
     )
-    if axes.lost_frames:
+    if opened.link.lost_frames:
         lines.append(
             CheckLine(
                 opened.config.can.channel,
                 "frames lost by this computer",
                 "0",
-                str(axes.lost_frames),
+                str(opened.link.lost_frames),
                 "red",
                 "raise net.core.rmem_max, and see what else loads this computer",
             )

@@ -10,7 +10,7 @@ from config.cell.drive_profile import DriveProfile
 from config.cell.monitor import MonitorConfig
 from config.errors import DriverError
 from config.robot.robot import RobotDescription
-from drivers.interfaces import MonitorReading, MotorData
+from drivers.interfaces.drive_monitor import MonitorReading, MotorData
 from drivers.modbus.drive_monitor import open_drive_monitor
 from rid_daq.preflight.bus_check import CheckLine
 

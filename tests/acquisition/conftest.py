@@ -12,11 +12,10 @@ from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
 from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
-from drivers.interfaces import DriveEvent, DriveSetting
+from drivers.interfaces.servo_axes import Answers, DriveEvent, DriveSetting
 
 PERIOD_S = 0.008
 DECELERATION = 20.0
-ENABLED, SWITCH_ON_DISABLED = 0x1237, 0x0250
 COUNTS_PER_RAD = 100_000.0
 
 
@@ -49,14 +48,9 @@ class FakeAxes:
         self.joint_names = joint_names
         self.true_position = np.array([0.1, -0.2, 0.3])[:n]
         self.true_velocity = np.zeros(n)
-        self.received: NDArray[np.bool_] = np.zeros(n, dtype=np.bool_)
-        self.position = self.true_position.copy()
-        self.torque_nm = np.zeros(n)
-        self.position_counts = np.zeros(n, dtype=np.int32)
-        self.torque_raw = np.zeros(n, dtype=np.int16)
-        self.statusword = np.full(n, SWITCH_ON_DISABLED, dtype=np.uint16)
-        self.late_frames = 0
-        self.second_answers = np.zeros(n, dtype=np.int64)
+        self.answers = Answers.before_any(n)
+        self.answers.position[:] = self.true_position
+        self.answers_within_s = 0.6 * PERIOD_S
         self.events: list[DriveEvent] = []
         self.script: Callable[[FakeAxes, int], None] = lambda axes, cycle: None
         self.cycle = 0
@@ -80,11 +74,11 @@ class FakeAxes:
 
     def enable(self) -> float:
         self.calls.append("enable")
-        self.statusword[:] = ENABLED
+        self.answers.enabled[:] = True
         self.sync_times_s.append(self.clock.now_s())
         return self.clock.now_s()
 
-    def sync(self) -> float:
+    def exchange(self) -> float:
         now_s = self.clock.now_s()
         elapsed_s = now_s - self.sync_times_s[-1]
         self.true_position += self.true_velocity * elapsed_s
@@ -94,16 +88,15 @@ class FakeAxes:
             self.true_velocity -= np.clip(self.true_velocity, -change, change)
         else:
             self.true_velocity[:] = self._pending
-        return now_s
-
-    def collect(self, deadline_s: float) -> None:
         self.cycle += 1
-        self.received[:] = True
-        self.position[:] = self.true_position
-        self.position_counts[:] = np.round(self.true_position * COUNTS_PER_RAD)
-        self.torque_nm[:] = 5.0 * self.true_velocity
+        answers = self.answers
+        answers.received[:] = True
+        answers.position[:] = self.true_position
+        answers.position_counts[:] = np.round(self.true_position * COUNTS_PER_RAD)
+        answers.torque_nm[:] = 5.0 * self.true_velocity
         self.clock.time_s += 0.001
         self.script(self, self.cycle)
+        return now_s
 
     def command(self, velocity: NDArray[np.float64]) -> bool:
         if self._stopping:
@@ -135,7 +128,7 @@ class FakeAxes:
 
     def disable(self) -> tuple[str, ...]:
         self.calls.append("disable")
-        self.statusword[:] = SWITCH_ON_DISABLED
+        self.answers.enabled[:] = False
         return self.unconfirmed
 
 

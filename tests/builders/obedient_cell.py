@@ -12,18 +12,18 @@ from typing import Any
 
 import can
 import numpy as np
+from acquisition.supervision.cycle import SetPoint
 
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
-from acquisition.task.set_points import SetPoint
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
 from config.errors import RidDaqError
 from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
 from drivers.canopen.frames import Frame
 from drivers.cell import Cell
-from drivers.interfaces import DriveSetting
+from drivers.interfaces.servo_axes import DriveSetting
 from drivers.ports.can_link import CanLink
 from drivers.servo.cia402 import AxisUnits
 from mock_hw.drive.axis import AxisPort

@@ -307,8 +307,7 @@ class Bench:
     def cycle(self, velocity: Any) -> bool:
         clock = self.link.clock
         clock.sleep_until(self.sync_time_s + self.cell.cycle_time_s)
-        self.sync_time_s = self.axes.sync()
-        self.axes.collect(self.sync_time_s + 0.6 * self.cell.cycle_time_s)
+        self.sync_time_s = self.axes.exchange()
         sent = self.axes.command(np.array(velocity, dtype=np.float64))
         self.axes.send_heartbeat(clock.now_s())
         return sent

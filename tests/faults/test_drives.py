@@ -80,14 +80,14 @@ class Work:
         self._count = 0
 
     def __call__(self, cell: Any, _control: object) -> None:
-        sync = cell.axes.sync
+        exchange = cell.axes.exchange
 
         def counted() -> Any:
             self.calls.append(self._count)
             self._count = 0
-            return sync()
+            return exchange()
 
-        cell.axes.sync = counted
+        cell.axes.exchange = counted
         sys.setprofile(self._see)
 
     def _see(self, _frame: object, event: str, _argument: object) -> None:

@@ -101,7 +101,7 @@ def test_answers_that_come_twice_count_once(
     assert run.reason is None
     assert run.rows["valid"].all()
     assert np.unique(np.diff(run.rows["cycle"].astype(int))).tolist() == [1]
-    found = keep.axes.duplicate_frames + keep.axes.late_frames
+    found = keep.axes.cyclic.duplicate_frames + keep.axes.answers.late_frames
     assert found == 30
     measured(f"{found} copies of 30 noticed, 0 rows more")
 
@@ -178,7 +178,7 @@ def test_frames_of_nobody_are_counted_and_change_nothing(
     run = serve(bus=[strange]).move(motion, keep)
     assert run.reason is None
     assert run.rows["valid"].all()
-    assert keep.axes.unexpected_frames == 40
+    assert keep.axes.watch.unexpected_frames == 40
     measured("40 foreign frames of 40 counted, motion goes on")
 
 

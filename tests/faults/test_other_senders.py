@@ -154,7 +154,7 @@ def test_the_preflight_tells_who_else_sends(
         axes.start()
         for _ in range(cycles):
             clock.sleep_until(clock.now_s() + 0.001)
-            axes.collect(axes.sync() + 0.005)
+            axes.exchange()
             axes.send_heartbeat(clock.now_s())
             axes.quick_stop()
         lines = sender_lines(cell, cycles)

@@ -96,8 +96,8 @@ def test_a_full_transmit_queue_is_an_error_in_its_cycle_and_nothing_comes_after(
     ports: list[FullQueue] = []
 
     def fill(cell: Any, _control: ControlBlock) -> None:
-        ports.append(FullQueue(cell.axes._link._port, cell.clock))
-        cell.axes._link._port = ports[0]
+        ports.append(FullQueue(cell.link._port, cell.clock))
+        cell.link._port = ports[0]
 
     run = rig.move(motion, fill)
     assert run.reason.code is StopCode.BUS
@@ -185,7 +185,7 @@ def test_an_order_to_stop_is_a_quick_stop_within_two_cycles(
     asked: list[float] = []
 
     def when_seen(cell: Any, control: ControlBlock) -> None:
-        take, watch = cell.axes.take_events, cell.axes
+        take, watch = cell.axes.take_events, cell.axes.watch
 
         def look() -> Any:
             if watch.unexpected_frames and not asked:

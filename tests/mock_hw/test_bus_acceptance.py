@@ -72,8 +72,7 @@ with open_cell(config, load_cell("ir361").robot) as cell:
     for cycle in range(10**9):
         next_s = max(next_s + config.cycle_time_s, cell.clock.now_s())
         cell.clock.sleep_until(next_s)
-        now_s = cell.axes.sync()
-        cell.axes.collect(now_s + 0.6 * config.cycle_time_s)
+        now_s = cell.axes.exchange()
         cell.axes.send_heartbeat(now_s)
         assert cell.axes.command(np.full(3, {SPEED_RAD_S} * np.sin(cycle * 0.02)))
         if cycle == 40:
@@ -187,10 +186,10 @@ def move(served: Served, cell: Cell, cycles: int) -> None:
     for cycle in range(cycles):
         next_s = max(next_s + served.cell.cycle_time_s, cell.clock.now_s())
         cell.clock.sleep_until(next_s)
-        now_s = cell.axes.sync()
-        cell.axes.collect(now_s + 1.0)
+        now_s = cell.axes.cyclic.sync()
+        cell.axes.cyclic.collect(now_s + 1.0)
         cell.axes.send_heartbeat(now_s)
-        assert cell.axes.received.all()
+        assert cell.axes.answers.received.all()
         assert cell.axes.command(np.full(3, SPEED_RAD_S * np.sin(0.1 * cycle)))
 
 
@@ -203,7 +202,7 @@ def assert_moves(served: Served) -> None:
         move(served, cell, 30)
         truth = served.simulated.axes()
         assert truth.enabled.all()
-        assert cell.axes.position == pytest.approx(truth.position, abs=0.1)
+        assert cell.axes.answers.position == pytest.approx(truth.position, abs=0.1)
         assert cell.axes.halt()
         assert cell.axes.take_events() == ()
     assert not served.simulated.axes().enabled.any()

@@ -51,8 +51,7 @@ def move():
         for cycle in range(10**9):
             next_s += config.cycle_time_s
             cell.clock.sleep_until(next_s)
-            now_s = cell.axes.sync()
-            cell.axes.collect(now_s + 0.6 * config.cycle_time_s)
+            now_s = cell.axes.exchange()
             assert cell.axes.command(np.full(3, {SPEED_RAD_S} * np.sin(cycle * 0.02)))
             cell.axes.send_heartbeat(now_s)
             if cycle == 100:
@@ -94,16 +93,15 @@ def run_a_little(simulated: SimulatedCell, loaded: LoadedCell) -> AxisSnapshot:
         for cycle in range(125):
             next_s += simulated.cell.cycle_time_s
             cell.clock.sleep_until(next_s)
-            now_s = cell.axes.sync()
-            cell.axes.collect(now_s + 0.6 * simulated.cell.cycle_time_s)
-            assert cell.axes.received.all()
+            now_s = cell.axes.exchange()
+            assert cell.axes.answers.received.all()
             assert cell.axes.command(np.full(3, SPEED_RAD_S * math.sin(0.05 * cycle)))
             cell.axes.send_heartbeat(now_s)
         assert cell.axes.take_events() == ()
         truth = simulated.axes()
         assert truth.enabled.all()
         assert abs(truth.time_s - cell.clock.now_s()) < 0.010
-        assert cell.axes.position == pytest.approx(truth.position, abs=1e-2)
+        assert cell.axes.answers.position == pytest.approx(truth.position, abs=1e-2)
         assert np.abs(truth.velocity).max() > 0.05
     return simulated.axes()
 
@@ -149,7 +147,7 @@ def simulated_drive_faults(simulated: SimulatedCell, cell: Cell) -> None:
         stranger.send(0x302, b"\x00\x00", 2)
         for _ in range(4):
             cell.clock.sleep_until(cell.clock.now_s() + cell.config.cycle_time_s)
-            cell.axes.collect(cell.axes.sync() + 0.6 * cell.config.cycle_time_s)
+            cell.axes.exchange()
             cell.axes.send_heartbeat(cell.clock.now_s())
     assert any(event.kind.is_fault for event in cell.axes.take_events())
 

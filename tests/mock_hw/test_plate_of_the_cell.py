@@ -87,9 +87,8 @@ def swing(cell: Cell, amplifier: SerialAmplifier, cycles: int) -> Reads:
     for cycle in range(cycles):
         next_s += period_s
         cell.clock.sleep_until(next_s)
-        now_s = cell.axes.sync()
+        now_s = cell.axes.exchange()
         reads.syncs_s.append(now_s)
-        cell.axes.collect(now_s + 0.6 * period_s)
         moving = cycle < 0.6 * cycles
         speed = 0.5 * math.sin(0.03 * cycle) if moving else 0.0
         assert cell.axes.command(np.full(3, speed))

@@ -250,7 +250,7 @@ def test_a_motion_does_not_notice_that_the_date_is_set(
         for step_s in (3600.0, -3600.0, 0.4, -0.4):
             drive(cell, 5, enable=False, after_sync=lambda step_s=step_s: set_date(step_s))
         assert simulated.axes().enabled.all()
-        assert (cell.axes.late_frames, cell.axes.duplicate_frames) == (0, 0)
+        assert (cell.axes.answers.late_frames, cell.axes.cyclic.duplicate_frames) == (0, 0)
         assert not cell.axes.take_events()
     sys.stdout.write("MEASURED date set in motion: 20 times, 0 answers missing, late or twice\n")
 
@@ -306,10 +306,10 @@ def drive(
     for _ in range(cycles):
         next_s = max(next_s + cell.config.cycle_time_s, cell.clock.now_s())
         cell.clock.sleep_until(next_s)
-        until_s = cell.axes.sync() + 1.0
+        until_s = cell.axes.cyclic.sync() + 1.0
         after_sync()
-        cell.axes.collect(until_s)
-        assert cell.axes.received.all()
+        cell.axes.cyclic.collect(until_s)
+        assert cell.axes.answers.received.all()
         assert cell.axes.command(np.full(3, 0.1))
         cell.axes.send_heartbeat(cell.clock.now_s())
     return cycles

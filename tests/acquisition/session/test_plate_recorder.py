@@ -27,7 +27,7 @@ from config.errors import DeviceFaultError, RecordingError, TransportError
 from config.simulation.faults import AmplifierFault
 from drivers.amplifier.amplifier import open_amplifier
 from drivers.amplifier.frames import PLATE_EVENT, PLATE_ROW
-from drivers.interfaces import PlateRead
+from drivers.interfaces.force_plate import PlateRead
 
 Serve = Callable[..., Any]
 ROWS = 1000

@@ -27,7 +27,7 @@ from acquisition.task.ring import Ring
 from benchmarks.recover import HEADER, KILLED, invented_rows
 from config.errors import RecordingError
 from config.process.termination import TERMINATION
-from drivers.interfaces import MonitorReading
+from drivers.interfaces.drive_monitor import MonitorReading
 
 ROWS = 4000
 KILLS = 3

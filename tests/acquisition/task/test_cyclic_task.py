@@ -19,7 +19,7 @@ from acquisition.task.set_points import PlannedMotion
 from config.cell.cell import CellConfig
 from config.errors import PreflightError, TransportError
 from config.robot.robot import RobotDescription
-from drivers.interfaces import DriveEvent, EventKind
+from drivers.interfaces.servo_axes import Answers, DriveEvent, EventKind
 
 T = 0.008
 
@@ -28,9 +28,7 @@ class Axes(Protocol):
     """What these tests touch of the fixture `axes`."""
 
     script: Callable[[Any, int], None]
-    received: NDArray[np.bool_]
-    position: NDArray[np.float64]
-    statusword: NDArray[np.uint16]
+    answers: Answers
     true_position: NDArray[np.float64]
     true_velocity: NDArray[np.float64]
     calls: list[str]
@@ -120,11 +118,11 @@ def break_at(cycle: int, change: Callable[[Any], None]) -> Callable[[Any, int], 
 
 
 def silence(axes: Any) -> None:
-    axes.received[1] = False
+    axes.answers.received[1] = False
 
 
 def lose_power(axes: Any) -> None:
-    axes.statusword[2] = 0x0250
+    axes.answers.enabled[2] = False
 
 
 def restart(axes: Any) -> None:
@@ -159,7 +157,7 @@ def test_a_fault_is_answered_by_a_quick_stop_in_the_cycle_that_shows_it(
 
 def test_a_single_missing_answer_is_one_invalid_value(bench: Bench, motion: MotionSamples) -> None:
     def script(axes: Any, cycle: int) -> None:
-        axes.received[1] = cycle != 200
+        axes.answers.received[1] = cycle != 200
 
     bench.axes.script = script
     assert bench.run(motion) is None
@@ -311,7 +309,7 @@ def test_in_lock_step_time_stands_still_until_the_recorder_has_made_room(
 def test_a_robot_that_stands_outside_its_limits_is_not_moved(
     bench: Bench, motion: MotionSamples
 ) -> None:
-    bench.axes.position[2] = 2.5
+    bench.axes.answers.position[2] = 2.5
     with pytest.raises(PreflightError, match=r"joint3 stands at 2\.5000, outside its limits -2 to"):
         bench.run(motion)
     assert bench.axes.sent == []

@@ -16,7 +16,7 @@ from config.load import load_bundled_or_path
 from drivers.amplifier.amplifier import SerialAmplifier, open_amplifier
 from drivers.amplifier.frames import encode_row, row_layout
 from drivers.amplifier.simulated_arrivals import ArrivalWriter, arrivals_path
-from drivers.interfaces import PlateRead
+from drivers.interfaces.force_plate import PlateRead
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 ENOUGH_S = 120.0

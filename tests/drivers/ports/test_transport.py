@@ -103,5 +103,5 @@ def test_answers_left_from_the_cycle_before_are_read_before_sync(
     exchange.sync()
     peer.send(message(0x181, struct.pack("<Hih", 0x27, 222, 0)))
     exchange.collect(link.clock.now_s() + 1.0)
-    assert exchange.late_frames == 1
-    assert exchange.position_counts.tolist() == [222]
+    assert exchange.answers.late_frames == 1
+    assert exchange.answers.position_counts.tolist() == [222]

@@ -20,7 +20,7 @@ from config.errors import (
 from drivers.canopen.frames import Frame
 from drivers.canopen.heartbeat import heartbeat_frame
 from drivers.canopen.nmt import NmtState
-from drivers.interfaces import EventKind, ServoAxes
+from drivers.interfaces.servo_axes import EventKind, ServoAxes
 from drivers.servo.cia402 import PowerState
 
 STILL = (0.0, 0.0, 0.0)
@@ -136,23 +136,44 @@ class TestCycle:
     def test_measurements_are_at_the_joint(self, bench: Any) -> None:
         axes = bench.enabled()
         bench.cycle(STILL)
-        assert axes.received.all()
-        assert axes.position_counts.tolist() == [1000, 1000, 1000]
+        assert axes.answers.received.all()
+        assert axes.answers.position_counts.tolist() == [1000, 1000, 1000]
         one = 1000 * 2 * math.pi / 4096 / 100
-        assert axes.position == pytest.approx([0.0, -one, one])
+        assert axes.answers.position == pytest.approx([0.0, -one, one])
         # 50 permille of 2 N m behind a gear of 100
-        assert axes.torque_raw.tolist() == [50, 50, 50]
-        assert axes.torque_nm == pytest.approx([10.0, -10.0, 10.0])
-        assert axes.statusword.tolist() == [0x1027] * 3
+        assert axes.answers.torque_raw.tolist() == [50, 50, 50]
+        assert axes.answers.torque_nm == pytest.approx([10.0, -10.0, 10.0])
+        assert axes.answers.statusword.tolist() == [0x1027] * 3
+
+    @pytest.mark.parametrize(
+        ("word", "enabled", "fault"),
+        [
+            (0x1237, True, False),
+            (0xFFB7 & ~0x0008, True, False),  # bits that mean nothing bad
+            (0x0233, False, False),  # switched on
+            (0x1217, False, False),  # stops by itself: quick stop active
+            (0x021F, False, True),  # on its way to a fault
+            (0x0218, False, True),
+        ],
+    )
+    def test_what_a_status_word_means_is_told(
+        self, bench: Any, word: int, enabled: bool, fault: bool
+    ) -> None:
+        axes = bench.enabled()
+        bench.drives[1].status = lambda: word
+        assert bench.cycle(STILL) is enabled
+        assert axes.answers.enabled.tolist() == [True, enabled, True]
+        assert axes.answers.fault.tolist() == [False, fault, False]
+        assert axes.answers.statusword[1] == word
 
     def test_set_points_act_at_the_next_sync(self, bench: Any) -> None:
         axes = bench.enabled()
         bench.cycle((0.5, 0.5, 0.0))
-        assert axes.position_counts[0] == 1000
+        assert axes.answers.position_counts[0] == 1000
         bench.cycle(STILL)
-        assert axes.position_counts[0] == 1000 + round(32595 * 0.008)
+        assert axes.answers.position_counts[0] == 1000 + round(32595 * 0.008)
         bench.cycle(STILL)
-        assert axes.position[:2] == pytest.approx([0.004, 0.004 - 0.01534], abs=1e-5)
+        assert axes.answers.position[:2] == pytest.approx([0.004, 0.004 - 0.01534], abs=1e-5)
 
     def test_velocities_go_out_in_the_drives_units(self, bench: Any) -> None:
         bench.enabled()
@@ -168,15 +189,15 @@ class TestCycle:
         bench.drives[0].objects[0x6064, 0] = (2000).to_bytes(4, "little")
         before_s = bench.bus.now_s
         assert bench.cycle(STILL)
-        assert axes.received.tolist() == [True, False, True]
-        assert axes.position_counts.tolist() == [2000, 1000, 1000]
+        assert axes.answers.received.tolist() == [True, False, True]
+        assert axes.answers.position_counts.tolist() == [2000, 1000, 1000]
         assert bench.bus.now_s - before_s <= 0.008 + 0.6 * 0.008 + 1e-9
 
     def test_an_answer_of_the_wrong_length_is_not_used(self, bench: Any) -> None:
         axes = bench.enabled()
         bench.drives[2].tpdo_bytes = 6
         bench.cycle(STILL)
-        assert not axes.received[2]
+        assert not axes.answers.received[2]
         (event,) = axes.take_events()
         assert event.kind is EventKind.WRONG_LENGTH
         assert event.kind.is_fault
@@ -190,11 +211,11 @@ class TestCycle:
         late = Frame(0x181, struct.pack("<Hih", 0x1027, 77, 0))
         bench.arrives(late, 0.007)
         bench.cycle(STILL)
-        assert not axes.received[0]
+        assert not axes.answers.received[0]
         bench.cycle(STILL)
-        assert not axes.received[0]
-        assert axes.late_frames == 1
-        assert axes.position_counts[0] == 1000
+        assert not axes.answers.received[0]
+        assert axes.answers.late_frames == 1
+        assert axes.answers.position_counts[0] == 1000
 
     def test_unknown_identifiers_are_told_once_and_counted(self, bench: Any) -> None:
         axes = bench.enabled()
@@ -204,7 +225,7 @@ class TestCycle:
         (event,) = axes.take_events()
         assert event.kind is EventKind.UNEXPECTED_FRAME
         assert not event.kind.is_fault
-        assert axes.unexpected_frames == 5
+        assert axes.watch.unexpected_frames == 5
 
     def test_another_master_in_mid_motion(self, bench: Any) -> None:
         bench.enabled()
@@ -238,7 +259,7 @@ class TestEvents:
         for _ in range(500):
             bench.drives[1].emergency(0x7121)
         bench.cycle(STILL)
-        assert axes.received.all()
+        assert axes.answers.received.all()
         assert len(axes.take_events()) == 64
 
     def test_a_drive_that_boots_in_mid_motion(self, bench: Any) -> None:

@@ -61,9 +61,9 @@ def test_any_frames_in_motion_are_typed_errors_or_events_and_hold_nothing_up(
         events = axes.take_events()
         assert len(events) <= MOST_EVENTS
         assert all(event.text.isprintable() for event in events)
-        assert np.isfinite(axes.position).all()
-        assert np.isfinite(axes.torque_nm).all()
-        assert axes.received.shape == (3,)
+        assert np.isfinite(axes.answers.position).all()
+        assert np.isfinite(axes.answers.torque_nm).all()
+        assert axes.answers.received.shape == (3,)
     axes.quick_stop()
 
 
@@ -71,12 +71,12 @@ def test_any_frames_in_motion_are_typed_errors_or_events_and_hold_nothing_up(
 def test_an_answer_of_any_other_length_is_never_used(bench: Any, length: int) -> None:
     axes = bench.enabled()
     bench.cycle(STILL)
-    before = axes.position.tolist()
+    before = axes.answers.position.tolist()
     bench.drives[0].answers_sync = False
     bench.arrives(Frame(tpdo_cob_id(1), b"\xff" * length), 0.001)
     bench.cycle(STILL)
-    assert not axes.received[0]
-    assert axes.position[0] == before[0]
+    assert not axes.answers.received[0]
+    assert axes.answers.position[0] == before[0]
     assert [event.kind.name for event in axes.take_events()] == ["WRONG_LENGTH"]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import pytest
 
 from config.cell.cell import DriveSafety
-from drivers.interfaces import EventKind
+from drivers.interfaces.servo_axes import EventKind
 from drivers.ports.can_link import CanLink
 from drivers.ports.can_ports import Arrival
 from drivers.servo.cyclic_exchange import TELLING_S, CyclicExchange
@@ -73,7 +73,7 @@ def test_a_computer_that_stood_still_does_not_blame_a_drive(time_stamped: bool) 
     computer.now = 0.15
     computer.waiting = [(0x181, ANSWER, 0.051), (0x701, HEARTBEAT, 0.052)]
     exchange.collect(0.057)
-    assert exchange.received.tolist() == [True]
+    assert exchange.answers.received.tolist() == [True]
     assert watch.take_events() == ()
     computer.now = 0.16
     exchange.sync()

@@ -14,23 +14,23 @@ def test_of_two_answers_that_differ_neither_counts(bench: Any) -> None:
     axes = bench.enabled()
     bench.arrives(Frame(0x181, struct.pack("<Hih", 0x1027, 77, 0)), 200e-6)
     bench.cycle(STILL)
-    assert axes.duplicate_frames == 1
-    assert axes.received.tolist() == [False, True, True]
-    assert axes.position_counts[0] == 1000
-    assert axes.contradictions.tolist() == [1, 0, 0]
+    assert axes.cyclic.duplicate_frames == 1
+    assert axes.answers.received.tolist() == [False, True, True]
+    assert axes.answers.position_counts[0] == 1000
+    assert axes.cyclic.contradictions.tolist() == [1, 0, 0]
     bench.cycle(STILL)
-    assert axes.received.all()
+    assert axes.answers.received.all()
 
 
 def test_a_copy_of_an_answer_is_counted_and_harmless(bench: Any) -> None:
     axes = bench.enabled()
     bench.cycle(STILL)
-    same = struct.pack("<Hih", axes.statusword[0], 1000, axes.torque_raw[0])
+    same = struct.pack("<Hih", axes.answers.statusword[0], 1000, axes.answers.torque_raw[0])
     bench.arrives(Frame(0x181, same), 200e-6)
     bench.cycle(STILL)
-    assert axes.received.all()
-    assert axes.second_answers.tolist() == [1, 0, 0]
-    assert axes.contradictions.tolist() == [0, 0, 0]
+    assert axes.answers.received.all()
+    assert axes.answers.second_answers.tolist() == [1, 0, 0]
+    assert axes.cyclic.contradictions.tolist() == [0, 0, 0]
 
 
 def test_what_comes_after_all_have_answered_belongs_to_that_cycle(bench: Any) -> None:
@@ -38,11 +38,11 @@ def test_what_comes_after_all_have_answered_belongs_to_that_cycle(bench: Any) ->
     for cycle in range(1, 4):
         bench.arrives(Frame(0x182, struct.pack("<Hih", 0x1027, 77, 0)), 0.004)
         bench.cycle(STILL)
-        assert axes.received.tolist() == [True, cycle == 1, True], "then it waits for both"
+        assert axes.answers.received.tolist() == [True, cycle == 1, True], "then it waits for both"
     bench.cycle(STILL)
-    assert axes.second_answers.tolist() == [0, 3, 0]
-    assert axes.contradictions.tolist() == [0, 3, 0]
-    assert (axes.duplicate_frames, axes.late_frames) == (3, 0)
+    assert axes.answers.second_answers.tolist() == [0, 3, 0]
+    assert axes.cyclic.contradictions.tolist() == [0, 3, 0]
+    assert (axes.cyclic.duplicate_frames, axes.answers.late_frames) == (3, 0)
 
 
 def test_one_of_two_answers_that_shows_no_power_is_heeded(bench: Any) -> None:
@@ -50,4 +50,4 @@ def test_one_of_two_answers_that_shows_no_power_is_heeded(bench: Any) -> None:
     bench.cycle(STILL)
     bench.arrives(Frame(0x181, struct.pack("<Hih", 0x0250, 1000, 0)), 200e-6)
     assert not bench.cycle(STILL), "no velocity is sent any more"
-    assert axes.contradictions.tolist() == [1, 0, 0]
+    assert axes.cyclic.contradictions.tolist() == [1, 0, 0]

@@ -56,8 +56,8 @@ def test_counts_of_motors_become_positions_of_joints_once(bench: Any) -> None:
         drive.objects[0x6064, 0] = unit.counts(angle).to_bytes(4, "little", signed=True)
     bench.cycle(np.zeros(3))
     bench.cycle(np.zeros(3))
-    np.testing.assert_allclose(bench.axes.position, np.array(COUPLING) @ turned, atol=1e-4)
-    assert bench.axes.position_counts.tolist() == [
+    np.testing.assert_allclose(bench.axes.answers.position, np.array(COUPLING) @ turned, atol=1e-4)
+    assert bench.axes.answers.position_counts.tolist() == [
         unit.counts(angle) for unit, angle in zip(units, turned, strict=True)
     ]
 

@@ -23,7 +23,7 @@ from acquisition.runs.manifest import RECORDING
 from config.cell.amplifier_profile import AmplifierProfile
 from config.load import load_bundled_or_path, load_cell
 from drivers.amplifier.frames import PLATE_EVENT, PLATE_ROW
-from drivers.interfaces import PlateRead
+from drivers.interfaces.force_plate import PlateRead
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
 from tests.builders.told import document

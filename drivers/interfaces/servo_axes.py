@@ -1,0 +1,239 @@
+"""`ServoAxes`: all axes of a robot as the cyclic task drives them, whatever the bus.
+
+To add drives on another bus, write a class with the members of `ServoAxes`. What it must do:
+
+- `bring_up` resets, configures and reads back every drive without power, and raises
+  `config.errors.PreflightError` where one is not as required; `settings` tells all, also then.
+- `exchange` is one cycle on the bus. It returns when all drives have answered, or after
+  `answers_within_s`; a drive that did not answer keeps its last values and is not `received`.
+- `command` sends velocities only while every axis is enabled. Once one is not, or `quick_stop` was
+  called, it sends a quick stop instead and returns False, until `bring_up` has been run again:
+  nothing stale may move the robot when power returns.
+- `quick_stop`, `halt` and `disable` are tried for every axis before anything is raised.
+- What a device says of itself is never trusted: odd data becomes a `DriveEvent`, or no answer.
+
+`drivers.servo.axes.CanServoAxes` is one: CiA 402 drives on CANopen; `drivers.cell` opens it.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from config.arrays import FloatArray
+
+
+class EventKind(IntEnum):
+    """What a drive, or the bus, made known by itself."""
+
+    EMERGENCY = 1
+    EMERGENCY_CLEARED = 2
+    BOOT_UP = 3
+    HEARTBEAT_LOST = 4
+    NOT_OPERATIONAL = 5
+    WRONG_LENGTH = 6
+    FOREIGN_MASTER = 7
+    UNEXPECTED_FRAME = 8
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether motion must not go on after it."""
+        return self not in (EventKind.EMERGENCY_CLEARED, EventKind.UNEXPECTED_FRAME)
+
+
+@dataclass(frozen=True, slots=True)
+class DriveEvent:
+    """Something that happened outside the cyclic data.
+
+    Attributes
+    ----------
+    kind
+        What it was.
+    joint
+        Name of the joint, empty where the event belongs to none.
+    time_s
+        When it was noticed, on the link's clock [s].
+    text
+        One sentence for people; what a device sent is escaped in it.
+    code
+        Emergency error code, heartbeat state, number of bytes or identifier, by `kind`.
+    """
+
+    kind: EventKind
+    joint: str
+    time_s: float
+    text: str
+    code: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSetting:
+    """One object of a drive as required and as read back.
+
+    Attributes
+    ----------
+    joint, node_id
+        Which drive.
+    object_name
+        The object, as ``6007h:00``.
+    name
+        What it is, in words.
+    required, found
+        Values in words; `required` is empty for an object that is only shown, `found` says why when
+        the object could not be read.
+    verdict
+        ``"ok"``, ``"red"`` (no motion), ``"allowed"`` (would be red; the cell file names this drive
+        in allow_drive_without_watchdog) or ``"shown"``.
+    next_action
+        What to do where it is red; empty where that follows from the object alone.
+    """
+
+    joint: str
+    node_id: int
+    object_name: str
+    name: str
+    required: str
+    found: str
+    verdict: Literal["ok", "red", "allowed", "shown"]
+    next_action: str = ""
+
+
+@dataclass(eq=False, slots=True)
+class Answers:
+    """What the drives answered in the latest cycle; the arrays are made once and filled again.
+
+    A drive that did not answer keeps its last values. With a coupled wrist `position` is the
+    joints' all the same; everything else is that of the joint's drive.
+
+    Attributes
+    ----------
+    received : ndarray of bool, shape (joints,)
+        Whose answer came in time, and was not contradicted.
+    position : ndarray of float64, shape (joints,)
+        Of the joints [rad or m].
+    torque_nm : ndarray of float64, shape (joints,)
+        Of the motors, at the link side of their gears [N m or N].
+    enabled, fault : ndarray of bool, shape (joints,)
+        Which drives said that they follow velocities, and which that they are in fault.
+    position_counts : ndarray of int32, shape (joints,)
+        As received, for the record.
+    torque_raw : ndarray of int16, shape (joints,)
+        As received, for the record.
+    statusword : ndarray of uint16, shape (joints,)
+        As received, for the record and for people; what it means is told by `enabled` and `fault`.
+    late_frames : int
+        How many answers have come after their cycle so far; they are not used.
+    second_answers : ndarray of int64, shape (joints,)
+        In how many cycles so far each drive's identifier answered more than once.
+    """
+
+    received: NDArray[np.bool_]
+    position: NDArray[np.float64]
+    torque_nm: NDArray[np.float64]
+    enabled: NDArray[np.bool_]
+    fault: NDArray[np.bool_]
+    position_counts: NDArray[np.int32]
+    torque_raw: NDArray[np.int16]
+    statusword: NDArray[np.uint16]
+    second_answers: NDArray[np.int64]
+    late_frames: int = 0
+
+    @classmethod
+    def before_any(cls, joints: int) -> Answers:
+        """Return the arrays as they are before the first cycle: no answer, all zero."""
+        return cls(
+            received=np.zeros(joints, dtype=np.bool_),
+            position=np.zeros(joints),
+            torque_nm=np.zeros(joints),
+            enabled=np.zeros(joints, dtype=np.bool_),
+            fault=np.zeros(joints, dtype=np.bool_),
+            position_counts=np.zeros(joints, dtype=np.int32),
+            torque_raw=np.zeros(joints, dtype=np.int16),
+            statusword=np.zeros(joints, dtype=np.uint16),
+            second_answers=np.zeros(joints, dtype=np.int64),
+        )
+
+
+class ServoAxes(Protocol):
+    """All axes of a robot, commanded together by velocity.
+
+    In order: `bring_up`, `start`, `enable`; then, every cycle, `exchange`, `command`,
+    `send_heartbeat`; at the end `quick_stop` and `disable`.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange; the order of every array.
+    answers : Answers
+        What the drives answered last; `exchange` fills it.
+    answers_within_s : float
+        How long after the beginning of a cycle answers are waited for [s].
+    """
+
+    joint_names: tuple[str, ...]
+    answers: Answers
+    answers_within_s: float
+
+    @abstractmethod
+    def bring_up(self) -> None:
+        """Configure every drive and read everything back; no power, no motion."""
+
+    @abstractmethod
+    def settings(self) -> tuple[DriveSetting, ...]:
+        """Return what the last `bring_up` required and found."""
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin the cyclic exchange, still without power."""
+
+    @abstractmethod
+    def enable(self) -> float:
+        """Switch every drive on, at velocity 0; return when its last cycle began [s]."""
+
+    @abstractmethod
+    def exchange(self) -> float:
+        """Begin a cycle, take the drives' answers into `answers`; return when it began [s]."""
+
+    @abstractmethod
+    def command(self, velocity: FloatArray) -> bool:
+        """Send velocities, which act in the next cycle.
+
+        Parameters
+        ----------
+        velocity : ndarray, shape (joints,)
+            At the joints [rad/s or m/s].
+
+        Returns
+        -------
+        bool
+            False: not sent, the axes were stopped instead.
+        """
+
+    @abstractmethod
+    def send_heartbeat(self, now_s: float) -> None:
+        """Send this computer's heartbeat if it is due at `now_s` [s]."""
+
+    @abstractmethod
+    def take_events(self) -> tuple[DriveEvent, ...]:
+        """Return what happened since the last call."""
+
+    @abstractmethod
+    def bus_notes(self) -> tuple[str, ...]:
+        """Return what a person should know of the bus, such as who else sends on it."""
+
+    @abstractmethod
+    def quick_stop(self) -> None:
+        """Command a quick stop to every axis at once, before anything is raised."""
+
+    @abstractmethod
+    def halt(self) -> bool:
+        """Quick stop and wait, a limited time, until no drive moves; return whether all rest."""
+
+    @abstractmethod
+    def disable(self) -> tuple[str, ...]:
+        """Take the power away; return the joints that did not confirm it."""

@@ -1,0 +1,233 @@
+"""`PowerSequence`: leads drives through their power states, cycle by cycle, at velocity 0.
+
+Every wait is limited; what a drive does not do in time is told with the state that it is in.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from config.cell.cell import CellConfig, DriveAxis
+from config.errors import DeviceFaultError, DeviceTimeoutError
+from config.robot.robot import RobotDescription
+from drivers.canopen.nmt import NmtState
+from drivers.ports.clock import Clock
+from drivers.servo.cia402 import (
+    FOLLOWS_COMMAND,
+    ControlWord,
+    PowerState,
+    next_controlword,
+    state_of,
+)
+from drivers.servo.cyclic_exchange import CyclicExchange
+from drivers.servo.drive_watch import DriveWatch, other_senders
+from drivers.servo.stop_ramp import LONGEST_STOP_S
+
+START_TIMEOUT_S = 2.0
+ENABLE_TIMEOUT_S = 4.0
+HALT_MARGIN_S = 0.5
+DISABLE_S = 0.25
+DISABLE_CYCLES = 5
+REST_CYCLES = 5
+
+_WITHOUT_POWER = frozenset(
+    (PowerState.SWITCH_ON_DISABLED, PowerState.FAULT, PowerState.NOT_READY_TO_SWITCH_ON)
+)
+
+
+class AxisAnswer(NamedTuple):
+    """One axis in one cycle: whether it answered, and its statusword 6041h."""
+
+    joint: str
+    received: bool
+    status: int
+
+    @property
+    def state(self) -> PowerState:
+        """The power state of the statusword."""
+        return state_of(self.status)
+
+    def __str__(self) -> str:
+        """Return the answer in words."""
+        if not self.received:
+            return f"{self.joint} is silent"
+        return f"{self.joint} is {self.state.words} (6041h={self.status:04X}h)"
+
+
+class PowerSequence:
+    """Which controlwords come next, and whether the drives do in time what they say.
+
+    Parameters
+    ----------
+    axes : sequence of DriveAxis
+        The drives, base to flange.
+    cell, robot : CellConfig, RobotDescription
+        Cycle time, deceleration of a quick stop, largest velocities.
+    clock : Clock
+        The clock of the bus.
+    exchange : CyclicExchange
+        Where their answers are, and where words go that no cycle follows.
+    watch : DriveWatch
+        What the drives say by themselves.
+    run_cycle : callable
+        Runs the next cycle: SYNC, answers, then the controlwords that it is given, with velocity 0.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[DriveAxis],
+        cell: CellConfig,
+        robot: RobotDescription,
+        clock: Clock,
+        exchange: CyclicExchange,
+        watch: DriveWatch,
+        run_cycle: Callable[[Sequence[int]], None],
+    ) -> None:
+        self._axes = axes
+        self._clock = clock
+        self._exchange = exchange
+        self._watch = watch
+        self._run_cycle = run_cycle
+        self._period_s = cell.cycle_time_s
+        fastest = max(joint.limits.velocity for joint in robot.joints)
+        ramp_s = fastest / cell.drive_safety.quick_stop_deceleration_rad_s2
+        self._halt_s = min(ramp_s, LONGEST_STOP_S) + HALT_MARGIN_S
+
+    def wait_until_operational(self) -> None:
+        """Wait until every drive answers SYNC and says that it is operational.
+
+        Raises
+        ------
+        DeviceTimeoutError
+            A drive does not, in `START_TIMEOUT_S`.
+        DeviceFaultError
+            A drive reports a fault meanwhile.
+        """
+        until_s = self._clock.now_s() + START_TIMEOUT_S
+        waiting = [axis.joint for axis in self._axes]
+        while waiting:
+            self._step([ControlWord.DISABLE_VOLTAGE] * len(self._axes), until_s, "start", waiting)
+            waiting = [
+                answer.joint
+                for answer, heartbeat in zip(self._answers(), self._watch.heartbeats, strict=True)
+                if not answer.received or heartbeat.state != NmtState.OPERATIONAL
+            ]
+
+    def enable(self) -> None:
+        """Lead every drive to Operation Enabled, one checked step a cycle.
+
+        Raises
+        ------
+        DeviceTimeoutError
+            A drive does not get there in `ENABLE_TIMEOUT_S`, or does not follow its command (6041h
+            bit 12).
+        DeviceFaultError
+            A drive is in fault or reports one, or has left Operation Enabled.
+        """
+        until_s = self._clock.now_s() + ENABLE_TIMEOUT_S
+        words = [ControlWord.DISABLE_VOLTAGE] * len(self._axes)
+        waiting = [axis.joint for axis in self._axes]
+        enabled: set[str] = set()
+        while waiting:
+            self._step(words, until_s, "be enabled", waiting)
+            answers = self._answers()
+            _refuse_fault(answers, enabled)
+            words = [
+                next_controlword(answer.state) if answer.received else word
+                for answer, word in zip(answers, words, strict=True)
+            ]
+            waiting = [
+                answer.joint
+                for answer in answers
+                if answer.joint not in enabled
+                or not (answer.received and answer.status & FOLLOWS_COMMAND)
+            ]
+        self._exchange.send_words(words)
+
+    def rest(self) -> bool:
+        """Quick stop until no drive is powered or none moves; return whether that was seen.
+
+        The wait ends after the time that the fastest axis needs to stop, `LONGEST_STOP_S` at most,
+        and `HALT_MARGIN_S`.
+        """
+        until_s = self._clock.now_s() + self._halt_s
+        words = [ControlWord.QUICK_STOP] * len(self._axes)
+        still = [0] * len(self._axes)
+        counts = self._exchange.answers.position_counts
+        while self._clock.now_s() < until_s:
+            before = counts.tolist()
+            self._run_cycle(words)
+            answers = self._answers()
+            still = [
+                cycles + 1 if answer.received and abs(new - old) <= 1 else 0
+                for cycles, answer, old, new in zip(
+                    still, answers, before, counts.tolist(), strict=True
+                )
+            ]
+            if all(
+                answer.received and (not answer.state.powered or cycles >= REST_CYCLES)
+                for answer, cycles in zip(answers, still, strict=True)
+            ):
+                return True
+        return False
+
+    def take_power_away(self) -> list[str]:
+        """Disable voltage; return the joints whose drive did not confirm it in time."""
+        unconfirmed = [axis.joint for axis in self._axes]
+        words = [ControlWord.DISABLE_VOLTAGE] * len(self._axes)
+        for _ in range(max(DISABLE_CYCLES, math.ceil(DISABLE_S / self._period_s))):
+            self._run_cycle(words)
+            unconfirmed = [
+                answer.joint
+                for answer in self._answers()
+                if not answer.received or answer.state not in _WITHOUT_POWER
+            ]
+            if not unconfirmed:
+                break
+        return unconfirmed
+
+    def bus_notes(self) -> tuple[str, ...]:
+        """Return who else sends on this bus, as far as it could be seen."""
+        exchange = self._exchange
+        return other_senders(
+            self._axes, self._watch, exchange.answers.second_answers, exchange.contradictions
+        )
+
+    def _step(
+        self, words: Sequence[int], until_s: float, verb: str, waiting: Sequence[str]
+    ) -> None:
+        """Run a cycle; refuse faults, and waiting beyond `until_s` [s]."""
+        if self._clock.now_s() > until_s:
+            states = "; ".join(str(a) for a in self._answers() if a.joint in waiting)
+            raise DeviceTimeoutError(
+                f"the drives could not {verb} in time: {'; '.join((states, *self.bus_notes()))};"
+                " check supply, brakes, enable inputs and emergency stop"
+            )
+        self._run_cycle(words)
+        if faults := self._watch.faults():
+            raise DeviceFaultError("; ".join(event.text for event in faults))
+
+    def _answers(self) -> list[AxisAnswer]:
+        answers = self._exchange.answers
+        return [
+            AxisAnswer(axis.joint, received, status)
+            for axis, received, status in zip(
+                self._axes, answers.received.tolist(), answers.statusword.tolist(), strict=True
+            )
+        ]
+
+
+def _refuse_fault(answers: Sequence[AxisAnswer], enabled: set[str]) -> None:
+    """Refuse a drive in fault and one of `enabled` that is not any more; add those that now are."""
+    for answer in answers:
+        if not answer.received:
+            continue
+        state = answer.state
+        if state.faulty or (answer.joint in enabled and state is not PowerState.OPERATION_ENABLED):
+            raise DeviceFaultError(
+                f"{answer.joint}: the drive is {state.words}; find the cause, then begin again"
+            )
+        if state is PowerState.OPERATION_ENABLED:
+            enabled.add(answer.joint)
