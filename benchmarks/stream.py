@@ -24,6 +24,8 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
+from acquisition.supervision.cycle import Cycle, SetPoint
+from acquisition.supervision.held_positions import HeldPositions
 from acquisition.supervision.supervisor import Supervisor
 from acquisition.task.position_loop import PositionLoop
 from benchmarks.cyclic_exchange import SocketBus, driver_cycle, play_drives
@@ -151,7 +153,7 @@ def share_of_core(cycles: int) -> tuple[float, float]:
     )
     points = path_of(cell, cycles + 10)
     at = stage_of(cell, points)
-    loop, supervisor = PositionLoop.of_cell(cell.config, cell.robot), None
+    loop = PositionLoop.of_cell(cell.config, cell.robot)
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     drives = multiprocessing.get_context("spawn").Process(
         target=play_drives, args=(theirs,), daemon=True
@@ -160,19 +162,38 @@ def share_of_core(cycles: int) -> tuple[float, float]:
     theirs.close()
     bus = SocketBus(ours)
     exchange = driver_cycle(bus)
-    supervisor = Supervisor(cell.config, cell.robot)
-    supervisor.begin(points[0].tolist())
+    positions = HeldPositions(cell.config, cell.robot)
+    supervisor = Supervisor(cell.config, cell.robot, positions)
     answers = Answers.before_any(3)
-    answers.received[:] = answers.enabled[:] = True
+    answers.position[:] = points[0]
+    supervisor.begin(answers)
 
     def whole(row: int) -> object:
         target = at(row)
-        assert target is not None
-        position, velocity, ahead = target.position, target.velocity, target.feedforward  # type: ignore[attr-defined]
-        answers.position[:] = position
-        stop = supervisor.check_measured(answers, position, velocity)
-        command = loop.velocity_command(position, ahead, position)
-        stop = stop or supervisor.check_set_point(position, velocity, command)
+        assert isinstance(target, SetPoint)
+        position = target.position
+        cycle = Cycle(
+            number=row,
+            periods=1,
+            lateness_s=0.0,
+            target=target,
+            time_s=0.0,
+            exchange_s=0.0,
+            received=[True] * 3,
+            enabled=[True] * 3,
+            fault=[False] * 3,
+            position=position,
+            torque_nm=[0.0] * 3,
+            position_counts=[0] * 3,
+            torque_raw=[0] * 3,
+            statusword=[0] * 3,
+            events=(),
+            late_frames=0,
+            second_answers=[0] * 3,
+        )
+        positions.take(cycle)
+        cycle.command = loop.velocity_command(position, target.feedforward, position)
+        stop = supervisor.judge(cycle)
         assert stop is None, stop
         exchange()
         return None

@@ -8,8 +8,9 @@ ROS 2 message that `message_definition` describes: PlotJuggler and Foxglove read
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,6 +54,37 @@ _MESSAGE_TYPE = {
 _STRUCT_CODE = {"f8": "d", "i4": "i", "u4": "I", "i2": "h", "u2": "H", "u1": "B"}
 
 MAX_JOINTS = 16
+
+
+class CycleRow(NamedTuple):
+    """One row by the names of its fields, whose units stand above; lists are (joints,)."""
+
+    time_s: float
+    lateness_s: float
+    exchange_s: float
+    target_position: Sequence[float]
+    target_velocity: Sequence[float]
+    velocity_command: Sequence[float]
+    position: Sequence[float]
+    torque_nm: Sequence[float]
+    position_counts: Sequence[int]
+    cycle: int
+    sample_index: int
+    torque_raw: Sequence[int]
+    statusword: Sequence[int]
+    valid: Sequence[int]
+    phase: int
+
+    def values(self) -> tuple[float, ...]:
+        """Return all values in the order of `row_dtype`, as `row_struct` packs them."""
+        fields: tuple[Any, ...] = self
+        values: list[float] = []
+        for value, (_, _, per_joint, _) in zip(fields, _FIELDS, strict=True):
+            if per_joint:
+                values += value
+            else:
+                values.append(value)
+        return tuple(values)
 
 
 @cache

@@ -25,12 +25,12 @@ class SecondAnswers:
         self._names = robot.joint_names
         self._nodes = [node_of[name] for name in self._names]
         self._limit = cell.supervision.second_answers_limit
-        self.begin()
+        self.begin([0] * len(self._names))
 
-    def begin(self) -> None:
-        """Start afresh."""
+    def begin(self, counts: Sequence[int]) -> None:
+        """Start afresh, with counts as of now; see `check`."""
         self._cycle = 0
-        self._counts: Sequence[int] | None = None  # as of the last cycle
+        self._counts = counts  # as of the last cycle
         self._seen: list[deque[int]] = [deque(maxlen=self._limit) for _ in self._names]
 
     def check(self, counts: Sequence[int]) -> StopReason | None:
@@ -43,7 +43,7 @@ class SecondAnswers:
         """
         before, self._counts = self._counts, counts
         self._cycle += 1
-        if before is None or counts == before:
+        if counts == before:
             return None
         for i, seen in enumerate(self._seen):
             seen.extend([self._cycle] * (counts[i] - before[i]))

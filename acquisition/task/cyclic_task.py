@@ -1,27 +1,30 @@
 """`CyclicTask`: the loop that moves the robot, one cycle time after the other.
 
-A cycle: SYNC, the drives' answers, the supervisor, the position loop, the next velocities, a row
-for the recorder, a sign of life. What is sent in cycle k acts at SYNC k+1. Deadlines are absolute;
-a cycle that was overrun is skipped and counted, never made up for. Nothing is logged.
+A `Cycle` goes its way: SYNC and the drives' answers, held positions, the position loop, the
+supervisor, the next velocities, a row for the recorder, a sign of life. What is sent in cycle k
+acts at SYNC k+1. Deadlines are absolute; a cycle that was overrun is skipped and counted, never
+made up for. Nothing is logged.
 """
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 
 import numpy as np
 
+from acquisition.journal.cycle_row import CycleRow
 from acquisition.motion.approach import approach
 from acquisition.motion.collision import refuse_collision
 from acquisition.motion.limits import refuse_pose
 from acquisition.motion.samples import MotionSamples, Phase
-from acquisition.supervision.cycle import SetPoint
+from acquisition.supervision.cycle import Cycle, SetPoint
+from acquisition.supervision.held_positions import HeldPositions
+from acquisition.supervision.lateness import Lateness
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.supervision.supervisor import Supervisor
 from acquisition.task.control_block import ControlBlock, Pace, RecorderState, TaskState
-from acquisition.task.monitor_rounds import MonitorRounds
+from acquisition.task.lockstep import Lockstep
 from acquisition.task.position_loop import PositionLoop
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import SetPointSource
@@ -36,9 +39,6 @@ from dynamics.geometry.clearances import Clearances
 
 HOLD_S = 0.2
 RING_LIMIT = 0.8
-RECORDER_PATIENCE_S = 30.0
-PAUSE_S = 0.001
-JUDGE_PATIENCE_S = 60.0
 
 _TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
@@ -90,21 +90,23 @@ class CyclicTask:
         self._robot = robot
         self._ring = ring
         self._control = control
-        self._lockstep = lockstep
         self._orphaned = orphaned
         self._period_s = cell.cycle_time_s
         self._loop = PositionLoop.of_cell(cell, robot)
-        self._supervisor = Supervisor(cell, robot)
+        self._lateness = Lateness(cell)
+        self._positions = HeldPositions(cell, robot)
+        self._supervisor = Supervisor(cell, robot, self._positions)
         self._ending = StopSequence(axes, clock, cell, robot, control)
         self._velocity = np.zeros(len(robot.joints))
         self._rest = [0.0] * len(robot.joints)
         self._origin_s = 0.0
         self._cycle = 0
-        self._late_frames = 0
         control.pace = Pace.LOCKSTEP if lockstep else Pace.REAL_TIME
-        self._monitor = None
-        if lockstep and control.monitored and cell.monitor is not None:
-            self._monitor = MonitorRounds(control, cell.monitor.period_s, cell.cycle_time_s)
+        self._lockstep = None
+        if lockstep:
+            self._lockstep = Lockstep(
+                control, ring, cell, lambda: self._order_to_stop() is not None
+            )
         self._unrecorded_s = 0.0  # lateness of a cycle that was given up before its row
 
     def run(self, source: SetPointSource) -> StopReason | None:
@@ -129,7 +131,7 @@ class CyclicTask:
         """
         control, axes = self._control, self._axes
         # once before it counts, so that no first-time cost falls between two cycles
-        start = source.begin(self._lockstep)
+        start = source.begin(self._lockstep is not None)
         approach(start, start, self._robot, self._period_s)
         reason = self._order_to_stop()
         if reason is not None:
@@ -138,11 +140,9 @@ class CyclicTask:
         self._refuse_collision(start)
         control.task_state = TaskState.ENABLING
         synced_s = axes.enable()
-        position = axes.answers.position.tolist()
-        refuse_pose(self._robot, position)
+        refuse_pose(self._robot, axes.answers.position.tolist())
         way = approach(axes.answers.position, start, self._robot, self._period_s)
-        self._supervisor.begin(position)
-        self._late_frames = axes.answers.late_frames
+        self._supervisor.begin(axes.answers)
         self._origin_s = synced_s
         self._cycle = max(1, math.ceil((self._clock.now_s() - synced_s) / self._period_s))
         control.task_state = TaskState.MOVING
@@ -181,7 +181,7 @@ class CyclicTask:
         position = way.position[-1].tolist()
         while True:
             lateness_s, periods = self._wake()
-            reason = self._supervisor.check_timing(lateness_s) or self._order_to_stop()
+            reason = self._lateness.judge(lateness_s) or self._order_to_stop()
             if reason is not None:
                 return reason
             row = self._cycle - begin + left_out
@@ -211,13 +211,8 @@ class CyclicTask:
         control = self._control
         if not control.judging:
             return False
-        if self._lockstep:
-            until_s = time.monotonic() + JUDGE_PATIENCE_S
-            while control.periods_judged < periods and time.monotonic() < until_s:
-                if self._order_to_stop() is not None:
-                    return False
-                control.beat_task()  # a judgement may take longer than a task may be silent
-                time.sleep(PAUSE_S)
+        if self._lockstep is not None and not self._lockstep.wait_for_judgement(periods):
+            return False
         return control.enough
 
     def _wake(self) -> tuple[float, int]:
@@ -237,7 +232,7 @@ class CyclicTask:
             return StopReason(code, _TEXT_OF_ORDER.get(code, code.name.lower()))
         if control.recorder_state in (RecorderState.FAILED, RecorderState.ENDING):
             return StopReason(StopCode.RECORDER, control.recorder_error)
-        if not self._lockstep and (fill := self._ring.fill) > RING_LIMIT:
+        if self._lockstep is None and (fill := self._ring.fill) > RING_LIMIT:
             return StopReason(
                 StopCode.RECORDER,
                 f"the recorder is behind: {fill:.0%} of its buffer waits. Check the disk",
@@ -249,105 +244,93 @@ class CyclicTask:
         return None
 
     def _move(self, target: SetPoint, lateness_s: float, periods: int) -> StopReason | None:
-        axes, supervisor = self._axes, self._supervisor
-        answers = axes.answers
-        time_s, exchange_s = self._exchange()
-        late_frames = answers.late_frames - self._late_frames
-        self._late_frames = answers.late_frames
-        reason = (
-            supervisor.check_events(axes.take_events())
-            or supervisor.check_late_frames(late_frames)
-            or supervisor.check_second_answers(answers.second_answers.tolist())
-            or supervisor.check_target(target.position, target.velocity, periods)
-            or supervisor.check_measured(
-                answers,
-                target.position,
-                target.velocity,
-                periods,
-            )
+        cycle = self._exchange(target, lateness_s, periods)
+        self._positions.take(cycle)
+        cycle.command = self._loop.velocity_command(
+            target.position, target.feedforward, self._positions.position
         )
-        command = self._rest
-        if reason is None:
-            wanted = self._loop.velocity_command(
-                target.position, target.feedforward, supervisor.position
-            )
-            reason = supervisor.check_set_point(target.position, target.velocity, wanted, periods)
-            if reason is None:
-                self._velocity[:] = wanted
-                if not answers.received.any():
-                    command = self._rest  # a bus without drives would keep it for their return
-                elif axes.command(self._velocity):
-                    command = wanted
-                else:
-                    reason = StopReason(
-                        StopCode.NOT_ENABLED, "the drives took no more commands: one is not enabled"
-                    )
+        reason = self._supervisor.judge(cycle) or self._send(cycle)
         if reason is not None:
-            axes.quick_stop()
-        axes.send_heartbeat(self._clock.now_s())
-        full = self._write(target, time_s, lateness_s, exchange_s, command, supervisor.valid)
-        self._control.set_progress(target.sample_index, target.phase, self._cycle)
-        self._cycle += 1
-        if self._monitor is not None:
-            self._monitor.ask_when_due(time_s, lambda: self._order_to_stop() is not None)
+            cycle.command = self._rest
+            self._axes.quick_stop()
+        full = self._finish(cycle)
+        if self._lockstep is not None:
+            self._lockstep.wait_for_monitor(cycle.time_s)
         return reason or full
 
-    def _exchange(self) -> tuple[float, float]:
-        """Do the exchange; return the time of SYNC and how long the answers took [s]."""
-        time_s = self._axes.exchange()
-        return time_s, self._clock.now_s() - time_s
-
-    def _write(
-        self,
-        target: SetPoint,
-        time_s: float,
-        lateness_s: float,
-        exchange_s: float,
-        command: list[float],
-        valid: list[int],
-    ) -> StopReason | None:
-        answers = self._axes.answers
-        self._unrecorded_s = 0.0
-        row = (
-            time_s,
-            lateness_s,
-            exchange_s,
-            *target.position,
-            *target.feedforward,
-            *command,
-            *answers.position.tolist(),
-            *answers.torque_nm.tolist(),
-            *answers.position_counts.tolist(),
-            self._cycle,
-            target.sample_index,
-            *answers.torque_raw.tolist(),
-            *answers.statusword.tolist(),
-            *valid,
-            target.phase,
+    def _exchange(self, target: SetPoint, lateness_s: float, periods: int) -> Cycle:
+        """Begin a cycle and take the drives' answers."""
+        axes = self._axes
+        answers = axes.answers
+        time_s = axes.exchange()
+        exchange_s = self._clock.now_s() - time_s
+        return Cycle(
+            number=self._cycle,
+            periods=periods,
+            lateness_s=lateness_s,
+            target=target,
+            time_s=time_s,
+            exchange_s=exchange_s,
+            received=answers.received.tolist(),
+            enabled=answers.enabled.tolist(),
+            fault=answers.fault.tolist(),
+            position=answers.position.tolist(),
+            torque_nm=answers.torque_nm.tolist(),
+            position_counts=answers.position_counts.tolist(),
+            torque_raw=answers.torque_raw.tolist(),
+            statusword=answers.statusword.tolist(),
+            events=axes.take_events(),
+            late_frames=answers.late_frames,
+            second_answers=answers.second_answers.tolist(),
         )
+
+    def _send(self, cycle: Cycle) -> StopReason | None:
+        """Send a cycle's command; at rest where no drive answered, to none of which it came."""
+        self._velocity[:] = cycle.command
+        if not any(cycle.received):
+            cycle.command = self._rest  # a bus without drives would keep it for their return
+        elif not self._axes.command(self._velocity):
+            return StopReason(
+                StopCode.NOT_ENABLED, "the drives took no more commands: one is not enabled"
+            )
+        return None
+
+    def _finish(self, cycle: Cycle) -> StopReason | None:
+        """Give signs of life and record the cycle; return why a row was lost, if it was."""
+        target = cycle.target
+        self._axes.send_heartbeat(self._clock.now_s())
+        full = self._write(cycle)
+        self._control.set_progress(target.sample_index, target.phase, self._cycle)
+        self._cycle += 1
+        return full
+
+    def _write(self, cycle: Cycle) -> StopReason | None:
+        self._unrecorded_s = 0.0
+        target = cycle.target
+        row = CycleRow(
+            time_s=cycle.time_s,
+            lateness_s=cycle.lateness_s,
+            exchange_s=cycle.exchange_s,
+            target_position=target.position,
+            target_velocity=target.feedforward,
+            velocity_command=cycle.command,
+            position=cycle.position,
+            torque_nm=cycle.torque_nm,
+            position_counts=cycle.position_counts,
+            cycle=cycle.number,
+            sample_index=target.sample_index,
+            torque_raw=cycle.torque_raw,
+            statusword=cycle.statusword,
+            valid=cycle.valid,
+            phase=target.phase,
+        ).values()
         if self._ring.write(row):
             return None
-        if self._lockstep and self._wait_for_room():
+        if self._lockstep is not None and self._lockstep.wait_for_room():
             self._ring.write(row)
             return None
         full = StopReason(StopCode.RECORDER, "the recorder's buffer is full: a row was lost")
         return self._order_to_stop() or full
-
-    def _wait_for_room(self) -> bool:
-        """Let simulated time stand still until the recorder has made room."""
-        until_s = time.monotonic() + RECORDER_PATIENCE_S
-        while time.monotonic() < until_s:
-            if self._ring.waiting < self._ring.capacity:
-                return True
-            if self._recorder_gone():
-                return False
-            time.sleep(PAUSE_S)
-        return False
-
-    def _recorder_gone(self) -> bool:
-        control = self._control
-        failed = control.recorder_state is RecorderState.FAILED
-        return failed or control.stop_code == StopCode.RECORDER
 
     def _stop(self) -> None:
         position = self._axes.answers.position.tolist()
@@ -356,16 +339,13 @@ class CyclicTask:
 
     def _stop_cycle(self, here: SetPoint) -> tuple[float, int]:
         """Do a cycle of a quick stop; return the time of SYNC [s] and how many periods passed."""
-        axes = self._axes
         lateness_s, periods = self._wake()
-        time_s, exchange_s = self._exchange()
-        axes.quick_stop()
-        axes.send_heartbeat(self._clock.now_s())
-        valid = [int(received) for received in axes.answers.received.tolist()]
-        self._write(here, time_s, lateness_s, exchange_s, self._rest, valid)
-        self._control.set_progress(-1, Phase.HOLD, self._cycle)
-        self._cycle += 1
-        return time_s, periods
+        cycle = self._exchange(here, lateness_s, periods)
+        self._axes.quick_stop()
+        cycle.command = self._rest
+        cycle.valid = [int(received) for received in cycle.received]
+        self._finish(cycle)
+        return cycle.time_s, periods
 
 
 def _on_the_way(way: MotionSamples, row: int) -> SetPoint:

@@ -7,7 +7,8 @@ import time
 from collections.abc import Callable
 
 from acquisition.task.control_block import ControlBlock, RecorderState, TaskState
-from acquisition.task.cyclic_task import PAUSE_S, RECORDER_PATIENCE_S, CyclicTask
+from acquisition.task.cyclic_task import CyclicTask
+from acquisition.task.lockstep import PAUSE_S, RECORDER_PATIENCE_S
 from acquisition.task.realtime import become_realtime, freeze_garbage
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import SetPointSource

@@ -5,35 +5,14 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from acquisition.motion.samples import MotionSamples
+from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopReason
 from config.arrays import FloatArray
-
-
-class SetPoint(NamedTuple):
-    """The set-point of one cycle and where it comes from.
-
-    Attributes
-    ----------
-    position, velocity : list of float, length joints
-        The motion [rad or m, and per second].
-    feedforward : list of float, length joints
-        Speed that the position loop adds to its own [rad/s or m/s].
-    sample_index : int
-        Row of the motion, -1 outside it.
-    phase : int
-        `Phase` of the row.
-    """
-
-    position: list[float]
-    velocity: list[float]
-    feedforward: list[float]
-    sample_index: int
-    phase: int
 
 
 class SetPointSource(Protocol):

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from acquisition.supervision.cycle import SetPoint
 
 from acquisition.motion.samples import Phase
+from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from compensation.online.online import OnlineFeedforward
 from compensation.online.online_kernel import (

@@ -12,8 +12,8 @@ from typing import Any
 
 import can
 import numpy as np
-from acquisition.supervision.cycle import SetPoint
 
+from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from acquisition.supervision.cycle import SetPoint
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.samples import MotionSamples
+from acquisition.supervision.cycle import SetPoint
 from benchmarks.closed_loop import true_loops
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import LARGEST_CORRECTION, REST_RAD_S, OnlineFeedforward

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from itertools import combinations
+from operator import attrgetter
 
 import pytest
 
+from acquisition.supervision.cycle import Cycle, SetPoint
+from acquisition.supervision.held_positions import HeldPositions
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.supervision.supervisor import Supervisor
 from config.cell.cell import CellConfig
@@ -18,66 +21,72 @@ T = 0.008
 SPEED = 0.5
 
 
-@dataclass
-class Cycle:
-    """What one cycle brings: three joints that move at 0.5 rad/s, exactly as told."""
-
-    number: int
-    position: list[float]
-    target: list[float]
-    received: list[bool] = field(default_factory=lambda: [True] * 3)
-    torque: list[float] = field(default_factory=lambda: [1.0] * 3)
-    enabled: list[bool] = field(default_factory=lambda: [True] * 3)
-    in_fault: list[bool] = field(default_factory=lambda: [False] * 3)
-    events: list[DriveEvent] = field(default_factory=list)
-    lateness_s: float = 0.0
-    late_frames: int = 0
-    second_answers: int = 0  # of the second joint, so far
-    target_velocity: list[float] = field(default_factory=lambda: [SPEED] * 3)
-    command: list[float] = field(default_factory=lambda: [SPEED] * 3)
-
-    def answers(self) -> Answers:
-        answers = Answers.before_any(3)
-        answers.received[:] = self.received
-        answers.position[:] = self.position
-        answers.torque_nm[:] = self.torque
-        answers.enabled[:] = self.enabled
-        answers.fault[:] = self.in_fault
-        return answers
-
+SETTLE = (0.1, 0.2, 0.3, 0.4, SPEED)
 
 Fault = Callable[[Cycle], None]
 
 
+def cycle_at(number: int, where: float, speed: float = SPEED) -> Cycle:
+    """Return a cycle of three joints that are where they should be, all is well."""
+    return Cycle(
+        number=number,
+        periods=1,
+        lateness_s=0.0,
+        target=SetPoint([where] * 3, [speed] * 3, [speed] * 3, number, 3),
+        time_s=T * number,
+        exchange_s=0.001,
+        received=[True] * 3,
+        enabled=[True] * 3,
+        fault=[False] * 3,
+        position=[where] * 3,
+        torque_nm=[1.0] * 3,
+        position_counts=[0] * 3,
+        torque_raw=[0] * 3,
+        statusword=[0x1237] * 3,
+        events=[],
+        late_frames=0,
+        second_answers=[0] * 3,
+        command=[speed] * 3,
+    )
+
+
+class Watch:
+    """The supervisor as the cyclic task uses it: positions are held, then the cycle is judged."""
+
+    def __init__(self, cell: CellConfig, robot: RobotDescription, start: float = 0.0) -> None:
+        self.positions = HeldPositions(cell, robot)
+        self.supervisor = Supervisor(cell, robot, self.positions)
+        answers = Answers.before_any(3)
+        answers.position[:] = start
+        self.supervisor.begin(answers)
+
+    def judge(self, cycle: Cycle) -> StopReason | None:
+        self.positions.take(cycle)
+        return self.supervisor.judge(cycle)
+
+    def run(self, fault: Fault, cycles: int = 200) -> tuple[int, StopReason] | tuple[None, None]:
+        """Run cycles 1, 2, ...; return when and why the supervisor stops."""
+        for number in range(1, cycles + 1):
+            cycle = cycle_at(number, SPEED * T * number)
+            fault(cycle)
+            if (reason := self.judge(cycle)) is not None:
+                return number, reason
+        return None, None
+
+
+def at_speed(cell: CellConfig, robot: RobotDescription) -> Watch:
+    """Return a supervisor whose motion has just come up to speed, at 0."""
+    where = -T * sum(SETTLE)
+    watch = Watch(cell, robot, where)
+    for number, speed in enumerate(SETTLE, 1 - len(SETTLE)):
+        where += T * speed
+        assert watch.judge(cycle_at(number, where, speed)) is None
+    return watch
+
+
 @pytest.fixture
-def supervisor(cell: CellConfig, robot: RobotDescription) -> Supervisor:
-    """A supervisor whose set-point has just come up to speed."""
-    supervisor = Supervisor(cell, robot)
-    supervisor.begin([0.0, 0.0, 0.0])
-    for speed in (0.1, 0.2, 0.3, 0.4, SPEED):
-        assert supervisor.check_set_point([0.0] * 3, [speed] * 3, [speed] * 3) is None
-    return supervisor
-
-
-def run(
-    supervisor: Supervisor, fault: Fault, cycles: int = 200
-) -> tuple[int, StopReason] | tuple[None, None]:
-    """Run cycles 1, 2, ...; return when and why the supervisor stops."""
-    for number in range(1, cycles + 1):
-        where = SPEED * T * number
-        cycle = Cycle(number, [where] * 3, [where] * 3)
-        fault(cycle)
-        reason = (
-            supervisor.check_timing(cycle.lateness_s)
-            or supervisor.check_events(cycle.events)
-            or supervisor.check_late_frames(cycle.late_frames)
-            or supervisor.check_second_answers([0, cycle.second_answers, 0])
-            or supervisor.check_measured(cycle.answers(), cycle.target, cycle.target_velocity)
-            or supervisor.check_set_point(cycle.target, cycle.target_velocity, cycle.command)
-        )
-        if reason is not None:
-            return number, reason
-    return None, None
+def watch(cell: CellConfig, robot: RobotDescription) -> Watch:
+    return at_speed(cell, robot)
 
 
 def event(kind: EventKind, code: int = 0) -> DriveEvent:
@@ -89,15 +98,24 @@ def set_at(name: str, at: Callable[[int], bool], joint: int, value: object) -> F
 
     def fault(cycle: Cycle) -> None:
         if at(cycle.number):
-            getattr(cycle, name)[joint] = value
+            attrgetter(name)(cycle)[joint] = value
 
     return fault
 
 
-def every(name: str, at: Callable[[int], bool], value: object) -> Fault:
+def told(at: Callable[[int], bool], event: DriveEvent) -> Fault:
     def fault(cycle: Cycle) -> None:
         if at(cycle.number):
-            setattr(cycle, name, value)
+            cycle.events = [event]
+
+    return fault
+
+
+def late(at: Callable[[int], bool], count: int = 1) -> Fault:
+    """So many answers come after their cycle in the cycles that `at` picks."""
+
+    def fault(cycle: Cycle) -> None:
+        cycle.late_frames = count * sum(map(at, range(1, cycle.number + 1)))
 
     return fault
 
@@ -113,7 +131,7 @@ def stuck(joint: int, since: int) -> Fault:
 def in_fault(joint: int, since: int) -> Fault:
     def fault(cycle: Cycle) -> None:
         if cycle.number >= since:
-            cycle.enabled[joint], cycle.in_fault[joint] = False, True
+            cycle.enabled[joint], cycle.fault[joint] = False, True
 
     return fault
 
@@ -133,7 +151,7 @@ def doubled(at: Callable[[int], bool], *, differs: bool = False) -> Fault:
     """The second joint's identifier answers twice; where the two differ, neither is received."""
 
     def fault(cycle: Cycle) -> None:
-        cycle.second_answers = sum(map(at, range(1, cycle.number + 1)))
+        cycle.second_answers[1] = sum(map(at, range(1, cycle.number + 1)))
         if differs and at(cycle.number):
             cycle.received[1] = False
 
@@ -144,22 +162,22 @@ STOPS: dict[str, tuple[Fault, StopCode, int]] = {
     "2: three frames of one drive are missed": (
         set_at("received", lambda k: k >= 10, 1, False), StopCode.MISSED_FRAMES, 12),
     "5: three answers late within 100 cycles": (
-        every("late_frames", lambda k: k in (10, 50, 100), 1), StopCode.LATE_FRAMES, 100),
+        late(lambda k: k in (10, 50, 100)), StopCode.LATE_FRAMES, 100),
     "6: two corrupted positions in a row": (
         set_at("position", lambda k: k >= 10, 0, 3.0), StopCode.IMPLAUSIBLE_POSITION, 11),
     "6: a position that is not a number": (
         set_at("position", lambda k: k >= 10, 0, math.nan), StopCode.IMPLAUSIBLE_POSITION, 11),
     "8: a drive restarts": (
-        every("events", lambda k: k == 10, [event(EventKind.BOOT_UP)]),
+        told(lambda k: k == 10, event(EventKind.BOOT_UP)),
         StopCode.DRIVE_RESTARTED, 10),
     "9: an emergency message": (
-        every("events", lambda k: k == 10, [event(EventKind.EMERGENCY, 0x2310)]),
+        told(lambda k: k == 10, event(EventKind.EMERGENCY, 0x2310)),
         StopCode.EMERGENCY, 10),
     "11: a heartbeat is lost": (
-        every("events", lambda k: k == 10, [event(EventKind.HEARTBEAT_LOST)]),
+        told(lambda k: k == 10, event(EventKind.HEARTBEAT_LOST)),
         StopCode.HEARTBEAT_LOST, 10),
     "7: a frame of the wrong length": (
-        every("events", lambda k: k == 10, [event(EventKind.WRONG_LENGTH)]), StopCode.BUS, 10),
+        told(lambda k: k == 10, event(EventKind.WRONG_LENGTH)), StopCode.BUS, 10),
     "13: a drive is no longer enabled": (
         set_at("enabled", lambda k: k >= 10, 2, False), StopCode.NOT_ENABLED, 10),
     "49: second answers in 20 of 100 cycles": (
@@ -172,108 +190,150 @@ STOPS: dict[str, tuple[Fault, StopCode, int]] = {
     # 2 rad/s apart: 0.02 rad + 0.1 s x 0.5 rad/s are passed in the fifth cycle
     "15: a runaway": (runaway(0, 10), StopCode.FOLLOWING_ERROR, 14),
     "a torque beyond its limit": (
-        set_at("torque", lambda k: k >= 10, 1, -111.0), StopCode.TORQUE_LIMIT, 10),
+        set_at("torque_nm", lambda k: k >= 10, 1, -111.0), StopCode.TORQUE_LIMIT, 10),
     "a velocity beyond its limit": (
         set_at("position", lambda k: k == 10, 1, SPEED * T * 9 + 2.3 * T),
         StopCode.VELOCITY_LIMIT, 10),
     "17: a set-point that is not a number": (
-        set_at("target", lambda k: k == 10, 1, math.nan), StopCode.FOLLOWING_ERROR, 10),
+        set_at("target.position", lambda k: k == 10, 1, math.nan), StopCode.SET_POINT, 10),
     "17: a command that is not a number": (
         set_at("command", lambda k: k == 10, 1, math.nan), StopCode.SET_POINT, 10),
     "17: an infinite command": (
         set_at("command", lambda k: k == 10, 1, math.inf), StopCode.SET_POINT, 10),
     "17: a step of the set-point": (
-        set_at("target", lambda k: k >= 10, 1, SPEED * T * 10 + 0.03), StopCode.SET_POINT, 10),
+        set_at("target.position", lambda k: k == 10, 1, SPEED * T * 10 + 0.03),
+        StopCode.SET_POINT, 10),
     "17: a step of its velocity": (
-        set_at("target_velocity", lambda k: k == 10, 1, 0.7), StopCode.SET_POINT, 10),
+        set_at("target.velocity", lambda k: k == 10, 1, 0.7), StopCode.SET_POINT, 10),
     "17: a velocity beyond its limit": (
-        every("target_velocity", lambda k: k == 10, [2.3] * 3), StopCode.SET_POINT, 10),
-    "27: three late cycles in a row": (
-        every("lateness_s", lambda k: k >= 10, 0.6 * T), StopCode.LATE_CYCLE, 12),
-    "27: one cycle later than two periods": (
-        every("lateness_s", lambda k: k == 10, 2.1 * T), StopCode.LATE_CYCLE, 10),
-    "27: a time that is not a number": (
-        every("lateness_s", lambda k: k == 10, math.nan), StopCode.LATE_CYCLE, 10),
+        set_at("target.velocity", lambda k: k == 10, 0, 2.3), StopCode.SET_POINT, 10),
 }  # fmt: skip
 
 GOES_ON: dict[str, Fault] = {
     "nothing at all": lambda cycle: None,
     "1: one frame is missed": set_at("received", lambda k: k == 10, 1, False),
     "3: single frames are missed now and then": set_at("received", lambda k: k % 20 < 2, 1, False),
-    "5: answers late together in two of 100 cycles": every("late_frames", lambda k: k % 60 == 0, 3),
+    "5: answers late together in two of 100 cycles": late(lambda k: k % 60 == 0, 3),
     "6: one corrupted position": set_at("position", lambda k: k == 10, 0, 3.0),
     "49: a second answer in every sixth cycle": doubled(lambda k: k % 6 == 0),
     "49: two answers that differ, twice in a row": doubled(lambda k: k in (10, 11), differs=True),
-    "27: a late cycle now and then": every("lateness_s", lambda k: k % 3 == 0, 1.5 * T),
-    "an emergency is cleared": every(
-        "events", lambda k: k == 10, [event(EventKind.EMERGENCY_CLEARED)]
-    ),
-    "a frame that nobody expects": every(
-        "events", lambda k: k == 10, [event(EventKind.UNEXPECTED_FRAME)]
-    ),
+    "an emergency is cleared": told(lambda k: k == 10, event(EventKind.EMERGENCY_CLEARED)),
+    "a frame that nobody expects": told(lambda k: k == 10, event(EventKind.UNEXPECTED_FRAME)),
 }
 
 
 @pytest.mark.parametrize("name", STOPS)
-def test_it_stops_in_the_right_cycle_for_the_right_reason(
-    supervisor: Supervisor, name: str
-) -> None:
+def test_it_stops_in_the_right_cycle_for_the_right_reason(watch: Watch, name: str) -> None:
     fault, code, at = STOPS[name]
-    number, reason = run(supervisor, fault)
+    number, reason = watch.run(fault)
     assert reason is not None
     assert (reason.code, number) == (code, at)
     assert reason.text
 
 
 @pytest.mark.parametrize("name", GOES_ON)
-def test_it_goes_on(supervisor: Supervisor, name: str) -> None:
-    assert run(supervisor, GOES_ON[name]) == (None, None)
+def test_it_goes_on(watch: Watch, name: str) -> None:
+    assert watch.run(GOES_ON[name]) == (None, None)
 
 
-def test_without_a_plausible_position_the_following_error_is_held(supervisor: Supervisor) -> None:
+def both(first: Fault, second: Fault) -> Fault:
+    def fault(cycle: Cycle) -> None:
+        first(cycle)
+        second(cycle)
+
+    return fault
+
+
+IN_ORDER: tuple[tuple[str, Fault], ...] = (
+    ("EMERGENCY", told(lambda k: k == 30, event(EventKind.EMERGENCY, 0x2310))),
+    ("answers of drives came too late", late(lambda k: k in (28, 29, 30))),
+    ("two devices send", doubled(lambda k: 10 < k <= 30)),
+    ("the set-point's velocity jumps", set_at("target.velocity", lambda k: k == 30, 2, 0.7)),
+    ("joint1: its drive did not answer", set_at("received", lambda k: k in (28, 29, 30), 0, False)),
+    ("joint2: its drive is no longer", set_at("enabled", lambda k: k == 30, 1, False)),
+    ("joint2: its position jumps", set_at("position", lambda k: k in (29, 30), 1, 3.0)),
+    ("joint3: its torque", set_at("torque_nm", lambda k: k == 30, 2, 111.0)),
+    ("joint3: the set-point's velocity command", set_at("command", lambda k: k == 30, 2, math.inf)),
+)
+
+
+@pytest.mark.parametrize(("first", "second"), list(combinations(range(len(IN_ORDER)), 2)))
+def test_of_two_faults_in_one_cycle_the_one_that_is_checked_first_is_told(
+    watch: Watch, first: int, second: int
+) -> None:
+    words, fault = IN_ORDER[first]
+    number, reason = watch.run(both(IN_ORDER[second][1], fault))
+    assert reason is not None
+    assert number == 30
+    assert words in reason.text
+
+
+def lags(joint: int, by: float, since: int) -> Fault:
+    def fault(cycle: Cycle) -> None:
+        cycle.position[joint] -= by * max(0, cycle.number - since)
+
+    return fault
+
+
+OF_ONE_JOINT: tuple[tuple[StopCode, Fault], ...] = (
+    (StopCode.DRIVE_FAULT, in_fault(1, 30)),
+    (StopCode.VELOCITY_LIMIT, set_at("position", lambda k: k == 30, 1, SPEED * T * 29 + 2.3 * T)),
+    (StopCode.TORQUE_LIMIT, set_at("torque_nm", lambda k: k == 30, 1, 111.0)),
+    (StopCode.FOLLOWING_ERROR, lags(1, 0.0179, 26)),
+)
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)])
+def test_of_two_faults_of_a_joint_the_one_that_is_checked_first_is_told(
+    watch: Watch, first: int, second: int
+) -> None:
+    code, fault = OF_ONE_JOINT[first]
+    number, reason = watch.run(both(fault, OF_ONE_JOINT[second][1]))
+    assert reason is not None
+    assert (number, reason.code) == (30, code)
+
+
+def test_without_a_plausible_position_the_following_error_is_held(watch: Watch) -> None:
     behind = 0.001
     seen: dict[int, tuple[list[int], list[float]]] = {}
-
-    def fault(cycle: Cycle) -> None:
-        seen[cycle.number - 1] = (list(supervisor.valid), list(supervisor.position))
+    for number in range(1, 14):
+        cycle = cycle_at(number, SPEED * T * number)
         cycle.position = [place - behind for place in cycle.position]
-        if cycle.number in (10, 11):
+        if number in (10, 11):
             cycle.received[1] = False
-        if cycle.number == 11:
+        if number == 11:
             cycle.position[2] = 1e9
-
-    run(supervisor, fault, 13)
+        assert watch.judge(cycle) is None
+        seen[number] = (cycle.valid, list(watch.positions.position))
     for number, valid in ((9, [1, 1, 1]), (10, [1, 0, 1]), (11, [1, 0, 0]), (12, [1, 1, 1])):
         assert seen[number][0] == valid
         assert seen[number][1] == pytest.approx([SPEED * T * number - behind] * 3)
 
 
 def test_a_position_beyond_its_limit_stops(cell: CellConfig, robot: RobotDescription) -> None:
-    supervisor = Supervisor(cell, robot)
-    supervisor.begin([2.015, 0.0, 0.0])
-    where = [2.015, 0.0, 0.0]
-    answers = Cycle(1, [2.021, 0.0, 0.0], where).answers()
-    reason = supervisor.check_measured(answers, where, [0.0] * 3)
+    watch = Watch(cell, robot, 2.015)
+    cycle = cycle_at(1, 2.015, 0.0)
+    cycle.position[0] = 2.021
+    reason = watch.judge(cycle)
     assert reason is not None
     assert reason.code is StopCode.POSITION_LIMIT
     assert (reason.joint, reason.value) == ("joint1", 2.021)
     assert reason.limit == pytest.approx(2.02)
 
 
-def test_after_skipped_cycles_positions_may_have_gone_further(supervisor: Supervisor) -> None:
-    further = [SPEED * T * 8] * 3
-    answers = Cycle(1, further, further).answers()
-    assert supervisor.check_measured(answers, further, [SPEED] * 3, 8) is None
-    assert supervisor.check_set_point(further, [SPEED] * 3, [SPEED] * 3, 8) is None
+def test_after_skipped_cycles_positions_may_have_gone_further(watch: Watch) -> None:
+    cycle = cycle_at(8, SPEED * T * 8)
+    cycle.periods = 8
+    assert watch.judge(cycle) is None
 
 
-def test_a_refused_set_point_is_not_taken_as_sent(supervisor: Supervisor) -> None:
+def test_a_refused_set_point_is_not_taken_as_sent(watch: Watch) -> None:
     for _ in range(2):
-        assert supervisor.check_set_point([1.0] * 3, [0.0] * 3, [0.0] * 3) is not None
+        assert watch.judge(cycle_at(1, 1.0, 0.0)) is not None
 
 
-def test_the_text_names_joint_value_limit_and_what_to_check(supervisor: Supervisor) -> None:
-    _, reason = run(supervisor, set_at("torque", lambda k: k >= 10, 1, -111.0))
+def test_the_text_names_joint_value_limit_and_what_to_check(watch: Watch) -> None:
+    _, reason = watch.run(set_at("torque_nm", lambda k: k >= 10, 1, -111.0))
     assert reason is not None
     assert reason.text.startswith("joint joint2: its torque is -111 N m, beyond 110 N m. Check")
 
@@ -282,39 +342,32 @@ class TestCoupledWrist:
     """Joint 3 hangs on motors 2 and 3: q3 = alpha3 - 0.5 alpha2."""
 
     @pytest.fixture
-    def supervisor(self, cell: CellConfig, robot: RobotDescription) -> Supervisor:
+    def watch(self, cell: CellConfig, robot: RobotDescription) -> Watch:
         coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -0.5, 1.0))
-        coupled = Supervisor(cell, robot.model_copy(update={"coupling": coupling}))
-        coupled.begin([0.0, 0.0, 0.0])
-        for speed in (0.1, 0.2, 0.3, 0.4, SPEED):
-            assert coupled.check_set_point([0.0] * 3, [speed] * 3, [speed] * 3) is None
-        return coupled
+        return at_speed(cell, robot.model_copy(update={"coupling": coupling}))
 
-    def test_all_is_well_where_the_joints_follow(self, supervisor: Supervisor) -> None:
-        assert run(supervisor, lambda cycle: None) == (None, None)
+    def test_all_is_well_where_the_joints_follow(self, watch: Watch) -> None:
+        assert watch.run(lambda cycle: None) == (None, None)
 
-    def test_a_joint_is_unknown_while_one_of_its_motors_is_silent(
-        self, supervisor: Supervisor
-    ) -> None:
+    def test_a_joint_is_unknown_while_one_of_its_motors_is_silent(self, watch: Watch) -> None:
         fault = set_at("received", lambda number: number in (10, 11), 1, False)
-        seen: list[list[int]] = []
-
-        def watched(cycle: Cycle) -> None:
-            seen.append(list(supervisor.valid))
+        seen: dict[int, list[int]] = {}
+        for number in range(1, 21):
+            cycle = cycle_at(number, SPEED * T * number)
             fault(cycle)
-
-        assert run(supervisor, watched, 20) == (None, None)
-        assert seen[10:12] == [[1, 0, 0], [1, 0, 0]]
+            assert watch.judge(cycle) is None
+            seen[number] = cycle.valid
+        assert seen[10] == seen[11] == [1, 0, 0]
         assert seen[12] == [1, 1, 1]
 
-    def test_silence_is_counted_for_the_drive_that_is_silent(self, supervisor: Supervisor) -> None:
-        number, reason = run(supervisor, set_at("received", lambda n: n >= 10, 1, False))
+    def test_silence_is_counted_for_the_drive_that_is_silent(self, watch: Watch) -> None:
+        number, reason = watch.run(set_at("received", lambda n: n >= 10, 1, False))
         assert number == 12
         assert reason is not None
         assert (reason.code, reason.joint) == (StopCode.MISSED_FRAMES, "joint2")
 
     def test_a_motor_that_stands_is_seen_although_its_joint_is_moved_by_another(
-        self, supervisor: Supervisor
+        self, watch: Watch
     ) -> None:
         """Motor 3 stands at alpha3 = const; joint 3 turns backwards with motor 2."""
 
@@ -322,21 +375,23 @@ class TestCoupledWrist:
             if cycle.number >= 10:
                 passed = cycle.number - 9
                 cycle.position[2] = SPEED * T * 9 - 0.5 * SPEED * T * passed
-                cycle.target[2] = cycle.position[2]
+                cycle.target.position[2] = cycle.position[2]
 
-        number, reason = run(supervisor, fault)
+        number, reason = watch.run(fault)
         assert reason is not None
         assert (reason.code, reason.joint) == (StopCode.STUCK_ENCODER, "joint3")
         assert number is not None
         assert number <= 9 + 8
 
     def test_a_motor_must_not_be_faster_than_its_axis_may_be(
-        self, supervisor: Supervisor, robot: RobotDescription
+        self, watch: Watch, robot: RobotDescription
     ) -> None:
         """alpha3' = q3' + 0.5 q2': both joints are within their limits, the motor is not."""
         limit = robot.joints[2].limits.velocity
         fast = [0.0, robot.joints[1].limits.velocity, 0.9 * limit]
-        reason = supervisor.check_set_point([0.0] * 3, [SPEED] * 3, fast)
+        cycle = cycle_at(1, SPEED * T)
+        cycle.command = fast
+        reason = watch.judge(cycle)
         assert reason is not None
         assert (reason.code, reason.joint) == (StopCode.SET_POINT, "joint3")
         assert "for its motor" in reason.text

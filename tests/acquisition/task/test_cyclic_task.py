@@ -297,7 +297,7 @@ def test_in_lock_step_time_stands_still_until_the_recorder_has_made_room(
     bench.ring = Ring.create(3, 64)
     taken: list[bytes] = []
     monkeypatch.setattr(
-        "acquisition.task.cyclic_task.time.sleep", lambda _: taken.append(bench.ring.read())
+        "acquisition.task.lockstep.time.sleep", lambda _: taken.append(bench.ring.read())
     )
     assert bench.run(motion) is None
     taken.append(bench.ring.read())

@@ -1,0 +1,89 @@
+"""`HeldPositions`: the positions that the position loop uses, held over lost or odd answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from acquisition.supervision.cycle import Cycle
+from config.cell.cell import CellConfig
+from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
+
+PLAUSIBLE_FACTOR = 1.5
+"""How many times its largest velocity a joint may seem to have."""
+
+
+class HeldPositions:
+    """Tells plausible positions from others, and holds what is missing.
+
+    With a coupled wrist a joint counts only where all motors that move it have answered.
+
+    Parameters
+    ----------
+    cell, robot : CellConfig, RobotDescription
+        Cycle time, largest velocities, coupling of the wrist.
+
+    Attributes
+    ----------
+    position : list of float, length joints
+        What the position loop is to use [rad or m]: the plausible positions; without one, the last
+        of them moved on as the set-point has moved since, so that a lost answer corrects nothing
+        and the correction before it stays.
+    velocity : list of float, length joints
+        Between the last two plausible positions [rad/s or m/s].
+    missed, implausible : list of int, length joints
+        For how many cycles in a row no answer came, and no plausible one.
+    jump, jump_limit : list of float, length joints
+        How far the last answer is from the last plausible one, and how far it may be [rad or m].
+    """
+
+    def __init__(self, cell: CellConfig, robot: RobotDescription) -> None:
+        self._period_s = cell.cycle_time_s
+        velocities = [joint.limits.velocity for joint in robot.joints]
+        self._step = [PLAUSIBLE_FACTOR * velocity * self._period_s for velocity in velocities]
+        self._partners: list[tuple[int, ...]] = [()] * len(velocities)
+        coupling = WristCoupling.of_robot(robot)
+        if coupling is not None:
+            self._partners = [
+                tuple(j for j in motors if j != i) for i, motors in enumerate(coupling.motors_of)
+            ]
+        self.begin([0.0] * len(velocities))
+
+    def begin(self, position: Sequence[float]) -> None:
+        """Start afresh with all joints at rest at `position` [rad or m]."""
+        n = len(position)
+        self.position = list(position)
+        self.velocity = [0.0] * n
+        self.missed = [0] * n
+        self.implausible = [0] * n
+        self.jump = [0.0] * n
+        self.jump_limit = [0.0] * n
+        self._plausible = list(position)  # the last ones
+        self._since = [0] * n  # periods since them
+        self._target = list(position)
+
+    def take(self, cycle: Cycle) -> None:
+        """Take a cycle's answers; write into its `valid` whose position is plausible."""
+        received, measured, target = cycle.received, cycle.position, cycle.target.position
+        valid = [0] * len(measured)
+        for i, actual in enumerate(measured):
+            since = self._since[i] = self._since[i] + cycle.periods
+            self.position[i] += target[i] - self._target[i]
+            if not received[i]:
+                self.missed[i] += 1
+                continue
+            self.missed[i] = 0
+            if not all(received[j] for j in self._partners[i]):
+                continue
+            jump, limit = actual - self._plausible[i], self._step[i] * since
+            if not -limit <= jump <= limit:
+                self.implausible[i] += 1
+                self.jump[i], self.jump_limit[i] = jump, limit
+                continue
+            self.implausible[i] = 0
+            valid[i] = 1
+            self._since[i] = 0
+            self.position[i] = self._plausible[i] = actual
+            self.velocity[i] = jump / (since * self._period_s)
+        self._target = list(target)
+        cycle.valid = valid

@@ -1,0 +1,53 @@
+"""`Lateness`: whether cycles begin in time; asked before anything is sent in a cycle."""
+
+from __future__ import annotations
+
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from config.cell.cell import CellConfig
+
+LATE_FRACTION = 0.5
+"""From which part of a period on a cycle counts as late."""
+
+
+class Lateness:
+    """Judges how late cycles begin (faults: row 27).
+
+    Parameters
+    ----------
+    cell : CellConfig
+        Cycle time and limits.
+    """
+
+    def __init__(self, cell: CellConfig) -> None:
+        self._rules = cell.supervision
+        self._period_s = cell.cycle_time_s
+        self._late = 0  # cycles in a row
+
+    def judge(self, lateness_s: float) -> StopReason | None:
+        """Return why the motion must stop; None where it may go on.
+
+        Parameters
+        ----------
+        lateness_s : float
+            How late this cycle begins [s].
+        """
+        rules = self._rules
+        late_by = lateness_s / self._period_s
+        if not late_by <= rules.late_by_cycles_limit:
+            return StopReason(
+                StopCode.LATE_CYCLE,
+                f"a cycle began {lateness_s * 1e3:.1f} ms late, {late_by:.1f} periods; at most"
+                f" {rules.late_by_cycles_limit:g} are allowed. Check the computer's load",
+                value=late_by,
+                limit=rules.late_by_cycles_limit,
+            )
+        self._late = self._late + 1 if late_by > LATE_FRACTION else 0
+        if self._late >= rules.late_cycles_limit:
+            return StopReason(
+                StopCode.LATE_CYCLE,
+                f"{self._late} cycles in a row began more than {LATE_FRACTION:g} period late."
+                " Check the computer's load",
+                value=float(self._late),
+                limit=float(rules.late_cycles_limit),
+            )
+        return None

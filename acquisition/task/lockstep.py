@@ -1,0 +1,82 @@
+"""`Lockstep`: what simulated time stands still for, whatever the computer's speed."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from acquisition.supervision.stop_reason import StopCode
+from acquisition.task.control_block import ControlBlock, MonitorState, RecorderState
+from acquisition.task.ring import Ring
+from config.cell.cell import CellConfig
+
+RECORDER_PATIENCE_S = 30.0
+JUDGE_PATIENCE_S = 60.0
+MONITOR_PATIENCE_S = 20.0
+PAUSE_S = 0.001
+
+
+class Lockstep:
+    """Waits, a limited time, for the processes beside the cyclic task.
+
+    Parameters
+    ----------
+    control : ControlBlock
+        Between the task and the others.
+    ring : Ring
+        Takes a row a cycle.
+    cell : CellConfig
+        Cycle time, and the drive monitor's period where it has one.
+    stopped : callable
+        Whether somebody has ordered a stop: then nothing is waited for.
+    """
+
+    def __init__(
+        self, control: ControlBlock, ring: Ring, cell: CellConfig, stopped: Callable[[], bool]
+    ) -> None:
+        self._control = control
+        self._ring = ring
+        self._stopped = stopped
+        self._monitored = bool(control.monitored) and cell.monitor is not None
+        period_s = math.inf if cell.monitor is None else cell.monitor.period_s
+        self._least_s = period_s - 0.5 * cell.cycle_time_s
+        self._asked_s = -math.inf
+
+    def wait_for_room(self) -> bool:
+        """Wait until the recorder has made room in the ring; return whether it has."""
+        control = self._control
+        until_s = time.monotonic() + RECORDER_PATIENCE_S
+        while time.monotonic() < until_s:
+            if self._ring.waiting < self._ring.capacity:
+                return True
+            failed = control.recorder_state is RecorderState.FAILED
+            if failed or control.stop_code == StopCode.RECORDER:
+                return False
+            time.sleep(PAUSE_S)
+        return False
+
+    def wait_for_judgement(self, periods: int) -> bool:
+        """Wait until so many whole periods have been judged; return False where a stop ends it."""
+        control = self._control
+        until_s = time.monotonic() + JUDGE_PATIENCE_S
+        while control.periods_judged < periods and time.monotonic() < until_s:
+            if self._stopped():
+                return False
+            control.beat_task()  # a judgement may take longer than a task may be silent
+            time.sleep(PAUSE_S)
+        return True
+
+    def wait_for_monitor(self, time_s: float) -> None:
+        """Have the drives asked for a simulated time [s], where a period of the monitor is over."""
+        if not self._monitored or time_s < self._asked_s + self._least_s:
+            return
+        control = self._control
+        self._asked_s = time_s
+        asked = control.ask_monitor(time_s)
+        until_s = time.monotonic() + MONITOR_PATIENCE_S
+        while control.monitor_rounds < asked and time.monotonic() < until_s:
+            polls = control.monitor_state in (MonitorState.STARTING, MonitorState.POLLING)
+            if not polls or self._stopped():
+                return
+            time.sleep(PAUSE_S)

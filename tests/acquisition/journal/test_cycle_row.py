@@ -1,0 +1,24 @@
+"""A row of the journal: written by the names of its fields, in the layout of the file."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.journal.cycle_row import CycleRow, row_dtype, row_struct
+
+
+def test_a_row_has_the_fields_of_the_file_in_their_order() -> None:
+    assert CycleRow._fields == row_dtype(3).names
+
+
+@pytest.mark.parametrize("joints", [1, 3, 16])
+def test_what_is_written_by_name_is_read_by_name(joints: int) -> None:
+    dtype = row_dtype(joints)
+    fields = {}
+    for number, name in enumerate(CycleRow._fields):
+        shape = dtype[name].shape
+        fields[name] = [number + 1] * shape[0] if shape else number + 1
+    packed = row_struct(joints).pack(*CycleRow(**fields).values())
+    (row,) = np.frombuffer(packed, dtype)
+    assert {name: row[name].tolist() for name in CycleRow._fields} == fields
