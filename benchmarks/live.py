@@ -31,7 +31,8 @@ from acquisition.journal.cycles import read_journal
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
-from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.session.outcome import RecordOutcome
+from acquisition.session.record import record_motion
 from acquisition.task.control_block import Progress, TaskState
 from config.load import LoadedCell, load_cell
 from mock_hw.bus.hub_client import HubClient
@@ -109,7 +110,7 @@ class Bench:
             samples,
             RunFolder.create(self.folder, "live"),
             on_progress=on_progress,  # type: ignore[arg-type]
-            onlooker=self.page.onlooker("benchmark", samples, cell, robot),
+            observer=self.page.observer("benchmark", samples, cell, robot),
         )
 
 

@@ -37,7 +37,8 @@ from acquisition.journal.cycles import read_journal
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
-from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.session.outcome import RecordOutcome
+from acquisition.session.record import record_motion
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress
 from benchmarks.lateness import calm_p99

@@ -32,7 +32,8 @@ import numpy as np
 from acquisition.journal.cycles import read_journal
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.runs.folder import RunFolder
-from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.session.outcome import RecordOutcome
+from acquisition.session.record import record_motion
 from benchmarks.soak_faults import FAULTS, QUICK, Fault
 from config.errors import RidDaqError
 from config.load import LoadedCell, load_cell

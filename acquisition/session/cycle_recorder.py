@@ -14,7 +14,7 @@ from acquisition.journal.header import JournalHeader
 from acquisition.journal.mcap_writer import FLUSH_PERIOD_S, SYNC_PERIOD_S
 from acquisition.task.control_block import ControlBlock, RecorderState
 from acquisition.task.ring import Ring
-from config.process.process_name import ProcessName, bear_name
+from config.process.process_name import ProcessName, set_process_name
 from config.process.shortage import as_named
 from config.process.termination import leave_terminal
 
@@ -44,7 +44,7 @@ def run_recorder(
         Process id of the program.
     """
     leave_terminal()
-    bear_name(ProcessName.RECORDER)
+    set_process_name(ProcessName.RECORDER)
     try:
         with JournalWriter(path, header) as writer:
             control.recorder_state = RecorderState.RECORDING

@@ -13,9 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.journal.monitor import MonitorWriter
-from acquisition.journal.monitor_row import (
-    MonitorHeader,
-)
+from acquisition.journal.monitor_row import MonitorHeader
 from acquisition.task.control_block import ControlBlock, MonitorState, Pace
 from config.cell.drive_profile import DriveProfile
 from config.cell.monitor import MonitorConfig

@@ -13,9 +13,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
+from acquisition.session.helper_process import HelperProcess, start_all
 from config.cell.cell import CanBusConfig
 from config.errors import ConfigError, RecordingError, RidDaqError, TransportError
-from config.process.termination import leave_terminal, termination_held
+from config.process.termination import leave_terminal
 from drivers.ports.python_can import can, open_bus
 
 LISTENED: Final = ("rid_sim", "socketcan", "udp_multicast")
@@ -57,15 +58,13 @@ class FrameRecorder:
 
     def __init__(self, bus: CanBusConfig, path: Path) -> None:
         require_listenable(bus)
-        context = multiprocessing.get_context("spawn")
         self._path = path
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(
-            target=run_frame_recorder, args=(bus, path, theirs), name="frame recorder", daemon=True
+        self._pipe, theirs = multiprocessing.Pipe()
+        self._process = HelperProcess(
+            "frame recorder", run_frame_recorder, (bus, path, theirs), patience_s=_END_PATIENCE_S
         )
         try:
-            with termination_held(apart=True):
-                self._process.start()
+            start_all([self._process])
         except BaseException:
             self._end()
             raise
@@ -115,12 +114,7 @@ class FrameRecorder:
 
     def _end(self) -> None:
         self._pipe.close()
-        if self._process.pid is None:
-            return
-        self._process.join(_END_PATIENCE_S)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
+        self._process.end()
 
 
 def run_frame_recorder(bus: CanBusConfig, path: Path, pipe: Connection) -> None:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 import time
-from multiprocessing import get_context
 from multiprocessing.connection import wait
 
+from acquisition.session.helper_process import HelperProcess, start_all
 from acquisition.session.plate_block import PlateBlock, PlateState
 from acquisition.session.plate_recorder import PlateTask, run_plate_recorder
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock, Progress
 from config.cell.plate import CHANNEL_NAMES
 from config.errors import RecordingError
-from config.process.termination import termination_held
 
 START_PATIENCE_S = 60.0
 STOP_PATIENCE_S = 30.0
@@ -43,19 +42,19 @@ class PlateSession:
         self._samples_per_period = samples_per_period
         self._overloaded_rows = 0
         self._spoilt: set[int] = set()
-        self._process = get_context("spawn").Process(
-            target=run_plate_recorder,
-            args=(task, self._block, os.getpid()),
-            name="rid-daq plate recorder",
+        self._process = HelperProcess(
+            "plate's recorder",
+            run_plate_recorder,
+            (task, self._block, os.getpid()),
+            patience_s=STOP_PATIENCE_S,
         )
-        with termination_held(apart=True):
-            self._process.start()
+        start_all([self._process])
         self._await_rows()
 
     def watch(self, progress: Progress, control: ControlBlock) -> None:
         """Stop the motion where the plate is lost, or overloaded in too many periods."""
         status = self._block.status(time.monotonic())
-        if status.state in (PlateState.LINE_LOST, PlateState.FAILED) or not self._is_alive:
+        if status.state in (PlateState.LINE_LOST, PlateState.FAILED) or not self._process.is_alive:
             control.request_stop(StopCode.PLATE_LINE)
         if status.overloaded_rows > self._overloaded_rows and progress.sample_index >= 0:
             self._overloaded_rows = status.overloaded_rows
@@ -66,20 +65,9 @@ class PlateSession:
     def close(self) -> tuple[str, ...]:
         """End the stream and the file; return what a person should know, one sentence each."""
         self._block.request_stop()
-        self._process.join(STOP_PATIENCE_S)
-        notes = []
-        if self._is_alive:
-            notes.append("the plate's recorder did not finish and was killed")
-            self._process.kill()
-            self._process.join()
-        elif self._block.error is not None:
-            notes.append(f"force plate: {self._block.error}")
-        elif self._block.state is not PlateState.FINISHED:
-            notes.append(
-                f"the plate's recorder died (exit code {self._process.exitcode}); its file is not"
-                " closed"
-            )
-        self._process.close()
+        notes = self._process.end()
+        if self._block.error is not None:
+            notes = [f"force plate: {self._block.error}"]
         status = self._block.status(time.monotonic())
         if status.rows_lost:
             notes.append(
@@ -95,16 +83,12 @@ class PlateSession:
         ]
         return tuple(notes)
 
-    @property
-    def _is_alive(self) -> bool:
-        return self._process.is_alive()
-
     def _await_rows(self) -> None:
         """Wait until rows are being recorded: nothing is moved that the plate does not see."""
         until_s = time.monotonic() + START_PATIENCE_S
         while self._block.state is PlateState.STARTING:
             wait([self._process.sentinel], WATCH_S)
-            if not self._is_alive or time.monotonic() > until_s:
+            if not self._process.is_alive or time.monotonic() > until_s:
                 break
         if self._block.state is PlateState.RECORDING:
             return

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from multiprocessing.connection import wait
-from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
-from acquisition.journal.cycle_reader import CycleReader
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.plate import PLATE_RECORDING
 from acquisition.motion.collision import refuse_collision
@@ -23,18 +19,13 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
 from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.early_stop import EarlyStop, EarlyStopRule
+from acquisition.session.helper_process import HelperProcess, Observer, start_all
+from acquisition.session.monitor_session import end_monitor, monitor_process
+from acquisition.session.outcome import RecordOutcome, outcome_of
 from acquisition.session.plate_preparation import prepare_plate
 from acquisition.session.plate_recorder import PlateTask
 from acquisition.session.plate_session import PlateSession
-from acquisition.session.processes import (
-    Onlooker,
-    end_monitor,
-    end_onlooker,
-    monitor_process,
-    start_processes,
-)
-from acquisition.session.timing import CycleStatistics, CycleTally
-from acquisition.supervision.stop_reason import StopCode, StopReason
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import (
     ControlBlock,
     Progress,
@@ -50,7 +41,6 @@ from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.process.termination import (
-    Interruption,
     suspension_refused,
     termination_calls,
 )
@@ -70,36 +60,22 @@ NO_PAUSE = "Ctrl-Z does not pause a robot: the motion goes on. Ctrl-C stops it."
 
 
 @dataclass(frozen=True)
-class RecordOutcome:
-    """What became of a recorded motion; the drives are disabled and the file is closed.
+class DeviceProfiles:
+    """What the devices beside the bus speak.
 
     Attributes
     ----------
-    path : Path
-        The journal.
-    stop : StopReason or None
-        Why the motion did not come to its end; None where it did.
-    interrupted_by : Signals or None
-        The termination signal that stopped it.
-    rows : int
-        Rows in the journal.
-    statistics : CycleStatistics
-        Timing and frames.
-    notes : tuple of str
-        What else a person should know, one sentence each.
+    amplifier : AmplifierProfile or None
+        The force plate's amplifier: the plate is recorded beside, into `plate.mcap`; without it,
+        not.
+    drives : DriveProfile or None
+        The registers of the drives, where the cell has a monitor; the bundled one of the cell's
+        name when left out. Temperatures go to `monitor.mcap`; where they cannot be had the motion
+        is recorded all the same, and a note says so.
     """
 
-    path: Path
-    stop: StopReason | None
-    interrupted_by: signal.Signals | None
-    rows: int
-    statistics: CycleStatistics
-    notes: tuple[str, ...]
-
-    @property
-    def complete(self) -> bool:
-        """Whether the motion came to its end."""
-        return self.stop is None
+    amplifier: AmplifierProfile | None = None
+    drives: DriveProfile | None = None
 
 
 def record_motion(
@@ -110,9 +86,8 @@ def record_motion(
     *,
     on_progress: Callable[[Progress], None] | None = None,
     enough: EarlyStopRule | None = None,
-    profile: AmplifierProfile | None = None,
-    drive_profile: DriveProfile | None = None,
-    onlooker: Onlooker | None = None,
+    profiles: DeviceProfiles | None = None,
+    observer: Observer | None = None,
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
@@ -136,13 +111,9 @@ def record_motion(
     enough : callable, optional
         Asked about every new period, in a thread of its own; where it returns True the motion goes
         over to its run-out after the period under way.
-    profile : AmplifierProfile, optional
-        What the cell's amplifier speaks: the force plate is recorded beside, into `plate.mcap`.
-    drive_profile : DriveProfile, optional
-        The registers of the drives, where the cell has a monitor; the bundled one of the cell's
-        name when left out. Temperatures go to `monitor.mcap`; without them the motion is recorded
-        all the same, and a note says so.
-    onlooker : callable, optional
+    profiles : DeviceProfiles, optional
+        What the cell's amplifier and its drives' registers speak.
+    observer : callable, optional
         Makes one more process, such as the live page's. It is not waited for, and its death changes
         nothing.
 
@@ -162,6 +133,7 @@ def record_motion(
         source, planned = PlannedMotion(motion), motion
     else:
         source = motion
+    profiles = profiles or DeviceProfiles()
     path = folder.file(RECORDING)
     ring = Ring.create(len(robot.joints), max(RING_ROWS, int(RING_S / cell.cycle_time_s)))
     _check_room(folder.path, source.rows_expected * (ring.row_size + 64))
@@ -178,24 +150,21 @@ def record_motion(
         robot_name=robot.name,
         run_id=folder.run_id,
     )
-    spawn = get_context("spawn")
-    task = spawn.Process(
-        target=run_cyclic_task,
-        args=(cell, robot, source, ring, control, os.getpid()),
-        name="rid-daq cyclic task",
+    task = HelperProcess(
+        "cyclic task",
+        run_cyclic_task,
+        (cell, robot, source, ring, control, os.getpid()),
+        patience_s=STOP_PATIENCE_S,
+        loss="the drives stop by themselves when the heartbeat ends",
     )
-    recorder = spawn.Process(
-        target=run_recorder,
-        args=(ring, control, path, header, os.getpid()),
-        name="rid-daq recorder",
+    recorder = HelperProcess(
+        "recorder",
+        run_recorder,
+        (ring, control, path, header, os.getpid()),
+        patience_s=FINISH_PATIENCE_S,
     )
-    processes = [recorder, task]
-    monitor = monitor_process(cell, robot, drive_profile, control, folder)
-    if monitor is not None:
-        processes.insert(0, monitor)
-    looker = None if onlooker is None else onlooker(ring, control)
-    if looker is not None:
-        processes.insert(0, looker)
+    monitor = monitor_process(cell, robot, profiles.drives, control, folder)
+    watcher = None if observer is None else observer(ring, control)
     joints = JointWatch(ring, cell, robot)
     with (
         suspension_refused(NO_PAUSE),
@@ -203,22 +172,24 @@ def record_motion(
             lambda: control.request_stop(StopCode.INTERRUPTED), then_ignored=True
         ) as interruption,
     ):
-        plate = _start_plate(cell, source, folder, profile)
+        plate = _start_plate(cell, source, folder, profiles.amplifier)
         notes: list[str] = []
         try:
-            start_processes(processes)
+            start_all([each for each in (watcher, monitor, recorder, task) if each is not None])
             try:
                 _watch(task, recorder, monitor, control, joints, on_progress, early_stop, plate)
             finally:
                 notes += _wind_up(task, recorder, control)
-                notes += end_monitor(monitor, control)
-                notes += end_onlooker(looker)
+                if monitor is not None:
+                    notes += end_monitor(monitor, control)
+                if watcher is not None:
+                    notes += watcher.end()
                 if early_stop is not None:
                     early_stop.close()
         finally:
             if plate is not None:
                 notes += plate.close()
-    return _outcome(path, header, task, recorder, control, interruption, notes)
+    return outcome_of(path, header, task, control, interruption, notes)
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:
@@ -272,9 +243,9 @@ def _check_room(folder: Path, expected_bytes: int) -> None:
 
 
 def _watch(
-    task: SpawnProcess,
-    recorder: SpawnProcess,
-    monitor: SpawnProcess | None,
+    task: HelperProcess,
+    recorder: HelperProcess,
+    monitor: HelperProcess | None,
     control: ControlBlock,
     joints: JointWatch,
     on_progress: Callable[[Progress], None] | None,
@@ -284,12 +255,12 @@ def _watch(
     """Wait for the task to end; tell it when the recorder dies, kill it when it hangs."""
     beat, changed_s = -1, time.monotonic()
     sentinels = [task.sentinel, recorder.sentinel]
-    while task.is_alive():
+    while task.is_alive:
         wait(sentinels, WATCH_S)
-        if len(sentinels) == 2 and not recorder.is_alive():
+        if len(sentinels) == 2 and not recorder.is_alive:
             sentinels.pop()
             control.request_stop(StopCode.RECORDER)
-        if monitor is not None and not monitor.is_alive():
+        if monitor is not None and not monitor.is_alive:
             control.declare_monitor_dead()
         progress = control.progress
         now_s = time.monotonic()
@@ -298,7 +269,6 @@ def _watch(
         moving = progress.state in (TaskState.MOVING, TaskState.STOPPING)
         if now_s - changed_s > (BEAT_PATIENCE_S if moving else START_PATIENCE_S):
             task.kill()
-            task.join()
         if early_stop is not None:
             early_stop.look(progress)
         if plate is not None:
@@ -307,97 +277,19 @@ def _watch(
             on_progress(replace(progress, joints=joints.look()))
 
 
-def _wind_up(task: SpawnProcess, recorder: SpawnProcess, control: ControlBlock) -> list[str]:
-    """End both processes, in whatever state they are; return what had to be done by force."""
-    notes = []
-    if task.is_alive():
-        control.request_stop(StopCode.INTERRUPTED)
-        task.join(STOP_PATIENCE_S)
-    if task.is_alive():
-        notes.append("the cyclic task did not stop when asked and was killed")
-        task.kill()
-        task.join()
-    control.declare_task_gone()
-    recorder.join(FINISH_PATIENCE_S)
-    if recorder.is_alive():
-        notes.append("the recorder did not finish and was killed; its file is not closed")
-        recorder.kill()
-        recorder.join()
-    return notes
+def _wind_up(task: HelperProcess, recorder: HelperProcess, control: ControlBlock) -> list[str]:
+    """End both processes, in whatever state they are; return what there is to say of it.
 
-
-def _outcome(
-    path: Path,
-    header: JournalHeader,
-    task: SpawnProcess,
-    recorder: SpawnProcess,
-    control: ControlBlock,
-    interruption: Interruption,
-    notes: list[str],
-) -> RecordOutcome:
-    notes += control.notes
-    stop = control.stop_reason
-    error = control.task_error
-    finished = control.progress.state is TaskState.FINISHED
-    task_exit, recorder_exit = task.exitcode, recorder.exitcode
-    task.close()
-    recorder.close()
-    if stop is None and not finished:
-        stop = StopReason(
-            StopCode.TASK_DIED,
-            f"the cyclic task died (exit code {task_exit}); the drives stop by themselves when the"
-            " heartbeat ends",
-        )
-    elif stop is None and task_exit != 0:
-        stop = StopReason(
-            StopCode.TASK_DIED,
-            f"the cyclic task failed (exit code {task_exit}) and left the cell disabled; its"
-            " traceback is on the error output: please report it",
-        )
-    elif stop is None and interruption.signal is not None and error is not None:
-        stop = StopReason(StopCode.INTERRUPTED, f"stopped before the motion: {error}")
-    elif error is not None:
-        if stop is None:
-            raise error
-        notes.append(str(error))
-    if control.recorder_state is RecorderState.FAILED:
-        notes.append(control.recorder_error)
-    elif control.recorder_state is not RecorderState.FINISHED:
-        notes.append(f"the recorder died (exit code {recorder_exit}); its file is not closed")
-    tally = CycleTally(len(header.joint_names))
-    try:
-        notes += _read_back(path, header, tally)
-    except RecordingError as damage:
-        if stop is None:
-            raise
-        notes.append(str(damage))
-    statistics = tally.statistics()
-    return RecordOutcome(
-        path=path,
-        stop=stop,
-        interrupted_by=interruption.signal,
-        rows=statistics.cycles,
-        statistics=statistics,
-        notes=tuple(notes),
-    )
-
-
-def _read_back(path: Path, header: JournalHeader, tally: CycleTally) -> tuple[str, ...]:
-    """Count what was recorded; return what it has lost, one sentence each.
-
-    Raises
-    ------
-    RecordingError
-        It cannot be read, or is not what this motion has written.
+    How the task has died is the reason of the stop and no note (`outcome_of`).
     """
-    with CycleReader(path) as reader:
-        for rows in reader.rows():
-            if reader.header != header:
-                break
-            tally.add(rows)
-        if reader.header != header:
-            raise RecordingError(
-                f"{path}: is the recording of run {reader.header.run_id or '?'} by now: another"
-                " file or folder has taken the place of this motion's"
-            )
-        return reader.damage.notes
+    notes = []
+    if task.is_alive:
+        control.request_stop(StopCode.INTERRUPTED)
+        if not task.wait(STOP_PATIENCE_S):
+            notes.append("the cyclic task did not stop when asked and was killed")
+            task.kill()
+    task.end()
+    control.declare_task_gone()
+    died = recorder.end()
+    failed = control.recorder_state is RecorderState.FAILED
+    return notes + ([control.recorder_error] if failed else died)

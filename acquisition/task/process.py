@@ -14,7 +14,7 @@ from acquisition.task.ring import Ring
 from acquisition.task.set_points import SetPointSource
 from config.cell.cell import CellConfig
 from config.errors import RecordingError
-from config.process.process_name import ProcessName, bear_name
+from config.process.process_name import ProcessName, set_process_name
 from config.process.shortage import as_named
 from config.process.termination import leave_terminal
 from config.robot.robot import RobotDescription
@@ -47,7 +47,7 @@ def run_cyclic_task(
         Process id of the program.
     """
     leave_terminal()
-    bear_name(ProcessName.TASK)
+    set_process_name(ProcessName.TASK)
     control.task_state = TaskState.BRING_UP
 
     def orphaned() -> bool:

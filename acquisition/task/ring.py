@@ -108,7 +108,7 @@ class Ring:
         return rows
 
     def latest(self, limit: int) -> bytes:
-        """Return up to `limit` of the rows last written, without taking them; for onlookers.
+        """Return up to `limit` of the rows last written, without taking them; for observers.
 
         Returns
         -------

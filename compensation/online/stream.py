@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from acquisition.motion.samples import MotionSamples
-from acquisition.session.record import RecordOutcome
+from acquisition.session.outcome import RecordOutcome
 from acquisition.task.set_points import SetPointSource
 from compensation.online.online import OnlineFeedforward
 from compensation.online.point_feed import PointFeed, PointGate, wait_for_points

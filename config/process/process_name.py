@@ -15,7 +15,7 @@ class ProcessName(StrEnum):
     RECORDER = "rid recorder"
 
 
-def bear_name(name: ProcessName) -> None:
+def set_process_name(name: ProcessName) -> None:
     """Let this process be seen under a name; the program's own process keeps what it has."""
     if multiprocessing.parent_process() is None:
         return

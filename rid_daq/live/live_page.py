@@ -7,15 +7,13 @@ import os
 import socket
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
-from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from acquisition.motion.samples import MotionSamples
-from acquisition.session.processes import Onlooker
+from acquisition.session.helper_process import HelperProcess, Observer
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from config.cell.cell import CellConfig
@@ -25,6 +23,8 @@ from rid_daq.live.access import DEFAULT_LISTEN, Access
 from rid_daq.live.live_process import BACKLOG, run_live_page
 from rid_daq.live.picture import ShownMotion
 from rid_daq.terminal.console import Console
+
+PATIENCE_S = 2.0
 
 Live = Annotated[
     bool, typer.Option("--live", help="Show the motion in a browser, with a stop button.")
@@ -69,22 +69,24 @@ class LiveOptions:
 
 @dataclass(frozen=True)
 class LivePage:
-    """A page that listens already, and shows the motions that it is made an onlooker of."""
+    """A page that listens already, and shows the motions that it is made an observer of."""
 
     access: Access
     listener: socket.socket
 
-    def onlooker(
+    def observer(
         self, title: str, samples: MotionSamples, cell: CellConfig, robot: RobotDescription
-    ) -> Onlooker:
+    ) -> Observer:
         """Return what makes the process that shows a motion (`record_motion`)."""
         motion = ShownMotion(title, len(samples), samples.samples_per_period, cell, robot)
 
-        def make(ring: Ring, control: ControlBlock) -> SpawnProcess:
-            return get_context("spawn").Process(
-                target=run_live_page,
-                args=(self.access, self.listener, motion, ring, control, os.getpid()),
-                name="rid-daq live page",
+        def make(ring: Ring, control: ControlBlock) -> HelperProcess:
+            return HelperProcess(
+                "live page",
+                run_live_page,
+                (self.access, self.listener, motion, ring, control, os.getpid()),
+                patience_s=PATIENCE_S,
+                loss="the motion was not affected",
             )
 
         return make

@@ -12,7 +12,7 @@ from pydantic import JsonValue
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from acquisition.session.record import RecordOutcome
+from acquisition.session.outcome import RecordOutcome
 from acquisition.supervision.stop_reason import StopCode
 from config.errors import DataQualityError, RecordingError
 from rid_daq.report.result import Result

@@ -17,7 +17,8 @@ from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.session.early_stop import NewPeriods
 from acquisition.session.frame_recorder import FrameRecorder
-from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.session.outcome import RecordOutcome
+from acquisition.session.record import DeviceProfiles, record_motion
 from acquisition.task.set_points import SetPointSource
 from config.cell.cell import CellConfig
 from config.errors import RecordingError, TransportError
@@ -200,7 +201,7 @@ class RunSession:
         robot, samples, watch = self.loaded.robot, request.samples, request.watch
         observer = None
         if self.page is not None and samples is not None:
-            observer = self.page.onlooker(request.sentence, samples, self.cell, robot)
+            observer = self.page.observer(request.sentence, samples, self.cell, robot)
 
         def record(driven: MotionSamples | SetPointSource) -> RecordOutcome:
             with self.display.progress(request.role, *total_of(samples)) as shown:
@@ -216,9 +217,10 @@ class RunSession:
                         (lambda: "") if watch is None else watch.line,
                     ),
                     enough=None if watch is None else watch.enough,
-                    profile=self.loaded.amplifier_profile,
-                    drive_profile=self.loaded.drive_profile,
-                    onlooker=observer,
+                    profiles=DeviceProfiles(
+                        self.loaded.amplifier_profile, self.loaded.drive_profile
+                    ),
+                    observer=observer,
                 )
             for note in outcome.notes:
                 self.display.say(f"note: {note}")

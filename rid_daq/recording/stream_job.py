@@ -8,7 +8,7 @@ from pathlib import Path
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.manifest import require_label
-from acquisition.session.record import RecordOutcome
+from acquisition.session.outcome import RecordOutcome
 from compensation.loops import loop_file
 from compensation.online.online import OnlineFeedforward
 from compensation.online.stream import StreamOptions, stream_motion, stream_socket

@@ -11,14 +11,12 @@ import subprocess
 import sys
 import tracemalloc
 from collections.abc import Callable
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from acquisition.runs.folder import RunFolder
-from acquisition.session.processes import start_processes
+from acquisition.session.helper_process import HelperProcess, start_all
 from config.errors import ShortageError
 from config.formats.bounded_file import read_file
 from config.process.shortage import as_named, as_shortage, require_memory
@@ -170,20 +168,18 @@ def test_more_memory_than_there_are_addresses_is_refused() -> None:
         require_memory(1 << 60)
 
 
-class _Unstartable:
-    pid = None
-
+class _Unstartable(HelperProcess):
     def start(self) -> None:
         raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
 
 
 @pytest.mark.fault(50)
 def test_where_one_process_cannot_start_none_is_left(measured: Callable[[str], None]) -> None:
-    first = get_context("spawn").Process(target=signal.pause)
-    processes: Any = [first, _Unstartable()]
+    first = HelperProcess("first", signal.pause, (), patience_s=0.0)
     with pytest.raises(ShortageError, match="no more processes"):
-        start_processes(processes)
-    assert first.exitcode == -signal.SIGKILL
+        start_all([first, _Unstartable("second", signal.pause, (), patience_s=0.0)])
+    first.end()
+    assert first.exit_code == -signal.SIGKILL
     measured("0 processes left")
 
 

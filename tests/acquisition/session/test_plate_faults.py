@@ -16,7 +16,8 @@ from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.processing.plate_alignment import stream_clock, with_plate
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
-from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.session.outcome import RecordOutcome
+from acquisition.session.record import DeviceProfiles, record_motion
 from acquisition.supervision.stop_reason import StopCode
 from config.cell.cell import CellConfig
 from config.load import LoadedCell, load_cell
@@ -67,7 +68,11 @@ def record(
     ) as simulated:
         run = RunFolder.create(folder, "test")
         outcome = record_motion(
-            simulated.cell, loaded.robot, samples, run, profile=loaded.amplifier_profile
+            simulated.cell,
+            loaded.robot,
+            samples,
+            run,
+            profiles=DeviceProfiles(loaded.amplifier_profile),
         )
     recording = read_journal(outcome.path).recording()
     return outcome, recording, read_plate_journal(run.file(PLATE_RECORDING))

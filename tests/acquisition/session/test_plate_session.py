@@ -17,8 +17,9 @@ from acquisition.journal.plate import PLATE_RECORDING, PlateRows, read_plate_jou
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
+from acquisition.session.outcome import RecordOutcome
 from acquisition.session.plate_preparation import plate_zero_n, prepare_plate
-from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.session.record import DeviceProfiles, record_motion
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress
 from config.errors import PreflightError
@@ -76,7 +77,7 @@ def record(loaded: LoadedCell, tmp_path: Path) -> Record:
             loaded.robot,
             samples,
             folder,
-            profile=loaded.amplifier_profile,
+            profiles=DeviceProfiles(loaded.amplifier_profile),
             on_progress=on_progress,
         )
         return outcome, read_plate_journal(folder.file(PLATE_RECORDING))

@@ -27,7 +27,8 @@ from acquisition.journal.mcap_writer import being_written
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
-from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.session.outcome import RecordOutcome
+from acquisition.session.record import record_motion
 from acquisition.session.repair import repair_journal
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import Progress, TaskState

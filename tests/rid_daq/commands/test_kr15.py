@@ -30,7 +30,8 @@ from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.session.outcome import RecordOutcome
+from acquisition.session.record import record_motion
 from acquisition.task.control_block import Progress
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError

@@ -17,7 +17,8 @@ from acquisition.journal.cycles import read_journal
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
-from acquisition.session.record import RecordOutcome, record_motion
+from acquisition.session.outcome import RecordOutcome
+from acquisition.session.record import record_motion
 from acquisition.task.control_block import Progress
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
@@ -113,7 +114,7 @@ def test_a_crowd_at_the_page_and_its_death_change_no_bit_of_the_recording(
                 samples,
                 folder,
                 on_progress=crowd,
-                onlooker=page.onlooker("test", samples, simulated.cell, loaded.robot),
+                observer=page.observer("test", samples, simulated.cell, loaded.robot),
             )
             crowd.leave()
         assert len(crowd.lines) == CLIENTS

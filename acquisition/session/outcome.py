@@ -1,0 +1,140 @@
+"""`RecordOutcome`: what became of a recorded motion, by what its processes said and the journal."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.journal.cycle_reader import CycleReader
+from acquisition.journal.header import JournalHeader
+from acquisition.session.helper_process import HelperProcess
+from acquisition.session.timing import CycleStatistics, CycleTally
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from acquisition.task.control_block import ControlBlock, TaskState
+from config.errors import RecordingError
+from config.process.termination import Interruption
+
+
+@dataclass(frozen=True)
+class RecordOutcome:
+    """What became of a recorded motion; the drives are disabled and the file is closed.
+
+    Attributes
+    ----------
+    path : Path
+        The journal.
+    stop : StopReason or None
+        Why the motion did not come to its end; None where it did.
+    interrupted_by : Signals or None
+        The termination signal that stopped it.
+    rows : int
+        Rows in the journal.
+    statistics : CycleStatistics
+        Timing and frames.
+    notes : tuple of str
+        What else a person should know, one sentence each.
+    """
+
+    path: Path
+    stop: StopReason | None
+    interrupted_by: signal.Signals | None
+    rows: int
+    statistics: CycleStatistics
+    notes: tuple[str, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the motion came to its end."""
+        return self.stop is None
+
+
+def outcome_of(
+    path: Path,
+    header: JournalHeader,
+    task: HelperProcess,
+    control: ControlBlock,
+    interruption: Interruption,
+    notes: list[str],
+) -> RecordOutcome:
+    """Return what became of a motion whose processes have ended, and read back what they recorded.
+
+    Parameters
+    ----------
+    path, header : Path, JournalHeader
+        The journal, and what it must say about itself.
+    task : HelperProcess
+        The cyclic task.
+    control : ControlBlock
+        What the processes have said.
+    interruption : Interruption
+        Says which signal came first.
+    notes : list of str
+        What there is to say about the processes.
+
+    Raises
+    ------
+    RidDaqError
+        The motion failed before it began, or nothing was recorded.
+    """
+    notes = notes + list(control.notes)
+    stop = control.stop_reason
+    error = control.task_error
+    finished = control.progress.state is TaskState.FINISHED
+    task_exit = task.exit_code
+    if stop is None and not finished:
+        stop = StopReason(
+            StopCode.TASK_DIED,
+            f"the cyclic task died (exit code {task_exit}); the drives stop by themselves when the"
+            " heartbeat ends",
+        )
+    elif stop is None and task_exit != 0:
+        stop = StopReason(
+            StopCode.TASK_DIED,
+            f"the cyclic task failed (exit code {task_exit}) and left the cell disabled; its"
+            " traceback is on the error output: please report it",
+        )
+    elif stop is None and interruption.signal is not None and error is not None:
+        stop = StopReason(StopCode.INTERRUPTED, f"stopped before the motion: {error}")
+    elif error is not None:
+        if stop is None:
+            raise error
+        notes.append(str(error))
+    statistics = CycleTally(len(header.joint_names)).statistics()
+    try:
+        statistics, lost = _read_back(path, header)
+        notes += lost
+    except RecordingError as damage:
+        if stop is None:
+            raise
+        notes.append(str(damage))
+    return RecordOutcome(
+        path=path,
+        stop=stop,
+        interrupted_by=interruption.signal,
+        rows=statistics.cycles,
+        statistics=statistics,
+        notes=tuple(notes),
+    )
+
+
+def _read_back(path: Path, header: JournalHeader) -> tuple[CycleStatistics, tuple[str, ...]]:
+    """Return the statistics of what was recorded, and what it has lost, one sentence each.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read, or is not what this motion has written.
+    """
+    tally = CycleTally(len(header.joint_names))
+    with CycleReader(path) as reader:
+        for rows in reader.rows():
+            if reader.header != header:
+                break
+            tally.add(rows)
+        if reader.header != header:
+            raise RecordingError(
+                f"{path}: is the recording of run {reader.header.run_id or '?'} by now: another"
+                " file or folder has taken the place of this motion's"
+            )
+        return tally.statistics(), reader.damage.notes

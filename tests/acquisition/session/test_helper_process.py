@@ -1,0 +1,50 @@
+"""Every process beside the program ends within its patience, and what it died of is said."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+from acquisition.session.helper_process import HelperProcess, start_all
+from config.process.termination import leave_terminal
+
+
+def leave() -> None:
+    leave_terminal()
+
+
+def hang() -> None:
+    leave_terminal()
+    signal.pause()
+
+
+def die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.parametrize(
+    ("main", "patience_s", "notes"),
+    [
+        (leave, 120.0, []),
+        (die, 120.0, ["the helper died (exit code -9); nothing is lost"]),
+        (hang, 0.1, ["the helper did not finish and was killed; nothing is lost"]),
+    ],
+)
+def test_its_end_is_said_where_it_was_not_its_own(
+    main: object, patience_s: float, notes: list[str]
+) -> None:
+    helper = HelperProcess(
+        "helper",
+        main,  # type: ignore[arg-type]
+        (),
+        patience_s=patience_s,
+        loss="nothing is lost",
+    )
+    start_all([helper])
+    assert helper.end() == notes
+
+
+def test_what_was_never_started_has_ended() -> None:
+    assert HelperProcess("helper", leave, (), patience_s=120.0).end() == []
