@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 
 from benchmarks.closed_loop import closed_loop
 from compensation.loops.loop_measurement import measure_loops
-from compensation.loops.multisine_motion import multisine_motion
+from compensation.loops.multisine_motion import MultisineOptions, multisine_motion
 from compensation.loops.multisine_spectra import MultisineSpectra, multisine_spectra
 from config.arrays import FloatArray
 from config.load import LoadedCell, load_cell
@@ -87,7 +87,9 @@ def prove(seeds: int, period_s: float | None = None) -> Proof:
     error, deviation, peer_error, p_values, lag_s = [], [], [], [], []
     for seed in range(seeds):
         truth = drawn_plant(cell, seed)
-        motion = multisine_motion(cell.robot, cell.config, period_s=period_s, seed=seed)
+        motion = multisine_motion(
+            cell.robot, cell.config, MultisineOptions(period_s=period_s, seed=seed)
+        )
         samples = motion.plan(cell.robot, cell.config.cycle_time_s)
         recording = closed_loop(cell, truth, samples, seed)
         spectra = multisine_spectra(recording, motion, cell.robot)

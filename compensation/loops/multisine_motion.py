@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -47,19 +48,41 @@ def velocity_loop_band_hz(cell: CellConfig) -> tuple[float, float]:
     return LOWEST_HZ, highest
 
 
+@dataclass(frozen=True)
+class MultisineOptions:
+    """What multisines are asked for.
+
+    Attributes
+    ----------
+    band_hz : (float, float) or None
+        Lowest and highest frequency [Hz]; the cell's (`velocity_loop_band_hz`), if None.
+    period_s : float or None
+        The period [s], whole cycles; some 8 s, if None.
+    periods, realisations : int
+        How many count.
+    grid, phases : str
+        As in `MultisineMotion`.
+    slow : bool
+        Whether there is a slow sine beneath.
+    seed : int
+        Of phases, of the lines left empty, and of poses where the middle of the ranges touches.
+    """
+
+    band_hz: tuple[float, float] | None = None
+    period_s: float | None = None
+    periods: int = 4
+    realisations: int = 4
+    grid: Literal["odd", "random_odd", "full"] = "random_odd"
+    phases: Literal["random", "schroeder"] = "random"
+    slow: bool = True
+    seed: int = 0
+
+
 def multisine_motion(
     robot: RobotDescription,
     cell: CellConfig,
-    *,
-    band_hz: tuple[float, float] | None = None,
-    period_s: float | None = None,
-    periods: int = 4,
-    realisations: int = 4,
-    grid: Literal["odd", "random_odd", "full"] = "random_odd",
-    phases: Literal["random", "schroeder"] = "random",
-    slow: bool = True,
+    options: MultisineOptions,
     estimate: Estimate | None = None,
-    seed: int = 0,
 ) -> MultisineMotion:
     """Return a multisine about the middle of every joint's range, verified within the limits.
 
@@ -74,27 +97,18 @@ def multisine_motion(
         The robot.
     cell : CellConfig
         Cycle time, band, workspace.
-    band_hz : (float, float), optional
-        Lowest and highest frequency [Hz]; the cell's (`velocity_loop_band_hz`), if not given.
-    period_s : float, optional
-        The period [s], whole cycles; some 8 s, if not given.
-    periods, realisations : int
-        How many count.
-    grid, phases : str
-        As in `MultisineMotion`.
-    slow : bool
-        Whether there is a slow sine beneath.
+    options : MultisineOptions
+        What is asked for.
     estimate : Estimate, optional
         A model, for the torque limits.
-    seed : int
-        Of phases, of the lines left empty, and of poses where the middle of the ranges touches.
 
     Raises
     ------
     ConfigError
         Not even a small one holds the limits, or period and band do not suit the cell.
     """
-    cycle_s = cell.cycle_time_s
+    cycle_s, period_s, seed = cell.cycle_time_s, options.period_s, options.seed
+    realisations, band_hz = options.realisations, options.band_hz
     if period_s is None:
         period_s = round(round(PERIOD_S / cycle_s) * cycle_s, 6)
     lowest_hz, highest_hz = velocity_loop_band_hz(cell) if band_hz is None else band_hz
@@ -108,7 +122,7 @@ def multisine_motion(
             f"a band from {lowest_hz:g} Hz needs a period of at least {2.0 / lowest_hz:g} s, it is"
             f" {period_s:g} s: the first harmonic is the slow sine's"
         )
-    if phases == "schroeder" and realisations > 1:
+    if options.phases == "schroeder" and realisations > 1:
         raise ConfigError(
             f"Schroeder's phases are the same in all {realisations} realisations: ask for one, or"
             " for random phases"
@@ -125,7 +139,7 @@ def multisine_motion(
             for each in limits
         ]
     )
-    swing *= float(slow)
+    swing *= float(options.slow)
     clearances = Clearances.of(robot, cell.workspace)
     pose = _clear_pose(robot, clearances, seed)
     reason = ""
@@ -136,11 +150,11 @@ def multisine_motion(
             period_s=period_s,
             lowest_hz=lowest_hz,
             highest_hz=highest_hz,
-            grid=grid,
-            phases=phases,
+            grid=options.grid,
+            phases=options.phases,
             seed=seed,
             realisations=realisations,
-            periods=periods,
+            periods=options.periods,
             joints=tuple(
                 MultisineJoint(
                     joint=joint.name,

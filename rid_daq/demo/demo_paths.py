@@ -20,7 +20,7 @@ from compensation.feedforward.repeated_error import repeated_error
 from compensation.feedforward.tuning import Tuning, tune
 from compensation.loops.frequency_response import frequency_responses
 from compensation.loops.loop_file import write_loops
-from compensation.loops.multisine_motion import multisine_motion
+from compensation.loops.multisine_motion import MultisineOptions, multisine_motion
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
 from compensation.online.online import in_order
 from config.cell.cell import CellConfig
@@ -62,9 +62,10 @@ class PathMotions:
     @classmethod
     def of_cell(cls, robot: RobotDescription, cell: CellConfig, seed: int) -> PathMotions:
         """Return those of the bundled arm."""
-        multisine = multisine_motion(
-            robot, cell, band_hz=BAND_HZ, period_s=4.0, periods=2, realisations=2, seed=seed
+        options = MultisineOptions(
+            band_hz=BAND_HZ, period_s=4.0, periods=2, realisations=2, seed=seed
         )
+        multisine = multisine_motion(robot, cell, options)
         return cls(
             multisine=multisine,
             circle=CircleMotion(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.motion.kinds.multisine import MultisineMotion, crest_factor
-from compensation.loops.multisine_motion import limit_use, multisine_motion
+from compensation.loops.multisine_motion import MultisineOptions, limit_use, multisine_motion
 from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, to_yaml
@@ -57,7 +57,7 @@ def write_multisine(
     band
         "LOW:HIGH" [Hz]; the cell's, if not given.
     grid, phases, slow, period_s, periods, seed
-        As in `multisine_motion`; four periods, if not given.
+        As in `MultisineOptions`; four periods, if not given.
     realisations
         Four, or one with Schroeder's phases, if not given.
     model
@@ -75,9 +75,7 @@ def write_multisine(
             f"{model}: is of robot {estimate.robot.name!r}, the cell's is {robot.name!r}: give a"
             " model of this robot"
         )
-    motion = multisine_motion(
-        robot,
-        loaded.config,
+    options = MultisineOptions(
         band_hz=None if band is None else _band(band),
         period_s=period_s,
         periods=periods or 4,
@@ -85,9 +83,9 @@ def write_multisine(
         grid=grid.value,
         phases=phases.value,
         slow=slow,
-        estimate=estimate,
         seed=seed,
     )
+    motion = multisine_motion(robot, loaded.config, options, estimate)
     samples = motion.plan(robot, loaded.config.cycle_time_s)
     use = limit_use(samples, robot, estimate)
     lines, crests = motion.excited_lines(robot), _crest_factors(loaded, motion)

@@ -19,7 +19,7 @@ from compensation.loops.frequency_response import (
     controller_responses,
     mechanics_responses,
 )
-from compensation.loops.multisine_motion import multisine_motion
+from compensation.loops.multisine_motion import MultisineOptions, multisine_motion
 from compensation.loops.multisine_spectra import multisine_spectra
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
 from config.errors import EstimationError
@@ -130,9 +130,8 @@ def smooth(cell: LoadedCell) -> PlantConfig:
 
 @pytest.fixture(scope="module")
 def measured(cell: LoadedCell, smooth: PlantConfig) -> list[Cascade]:
-    motion = multisine_motion(
-        cell.robot, cell.config, period_s=4.0, periods=2, realisations=2, seed=3
-    )
+    options = MultisineOptions(period_s=4.0, periods=2, realisations=2, seed=3)
+    motion = multisine_motion(cell.robot, cell.config, options)
     samples = motion.plan(cell.robot, CYCLE_S)
     spectra = multisine_spectra(closed_loop(cell, smooth, samples, 3), motion, cell.robot)
     return [

@@ -21,7 +21,7 @@ from compensation.loops.frequency_response import (
     frequency_responses,
 )
 from compensation.loops.loop_measurement import measure_loops
-from compensation.loops.multisine_motion import multisine_motion
+from compensation.loops.multisine_motion import MultisineOptions, multisine_motion
 from compensation.loops.multisine_spectra import interpolation_response, multisine_spectra
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop, whiteness
 from config.errors import DataQualityError, EstimationError
@@ -240,9 +240,8 @@ def test_friction_that_sticks_passes_for_inertia_without_the_slow_sine(cell: Loa
     assert cell.plant is not None
     inertia = {}
     for slow in (True, False):
-        motion = multisine_motion(
-            cell.robot, cell.config, period_s=4.0, periods=2, realisations=2, slow=slow, seed=1
-        )
+        options = MultisineOptions(period_s=4.0, periods=2, realisations=2, slow=slow, seed=1)
+        motion = multisine_motion(cell.robot, cell.config, options)
         samples = motion.plan(cell.robot, cell.config.cycle_time_s)
         recording = closed_loop(cell, cell.plant, samples, 1)
         found = measure_loops(recording, motion, cell.robot, cell.config.position_gain_per_s)

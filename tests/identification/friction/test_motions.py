@@ -70,6 +70,6 @@ def test_a_periodic_motion_becomes_one_there_and_back() -> None:
         joints=(FourierJoint(joint="a", offset=0.1, sine=(0.2, 0.3), cosine=(0.4, -0.1)),),
     )
     both = reversed_motion(there)
-    assert both.there() == there
-    back = both.back().joints[0]
+    assert both.forward() == there
+    back = both.reversed().joints[0]
     assert (back.offset, back.sine, back.cosine) == (0.1, (-0.2, -0.3), (0.4, -0.1))

@@ -142,7 +142,7 @@ def test_another_motion_is_no_measurement_of_friction(
     recorded = next(path for path in runs.glob("*/motion.yaml") if "reversed" in path.read_text())
     copy = tmp_path / recorded.parent.name
     shutil.copytree(recorded.parent, copy)
-    RunFolder.open(copy).write("motion.yaml", to_yaml(THERE_AND_BACK.there()).encode())
+    RunFolder.open(copy).write("motion.yaml", to_yaml(THERE_AND_BACK.forward()).encode())
     assert run(["friction", str(copy)]) == 2
     error = capsys.readouterr().err
     assert "a motion of kind fourier" in error

@@ -13,7 +13,12 @@ from acquisition.motion.motion_file import load_motion
 from benchmarks.closed_loop import closed_loop
 from compensation.loops.cascade import advise
 from compensation.loops.loop_measurement import measure_loops
-from compensation.loops.multisine_motion import limit_use, multisine_motion, velocity_loop_band_hz
+from compensation.loops.multisine_motion import (
+    MultisineOptions,
+    limit_use,
+    multisine_motion,
+    velocity_loop_band_hz,
+)
 from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.app import run
@@ -70,15 +75,14 @@ def test_the_band_is_the_cells_or_as_high_as_torque_is_measured() -> None:
     open_ended = silent.model_copy(update={"torque_filter": None})
     assert velocity_loop_band_hz(open_ended) == (0.5, pytest.approx(125.0 / 6.0))
     with pytest.raises(ConfigError, match="below half the cycle's frequency"):
-        multisine_motion(cell.robot, cell.config, band_hz=(1.0, 70.0))
+        multisine_motion(cell.robot, cell.config, MultisineOptions(band_hz=(1.0, 70.0)))
 
 
 def test_the_section_is_json_and_draws_both_figures() -> None:
     cell = load_cell("ir361")
     assert cell.plant is not None
-    motion = multisine_motion(
-        cell.robot, cell.config, period_s=4.0, periods=2, realisations=2, seed=5
-    )
+    options = MultisineOptions(period_s=4.0, periods=2, realisations=2, seed=5)
+    motion = multisine_motion(cell.robot, cell.config, options)
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     recording = closed_loop(cell, cell.plant, samples, 5)
     found = measure_loops(recording, motion, cell.robot, 15.0)
