@@ -22,8 +22,7 @@ from identification.estimation.options import Weighting
 from identification.estimation.prior import PriorRows
 from identification.model.base_parameters import BaseParameters, ModelKind
 from identification.regression.intervals import jackknife
-from identification.regression.least_squares import Solution, Triangle, solve
-from identification.regression.robust import huber_weights
+from identification.regression.least_squares import Solution, Triangle, huber_weights, solve
 
 REWEIGHTINGS = 20
 

@@ -20,8 +20,7 @@ from identification.estimation.prior import PriorRows
 from identification.model.base_parameters import BaseParameters
 from identification.model.torque_columns import torque_structure
 from identification.regression.intervals import Cluster, jackknife
-from identification.regression.least_squares import Solution, Triangle, solve
-from identification.regression.robust import huber_weights
+from identification.regression.least_squares import Solution, Triangle, huber_weights, solve
 
 REWEIGHTINGS = 20
 SETTLED = 1e-6

@@ -49,10 +49,13 @@ def torque_columns(
     if model.transmission.losses:
         load = load_torque(model, *motion, standard, conditions)
         conditions = replace(conditions or Conditions(), load_nm=load)
-    columns = base.columns(regressor(model, *motion, conditions))
+    phi = regressor(model, *motion, conditions)
     if not model.nonlinear_names:
-        return columns
-    return np.concatenate([columns, nonlinear_slopes(model, *motion, standard, conditions)], axis=2)
+        return base.columns(phi)
+    columns = np.empty((*phi.shape[:2], len(base) + len(model.nonlinear_names)))
+    columns[:, :, : len(base)] = phi.take(base.kept, axis=2)
+    columns[:, :, len(base) :] = nonlinear_slopes(model, *motion, standard, conditions)
+    return columns
 
 
 def wrench_columns(

@@ -1,0 +1,102 @@
+"""The UR10e's figures stay what they were in version 0.1: no change of the code moves them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.csv.read import import_csv
+from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
+from config.load import load_bundled_or_path, load_robot
+from config.motion.import_map import ImportMap, RowRange
+from config.robot.robot import RobotDescription
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
+from identification.model.options import ModelOptions
+from identification.payload.procedures import weigh
+from identification.payload.smoothed_runs import SmoothedRuns
+from identification.validation.friction_selection import with_friction
+
+FIGURES = json.loads(Path(__file__).with_name("ur10e_figures.json").read_text())
+CUTOFF_HZ = 9.4
+LONG, SHORT = ("20_02_12-50sec_12harm", 355, 5090), ("20_02_10-30sec_12harm", 635, 3510)
+UNLOADED, LOADED = ("20_01_31-unload", 300, 2623), ("20_01_31-load", 370, 2881)
+
+Read = Callable[[tuple[str, int, int]], SmoothedSignals]
+
+
+@pytest.fixture(scope="module")
+def read(real_robot: Path) -> Read:
+    layout = load_bundled_or_path("ur10e_31", "maps", ImportMap)
+
+    def signals(which: tuple[str, int, int]) -> SmoothedSignals:
+        name, first, last = which
+        rows = layout.model_copy(update={"rows": RowRange(first=first, last=last)})
+        recording, _ = import_csv(real_robot / f"ur-{name}.csv", rows)
+        return smooth_nonperiodic(recording, CUTOFF_HZ)
+
+    return signals
+
+
+@pytest.fixture(scope="module")
+def ur10e() -> RobotDescription:
+    return load_robot("ur10e")
+
+
+def keeps(name: str, **found: object) -> None:
+    """Hold figures against those of version 0.1, each relative to the largest of its kind."""
+    for kind, values in found.items():
+        before = np.array(FIGURES[name][kind], dtype=float)
+        size = np.abs(before).max(initial=0.0)
+        np.testing.assert_allclose(
+            np.asarray(values, dtype=float), before, rtol=1e-9, atol=1e-9 * size, err_msg=kind
+        )
+
+
+def keeps_estimate(name: str, estimate: Estimate) -> None:
+    keeps(
+        name,
+        values=estimate.values,
+        sigma=estimate.sigma,
+        residual_nm=estimate.residual_nm,
+        nonlinear=estimate.options.nonlinear or (),
+        nonlinear_sigma=estimate.nonlinear_sigma,
+        condition_number=[estimate.condition_number],
+    )
+
+
+def test_two_motions(ur10e: RobotDescription, read: Read) -> None:
+    keeps_estimate("two motions", estimate_smoothed(ur10e, [read(LONG), read(SHORT)]))
+
+
+def test_outliers_held_down(ur10e: RobotDescription, read: Read) -> None:
+    options = EstimationOptions(weighting="huber")
+    keeps_estimate("outliers held down", estimate_smoothed(ur10e, [read(SHORT)], options))
+
+
+def test_friction_that_is_not_linear(ur10e: RobotDescription, read: Read) -> None:
+    robot = with_friction(ur10e, [("coulomb", "viscous", "offset", "load")] * 6)
+    keeps_estimate("load friction", estimate_smoothed(robot, [read(SHORT)]))
+
+
+def test_a_payload_as_part_of_the_model(ur10e: RobotDescription, read: Read) -> None:
+    options = EstimationOptions(model=ModelOptions(payload=True))
+    signals = [read(UNLOADED), read(LOADED)]
+    keeps_estimate("payload", estimate_smoothed(ur10e, signals, options, payload=[False, True]))
+
+
+def test_a_payload_weighed(ur10e: RobotDescription, read: Read) -> None:
+    runs = SmoothedRuns((read(UNLOADED), read(LOADED)), (False, True), STANDSTILL_RAD_S)
+    found = weigh(ur10e, runs)
+    keeps(
+        "weighed",
+        values=found.values,
+        sigma=found.sigma,
+        residual_nm=found.residual_nm,
+        condition_number=[found.condition_number],
+    )
