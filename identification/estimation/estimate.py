@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -150,8 +150,28 @@ class Estimate:
         return _sigma(self.nonlinear_covariance)
 
 
+class TorqueModel(Protocol):
+    """What a torque is predicted with: an `Estimate`, or a fit without its intervals."""
+
+    @property
+    def model(self) -> RobotModel:
+        """The robot's model."""
+
+    @property
+    def base(self) -> BaseParameters:
+        """What of it was identified."""
+
+    @property
+    def values(self) -> FloatArray:
+        """The base parameters, shape (b,)."""
+
+    @property
+    def standard_values(self) -> FloatArray:
+        """Standard parameters with the same torques, shape (p,)."""
+
+
 def predict(
-    estimate: Estimate,
+    estimate: TorqueModel,
     q: FloatArray,
     v: FloatArray,
     a: FloatArray,
@@ -161,7 +181,7 @@ def predict(
 
     Parameters
     ----------
-    estimate : Estimate
+    estimate : TorqueModel
         The identified robot.
     q, v, a : ndarray, shape (samples, n)
         Motion [rad or m, per second, per second squared].

@@ -24,8 +24,8 @@ from config.errors import EstimationError
 from config.robot.robot import FrictionTerm, RobotDescription
 from dynamics.terms.conditions import Conditions
 from identification.equations.segments import cut
-from identification.estimation.estimate import Estimate, predict
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.estimate import TorqueModel, predict
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
 from identification.model.options import ModelOptions
 
@@ -190,7 +190,7 @@ def _trial(
     standstill_rad_s: float,
     terms: tuple[FrictionTerm, ...],
 ) -> Trial:
-    whole = estimate_smoothed(
+    whole = fit_smoothed(
         robot, parts, EstimationOptions(model=options, standstill_rad_s=standstill_rad_s)
     )
     # Each fold starts from the nonlinear parameters of all data, and finds its own.
@@ -198,7 +198,7 @@ def _trial(
     events: list[FloatArray] = []
     for left_out in range(len(parts)):
         others = [part for k, part in enumerate(parts) if k != left_out]
-        estimate = estimate_smoothed(
+        estimate = fit_smoothed(
             robot, others, EstimationOptions(model=started, standstill_rad_s=standstill_rad_s)
         )
         events.extend(_event_errors(estimate, parts[left_out], standstill_rad_s))
@@ -210,7 +210,7 @@ def _trial(
         * (1.0 - whole.left_out_fraction)
     )
     count = len(whole.base) + len(whole.options.nonlinear or ())
-    fit = float(np.sum(values * np.log(whole.residual_nm**2)))
+    fit = float(np.sum(values * np.log(whole.fit.residual_nm**2)))
     return Trial(
         terms=terms,
         error_nm=np.sqrt(np.nanmean(errors, axis=0)),
@@ -222,7 +222,7 @@ def _trial(
 
 
 def _event_errors(
-    estimate: Estimate, part: SmoothedSignals, standstill_rad_s: float
+    estimate: TorqueModel, part: SmoothedSignals, standstill_rad_s: float
 ) -> Iterator[FloatArray]:
     """Yield the mean squared error of each second, shape (n,); NaN where a joint stands still."""
     conditions = Conditions(temperature_k=part.temperature_k)

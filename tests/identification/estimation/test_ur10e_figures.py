@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acquisition.csv.import_map import ImportMap, RowRange
 from acquisition.csv.read import import_csv
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.load import load_bundled_or_path, load_robot
-from config.motion.import_map import ImportMap, RowRange
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed

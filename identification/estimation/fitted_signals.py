@@ -1,0 +1,159 @@
+"""`FittedSignals`: smoothed recordings with the solution that was found for them.
+
+An `Estimate` is made of it, with its intervals, which cost more than the solution: who only
+predicts with a fit, as a cross-validation does, need not have them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel
+from identification.equations.time_domain import time_runs
+from identification.estimation.estimate import Estimate
+from identification.estimation.fitted_periods import model_of
+from identification.estimation.nonlinear_parameters import fit_nonlinear
+from identification.estimation.options import EstimationOptions
+from identification.estimation.prior import prior_rows
+from identification.estimation.smoothed_fit import SmoothedFit, SmoothedProblem
+from identification.model.base_parameters import BaseParameters
+from identification.model.options import ModelOptions
+from identification.regression.least_squares import Solution
+
+
+@dataclass(frozen=True, eq=False)
+class FittedSignals:
+    """A problem and its solution.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot.
+    options : ModelOptions
+        The terms of its model, with the fitted nonlinear parameters.
+    model : RobotModel
+        That model.
+    problem : SmoothedProblem
+        The recordings and their weights.
+    standard : ndarray, shape (p,), or None
+        Where the equations are linearised; None where the model is linear.
+    fit : SmoothedFit
+        The solution.
+    """
+
+    robot: RobotDescription
+    options: ModelOptions
+    model: RobotModel
+    problem: SmoothedProblem
+    standard: FloatArray | None
+    fit: SmoothedFit
+
+    @property
+    def base(self) -> BaseParameters:
+        """What of the model can be identified."""
+        return self.problem.base
+
+    @property
+    def values(self) -> FloatArray:
+        """The base parameters, shape (b,)."""
+        return self.fit.solution.values[: len(self.base)]
+
+    @property
+    def standard_values(self) -> FloatArray:
+        """Standard parameters with the same torques, shape (p,); as of `Estimate`."""
+        return self.base.to_standard(self.values)
+
+    @property
+    def left_out_fraction(self) -> FloatArray:
+        """Share of samples under the standstill speed, shape (n,)."""
+        return 1.0 - self.fit.rows_used / self.problem.samples
+
+    def estimate(self, cell_name: str = "", run_ids: tuple[str, ...] = ()) -> Estimate:
+        """Return the estimate with its intervals, and where it was measured."""
+        fit, problem, b = self.fit, self.problem, len(self.base)
+        covariance = fit.solution.covariance
+        clustered = problem.jackknife_covariance(self.model, self.standard, fit)
+        return Estimate(
+            robot=self.robot,
+            options=self.options,
+            base=self.base,
+            values=self.values,
+            covariance_noise=None,
+            covariance_residual=covariance[:b, :b],
+            covariance_jackknife=clustered[:b, :b],
+            nonlinear_covariance=clustered[b:, b:],
+            condition_number=fit.solution.condition_number,
+            equations=fit.solution.rows,
+            residual_nm=fit.residual_nm,
+            noise_nm=None,
+            left_out_fraction=self.left_out_fraction,
+            method="smoothed",
+            band_hz=min(run.signals.cutoff_hz for run in problem.runs),
+            standstill_rad_s=problem.standstill_rad_s,
+            weighting=problem.weighting,
+            cell_name=cell_name,
+            run_ids=run_ids,
+        )
+
+
+def fit_smoothed(
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    options: EstimationOptions | None = None,
+    *,
+    payload: Sequence[bool] | None = None,
+) -> FittedSignals:
+    """Solve the equations of recordings that are not periodic, in the time domain.
+
+    A joint's equation is left out while the joint is slower than the standstill speed. The weight
+    of each joint is one over its residuals' standard deviation, found by iteration. Neighbouring
+    rows are not independent; the cluster-robust covariance takes the residuals of one second as
+    one event.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    signals : sequence of SmoothedSignals
+        One a run.
+    options : EstimationOptions, optional
+        The model's terms and how rows count.
+    payload : sequence of bool, optional
+        Which runs carried the unknown payload; none by default.
+
+    Raises
+    ------
+    EstimationError
+        The joints do not fit, or the motion does not show the parameters.
+    """
+    options = options or EstimationOptions()
+    model, base, terms = model_of(robot, options.model)
+    if terms.kind != "internal":
+        raise EstimationError(
+            f"the {terms.kind} model is estimated from periodic runs only: record a periodic"
+            " motion, or identify the internal model"
+        )
+    problem = SmoothedProblem(
+        base=base,
+        runs=time_runs(model, signals, payload or [False] * len(signals)),
+        standstill_rad_s=options.standstill_rad_s,
+        weighting=options.weighting,
+        prior=prior_rows(base, options.prior),
+    )
+    standard = None
+    fit = problem.fit(model, None)
+    if model.nonlinear_names:
+        scale = fit.scale_nm
+
+        def solve(model: RobotModel, standard: FloatArray | None) -> Solution:
+            return problem.fit(model, standard, scale).solution
+
+        shaped = fit_nonlinear(model, base, solve)
+        model, standard = shaped.model, shaped.standard
+        fit = problem.fit(model, standard)
+    return FittedSignals(robot, terms.with_nonlinear_of(model), model, problem, standard, fit)
