@@ -1,0 +1,78 @@
+"""What tells an encoder that stands still from a joint in stiction (faults: row 14)."""
+
+from __future__ import annotations
+
+import pytest
+
+from acquisition.supervision.stop_reason import StopCode
+from acquisition.supervision.stuck_encoders import STUCK_FRACTION, StuckEncoders
+from config.cell.cell import Supervision
+from config.robot.robot import RobotDescription
+
+RULES = Supervision()
+CYCLES = RULES.stuck_encoder_cycles
+FAST, SLOW = (factor * RULES.stuck_encoder_velocity_rad_s for factor in (1.1, 0.9))
+
+
+@pytest.fixture
+def encoders(robot: RobotDescription) -> StuckEncoders:
+    return StuckEncoders(RULES, robot)
+
+
+def stops_in(
+    encoders: StuckEncoders,
+    command: float,
+    *,
+    velocity: float = 0.0,
+    rising_nm: float = 0.0,
+    periods: int = 1,
+) -> int | None:
+    """Return in which cycle the second joint's encoder counts as stuck."""
+    encoders.check(1, command, command, 0.0, 1)  # it still moves
+    for cycle in range(1, 50):
+        reason = encoders.check(1, command, velocity, rising_nm * cycle, periods)
+        if reason is not None:
+            assert (reason.code, reason.joint) == (StopCode.STUCK_ENCODER, "joint2")
+            return cycle
+    return None
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_one_that_stands_while_a_fast_command_is_given_is_stuck(
+    encoders: StuckEncoders, sign: float
+) -> None:
+    assert stops_in(encoders, sign * FAST) == CYCLES
+
+
+def test_a_slow_command_alone_may_leave_a_joint_in_stiction(encoders: StuckEncoders) -> None:
+    assert stops_in(encoders, SLOW) is None
+
+
+def test_with_a_slow_command_the_torque_that_rises_tells(
+    encoders: StuckEncoders, robot: RobotDescription
+) -> None:
+    strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
+    assert stops_in(encoders, SLOW, rising_nm=1.01 * strain_nm) == CYCLES
+
+
+def test_without_a_command_nothing_is_stuck(encoders: StuckEncoders) -> None:
+    assert stops_in(encoders, 0.0, rising_nm=100.0) is None
+
+
+@pytest.mark.parametrize(("share", "stuck"), [(0.99, True), (1.01, False)])
+def test_a_creeping_joint_is_a_moving_one(
+    encoders: StuckEncoders, share: float, stuck: bool
+) -> None:
+    found = stops_in(encoders, FAST, velocity=share * STUCK_FRACTION * FAST)
+    assert (found is not None) is stuck
+
+
+def test_skipped_cycles_count(encoders: StuckEncoders) -> None:
+    assert stops_in(encoders, FAST, periods=CYCLES) == 1
+
+
+def test_a_joint_that_has_moved_again_begins_anew(encoders: StuckEncoders) -> None:
+    for _ in range(3):
+        for _ in range(CYCLES - 1):
+            assert encoders.check(1, FAST, 0.0, 0.0, 1) is None
+        assert encoders.check(1, FAST, FAST, 0.0, 1) is None

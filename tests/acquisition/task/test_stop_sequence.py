@@ -1,0 +1,106 @@
+"""How a motion ends: a quick stop, a look at whether the axes rest, power off."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.stop_sequence import REST_CYCLES, STOP_MARGIN_S, StopSequence
+from config.cell.cell import CellConfig
+from config.errors import TransportError
+from config.robot.robot import RobotDescription
+
+T = 0.008
+SPEED = 0.4
+
+
+class Ending:
+    """Axes that move at `SPEED` when they are told to stop."""
+
+    def __init__(self, cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> None:
+        self.axes, self.clock = axes, clock
+        self.control = ControlBlock.create()
+        self.sequence = StopSequence(axes, clock, cell, robot, self.control)
+        axes.enable()
+        axes.true_velocity[:] = SPEED
+        axes.answers.position[:] = axes.true_position
+        self.began_s = clock.now_s()
+        self.cycles = 0
+
+    def run(self) -> None:
+        self.sequence.come_to_rest(self.cycle)
+
+    def cycle(self) -> tuple[float, int]:
+        self.cycles += 1
+        self.clock.sleep_until(self.began_s + self.cycles * T)
+        return self.axes.exchange(), 1
+
+
+@pytest.fixture
+def ending(cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> Ending:
+    return Ending(cell, robot, axes, clock)
+
+
+def test_the_quick_stop_comes_first_and_the_time_to_rest_is_told(
+    ending: Ending, cell: CellConfig
+) -> None:
+    ending.run()
+    assert ending.axes.calls == ["enable", "quick_stop"]
+    assert ending.axes.stopped_at == 0
+    ramp_s = SPEED / cell.drive_safety.quick_stop_deceleration_rad_s2
+    assert ending.control.ramp_s == pytest.approx(ramp_s, abs=3 * T)
+    assert ending.cycles <= ramp_s / T + REST_CYCLES + 3
+    assert ending.control.notes == ()
+
+
+def test_an_axis_that_is_not_seen_is_not_taken_for_one_at_rest(ending: Ending) -> None:
+    def silent(axes: Any, _cycle: int) -> None:
+        axes.answers.received[2] = False
+
+    ending.axes.script = silent
+    ending.run()
+    assert ending.control.ramp_s is None
+    (note,) = ending.control.notes
+    assert note.startswith("standstill was not seen within")
+    assert ending.cycles * T < 1.0 + STOP_MARGIN_S
+
+
+def test_an_axis_that_does_not_slow_down_is_not_waited_for(ending: Ending) -> None:
+    def deaf(axes: Any, _cycle: int) -> None:
+        axes.true_velocity[1] = SPEED
+
+    ending.axes.script = deaf
+    ending.run()
+    (note,) = ending.control.notes
+    assert note == "the quick stop did not slow down joint2: the power was taken away at once"
+    assert ending.cycles * T < 0.15
+
+
+def test_an_axis_that_runs_beyond_its_limit_is_not_waited_for(
+    ending: Ending, robot: RobotDescription
+) -> None:
+    ending.axes.true_position[0] = robot.joints[0].limits.position_max + 0.019
+    ending.axes.answers.position[:] = ending.axes.true_position
+    ending.run()
+    (note,) = ending.control.notes
+    assert note == "joint1 ran beyond its limit while stopping: the power was taken away at once"
+
+
+def test_a_bus_that_fails_meanwhile_is_noted_and_power_is_still_taken_away(ending: Ending) -> None:
+    def unplug(_axes: Any, _cycle: int) -> None:
+        raise TransportError("adapter unplugged")
+
+    ending.axes.script = unplug
+    ending.run()
+    ending.sequence.disable()
+    assert ending.control.notes == ("while stopping: adapter unplugged",)
+    assert ending.axes.calls[-1] == "disable"
+
+
+def test_drives_that_do_not_confirm_are_named(ending: Ending) -> None:
+    ending.axes.unconfirmed = ("joint1", "joint3")
+    ending.sequence.disable()
+    (note,) = ending.control.notes
+    assert note.startswith("the drives of joint1, joint3 did not confirm being disabled")
