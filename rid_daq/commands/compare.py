@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -16,6 +16,7 @@ from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
 from identification.validation.torque_prediction import validate
 from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Section, finite
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.runs.run_data import RunData, Unfinished, tell_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
@@ -23,6 +24,36 @@ from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 
 MODEL = "model.json"
+
+
+class AxisPrediction(Section):
+    """Relative torque errors [%] of an axis by both models; None where it did not move."""
+
+    joint: str
+    first_percent: float | None
+    second_percent: float | None
+
+
+class RunPrediction(Section):
+    """Both models' torque errors on one run, and whether each was identified from it."""
+
+    run: str
+    label: str
+    first_has_seen_it: bool
+    second_has_seen_it: bool
+    axes: tuple[AxisPrediction, ...]
+
+
+class ParameterDifference(Section):
+    """A parameter by both models with standard deviations, in `unit`, and how far they differ."""
+
+    name: str
+    unit: str
+    first: float
+    first_std: float
+    second: float
+    second_std: float
+    sigmas: float
 
 
 @dataclass(frozen=True)
@@ -90,7 +121,7 @@ def compare(
             "notes": notes,
         }
     )
-    _tell(console, sides, difference, predictions)
+    _print(console, sides, difference, predictions)
     console.verdict(difference.agree, headline)
     if not difference.agree:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
@@ -111,32 +142,27 @@ def _side(what: str, runs: Path, unfinished: bool) -> _Side:
     return _Side(folder.manifest().label, read_estimate(folder.file(MODEL)), data)
 
 
-def _prediction(sides: list[_Side], data: RunData) -> dict[str, Any]:
+def _prediction(sides: list[_Side], data: RunData) -> RunPrediction:
     """Return both models' torque errors on one run."""
     found = [
         validate(side.estimate, data.recording, cutoff_hz=side.estimate.band_hz) for side in sides
     ]
-    axes = [
-        {
-            "joint": name,
-            "first_percent": _plain(found[0].relative_percent[joint]),
-            "second_percent": _plain(found[1].relative_percent[joint]),
-        }
-        for joint, name in enumerate(data.recording.joint_names)
-    ]
     folder = data.folder
     seen = [folder.run_id in side.estimate.run_ids for side in sides]
-    return {
-        "run": folder.run_id,
-        "label": folder.manifest().label,
-        "first_has_seen_it": seen[0],
-        "second_has_seen_it": seen[1],
-        "axes": axes,
-    }
-
-
-def _plain(value: float) -> float | None:
-    return None if np.isnan(value) else float(value)
+    return RunPrediction(
+        run=folder.run_id,
+        label=folder.manifest().label,
+        first_has_seen_it=seen[0],
+        second_has_seen_it=seen[1],
+        axes=tuple(
+            AxisPrediction(
+                joint=name,
+                first_percent=finite(found[0].relative_percent[joint]),
+                second_percent=finite(found[1].relative_percent[joint]),
+            )
+            for joint, name in enumerate(data.recording.joint_names)
+        ),
+    )
 
 
 def _sentence(difference: EstimateDifference) -> str:
@@ -152,26 +178,26 @@ def _sentence(difference: EstimateDifference) -> str:
     return said
 
 
-def _parameters(difference: EstimateDifference) -> list[dict[str, Any]]:
+def _parameters(difference: EstimateDifference) -> list[ParameterDifference]:
     return [
-        {
-            "name": name,
-            "unit": difference.units[i],
-            "first": float(difference.first[i]),
-            "first_std": float(difference.first_sigma[i]),
-            "second": float(difference.second[i]),
-            "second_std": float(difference.second_sigma[i]),
-            "sigmas": float(difference.sigmas[i]),
-        }
+        ParameterDifference(
+            name=name,
+            unit=difference.units[i],
+            first=float(difference.first[i]),
+            first_std=float(difference.first_sigma[i]),
+            second=float(difference.second[i]),
+            second_std=float(difference.second_sigma[i]),
+            sigmas=float(difference.sigmas[i]),
+        )
         for i, name in enumerate(difference.names)
     ]
 
 
-def _tell(
+def _print(
     console: Console,
     sides: list[_Side],
     difference: EstimateDifference,
-    predictions: list[dict[str, Any]],
+    predictions: list[RunPrediction],
 ) -> None:
     console.table(
         ("parameter", sides[0].name, "±2σ", sides[1].name, "±2σ", "unit", "difference [σ]"),
@@ -194,23 +220,24 @@ def _tell(
             console.say(f"Only in {sides[side].name}: {', '.join(names)}")
     for prediction in predictions:
         console.say()
-        console.say(f"Torque errors on run {prediction['label']!r}:")
+        console.say(f"Torque errors on run {prediction.label!r}:")
         console.table(
             ("axis", *(_head(sides, prediction, side) for side in (0, 1))),
             [
                 (
-                    axis["joint"],
-                    *(_percent(axis[f"{side}_percent"]) for side in ("first", "second")),
+                    axis.joint,
+                    _percent(axis.first_percent),
+                    _percent(axis.second_percent),
                 )
-                for axis in prediction["axes"]
+                for axis in prediction.axes
             ],
         )
     console.say()
     console.say(_sentence(difference))
 
 
-def _head(sides: list[_Side], prediction: dict[str, Any], side: int) -> str:
-    seen = prediction["second_has_seen_it" if side else "first_has_seen_it"]
+def _head(sides: list[_Side], prediction: RunPrediction, side: int) -> str:
+    seen = prediction.second_has_seen_it if side else prediction.first_has_seen_it
     return f"by {sides[side].name} [%]" + (" (identified from it)" if seen else "")
 
 

@@ -263,7 +263,7 @@ def _write(
         f" {loaded.config.cycle_time_ms} ms.\nCondition number {condition:.4g}; {origin}"
     )
     write_whole(output, to_yaml(motion, comment).encode())
-    document: dict[str, Any] = {
+    document: dict[str, object] = {
         "motion": str(output),
         "condition_number": condition,
         "duration_s": samples.duration_s,

@@ -6,42 +6,18 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, cast, get_args
 
-import numpy as np
 import typer
 
-from acquisition.runs.catalogue import find_run, find_runs
-from config.errors import ConfigError, EstimationError
+from config.errors import ConfigError
 from config.robot.robot import FrictionTerm
-from identification.accuracy.identifiability import weak_parameters
-from identification.calibration.base_reaction import weight_words
-from identification.consistency.closest_robot import consistent
-from identification.cross_checks.agreement import CrossCheck, Method
-from identification.estimation.estimate import Estimate
-from identification.estimation.file import write_estimate
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, EstimationOptions
 from identification.model.options import ModelOptions
-from identification.validation.friction_drift import friction_drift
-from identification.validation.friction_selection import FRICTION_CANDIDATES, Comparison
-from identification.validation.period_comparison import compare_period
-from rid_daq.jobs.identification_job import (
-    EstimationRequest,
-    check_otherwise,
-    compare_friction,
-    estimate_runs,
-    gains_of_drives,
-)
-from rid_daq.report.result_file import write_result
-from rid_daq.report.sections.average import AverageSection
-from rid_daq.report.sections.comparison import ComparisonSection
-from rid_daq.report.sections.curves import CurvesSection
-from rid_daq.report.sections.estimate import EstimateSection
-from rid_daq.report.sections.plate import PlateSection
-from rid_daq.runs.run_data import RunData, Unfinished, note_output, result_of, tell_lacks
+from rid_daq.jobs.identification_job import EstimationRequest
+from rid_daq.jobs.identify_job import MODEL, IdentifiedRuns, IdentifyRequest, identify_runs
+from rid_daq.runs.run_data import Unfinished
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.output_file import Overwrite, refuse_output
-
-MODEL = "model.json"
 
 
 class Estimator(StrEnum):
@@ -129,124 +105,73 @@ def identify(
     """
     console = Console(as_json)
     refuse_output(output, overwrite)
-    data = [RunData.load(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
-    notes = tell_lacks(console, data)
-    how = EstimationRequest(
-        options=EstimationOptions(
-            model=ModelOptions(
-                kind=model.value,
-                rotors=rotors,
-                friction=friction,
-                spring=spring,
-                friction_terms=_terms(friction_terms),
-                payload=bool(loaded),
+    if choose and (friction_terms is not None or not friction):
+        raise ConfigError("--choose chooses the friction terms: leave the other option out")
+    request = IdentifyRequest(
+        runs=runs,
+        names=tuple(run),
+        unfinished=unfinished,
+        how=EstimationRequest(
+            options=EstimationOptions(
+                model=ModelOptions(
+                    kind=model.value,
+                    rotors=rotors,
+                    friction=friction,
+                    spring=spring,
+                    friction_terms=_terms(friction_terms),
+                    payload=bool(loaded),
+                ),
+                weighting=estimator.value,
+                band_hz=band_hz,
+                standstill_rad_s=standstill_rad_s,
             ),
-            weighting=estimator.value,
-            band_hz=band_hz,
-            standstill_rad_s=standstill_rad_s,
+            cad_prior=cad_prior,
         ),
-        cad_prior=cad_prior,
-        loaded=_loaded(runs, data, loaded or []),
+        loaded=tuple(loaded or ()),
+        load_mass_kg=None if load_mass_kg is None else (load_mass_kg, load_mass_sigma_kg),
+        choose=choose,
+        cross_check=cross_check,
+        output=output,
     )
-    if load_mass_kg is not None and not how.loaded:
-        raise ConfigError(
-            "--load-mass is the mass of the payload: name the runs with it (--loaded)"
-        )
-    comparison = None
-    if choose:
-        if friction_terms is not None or not friction:
-            raise ConfigError("--choose chooses the friction terms: leave the other option out")
-        comparison = _compare(console, data, how)
-    robot = None if comparison is None else comparison.robot(data[0].robot)
-    identified = estimate_runs(data, how, robot=robot)
-    estimate = identified.estimate
-    gains = None
-    if load_mass_kg is not None:
-        gains = gains_of_drives(estimate, data, how, load_mass_kg, load_mass_sigma_kg)
-    weight = weight_words(estimate)
-    plate = None
-    if estimate.plate is not None:
-        plate = PlateSection.of(
-            estimate.plate, weight, identified.improvement, identified.consistency
-        )
-    first = data[0]
-    output = output or first.folder.file(MODEL)
-    write_estimate(output, estimate)
-    note_output(first.folder, output)
-    weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
-    findings = [each.sentence for each in weak]
-    for item in data:
-        drifts = (drift for drift in friction_drift(item.recording) if drift.significant)
-        findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
-    findings.append(_existence(estimate))
-    if gains is not None:
-        findings += [f"{sentence}." for sentence in gains.sentences()]
-    if cross_check:
-        findings += _cross_check(console, estimate, data, how)
-    section = EstimateSection.of(estimate, findings=findings)
-    document: dict[str, object] = {"model": str(output), "estimate": section}
-    if gains is not None:
-        document["drive_gains"] = {
+    _print(console, identify_runs(request, console))
+
+
+def _print(console: Console, identified: IdentifiedRuns) -> None:
+    result, gains = identified.result, identified.gains
+    estimate = result.estimate
+    assert estimate is not None
+    told = {
+        "drive_gains": None
+        if gains is None
+        else {
             name: {"value": float(value), "std": float(sigma)}
             for name, value, sigma in zip(gains.joint_names, gains.values, gains.sigma, strict=True)
+        },
+        "plate": result.plate,
+        "comparison": result.comparison,
+    }
+    console.document(
+        {
+            "model": str(identified.model),
+            "estimate": estimate,
+            **{name: part for name, part in told.items() if part is not None},
+            "notes": identified.notes,
+            "report": str(identified.report),
         }
-    compared = None if comparison is None else ComparisonSection.of(comparison)
-    parts = {"plate": plate, "comparison": compared}
-    document |= {name: part for name, part in parts.items() if part is not None}
-    result = result_of(first, notes).updated(estimate=section, **parts)
-    if first.is_periodic:
-        average = identified.averages[0]
-        period = compare_period(estimate, average)
-        result = result.updated(
-            average=AverageSection.of(average, first.robot),
-            curves=CurvesSection.of_period(estimate, period, average.periods_kept),
-        )
-    path = write_result(first.folder, result)
-    console.document({**document, "notes": notes, "report": str(path)})
-    if compared is not None:
-        compared.print(console)
-    section.print(console)
-    if plate is not None:
-        plate.print(console)
-    elif all(item.recording.reaction is not None for item in data) and first.is_periodic:
-        console.say("The runs have a force plate's reaction too: --model combined uses it")
-    for finding in findings:
-        console.say(finding)
-    console.verdict(True, f"Model: {output}")
-    console.say(f"Report: {path}")
-    console.next_step("validate", output, "RUN", then=", with a run that was not used here")
-
-
-def _existence(estimate: Estimate) -> str:
-    """Say whether a robot with such parameters can exist."""
-    try:
-        robot = consistent(estimate)
-    except EstimationError as error:
-        return f"Whether a robot with such parameters can exist is not known: {error}."
-    if robot.can_exist:
-        return (
-            "A robot with such parameters can exist (positive masses, inertias and friction;"
-            f" p = {robot.p_value:.2g}): `rid-daq export` writes it."
-        )
-    worst = int(np.argmax(np.abs(robot.moved_sigmas)))
-    return (
-        f"No robot can have these parameters (p = {robot.p_value:.2g}): the closest one differs"
-        f" most in {estimate.base.expressions[worst]}, by {abs(robot.moved_sigmas[worst]):.1f} σ. A"
-        " term is missing in the model, or a sign, ratio or torque constant in the robot file is"
-        " wrong."
     )
-
-
-def _cross_check(
-    console: Console, estimate: Estimate, data: list[RunData], how: EstimationRequest
-) -> list[str]:
-    checks: list[CrossCheck] = []
-    with console.progress("Cross-checking", float(len(Method)), "methods") as shown:
-        shown.update(0.0, f"next: {next(iter(Method))}")
-        for number, check in enumerate(check_otherwise(estimate, data, how), 1):
-            checks.append(check)
-            shown.update(float(number), check.sentence)
-    return [f"{check.sentence}." for check in checks]
+    if result.comparison is not None:
+        result.comparison.print(console)
+    estimate.print(console)
+    if result.plate is not None:
+        result.plate.print(console)
+    if identified.plate_unused:
+        console.say("The runs have a force plate's reaction too: --model combined uses it")
+    for finding in estimate.findings or ():
+        console.say(finding)
+    console.verdict(True, f"Model: {identified.model}")
+    console.say(f"Report: {identified.report}")
+    unused = ", with a run that was not used here"
+    console.next_step("validate", identified.model, "RUN", then=unused)
 
 
 def _terms(text: str | None) -> tuple[FrictionTerm, ...] | None:
@@ -256,33 +181,10 @@ def _terms(text: str | None) -> tuple[FrictionTerm, ...] | None:
     if not terms:
         raise ConfigError("--friction-terms names none; --no-friction leaves friction out")
     known = get_args(FrictionTerm)
-    strangers = [term for term in terms if term not in known]
-    if strangers or len(set(terms)) != len(terms):
+    unknown = [term for term in terms if term not in known]
+    if unknown or len(set(terms)) != len(terms):
         raise ConfigError(
-            f"--friction-terms {text}: {', '.join(strangers) or 'a term stands twice'}; the terms"
+            f"--friction-terms {text}: {', '.join(unknown) or 'a term stands twice'}; the terms"
             f" are {', '.join(known)}"
         )
     return cast(tuple[FrictionTerm, ...], terms)
-
-
-def _loaded(runs: Path, data: list[RunData], names: list[str]) -> tuple[str, ...]:
-    """Return the ids of the runs that carried the payload, which must be among those used."""
-    ids = tuple(find_run(runs, name).run_id for name in names)
-    used = {item.folder.run_id for item in data}
-    for name, run_id in zip(names, ids, strict=True):
-        if run_id not in used:
-            raise ConfigError(f"--loaded {name}: is not among the runs to identify; name it there")
-    if ids and used <= set(ids):
-        raise ConfigError(
-            "every run carried the payload, so that it cannot be told from the last link: add a run"
-            " without it"
-        )
-    return ids
-
-
-def _compare(console: Console, data: list[RunData], how: EstimationRequest) -> Comparison:
-    total = float(len(FRICTION_CANDIDATES) + 1)
-    with console.progress("Comparing models", total, "models") as shown:
-        return compare_friction(
-            data, how, lambda done, _, terms: shown.update(float(done), f"next: {terms}")
-        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -92,7 +92,7 @@ def _tell(console: Console, recovery: Recovery, *, is_run: bool) -> None:
         console.next_step("average", recovery.target)
 
 
-def _entry(repair: Repair) -> dict[str, Any]:
+def _entry(repair: Repair) -> dict[str, object]:
     return {
         "rows": repair.kept_rows,
         "seconds": repair.kept_s,

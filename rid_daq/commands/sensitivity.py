@@ -132,7 +132,7 @@ def sensitivity(
         for done, case in enumerate(cases, start=1):
             rows.append(sensitivity_row(case, problems, how))
             shown.update(float(done), case.words)
-    document: dict[str, Any] = {
+    document: dict[str, object] = {
         "robot": problems["wrist"].robot.name,
         "parameters": list(REPORTED),
         "truth": [float(x) for x in problems["wrist"].payload.reported],
@@ -260,7 +260,7 @@ def _monte_carlo(
     draws: int,
     seed: int,
     scheduler: str | None,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     batches: list[Draws] = []
     with console.progress("Monte Carlo", float(draws), "draws") as shown:
         done = 0

@@ -1,0 +1,231 @@
+"""`rid-daq identify`: runs to a model file and a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.runs.catalogue import find_run, find_runs
+from config.errors import ConfigError, EstimationError
+from identification.accuracy.identifiability import weak_parameters
+from identification.calibration.base_reaction import weight_words
+from identification.calibration.drive_gains import DriveGains
+from identification.consistency.closest_robot import consistent
+from identification.cross_checks.agreement import CrossCheck, Method
+from identification.estimation.estimate import Estimate
+from identification.estimation.file import write_estimate
+from identification.validation.friction_drift import friction_drift
+from identification.validation.friction_selection import FRICTION_CANDIDATES, Comparison
+from identification.validation.period_comparison import compare_period
+from rid_daq.jobs.identification_job import (
+    EstimationRequest,
+    check_otherwise,
+    compare_friction,
+    estimate_runs,
+    gains_of_drives,
+)
+from rid_daq.report.result import Result
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.average import AverageSection
+from rid_daq.report.sections.comparison import ComparisonSection
+from rid_daq.report.sections.curves import CurvesSection
+from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.sections.plate import PlateSection
+from rid_daq.runs.run_data import RunData, note_output, result_of, tell_lacks
+from rid_daq.terminal.console import Console
+
+MODEL = "model.json"
+
+
+@dataclass(frozen=True)
+class IdentifyRequest:
+    """What `rid-daq identify` was asked for.
+
+    Attributes
+    ----------
+    runs : Path
+        The folder of the run folders.
+    names : tuple of str
+        The runs: folders, ids or labels.
+    unfinished : bool
+        Whether runs that were never finished will do.
+    how : EstimationRequest
+        What is estimated; which runs were loaded follows from `loaded`.
+    loaded : tuple of str
+        Those of the runs that carried an unknown payload.
+    load_mass_kg : tuple of float, or None
+        Mass of that payload and its standard deviation [kg], where drive gains are wanted.
+    choose, cross_check : bool
+        Whether friction terms are chosen, and whether other methods estimate too.
+    output : Path or None
+        The model file; that of the first run if None.
+    """
+
+    runs: Path
+    names: tuple[str, ...]
+    unfinished: bool
+    how: EstimationRequest
+    loaded: tuple[str, ...] = ()
+    load_mass_kg: tuple[float, float] | None = None
+    choose: bool = False
+    cross_check: bool = False
+    output: Path | None = None
+
+
+@dataclass(frozen=True)
+class IdentifiedRuns:
+    """What `rid-daq identify` found.
+
+    Attributes
+    ----------
+    model : Path
+        The model file.
+    result : Result
+        The first run's result.
+    report : Path
+        Its report.
+    notes : list of str
+        What the runs lack.
+    gains : DriveGains or None
+        Where they were asked for.
+    plate_unused : bool
+        Whether the runs have a force plate that the model does not use.
+    """
+
+    model: Path
+    result: Result
+    report: Path
+    notes: list[str]
+    gains: DriveGains | None
+    plate_unused: bool
+
+
+def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
+    """Estimate a robot from runs; write the model file and the first run's report.
+
+    Parameters
+    ----------
+    request : IdentifyRequest
+        What is asked for.
+    console : Console
+        Where progress, and what the runs lack, is shown.
+
+    Raises
+    ------
+    ConfigError
+        The runs are of different robots or kinds, or the options exclude one another.
+    DataQualityError, EstimationError
+        The data do not show the parameters.
+    RecordingError
+        A run cannot be read, or a file not be written.
+    """
+    found = find_runs(request.runs, list(request.names))
+    data = tuple(RunData.load(folder, unfinished=request.unfinished) for folder in found)
+    notes = tell_lacks(console, data)
+    how = replace(request.how, loaded=_loaded(request, data))
+    if request.load_mass_kg is not None and not how.loaded:
+        raise ConfigError(
+            "--load-mass is the mass of the payload: name the runs with it (--loaded)"
+        )
+    first = data[0]
+    comparison = _chosen(data, how, console) if request.choose else None
+    robot = None if comparison is None else comparison.robot(first.robot)
+    identified = estimate_runs(data, how, robot=robot)
+    estimate = identified.estimate
+    gains = None
+    if request.load_mass_kg is not None:
+        gains = gains_of_drives(estimate, data, how, *request.load_mass_kg)
+    weight = weight_words(estimate)
+    plate = None
+    if estimate.plate is not None:
+        plate = PlateSection.of(
+            estimate.plate, weight, identified.improvement, identified.consistency
+        )
+    output = request.output or first.folder.file(MODEL)
+    write_estimate(output, estimate)
+    note_output(first.folder, output)
+    findings = _findings(estimate, data, weight)
+    findings += [] if gains is None else [f"{sentence}." for sentence in gains.sentences()]
+    findings += _cross_checked(data, how, estimate, console) if request.cross_check else []
+    result = result_of(first, notes).updated(
+        estimate=EstimateSection.of(estimate, findings=findings),
+        plate=plate,
+        comparison=None if comparison is None else ComparisonSection.of(comparison),
+    )
+    if first.is_periodic:
+        average = identified.averages[0]
+        period = compare_period(estimate, average)
+        result = result.updated(
+            average=AverageSection.of(average, first.robot),
+            curves=CurvesSection.of_period(estimate, period, average.periods_kept),
+        )
+    report = write_result(first.folder, result)
+    has_plate = first.is_periodic and all(item.recording.reaction is not None for item in data)
+    return IdentifiedRuns(output, result, report, notes, gains, has_plate and plate is None)
+
+
+def _loaded(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, ...]:
+    """Return the ids of the runs that carried the payload, which must be among those used."""
+    ids = tuple(find_run(request.runs, name).run_id for name in request.loaded)
+    used = {item.folder.run_id for item in data}
+    for name, run_id in zip(request.loaded, ids, strict=True):
+        if run_id not in used:
+            raise ConfigError(f"--loaded {name}: is not among the runs to identify; name it there")
+    if ids and used <= set(ids):
+        raise ConfigError(
+            "every run carried the payload, so that it cannot be told from the last link: add a run"
+            " without it"
+        )
+    return ids
+
+
+def _chosen(data: tuple[RunData, ...], how: EstimationRequest, console: Console) -> Comparison:
+    total = float(len(FRICTION_CANDIDATES) + 1)
+    with console.progress("Comparing models", total, "models") as shown:
+        return compare_friction(
+            data, how, lambda done, _, terms: shown.update(float(done), f"next: {terms}")
+        )
+
+
+def _cross_checked(
+    data: tuple[RunData, ...], how: EstimationRequest, estimate: Estimate, console: Console
+) -> list[str]:
+    checks: list[CrossCheck] = []
+    with console.progress("Cross-checking", float(len(Method)), "methods") as shown:
+        shown.update(0.0, f"next: {next(iter(Method))}")
+        for number, check in enumerate(check_otherwise(estimate, data, how), 1):
+            checks.append(check)
+            shown.update(float(number), check.sentence)
+    return [f"{check.sentence}." for check in checks]
+
+
+def _findings(estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, ...]) -> list[str]:
+    """Return what a person should know of an estimate."""
+    weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
+    findings = [each.sentence for each in weak]
+    for item in data:
+        drifts = (drift for drift in friction_drift(item.recording) if drift.significant)
+        findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
+    return [*findings, _existence(estimate)]
+
+
+def _existence(estimate: Estimate) -> str:
+    """Say whether a robot with such parameters can exist."""
+    try:
+        robot = consistent(estimate)
+    except EstimationError as error:
+        return f"Whether a robot with such parameters can exist is not known: {error}."
+    if robot.can_exist:
+        return (
+            "A robot with such parameters can exist (positive masses, inertias and friction;"
+            f" p = {robot.p_value:.2g}): `rid-daq export` writes it."
+        )
+    worst = int(np.argmax(np.abs(robot.moved_sigmas)))
+    return (
+        f"No robot can have these parameters (p = {robot.p_value:.2g}): the closest one differs"
+        f" most in {estimate.base.expressions[worst]}, by {abs(robot.moved_sigmas[worst]):.1f} σ. A"
+        " term is missing in the model, or a sign, ratio or torque constant in the robot file is"
+        " wrong."
+    )
