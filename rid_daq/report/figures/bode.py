@@ -21,7 +21,8 @@ from rid_daq.report.figures.curves import (
     as_label,
     as_svg,
 )
-from rid_daq.report.sections.velocity_loops import AxisLoop, CascadeCurves, LoopMargins
+from rid_daq.report.sections.loop_curves import CascadeCurves, LoopMargins
+from rid_daq.report.sections.velocity_loops import AxisLoop
 
 EVEN, NOISE, LINE = "#7c3aed", "#8593a3", "#475569"
 SMALLEST_DB = 1e-9
