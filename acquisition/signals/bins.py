@@ -2,7 +2,7 @@
 
 A signal that holds whole periods has all it contains on the bins k / (K T); a bin is
 `numpy.fft.rfft(x, axis=0)[k] / K`. Differentiation is multiplication by j k omega there
-(physics: section 1), and the anti-alias filter is divided out (section 8).
+(theory: section 1), and the anti-alias filter is divided out (theory: section 8).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A device stamps its rows with its own clock, which is off by a constant and by some parts per
 million. Rows arrive late, never early: the straight line just under all arrivals is the clock, but
-for the shortest delay of the line, which no arrival tells (physics: section 8 estimates it on the
+for the shortest delay of the line, which no arrival tells (theory: section 8 estimates it on the
 bins). Marks that go to the device and back bound the clock from both sides, and edges of a wired
 trigger give it directly.
 """

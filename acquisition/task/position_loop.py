@@ -48,7 +48,7 @@ class PositionLoop:
         target_velocity: Sequence[float],
         position: Sequence[float],
     ) -> list[float]:
-        """Return q̇_cmd = K_v (q_d − q) + q̇_ff, within the limits (2.2).
+        """Return q̇_cmd = K_v (q_d − q) + q̇_ff, within the limits (theory: section 12).
 
         A command that is not a number stays one, for the supervisor to refuse.
 

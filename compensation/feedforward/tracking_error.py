@@ -18,9 +18,9 @@ class TrackingError:
     Attributes
     ----------
     joint : ndarray, shape (samples, n)
-        q_d - q [rad or m] (6.4).
+        q_d - q [rad or m].
     distance_m : ndarray, shape (samples,)
-        |p_d(i) - p(i)| of the tool point at the same instant (6.5).
+        |p_d(i) - p(i)| of the tool point at the same instant (6.4).
     wanted_m, reached_m : ndarray, shape (samples, 3)
         The tool point's paths in the base frame.
     """
@@ -44,12 +44,12 @@ class TrackingError:
 
     @property
     def mean_m(self) -> float:
-        """d_mean (6.6) [m]."""
+        """d_mean (6.5) [m]."""
         return float(self.distance_m.mean())
 
     @property
     def max_m(self) -> float:
-        """d_max [m]."""
+        """d_max (6.6) [m]."""
         return float(self.distance_m.max())
 
     @property

@@ -2,7 +2,7 @@
 
 Everything works in closed loops, so input and output both hold the loops' noise, and their plain
 ratio is biased. The multisine is what they have in common and the noise has not: both are referred
-to it, realisation by realisation (Pintelon and Schoukens 2012, chapter 7; physics: section 13).
+to it, realisation by realisation (Pintelon and Schoukens 2012, chapter 7; theory: section 13).
 What differs between periods is noise, what differs between realisations more than that is nonlinear
 distortion. Lines that nobody excites show distortion too: output there which the input there does
 not explain.

@@ -3,7 +3,7 @@
     G_c(s) = K_p (1 + 1 / (T_i s)) exp(-s T_d) / (1 + s T_c)
 
 with a delay T_d (the drive's own, beyond one cycle and the interpolation, which are known) and the
-current loop's lag T_c where the data show them (physics: section 13). Maximum likelihood on the
+current loop's lag T_c where the data show them (theory: section 13). Maximum likelihood on the
 complex bins, each weighted by its measured variance (Pintelon and Schoukens 2012, chapter 9); which
 terms are needed is decided by the minimum description length (Rissanen 1978), and whether they
 suffice by the size of the misfit and by its whiteness along the lines.

@@ -34,7 +34,7 @@ class KinematicRow(ConfigModel):
     """One row of a Denavit-Hartenberg table, angles in rad, lengths in m.
 
     `theta_rad` (revolute) or `d_m` (prismatic) is the constant that the joint position is added
-    to. `beta_rad` is Hayati's angle for nearly parallel axes (physics: section 1); it exists in the
+    to. `beta_rad` is Hayati's angle for nearly parallel axes (theory: section 1); it exists in the
     modified convention only.
     """
 
@@ -129,7 +129,7 @@ class JointLimits(ConfigModel):
 
 
 class Rotor(ConfigModel):
-    """Where a motor's rotor sits and which way it spins (physics: section 3).
+    """Where a motor's rotor sits and which way it spins (theory: section 3).
 
     `link` is the carrying link, 0 for the base; `axis` is the spin axis in that link's frame, in
     the sense in which a positive `gear_ratio` turns for positive joint velocity. A motor may ride
@@ -152,7 +152,7 @@ class Joint(ConfigModel):
 
     `armature` adds the plain inertia mu^2 I_M of a motor whose mounting is not known, at the link
     side; `rotor` is the better model where it is. `friction` lists the terms of the joint's
-    friction (physics: section 4): `asymmetric` is Coulomb friction of a size for each direction,
+    friction (theory: section 4): `asymmetric` is Coulomb friction of a size for each direction,
     `stribeck` starts from the speed `stribeck_velocity` [rad/s or m/s], `temperature` lets Coulomb
     and viscous friction change linearly away from `reference_temperature_k`, `load` grows with the
     torque that the gear transmits. `efficiency` (0 to 1) is where the estimate of the gear's

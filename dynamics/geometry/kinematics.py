@@ -27,7 +27,7 @@ class Chain:
     ----------
     rows : (n, 5) array
         alpha [rad], beta [rad], theta [rad], a [m], d [m] of Rot_x(alpha) Trans_x(a) Rot_y(beta)
-        Rot_z(theta) Trans_z(d), from frame i-1 to i (physics: section 1).
+        Rot_z(theta) Trans_z(d), from frame i-1 to i (theory: section 1).
     prismatic : (n,) bool array
         True where the joint position adds to d, False where it adds to theta.
     gravity_m_s2 : (3,) array

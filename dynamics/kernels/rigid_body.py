@@ -112,7 +112,7 @@ def fill_rotors(
     first: int,
     last: int,
 ) -> None:
-    """Fill the column of every rotor's polar inertia (physics: section 3).
+    """Fill the column of every rotor's polar inertia (theory: section 3).
 
     Parameters
     ----------

@@ -288,7 +288,7 @@ def base_wrench_regressor(
     """Return Phi_e with w = Phi_e theta, the wrench that the base exerts on the robot.
 
     At rest its force is the weight, pointing up; a force plate under the base feels the opposite
-    (physics: section 7, one more backward Newton-Euler step).
+    (theory: section 7, one more backward Newton-Euler step).
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ class Armature:
     """Plain motor inertias `Ia{i}` = mu^2 I_M at the link side: torque Ia times acceleration.
 
     Neither what the rotor's spin does to the link that carries it nor the wrench on the base is
-    modelled (physics: section 3, "what a plain armature forgets"); `Rotors` does both.
+    modelled (theory: section 3, "what a plain armature forgets"); `Rotors` does both.
     """
 
     joints: tuple[int, ...]

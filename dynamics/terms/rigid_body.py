@@ -23,7 +23,7 @@ _NO_INDEX: Final[IntArray] = np.empty(0, dtype=np.int64)
 
 @dataclass(frozen=True, eq=False)
 class RigidBodies:
-    """Inertial and gravitational loads of the links (physics: section 2).
+    """Inertial and gravitational loads of the links (theory: section 2).
 
     Link i has, in frame i of `Chain`: mass `m{i}`, first moment `sx{i} sy{i} sz{i}` = m c, and the
     inertia about the frame's origin `Ixx{i} Ixy{i} Ixz{i} Iyy{i} Iyz{i} Izz{i}`, elements of the

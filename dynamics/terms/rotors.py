@@ -18,7 +18,7 @@ from dynamics.terms.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class Rotors:
-    """Polar inertias of the rotors, `Im{i}` for the motor of joint i (physics: section 3).
+    """Polar inertias of the rotors, `Im{i}` for the motor of joint i (theory: section 3).
 
     What remains of a rotor after its mass, its transverse inertia and I_M e e^T have been lumped
     into the link that carries it: the load I_M mu (q.. e + q. w x e) on that link, and

@@ -3,7 +3,7 @@
 The motion of joint j is q0 + sum_k a_k sin(k w t) + b_k cos(k w t) (2.30). All that is asked of it
 is a smooth function of these coefficients: the criterion through the exact gradient of the
 regressor, the limits as squared violations. The criterion is sampled at a handful of points per
-highest harmonic (physics: section 10), the limits at more; `motion_check` verifies the result.
+highest harmonic (theory: section 10), the limits at more; `motion_check` verifies the result.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """From averaged periods or smoothed recordings to an `Estimate`.
 
 Maximum likelihood with Gaussian noise of known variance per channel is weighted least squares,
-solved by QR (physics: section 9). The same functions do ordinary and robust least squares, take a
+solved by QR (theory: section 9). The same functions do ordinary and robust least squares, take a
 Bayesian prior, and fit nonlinear parameters on the same cost.
 """
 

@@ -2,7 +2,7 @@
 
 Runs at constant speed, both ways over the same positions, and a path there and back in time: in
 both, what remains of torque when the speed changes its sign is gravity and inertia, and half of
-what changes is friction (physics: section 4).
+what changes is friction (theory: section 4).
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def reversed_curves(
 def _motor_turns(robot: RobotDescription, joint: int) -> float:
     """Return how far a joint's motor turns, over its gear, where the joint alone turns by one.
 
-    Torque is measured at the motor and friction is the motor's (physics: section 6), so friction
+    Torque is measured at the motor and friction is the motor's (theory: section 6), so friction
     is that of the motor's speed. With a coupled wrist other motors turn along, but nothing of
     their friction is in this one's torque.
 

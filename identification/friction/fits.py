@@ -23,7 +23,7 @@ MODELS: Final[dict[str, tuple[FrictionTerm, ...]]] = {
     "cube root": ("viscous", "cube_root"),
     "Stribeck": ("coulomb", "viscous", "stribeck"),
 }
-"""The models of physics: section 4, by name (2.8-2.14)."""
+"""The models of theory: section 4, by name (2.8-2.14)."""
 
 
 CLEARLY_BETTER: Final = 2.0

@@ -1,7 +1,7 @@
 """`BaseParameters`: what a motion can tell of a robot's parameters, in words and as a matrix.
 
 Not every standard parameter can be seen in the torques. The base set is found by a rank-revealing
-QR factorisation of the regressor stacked over random samples (physics: section 2): the columns are
+QR factorisation of the regressor stacked over random samples (theory: section 2): the columns are
 taken in an order that keeps readable parameters, and what depends on columns already taken is
 merged into them.
 """

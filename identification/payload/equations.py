@@ -2,7 +2,7 @@
 
 The unknowns are the payload's ten parameters in the flange's frame and, behind them, whatever else
 the torques depend on: the robot, and the friction of every run on its own, since friction is never
-carried over from one run to the next (physics: section 11).
+carried over from one run to the next (theory: section 11).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from identification.payload.body import PARAMETERS, flange_pose, to_link
 from identification.regression.least_squares import triangular_factor
 
 Procedure = Literal["together", "difference", "model", "apart"]
-"""How the robot is told from what it carries (physics: section 11).
+"""How the robot is told from what it carries (theory: section 11).
 
 `together`: robot and payload from runs with and without it. `difference`: the same motion with and
 without, torques subtracted. `model`: runs with it alone, less a robot identified before. `apart`:

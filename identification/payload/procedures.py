@@ -1,4 +1,4 @@
-"""From runs to a payload by one of the procedures of physics 11."""
+"""From runs to a payload by one of the three procedures (theory: section 11)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Weighted least squares by QR, fed block by block, with both covariances (physics: section 9).
+"""Weighted least squares by QR, fed block by block, with both covariances (theory: section 9).
 
 Huber's weights hold rows with large residuals down (Huber 1964).
 """

@@ -3,7 +3,7 @@
 A rotor turns in the full model of 2n coordinates about its axis on the link that carries it; its
 gear ties it to its actuator, q_full = G alpha with G = [C; diag(mu)] constant, where C turns the
 actuators' angles into the joints' (5.18), 1 without a coupled wrist. The reduced equations are
-Gᵀ M G and Gᵀ b: the rotors' coupling (physics: section 3) and the wrist's (5.19) follow without a
+Gᵀ M G and Gᵀ b: the rotors' coupling (theory: section 3) and the wrist's (5.19) follow without a
 formula for them.
 
 What holds the base still is the generalised force of a free joint under it that does not move.

@@ -121,7 +121,7 @@ class SimulatedRegisters:
 
 
 def answer(request: bytes, registers: Mapping[int, int]) -> bytes:
-    """Return the answer to a request's function and data (6.3, 6.4, 6.6, 6.12)."""
+    """Return the answer to a request's function and data (Modbus 6.3, 6.4, 6.6, 6.12)."""
     function = request[0]
     if function in (READ_HOLDING, READ_INPUT):
         if len(request) != 5:

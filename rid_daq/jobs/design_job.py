@@ -268,7 +268,7 @@ def _standard_values(planned: RobotModel, estimate: Estimate) -> FloatArray:
 def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
     """Return what earlier estimates know, for one sample of a run worth as many equations.
 
-    Friction is left out: it changes from day to day, and is estimated anew (physics: section 4).
+    Friction is left out: it changes from day to day, and is estimated anew (theory: section 4).
     """
     information = np.zeros((len(base), len(base)))
     for estimate in given:

@@ -20,7 +20,7 @@ def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConf
     """Return the plant's values of the model's standard parameters.
 
     Link inertias are moved from the centre of gravity to the link frame's origin; the polar
-    inertia of a rotor is added, about its spin axis, to the link that carries it (physics:
+    inertia of a rotor is added, about its spin axis, to the link that carries it (theory:
     section 3), as the rotor term expects.
 
     Parameters

@@ -106,7 +106,7 @@ class TestAsymmetric:
         assert names == ("fcp_axis1", "fcn_axis1", "fv_axis1")
 
     def test_is_coulomb_friction_with_an_offset(self, ir361) -> None:
-        """Equivalently (physics: section 4), smoothed or not."""
+        """Equivalently (theory: section 4), smoothed or not."""
         speed = np.array([-1.0, -0.01, -1e-3, 1e-3, 0.02, 1.0])
         for smoothing in (0.0, 0.02):
             options = {"sign_smoothing_rad_s": smoothing}

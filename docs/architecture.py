@@ -1,0 +1,104 @@
+"""Draw the house from its imports into docs/architecture.md: `python docs/architecture.py`.
+
+`tests/test_architecture.py` fails when the picture differs from what the code imports.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs/architecture.md"
+PACKAGES = (
+    "rid_daq", "compensation", "mock_hw", "identification", "acquisition", "drivers", "dynamics",
+    "config",
+)  # fmt: skip
+BEGIN, END = "<!-- drawn by docs/architecture.py -->\n", "<!-- end of the drawing -->\n"
+
+Graph = dict[str, set[str]]
+
+
+def imported(path: Path) -> set[str]:
+    """Return the project's modules that a file imports, anywhere in it."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return {name for name in found if name.split(".")[0] in PACKAGES}
+
+
+def files() -> Iterator[tuple[Path, list[str]]]:
+    """Yield every file of the packages, and its module's name in parts."""
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            if path.name != "__init__.py":
+                yield path, list(path.relative_to(ROOT).with_suffix("").parts)
+
+
+def drawing() -> str:
+    """Return the picture: packages, their rooms, and who stands on whom."""
+    rooms: Graph = {}
+    packages: Graph = {package: set() for package in PACKAGES}
+    for path, parts in files():
+        for name in imported(path):
+            other = name.split(".")
+            if other[0] != parts[0]:
+                packages[parts[0]].add(other[0])
+            elif len(parts) > 2 and _is_room(other) and other[1] != parts[1]:
+                rooms.setdefault(".".join(parts[:2]), set()).add(".".join(other[:2]))
+        if len(parts) > 2:
+            rooms.setdefault(".".join(parts[:2]), set())
+    lines = ["```mermaid", "flowchart TB"]
+    for package in PACKAGES:
+        lines.append(f"  subgraph {package}")
+        own = {room for room in rooms if room.split(".")[0] == package}
+        lines += [f"    {_node(room)}[{room.split('.')[1]}]" for room in sorted(own)]
+        inside = _reduced({room: rooms[room] for room in own})
+        lines += [f"    {_node(a)} --> {_node(b)}" for a, b in inside]
+        lines.append("  end")
+    lines += [f"  {a} ==> {b}" for a, b in _reduced(packages)]
+    return "\n".join([*lines, "```", ""])
+
+
+def _node(room: str) -> str:
+    return room.replace(".", "_")
+
+
+def _is_room(parts: list[str]) -> bool:
+    return len(parts) > 1 and (ROOT / parts[0] / parts[1]).is_dir()
+
+
+def _reduced(graph: Graph) -> list[tuple[str, str]]:
+    """Return the edges that no longer way replaces."""
+
+    def below(node: str, seen: set[str]) -> set[str]:
+        for other in graph.get(node, set()) - seen:
+            seen.add(other)
+            below(other, seen)
+        return seen
+
+    return [
+        (node, other)
+        for node in sorted(graph)
+        for other in sorted(graph[node])
+        if not any(other in below(third, set()) for third in graph[node] - {other})
+    ]
+
+
+def with_drawing(page: str) -> str:
+    """Return the page with the picture as it is now."""
+    return re.sub(
+        f"{re.escape(BEGIN)}.*?{re.escape(END)}",
+        lambda _: BEGIN + drawing() + END,
+        page,
+        flags=re.S,
+    )
+
+
+if __name__ == "__main__":
+    PAGE.write_text(with_drawing(PAGE.read_text()))

@@ -1,0 +1,55 @@
+"""docs/glossary.md: one word for one thing; words that were replaced do not come back."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PLACES = (
+    "acquisition", "compensation", "config", "drivers", "dynamics", "identification", "mock_hw",
+    "rid_daq", "docs/guide", "README.md", "CONTRIBUTING.md",
+)  # fmt: skip
+REPLACED = {
+    r"companions?": "helper process",
+    r"HowToEstimate": "EstimationOptions",
+    r"HowToWeigh|Weighing": "PayloadOptions, PayloadRequest",
+    r"as_warm_as_measured": "with_temperature_compensation",
+    r"[Ss]hape parameters?|ShapeParameters?": "nonlinear parameters",
+    r"Beliefs?": "assumed",
+    r"Doubt": "PriorUncertainty",
+    r"reaction wrench|external wrench": "base wrench",
+    r"unread_options": "inapplicable_options",
+    r"side_by_side": "parallel",
+    r"PeriodJudge": "EarlyStop",
+    r"Stretch": "PathSection",
+    r"JudgedPayload": "PayloadResult",
+    r"white_equations": "whitened",
+    r"LineFaults?|RegisterFaults": "FaultScript",
+}
+"""What was replaced, as a regular expression of whole words, and by what."""
+
+
+def texts() -> Iterator[Path]:
+    for place in PLACES:
+        path = ROOT / place
+        found = [path] if path.is_file() else sorted(path.rglob("*"))
+        yield from (each for each in found if each.suffix in (".py", ".md", ".html", ".yaml"))
+
+
+@pytest.mark.parametrize("word", REPLACED)
+def test_a_word_that_was_replaced_does_not_come_back(word: str) -> None:
+    whole = re.compile(rf"\b(?:{word})\b")
+    found = [str(path.relative_to(ROOT)) for path in texts() if whole.search(path.read_text())]
+    assert found == [], f"say '{REPLACED[word]}' (docs/glossary.md)"
+
+
+def test_the_glossary_is_in_the_order_of_the_alphabet() -> None:
+    page = (ROOT / "docs/glossary.md").read_text()
+    words = re.findall(r"^\| ([^|]+) \|", page, re.MULTILINE)[1:]
+    words = [word for word in words if not word.startswith("-")]
+    assert len(words) > 50
+    assert words == sorted(words, key=str.lower)

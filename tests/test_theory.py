@@ -1,0 +1,84 @@
+"""docs/theory.md: every equation, section and paper that the code cites stands there."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = (ROOT / "docs/theory.md").read_text()
+PACKAGES = (
+    "acquisition", "compensation", "config", "drivers", "dynamics", "identification", "mock_hw",
+    "rid_daq", "benchmarks",
+)  # fmt: skip
+SECTION = re.compile(r"theory: (?:sections? )?((?:\d+(?:\.\d+)?(?:, | and )?)+)")
+EQUATIONS = re.compile(r"\(((?:[2-6]|[A-D])\.\d+(?:(?:-|, )(?:[2-6]|[A-D])\.\d+)*)\)")
+PAPER = re.compile(r"([A-Z][a-zé]+)(?:, [A-Z][a-z]+)*(?: and [A-Z]?[a-z]+)?,? \(?((?:19|20)\d\d)\b")
+"""First author and year of a paper, however many authors are named between them."""
+
+
+def docstrings() -> Iterator[tuple[str, str]]:
+    """Yield where it stands, and every docstring of the packages on one line."""
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text())):
+                match node:
+                    case ast.Expr(ast.Constant(str(text))):
+                        yield f"{path.relative_to(ROOT)}:{node.lineno}", " ".join(text.split())
+
+
+def test_every_section_that_is_cited_is_there() -> None:
+    sections = set(re.findall(r"^#{2,3} (\d+(?:\.\d+)?)\.? ", PAGE, re.MULTILINE))
+    cited = [
+        (place, number)
+        for place, text in docstrings()
+        for match in SECTION.finditer(text)
+        for number in re.findall(r"\d+(?:\.\d+)?", match[1])
+    ]
+    assert len(cited) > 20
+    assert [item for item in cited if item[1] not in sections] == []
+
+
+def test_every_equation_of_the_thesis_that_is_cited_is_there() -> None:
+    known = set(re.findall(r"\(((?:[2-6]|[A-D])\.\d+)\)", PAGE))
+    for first, last in re.findall(r"\((\w\.\d+)\)\\text\{–\}\((\w\.\d+)\)", PAGE):
+        known |= set(_between(first, last))
+    cited = [
+        (place, number)
+        for place, text in docstrings()
+        for match in EQUATIONS.finditer(text)
+        for number in _numbers(match[1])
+    ]
+    assert len(cited) > 30
+    assert [item for item in cited if item[1] not in known] == []
+
+
+def test_every_paper_that_is_cited_is_among_the_references() -> None:
+    references = PAGE[PAGE.index("## References") :].splitlines()
+    missing = [
+        (place, match[0])
+        for place, text in docstrings()
+        for match in PAPER.finditer(text)
+        if not any(match[1] in line and match[2] in line for line in references)
+    ]
+    assert missing == []
+
+
+def test_every_file_that_the_page_names_is_there() -> None:
+    named = re.findall(r"`((?:\w+/)+\w+\.\w+)`", PAGE)
+    assert len(named) > 40
+    gone = [name for name in named if not (ROOT / name).exists()]
+    assert gone == [], "docs/theory.md names files that have moved: correct its `Code:` lines"
+
+
+def _numbers(text: str) -> list[str]:
+    """Return the numbers of a citation such as `2.25, 2.26`; of `2.8-2.14` first and last."""
+    return re.split(", |-", text)
+
+
+def _between(first: str, last: str) -> Iterator[str]:
+    chapter, start = first.split(".")
+    for number in range(int(start), int(last.split(".")[1]) + 1):
+        yield f"{chapter}.{number}"
