@@ -27,7 +27,7 @@ class PlateService:
 
     Parameters
     ----------
-    port, rack, client
+    port, rack, client : AmplifierPort, DriveRack, HubClient or BusClient
         The amplifier, the robot with its drives, and the bus that both live by.
     """
 

@@ -31,11 +31,11 @@ class PlantAxis(AxisPort):
 
     Parameters
     ----------
-    measured
+    measured : Measured
         What the rack last read of all axes.
-    number
+    number : int
         Which of them.
-    axis
+    axis : DriveAxis
         Zero point and counting direction.
     """
 
@@ -72,24 +72,24 @@ class DriveRack:
 
     Parameters
     ----------
-    cell, robot, plant
+    cell, robot, plant : CellConfig, RobotDescription, PlantConfig
         What is simulated.
-    seed
+    seed : int
         Of everything random.
-    snapshots
+    snapshots : SnapshotWriter, optional
         Where the axes' true state goes after every step; None for nowhere.
-    now_s
+    now_s : float, optional
         When everything is switched on [s].
-    faults
+    faults : FaultScript, optional
         What goes wrong in drives.
-    announce
+    announce : callable, optional
         Called with the number of a fault of the program when it begins.
 
     Attributes
     ----------
-    drives
+    drives : list of SimulatedDrive
         In the order of the robot's joints.
-    time_s
+    time_s : float
         How far drives and plant have been brought [s].
 
     Raises

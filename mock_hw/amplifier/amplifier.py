@@ -57,20 +57,20 @@ class SimulatedAmplifier:
 
     Parameters
     ----------
-    profile
+    profile : AmplifierProfile
         Its strings and rows.
-    truth
+    truth : SimulatedPlate
         Its physics.
-    seed
+    seed : int
         Of its noise.
-    now_s
+    now_s : float, optional
         When it is switched on [s].
-    bits, low_pass_order
+    bits, low_pass_order : int, optional
         How it is built.
 
     Attributes
     ----------
-    physics
+    physics : ChargeAmplifier
         The amplifier behind the words.
     """
 
@@ -129,11 +129,11 @@ class SimulatedAmplifier:
 
         Parameters
         ----------
-        data
+        data : bytes
             The bytes.
-        charges
+        charges : Charges
             Tells what the sensors feel now, (8,) [pC]; asked at operate.
-        now_s
+        now_s : float, optional
             What time it is, where that is later than the physics has been brought [s]: answers
             leave then, and the clock is read then.
         """

@@ -32,15 +32,15 @@ class AmplifierSettings:
 
     Attributes
     ----------
-    range_n
+    range_n : tuple of float
         Force at full scale, per channel [N].
-    sensitivity_pc_n
+    sensitivity_pc_n : tuple of float
         Of the sensors, per channel [pC/N].
-    low_pass_hz, low_pass_order
+    low_pass_hz, low_pass_order : float, int
         The Butterworth filter before the converter.
-    rate_hz
+    rate_hz : float
         Rows per second of the amplifier's own clock.
-    bits
+    bits : int
         Of the converter, whose span is both signs of full scale.
     """
 
@@ -74,11 +74,11 @@ class AmplifierRows:
 
     Attributes
     ----------
-    time_s, device_s : (rows,)
+    time_s, device_s : ndarray, shape (rows,)
         When, on the cell's clock and on the amplifier's [s].
-    counts : (rows, 8) int16
+    counts : ndarray of int16, shape (rows, 8)
         Converter counts; 2 to the power of (bits - 1) would be full scale.
-    overload : (rows,) uint8
+    overload : ndarray of uint8, shape (rows,)
         The latched overload word: bit i for channel i + 1.
     """
 
@@ -93,22 +93,22 @@ class ChargeAmplifier:
 
     Parameters
     ----------
-    truth
+    truth : SimulatedPlate
         Drift, zero jump, noise and clock.
-    seed
+    seed : int
         Of the noise.
-    now_s
+    now_s : float, optional
         When it is switched on [s].
 
     Attributes
     ----------
-    settings
+    settings : AmplifierSettings
         What it is set to; change it by `apply`.
-    time_s
+    time_s : float
         How far it has been brought [s].
-    operating
+    operating : bool
         Whether it measures; at Reset its inputs are shorted.
-    overload
+    overload : int
         The latched overload word.
     """
 
@@ -192,12 +192,12 @@ class ChargeAmplifier:
 
         Parameters
         ----------
-        end_s
+        end_s : float
             Until when [s].
-        ends_s : (m,)
+        ends_s : array_like, shape (m,), optional
             When intervals of constant charge end, each beginning where the one before it ended;
             the last charge lasts on.
-        charges_pc : (m, 8)
+        charges_pc : array_like, shape (m, 8), optional
             The sensors' charges [pC].
 
         Raises
@@ -309,18 +309,19 @@ def _run_filter(
     ----------
     start_s, ends_s : scalar, (m,)
         When the first interval begins, and when each ends [s].
-    volts : (m, 8)
+    volts : ndarray, shape (m, 8)
         Input before the charge stage's limits.
-    low_pass
+    low_pass : _LowPass
         The filter; its state is changed in place.
-    rows
+    rows : _Rows
         Filled; their times lie within the intervals.
-    latched
+    latched : int
         The overload word at the beginning.
 
     Returns
     -------
-    The overload word at the end.
+    int
+        The overload word at the end.
     """
     poles, gains, weights, state = low_pass
     row_times, output, overload = rows

@@ -40,15 +40,15 @@ class PlateSettings:
 
     Attributes
     ----------
-    plate, profile, truth
+    plate, profile, truth : PlateConfig, AmplifierProfile, SimulatedPlate
         The plate as the cell file has it, the strings of its amplifier, and what it really does.
-    path
+    path : Path
         Where the port is to be.
-    seed
+    seed : int
         Of noise and jitter.
-    baud_rate
+    baud_rate : int, optional
         What the amplifier is set to, where that is not what the cell file says.
-    faults
+    faults : FaultScript
         What goes wrong; its `amplifier` part is used.
     """
 
@@ -66,16 +66,16 @@ class AmplifierPort:
 
     Parameters
     ----------
-    settings
+    settings : PlateSettings
         What is served.
-    realtime
+    realtime : bool
         Whether bytes arrive on the computer's own clock; simulated time otherwise.
-    now_s
+    now_s : float, optional
         When the amplifier is switched on [s].
 
     Attributes
     ----------
-    next_s
+    next_s : float
         When `advance` is due: bytes arrive, or the port comes back [s]; infinity for never.
 
     Raises
@@ -148,11 +148,11 @@ class AmplifierPort:
 
         Parameters
         ----------
-        data
+        data : bytes
             What `read` has returned.
-        base_wrench : (6,)
+        base_wrench : ndarray, shape (6,)
             What the base exerts on the robot now.
-        now_s
+        now_s : float, optional
             What time it is, where that is later than the amplifier has been brought [s].
         """
         self._device.receive(data, lambda: self._sensors.charges_pc(base_wrench), now_s)
@@ -170,11 +170,11 @@ class AmplifierPort:
 
         Parameters
         ----------
-        end_s
+        end_s : float
             Until when [s].
-        ends_s, base_wrenches : (m,), (m, 6)
+        ends_s, base_wrenches : array_like, shape (m,), (m, 6), optional
             Ends of intervals [s], and what the base exerted on the robot in each.
-        edges_s : (edges,)
+        edges_s : array_like, shape (edges,), optional
             When SYNC was there, at the trigger input [s].
         """
         ends = np.asarray(ends_s, dtype=np.float64)

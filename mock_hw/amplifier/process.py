@@ -56,9 +56,9 @@ class ServedAmplifier:
 
     Parameters
     ----------
-    settings
+    settings : PlateSettings
         What is served, and where.
-    load
+    load : SwingingLoad, optional
         What stands on the plate.
 
     Raises

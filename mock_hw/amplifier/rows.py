@@ -24,11 +24,11 @@ class RowBlock:
 
     Attributes
     ----------
-    data
+    data : bytes
         Their bytes, `size` each.
-    size
+    size : int
         Bytes of a row.
-    ready_s : (rows,)
+    ready_s : ndarray, shape (rows,)
         When each may be sent [s].
     sequence : (rows,)
         Their numbers.

@@ -22,9 +22,9 @@ class PlateSensors:
 
     Parameters
     ----------
-    plate
+    plate : PlateConfig
         Geometry, and where the plate stands in the robot's base frame.
-    truth
+    truth : SimulatedPlate
         What the sensors do: pC/N and crosstalk. The cell file's `sensitivity` is what a calibration
         found, and takes no part.
     """
@@ -40,7 +40,7 @@ class PlateSensors:
 
         Parameters
         ----------
-        base_wrench : (m, 6)
+        base_wrench : array_like, shape (m, 6)
             What the base exerts on the robot, about the base frame's origin, in its axes [N, N m].
         """
         return np.asarray(base_wrench) @ self._forces.T

@@ -22,16 +22,16 @@ class SerialLine:
 
     Parameters
     ----------
-    baud_rate
+    baud_rate : int
         Bits per second.
-    jitter_s
+    jitter_s : float
         The longest time between two polls of the adapter [s]; 0 for one that never waits.
-    seed
+    seed : int
         Of the polls.
 
     Attributes
     ----------
-    free_s
+    free_s : float
         When the last byte so far has been sent [s].
     """
 
@@ -48,14 +48,15 @@ class SerialLine:
 
         Parameters
         ----------
-        ready_s : (n,)
+        ready_s : array_like, shape (n,)
             From when on each may be sent [s], not falling.
-        size : (n,)
+        size : array_like, shape (n,)
             Their sizes [bytes].
 
         Returns
         -------
-        (n,) array: when each has arrived [s].
+        ndarray, shape (n,)
+            When each has arrived [s].
         """
         ready = np.asarray(ready_s, dtype=np.float64)
         if not len(ready):

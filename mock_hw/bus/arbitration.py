@@ -62,7 +62,7 @@ class CanWire:
 
     Parameters
     ----------
-    bitrate
+    bitrate : int
         Nominal bit rate [bit/s].
     """
 

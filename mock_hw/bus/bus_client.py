@@ -23,16 +23,16 @@ class BusClient:
 
     Parameters
     ----------
-    link
+    link : CanLink
         The open bus.
-    ended
+    ended : callable
         Whether to end: asked at every wait.
 
     Attributes
     ----------
-    lockstep, simulated_time
+    lockstep, simulated_time : bool
         False: there is real time only.
-    now_ns
+    now_ns : int
         CLOCK_MONOTONIC at the last `wait` [ns].
     """
 

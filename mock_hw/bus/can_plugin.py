@@ -48,18 +48,18 @@ class RidSimBus(can.BusABC):
 
     Parameters
     ----------
-    channel
+    channel : can.typechecking.Channel
         The name of a served cell's bus, or the path of its socket.
-    can_filters
+    can_filters : can.typechecking.CanFilters, optional
         As python-can has them.
-    participant
+    participant : bool, optional
         Take part in lock-step time, as the cell's master does: receive timeouts and message time
         stamps are simulated then, and time stands still while the owner works. Otherwise this
         is an observer, which never holds time; its waits are the wall clock's.
 
     Attributes
     ----------
-    simulated_clock
+    simulated_clock : LockstepClock or None
         The clock that goes with the bus in lock-step, None otherwise.
 
     Raises

@@ -131,20 +131,20 @@ class BusFaults:
 
     Parameters
     ----------
-    script
+    script : FaultScript
         What goes wrong.
-    nodes
+    nodes : mapping of str to int
         The drives' node ids by joint.
-    master
+    master : int
         The node id of the computer.
-    start_ns
+    start_ns : int, optional
         The bus's time now [ns].
 
     Attributes
     ----------
-    bus_off, unplugged
+    bus_off, unplugged : bool
         Set when the adapter goes bus-off or is pulled out; whoever acts on it clears it.
-    deaf_until_ns, unplugged_until_ns
+    deaf_until_ns, unplugged_until_ns : int
         Until when the adapter hears nothing, or is not there [ns].
     """
 

@@ -68,22 +68,22 @@ class CanHub:
 
     Parameters
     ----------
-    listener
+    listener : socket.socket
         A listening SEQPACKET socket; closed by `close`.
-    bitrate
+    bitrate : int
         Nominal bit rate [bit/s].
-    realtime
+    realtime : bool
         Real time instead of lock-step.
-    channel
+    channel : str, optional
         The bus's name in the log.
-    log
+    log : TextIO, optional
         Where to write every frame, in candump's format; seconds since 1970 in real time.
-    faults
+    faults : BusFaults, optional
         What goes wrong; None for nothing.
 
     Attributes
     ----------
-    next_s
+    next_s : float
         When the bus next has something to do by itself, at the last `advance` [s].
     """
 

@@ -33,23 +33,23 @@ class HubClient:
 
     Parameters
     ----------
-    path
+    path : Path
         The hub's socket.
-    role
+    role : Role
         Observers never hold lock-step time, and have the wall clock's waits.
-    urgent
+    urgent : iterable of int, optional
         Identifiers whose frames end any wait at once. All others end it when the bus falls idle,
         if the wait is `on_frames` at all: a burst of frames costs one wake-up, or none.
-    timeout_s
+    timeout_s : float, optional
         How long to wait for the hub's welcome [s].
 
     Attributes
     ----------
-    simulated_time
+    simulated_time : bool
         Whether the bus has simulated time, rather than CLOCK_MONOTONIC.
-    lockstep
+    lockstep : bool
         Whether it has, and this client takes part in it.
-    now_ns
+    now_ns : int
         The time [ns]: simulated, or CLOCK_MONOTONIC at the last `wait`.
 
     Raises
@@ -156,8 +156,9 @@ class HubClient:
 
         Returns
         -------
-        What was on the bus meanwhile, oldest first; data padded to 8 bytes. In real time frames
-        always end the wait.
+        list of WireFrame
+            What was on the bus meanwhile, oldest first; data padded to 8 bytes. In real time
+            frames always end the wait.
 
         Raises
         ------

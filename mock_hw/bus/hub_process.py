@@ -31,23 +31,23 @@ class HubSettings:
 
     Attributes
     ----------
-    path
+    path : Path
         Where to listen.
-    bitrate
+    bitrate : int
         Of the bus [bit/s].
-    realtime
+    realtime : bool
         Real time instead of lock-step.
-    channel
+    channel : str
         The bus's name in the log.
-    log
+    log : Path, optional
         Where to write all frames; None for nowhere.
-    private_folder
+    private_folder : bool
         Whether the socket's folder is this bus's own, to be removed at the end.
-    faults
+    faults : FaultScript
         What goes wrong on the bus.
-    nodes
+    nodes : mapping of str to int
         The drives' node ids by joint.
-    master
+    master : int
         The computer's node id.
     """
 

@@ -61,13 +61,13 @@ def pack(kind: PacketKind, flag: int = 0, number: int = 0, time_ns: int = 0) -> 
 
     Parameters
     ----------
-    kind
+    kind : PacketKind
         What the packet is for.
-    flag
+    flag : int, optional
         HELLO: the role. WELCOME: 1 in lock-step. IDLE: 1 when frames wake the client.
-    number
+    number : int, optional
         Of an IDLE, and of the WAKE that answers it.
-    time_ns
+    time_ns : int, optional
         WELCOME, WAKE: the present time. IDLE: until when the client has nothing to do.
     """
     return HEADER.pack(kind, flag, number, time_ns)

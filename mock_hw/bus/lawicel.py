@@ -40,16 +40,16 @@ class LawicelAdapter:
 
     Parameters
     ----------
-    bit_rate
+    bit_rate : int
         Of the bus that it hangs on [bit/s]: opened with another one it hears and sends nothing.
-    now_ms
+    now_ms : callable
         Time for received frames' stamps [ms].
 
     Attributes
     ----------
-    open
+    open : bool
         Whether the channel is open.
-    overrun
+    overrun : bool
         Whether bytes for the computer were lost; told, and forgotten, by the command F.
     """
 

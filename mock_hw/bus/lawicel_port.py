@@ -27,9 +27,9 @@ class LawicelPort:
 
     Parameters
     ----------
-    path
+    path : Path
         Where the computer opens the adapter: a link to the pseudo-terminal is made there.
-    bit_rate
+    bit_rate : int
         Of the bus [bit/s].
 
     Raises

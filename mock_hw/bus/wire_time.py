@@ -72,11 +72,11 @@ def frame_bits(can_id: int, data: bytes, length: int | None = None) -> int:
 
     Parameters
     ----------
-    can_id
+    can_id : int
         The identifier with SocketCAN's flags (`EXTENDED_FLAG`, `REMOTE_FLAG`).
-    data
+    data : bytes
         0 to 8 bytes; none in a remote frame.
-    length
+    length : int, optional
         The data length code of a remote frame; that of `data` when left out.
     """
     count, stuffed, state, crc = _header(can_id, len(data) if length is None else length)

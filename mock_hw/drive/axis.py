@@ -54,9 +54,9 @@ class FollowingError:
 
     Attributes
     ----------
-    counts
+    counts : float
         Demand minus actual position, 60F4h.
-    due_s
+    due_s : float
         When the difference will have been outside the window for too long [s]; infinity while it
         is inside.
     """
@@ -92,22 +92,22 @@ class DrivenAxis:
 
     Parameters
     ----------
-    objects
+    objects : ObjectDictionary
         The drive's object dictionary.
-    power
+    power : PowerStage
         Its CiA 402 half, which makes the velocity demand.
-    port
+    port : AxisPort
         The axis.
-    counts_per_unit
+    counts_per_unit : float
         Increments per second in one unit of velocity (60FFh, 606Ch).
-    now_s
+    now_s : float
         When the drive is switched on [s].
-    clock
+    clock : DriveClock
         What the drive times everything by.
 
     Attributes
     ----------
-    following
+    following : FollowingError
         How far the axis is behind what it was told.
     """
 

@@ -52,30 +52,30 @@ class SimulatedDrive:
 
     Parameters
     ----------
-    identity
+    identity : od.DriveIdentity
         Its address and what is fixed in it.
-    port
+    port : AxisPort
         Its axis.
-    now_s
+    now_s : float, optional
         When it is switched on [s].
 
     Attributes
     ----------
-    objects
+    objects : ObjectDictionary
         Its object dictionary.
-    power
+    power : PowerStage
         Its CiA 402 half.
-    axis
+    axis : DrivenAxis
         What it tells its motor and sees of it.
-    nmt
+    nmt : NmtState
         Its NMT state.
-    clock
+    clock : DriveClock
         What it times everything by.
-    beats
+    beats : bool
         Whether it sends its heartbeat; a fault may stop it.
-    watches
+    watches : bool
         Whether it acts when its master falls silent.
-    ignores_quick_stop
+    ignores_quick_stop : bool
         Whether it does not take RPDOs that command a quick stop: a fault.
     """
 

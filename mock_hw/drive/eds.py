@@ -48,11 +48,11 @@ def drive_sheet(identity: DriveIdentity, file_name: str, created: datetime) -> s
 
     Parameters
     ----------
-    identity
+    identity : DriveIdentity
         The drive.
-    file_name
+    file_name : str
         What the file will be called; it stands in the file.
-    created
+    created : datetime
         When it is made.
     """
     by_index = attrgetter("index")

@@ -27,7 +27,7 @@ class ErrorLog:
 
     Parameters
     ----------
-    objects
+    objects : ObjectDictionary
         The drive's objects.
     """
 

@@ -27,20 +27,20 @@ class DriveFaults:
 
     Parameters
     ----------
-    script
+    script : FaultScript
         What goes wrong.
-    joint_names, drives
+    joint_names, drives : sequence of str, sequence of SimulatedDrive
         The drives by their joints' names, in the same order.
-    now_s
+    now_s : float
         The time now [s].
-    announce
+    announce : callable, optional
         Called with the number of a fault of the program when it begins.
 
     Attributes
     ----------
-    reversed, blocked
+    reversed, blocked : list of bool
         Of each axis: whether it turns the other way, whether its brake stays closed.
-    stuck
+    stuck : list of bool
         Of each axis: whether its encoder stands still.
     """
 

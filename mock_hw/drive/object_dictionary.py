@@ -20,19 +20,19 @@ class Entry:
 
     Attributes
     ----------
-    index, subindex
+    index, subindex : int
         The address.
-    name
+    name : str
         What it is, in words.
-    code
+    code : str
         Its type by `struct`'s letter (``B b H h I i``), or ``s`` for a text.
-    default
+    default : int or bytes
         Its value after a reset.
-    access
+    access : Literal
         ``"ro"`` or ``"rw"``.
-    mapping
+    mapping : Literal
         Which PDOs may carry it: ``"r"`` receive, ``"t"`` transmit, ``"rt"`` both.
-    allowed
+    allowed : range or frozenset of int, optional
         The values that may be written; None for all of the type.
     """
 
@@ -64,7 +64,7 @@ class ObjectDictionary:
 
     Parameters
     ----------
-    entries
+    entries : iterable of Entry
         The objects that exist.
     """
 

@@ -70,15 +70,15 @@ class DriveIdentity:
 
     Attributes
     ----------
-    node_id
+    node_id : int
         Its CANopen address.
-    encoder_increments
+    encoder_increments : int
         Per motor revolution (608Fh).
-    gear
+    gear : Fraction
         Motor revolutions by joint revolutions (6091h).
-    rated_torque_mnm
+    rated_torque_mnm : int
         The motor's rated torque, 6076h [mN m].
-    counts_per_velocity_unit
+    counts_per_velocity_unit : float
         Increments per second in one unit of 60FFh.
     """
 

@@ -31,17 +31,17 @@ class DrivePdo:
 
     Attributes
     ----------
-    receives
+    receives : bool
         Whether it is an RPDO.
-    cob_id
+    cob_id : int
         Identifier of its frame.
-    synchronous
+    synchronous : bool
         Whether SYNC says when it acts; otherwise it acts by itself.
-    keys, layout
+    keys, layout : tuple of Key, struct.Struct
         The objects that it carries, and their bytes.
-    kept
+    kept : tuple of int or None
         A synchronous RPDO's values that wait for SYNC.
-    deadline_s
+    deadline_s : float
         RPDO: when the next frame is overdue, from the first frame on. TPDO: when it is to be sent
         because of its event timer or a change [s].
     """
@@ -109,15 +109,15 @@ class PdoTable:
 
     Attributes
     ----------
-    received
+    received : dict of int to DrivePdo
         RPDOs by identifier.
-    transmitted
+    transmitted : list of DrivePdo
         TPDOs by number.
-    event_driven
+    event_driven : list of DrivePdo
         Those of them that do not wait for SYNC.
-    timed
+    timed : list of DrivePdo
         All PDOs with a `deadline_s` of their own.
-    acts_on_arrival
+    acts_on_arrival : bool
         Whether one of the RPDOs does not wait for SYNC.
     """
 

@@ -27,7 +27,7 @@ class DriveClock:
 
     Attributes
     ----------
-    rate
+    rate : float
         How many seconds it counts in one.
     """
 
@@ -65,18 +65,18 @@ class PowerStage:
 
     Parameters
     ----------
-    objects
+    objects : ObjectDictionary
         The drive's objects: option codes and decelerations are read there when they are needed.
-    clock
+    clock : DriveClock, optional
         What its ramps are timed by; a right one when left out.
 
     Attributes
     ----------
-    state
+    state : PowerState
         The CiA 402 state.
-    supplied
+    supplied : bool
         Whether there is motor power; without it no command enables the drive.
-    next_s
+    next_s : float
         When `advance` is due: the end of a stopping ramp [s]; infinity when none runs.
     """
 

@@ -31,15 +31,15 @@ class DeviceProcess:
 
     Parameters
     ----------
-    serve
+    serve : callable
         Its main function; its last argument is its end of the pipe, through which it says that it
         serves, or what went wrong.
-    arguments
+    arguments : any
         The arguments before that.
 
     Attributes
     ----------
-    pipe
+    pipe : Connection
         Our end.
     """
 

@@ -14,12 +14,12 @@ class CycleCount:
 
     Parameters
     ----------
-    node_ids
+    node_ids : iterable of int
         The drives.
 
     Attributes
     ----------
-    cycle
+    cycle : int
         0 before the first such SYNC.
     """
 
@@ -51,9 +51,9 @@ class Begin:
 
     Parameters
     ----------
-    fault
+    fault : TimedFault
         The fault.
-    start_s
+    start_s : float
         The time of the bus at which it was served [s]; `at_s` counts from it.
     """
 

@@ -20,7 +20,7 @@ def refuse_shared_disk(folder: Path) -> None:
 
     Parameters
     ----------
-    folder
+    folder : Path
         Where recordings go; it may not be there yet.
 
     Raises
@@ -50,9 +50,9 @@ class FullDisk:
 
     Parameters
     ----------
-    folder
+    folder : Path
         A folder on it.
-    leave_bytes
+    leave_bytes : int, optional
         How much is left free.
 
     Raises

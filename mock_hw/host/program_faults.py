@@ -39,9 +39,9 @@ class ProgramFaults:
 
     Parameters
     ----------
-    faults
+    faults : sequence of ProgramFault
         What goes wrong.
-    pipe
+    pipe : Connection
         Tells the number of a fault when it begins, and is answered when it has happened.
 
     Raises

@@ -31,17 +31,17 @@ class PtyPort:
 
     Parameters
     ----------
-    path
+    path : Path
         Where computers open it.
-    patient
+    patient : bool
         Whether to wait for a reader that has the port open but is slower than this: with simulated
         time, which waits too. Otherwise what does not fit is lost.
 
     Attributes
     ----------
-    passed_bytes
+    passed_bytes : int
         How many bytes were handed over.
-    lost_bytes
+    lost_bytes : int
         How many bytes a listening reader did not fetch in time.
 
     Raises

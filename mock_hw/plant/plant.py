@@ -42,12 +42,12 @@ class Plant:
 
     Parameters
     ----------
-    robot, plant
+    robot, plant : RobotDescription, PlantConfig
         The description everyone knows, and the truth. Pass ``plant.without_unmodelled()`` for a
         robot that obeys the estimators' models.
-    torque_filter
+    torque_filter : ButterworthFilter, optional
         Anti-alias filter between the motor's torque and its measurement; None for none.
-    seed
+    seed : int, optional
         Of the torque noise.
 
     Raises
@@ -167,9 +167,9 @@ class Plant:
 
         Returns
         -------
-        end_s : (m,) array
+        end_s : ndarray, shape (m,)
             Plant times at which intervals end [s]; each begins where the one before it ends.
-        wrench : (m, 6) array
+        wrench : ndarray, shape (m, 6)
             Mean of the base wrench over each interval: a velocity that jumps counts in full.
         """
         taken = self._watched or []
@@ -191,16 +191,16 @@ class Plant:
 
         Parameters
         ----------
-        duration_s
+        duration_s : float
             How long [s]; not negative.
-        velocity_start, velocity_end : (n,)
+        velocity_start, velocity_end : array_like, shape (n,)
             The motors' velocity commands at the link side, at the beginning and the end, linear
             in between [rad/s or m/s].
-        powered : (n,) bool
+        powered : array_like of bool, shape (n,)
             Whether the drive's velocity loop runs; without it the motor gives no torque.
-        braked : (n,) bool
+        braked : array_like of bool, shape (n,)
             Whether the holding brake is closed.
-        torque_limit : (n,), optional
+        torque_limit : array_like, shape (n,), optional
             The drives' torque limits at the link side [N m or N], where lower than the motors'
             peak torques.
 

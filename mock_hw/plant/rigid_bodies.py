@@ -34,7 +34,7 @@ class GearedModel:
     ----------
     model : pinocchio.Model
         One coordinate a joint and one a rotor, m in all.
-    gearing : (m, n) float64
+    gearing : ndarray of float64, shape (m, n)
         G: coordinate velocities are G times the actuators' velocities, which are the joints' where
         the robot has no coupling.
     """
@@ -102,7 +102,7 @@ class BaseWrench:
 
     Parameters
     ----------
-    robot, plant
+    robot, plant : RobotDescription, PlantConfig
         As for `build_rigid_bodies`.
     """
 
@@ -125,7 +125,7 @@ class BaseWrench:
 
         Parameters
         ----------
-        motion : (3, n)
+        motion : ndarray, shape (3, n)
             The actuators' positions, velocities and accelerations.
         """
         for own, full in zip(self._own, motion @ self._gearing.T, strict=True):
@@ -140,9 +140,9 @@ class BaseWrench:
 
         Parameters
         ----------
-        before, after : (2, n)
+        before, after : ndarray, shape (2, n)
             The actuators' positions and velocities at both ends.
-        step_s
+        step_s : float
             How long it takes [s].
         """
         motion = np.array([*(0.5 * (before + after)), (after[1] - before[1]) / step_s])

@@ -159,17 +159,17 @@ def advance_servo_loops(
 
     Parameters
     ----------
-    steps, step_s
+    steps, step_s : int, float
         How many steps, and how long one is [s].
-    start_s, since_command_s
+    start_s, since_command_s : float
         Time since the plant began, and since the command began to hold [s].
-    inertia
+    inertia : Inertia
         Held for all steps.
-    actuators
+    actuators : Actuators
         What the axes are and what they are told.
     state : ndarray, shape (STATE_ROWS, n)
         Rows as named above.
-    torque_filter
+    torque_filter : TorqueFilter
         What the torques are measured through.
     """
     mass, bias = inertia

@@ -36,13 +36,13 @@ class AxisSnapshot:
 
     Attributes
     ----------
-    time_s
+    time_s : float
         The simulated bus's time: simulated, or CLOCK_MONOTONIC [s].
-    position, velocity, torque
+    position, velocity, torque : ndarray
         Of the joints, (n,): rad or m, per second, and motor torque at the link side, N m or N.
-    enabled
+    enabled : ndarray of bool
         Whether the axis's drive is powered, (n,); its brake is closed otherwise.
-    temperature_k
+    temperature_k : ndarray
         Of the motors, (n,) [K].
     """
 

@@ -25,7 +25,7 @@ class MotorTemperatures:
     ----------
     temperature_k : ndarray, shape (n,)
         The motors' temperatures [K].
-    any
+    any : bool
         Whether anything warms up at all.
     """
 

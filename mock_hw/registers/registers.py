@@ -25,16 +25,16 @@ class SimulatedRegisters:
 
     Parameters
     ----------
-    registers
+    registers : Registers
         Returns what a unit's registers hold, by address; None where there is no such unit.
-    faults
+    faults : sequence of RegisterFault, optional
         What goes wrong, by request.
 
     Attributes
     ----------
-    requests
+    requests : int
         How many whole requests have come.
-    held
+    held : list of bytes
         Answers that are late: they come before the answer to the next request.
     """
 

@@ -52,13 +52,13 @@ class RegisterSettings:
 
     Attributes
     ----------
-    monitor, profile
+    monitor, profile : MonitorConfig, DriveProfile
         As in the cell file.
-    path
+    path : Path
         Of the serial port to be made.
-    certificates
+    certificates : ServerCertificates, optional
         Of a TLS server.
-    faults
+    faults : tuple of RegisterFault
         What goes wrong.
     """
 
@@ -125,16 +125,16 @@ class RegisterService:
 
     Parameters
     ----------
-    registers
+    registers : SimulatedRegisters
         The drives.
-    settings
+    settings : RegisterSettings
         Where.
-    realtime
+    realtime : bool
         Whether bytes on a serial line take their time.
 
     Attributes
     ----------
-    port
+    port : int
         The TCP port that is listened at; 0 on a serial line.
 
     Raises
