@@ -30,8 +30,9 @@ from mock_hw.host.runtime_directory import folder_in_use
 from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.plate_service import PlateService
 from mock_hw.rack import DriveRack
+from mock_hw.registers.contents import DriveRegisters
 from mock_hw.registers.registers import SimulatedRegisters
-from mock_hw.registers.server import DriveRegisters, RegisterService, RegisterSettings
+from mock_hw.registers.server import RegisterService, RegisterSettings
 from mock_hw.simulation import CellSimulation
 
 _LOOK_S = 0.1

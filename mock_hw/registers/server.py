@@ -16,20 +16,14 @@ import ssl
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from config.cell.cell import CellConfig
-from config.cell.drive_profile import DriveProfile, Quantity
+from config.cell.drive_profile import DriveProfile
 from config.cell.monitor import ModbusTcp, MonitorConfig
 from config.errors import TransportError
-from config.robot.robot import RobotDescription
 from config.simulation.faults import RegisterFault
-from config.simulation.plant import PlantConfig
-from drivers.modbus.codec import encode
 from mock_hw.host.pty_port import PtyPort
-from mock_hw.plant.snapshot import SnapshotReader
 from mock_hw.registers.registers import SimulatedRegisters
 
 BITS_PER_BYTE = 11  # start, eight data, parity or a second stop bit, stop
@@ -67,57 +61,6 @@ class RegisterSettings:
     path: Path
     certificates: ServerCertificates | None = None
     faults: tuple[RegisterFault, ...] = ()
-
-
-class DriveRegisters:
-    """What the drives of a simulated cell hold in their registers.
-
-    A drive knows its motor's torque constant as its plate says, at the reference temperature.
-    """
-
-    def __init__(
-        self,
-        cell: CellConfig,
-        robot: RobotDescription,
-        plant: PlantConfig,
-        settings: RegisterSettings,
-        snapshots: SnapshotReader,
-    ) -> None:
-        self._profile = settings.profile
-        self._snapshots = snapshots
-        self._axis_of: dict[int, int] = {}
-        self._plates: list[dict[Quantity, float]] = []
-        self._start_s = snapshots.read().time_s
-        joints = {joint.name: number for number, joint in enumerate(robot.joints)}
-        for axis, unit in zip(cell.axes, settings.monitor.units, strict=True):
-            self._axis_of[unit] = joints[axis.joint]
-        for joint, simulated in zip(robot.joints, plant.axes, strict=True):
-            constant = joint.torque_constant_nm_per_a or 1.0
-            motor = constant / abs(joint.gear_ratio)
-            rated = simulated.rated_motor_torque_nm
-            self._plates.append(
-                {
-                    "torque_constant_nm_per_a": motor,
-                    "torque_constant_per_k": joint.torque_constant_per_k,
-                    "reference_temperature_k": joint.reference_temperature_k,
-                    "rated_torque_nm": rated,
-                    "rated_current_a": rated / motor,
-                    "rotor_inertia_kg_m2": simulated.rotor_inertia_kg_m2,
-                }
-            )
-
-    def __call__(self, unit: int) -> Mapping[int, int] | None:
-        """Return a unit's registers by address; None where there is no such drive."""
-        axis = self._axis_of.get(unit)
-        if axis is None:
-            return None
-        snapshot = self._snapshots.read()
-        values: dict[Quantity, float] = {
-            **self._plates[axis],
-            "motor_temperature_k": float(snapshot.temperature_k[axis]),
-            "operating_time_s": max(0.0, snapshot.time_s - self._start_s),
-        }
-        return encode(self._profile, values)
 
 
 class RegisterService:
