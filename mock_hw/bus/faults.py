@@ -30,7 +30,7 @@ from drivers.canopen.frames import (
 from mock_hw.bus.arbitration import Source, WireFrame
 from mock_hw.host.fault_clock import Begin, CycleCount
 
-_STRANGER: Source = (-1, 0)
+_UNKNOWN_SENDER: Source = (-1, 0)
 _OWN_LANE = 256
 """Added to a controller's number: a queue of its own, so that what is late delays nothing else."""
 
@@ -96,7 +96,7 @@ class _Spoiler:
         if fault.kind == "duplicate":
             return [queued, queued]
         if fault.kind == "spoof":
-            return [(_STRANGER, _spoofed(frame, fault)), queued]
+            return [(_UNKNOWN_SENDER, _spoofed(frame, fault)), queued]
         if fault.kind == "reorder":
             self._held[frame.can_id] = queued
             return []
@@ -209,22 +209,22 @@ class BusFaults:
         for spoiler in self._spoilers:
             if spoiler.begin.happens(cycle, now_s):
                 self._spoiling.append(spoiler)
-        strangers: list[Queued] = []
+        strange: list[Queued] = []
         for begin, fault in self._others:
             if not begin.happens(cycle, now_s):
                 continue
             if isinstance(fault, StrangeFrames):
-                strangers += self._strangers(fault, now_ns)
+                strange += self._strange_frames(fault, now_ns)
             elif isinstance(fault, HeldUp):
                 self._holds.append(fault)
             else:
                 self._disturb(fault, now_ns)
-        return strangers
+        return strange
 
-    def _strangers(self, fault: StrangeFrames, now_ns: int) -> list[Queued]:
+    def _strange_frames(self, fault: StrangeFrames, now_ns: int) -> list[Queued]:
         return [
             (
-                _STRANGER,
+                _UNKNOWN_SENDER,
                 WireFrame(
                     now_ns + round(number * fault.period_s * 1e9),
                     fault.identifier,

@@ -40,7 +40,7 @@ _WITH_NODE_ID = frozenset(
 _BIT_RATES_KBIT_S = (10, 20, 50, 125, 250, 500, 800, 1000)
 
 
-def drive_sheet(identity: DriveIdentity, file_name: str, created: datetime) -> str:
+def drive_eds(identity: DriveIdentity, file_name: str, created: datetime) -> str:
     """Return the data sheet of a simulated drive (CiA 306-1), with every object that it has.
 
     Identifiers are counted from the node id, so that drives that differ in it alone have the same

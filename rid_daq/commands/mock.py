@@ -18,7 +18,7 @@ from config.process.termination import ending_signals, ignore_termination
 from config.simulation.faults import NO_SCRIPT
 from mock_hw.bus.served_bus import SIMULATED
 from mock_hw.cell import SimulatedCell
-from mock_hw.drive.eds import drive_sheet
+from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
@@ -147,7 +147,7 @@ def _write_sheets(loaded: LoadedCell, folder: Path, console: Console) -> None:
     ):
         name = f"node{axis.node_id}.eds"
         identity = DriveIdentity.of_axis(axis, joint, simulated)
-        sheets[name] = drive_sheet(identity, name, created).encode("ascii")
+        sheets[name] = drive_eds(identity, name, created).encode("ascii")
     present = [name for name in sheets if (folder / name).exists()]
     if present:
         raise ConfigError(

@@ -19,7 +19,7 @@ import pytest
 from config.errors import ConfigError
 from config.formats.eds import MAX_OBJECTS, parse_eds
 from config.formats.eds_text import MAX_BYTES, MAX_LINE_CHARACTERS
-from mock_hw.drive.eds import drive_sheet
+from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
 
 SMALL = b"""[DeviceInfo]
@@ -118,7 +118,7 @@ def test_sheets_changed_anywhere_are_read_or_refused_with_their_line(sheets: int
 
 
 def test_a_whole_drives_sheet_changed_anywhere() -> None:
-    sheet = drive_sheet(
+    sheet = drive_eds(
         DriveIdentity(5, 4096, Fraction(100), 1500), "drive.eds", datetime(2026, 1, 2)
     )
     data, chance = sheet.encode(), random.Random(9)

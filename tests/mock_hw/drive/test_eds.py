@@ -18,7 +18,7 @@ from config.formats.eds import ElectronicDataSheet, parse_eds
 from config.formats.eds_object import INTEGER_BITS, Access, DataType, EdsObject, EdsValue
 from config.load import load_cell
 from drivers.servo.eds_check import sheet_findings
-from mock_hw.drive.eds import drive_sheet
+from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.object_dictionary import ObjectDictionary
 from mock_hw.drive.objects import DriveIdentity, drive_entries
 
@@ -105,7 +105,7 @@ def test_every_object_of_a_simulated_drive_is_in_its_sheet_and_canopen_agrees(ce
         loaded.config.axes, loaded.robot.joints, loaded.plant.axes, strict=True
     ):
         identity = DriveIdentity.of_axis(axis, joint, simulated)
-        text = drive_sheet(identity, "node.eds", CREATED)
+        text = drive_eds(identity, "node.eds", CREATED)
         sheet = parse_eds(text.encode(), "node.eds")
         entries = list(drive_entries(identity))
         assert judged_equal(sheet, text) == len(entries) == len(sheet.objects)
@@ -129,7 +129,7 @@ def test_every_object_of_a_simulated_drive_is_in_its_sheet_and_canopen_agrees(ce
 @settings(deadline=None, max_examples=20)
 @given(identity=identities)
 def test_any_simulated_drive_has_a_sheet_that_both_read(identity: DriveIdentity) -> None:
-    text = drive_sheet(identity, "node.eds", CREATED)
+    text = drive_eds(identity, "node.eds", CREATED)
     sheet = parse_eds(text.encode(), "node.eds")
     answers = ObjectDictionary(drive_entries(identity))
     assert (sheet.vendor, sheet.product, sheet.revision) == tuple(
@@ -140,14 +140,14 @@ def test_any_simulated_drive_has_a_sheet_that_both_read(identity: DriveIdentity)
 
 def test_drives_that_differ_in_their_node_id_alone_have_one_sheet() -> None:
     sheets = {
-        drive_sheet(DriveIdentity(node, 4096, Fraction(100), 1500), "drive.eds", CREATED)
+        drive_eds(DriveIdentity(node, 4096, Fraction(100), 1500), "drive.eds", CREATED)
         for node in (1, 2, 126)
     }
     assert len(sheets) == 1
 
 
 def test_a_sheet_that_canopen_has_written_again_says_the_same(tmp_path: Path) -> None:
-    text = drive_sheet(DriveIdentity(NODE, 4096, Fraction(100), 1500), "drive.eds", CREATED)
+    text = drive_eds(DriveIdentity(NODE, 4096, Fraction(100), 1500), "drive.eds", CREATED)
     path = tmp_path / "again.eds"
     with path.open("w") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # it reads the clock in the old way
