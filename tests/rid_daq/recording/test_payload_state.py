@@ -1,0 +1,66 @@
+"""What a payload session keeps between two starts of the program."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from acquisition.runs.folder import RunFolder
+from config.errors import ConfigError
+from config.load import load_cell
+from identification.design.two_harmonic import design_two_harmonic
+from rid_daq.recording.payload_state import SessionState, is_weighed
+from rid_daq.recording.payload_steps import rehearsal_of
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    return RunFolder.create(tmp_path, "payload", kind="payload session")
+
+
+def test_every_step_is_written_as_soon_as_it_is_done(folder: RunFolder) -> None:
+    state = SessionState(folder, "kr15")
+    state.note_step("warm-up", "RUN1")
+    state.note_fact("warm_up", {"verdict": "settled"})
+    state.note_step("unloaded", "RUN2")
+    state.note_step("loaded 1", "RUN3")
+    again = SessionState.read(folder)
+    assert (again.cell, again.done, again.facts) == ("kr15", state.done, state.facts)
+    assert again.weighed == ("unloaded", "loaded 1")
+
+
+@pytest.mark.parametrize(
+    ("step", "weighed"),
+    [("unloaded", True), ("loaded 12", True), ("rehearsal", False), ("warm-up", False)],
+)
+def test_rehearsal_and_warm_up_are_not_weighed(step: str, weighed: bool) -> None:
+    assert is_weighed(step) is weighed
+
+
+def test_a_folder_without_a_session_is_named(folder: RunFolder) -> None:
+    with pytest.raises(ConfigError, match="is not the folder of a payload session"):
+        SessionState.read(folder)
+
+
+def test_an_edited_state_says_which_key_is_wrong(folder: RunFolder) -> None:
+    SessionState(folder, "kr15").write()
+    document = json.loads(folder.read("session.json"))
+    document["done"] = 3
+    folder.write("session.json", json.dumps(document).encode())
+    with pytest.raises(ConfigError, match=r"done: .* was it edited"):
+        SessionState.read(folder)
+
+
+def test_a_rehearsal_is_one_period_of_whole_cycles_no_faster_than_was_asked() -> None:
+    cell = load_cell("ir361")
+    cycle_s = cell.config.cycle_time_s
+    motion = design_two_harmonic(
+        cell.robot, 4.0, cycle_s, highest_harmonic=4, tries=1, limit_fraction=0.3, seed=1
+    )
+    slow = rehearsal_of(motion, 0.3, cycle_s)
+    assert (slow.periods, slow.transient_periods) == (1, 0)
+    assert slow.period_s >= motion.period_s / 0.3
+    assert slow.period_s / cycle_s == pytest.approx(round(slow.period_s / cycle_s), abs=1e-9)
+    assert slow.period_s < motion.period_s / 0.3 + cycle_s

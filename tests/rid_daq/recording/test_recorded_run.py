@@ -1,0 +1,125 @@
+"""How a recorded motion ended, in words, in a verdict and in an exit code."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.journal.cycle_row import row_dtype
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from acquisition.session.record import RecordOutcome
+from acquisition.session.timing import cycle_statistics
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from config.errors import DataQualityError, RecordingError
+from rid_daq.recording.recorded_run import RecordedRun, ending_said, stop_document, stop_words
+from rid_daq.report.result import new_result
+from rid_daq.runs.run_quality import RunQuality
+from rid_daq.terminal.exit_codes import ExitCode
+
+LOST = StopReason(StopCode.MISSED_FRAMES, "axis2: 10 answers in sequence are missing")
+TROUBLE = "joint 'axis1': 12 of 100 rows of the motion are missing"
+
+
+def outcome(stop: StopReason | None = None) -> RecordOutcome:
+    return RecordOutcome(
+        path=Path("recording.mcap"),
+        stop=stop,
+        interrupted_by=None,
+        rows=0,
+        statistics=cycle_statistics(np.empty(0, dtype=row_dtype(1))),
+        notes=(),
+    )
+
+
+@pytest.fixture
+def ended(tmp_path: Path) -> RecordedRun:
+    """A motion that ended as planned, and lost nothing."""
+    folder = RunFolder.create(tmp_path, "a run")
+    quality = RunQuality(("axis1",), 100, (0,))
+    return RecordedRun(folder, outcome(), None, quality, new_result("Recording", "arm"))
+
+
+def test_a_whole_run_is_done(ended: RecordedRun) -> None:
+    ended.set_verdict([])
+    assert (ended.status, ended.exit_code) == (RunStatus.COMPLETE, ExitCode.DONE)
+    assert ended.result["verdict"]["headline"] == "Recorded completely"
+    assert ended.result["verdict"]["passed"] is None
+    assert ended.stop_sentence == ""
+
+
+def test_goals_take_the_place_of_the_timing_in_the_verdict(ended: RecordedRun) -> None:
+    ended.set_verdict(["sx3 reached after 5 periods", "fv_axis1 reached after 6 periods"])
+    sentence = ended.result["verdict"]["sentence"]
+    assert sentence == "sx3 reached after 5 periods. fv_axis1 reached after 6 periods."
+
+
+def test_a_run_that_lost_too_much_says_so_first_and_is_exit_6(ended: RecordedRun) -> None:
+    poor = replace(ended, quality=RunQuality(("axis1",), 100, (12,), trouble=TROUBLE))
+    poor.set_verdict([])
+    verdict = poor.result["verdict"]
+    assert poor.exit_code == ExitCode.DATA_QUALITY
+    assert (verdict["passed"], verdict["headline"]) == (
+        False,
+        "Recorded, but not good enough to go on with",
+    )
+    assert verdict["sentence"].startswith(f"{TROUBLE}. ")
+    assert "12 of axis1" in verdict["sentence"]
+
+
+def test_a_stop_says_what_where_and_what_to_do(ended: RecordedRun) -> None:
+    stopped = replace(ended, outcome=outcome(LOST), quality=None)
+    stopped.set_verdict(["never told"])
+    assert (stopped.status, stopped.exit_code) == (RunStatus.STOPPED, ExitCode.COMMUNICATION)
+    assert stopped.result["verdict"]["sentence"] == (
+        "Stopped: axis2: 10 answers in sequence are missing. Check cable and bus load, then run"
+        " `rid-daq check`."
+    )
+    assert stopped.result["verdict"]["passed"] is False
+
+
+@pytest.mark.parametrize(
+    ("came", "code"),
+    [(signal.SIGINT, ExitCode.INTERRUPTED), (signal.SIGTERM, ExitCode.TERMINATED)],
+)
+def test_a_signal_is_told_by_its_exit_code(
+    ended: RecordedRun, came: signal.Signals, code: ExitCode
+) -> None:
+    reason = StopReason(StopCode.INTERRUPTED, "stopped by the operator")
+    stopped = replace(ended, outcome=replace(outcome(reason), interrupted_by=came))
+    assert stop_words(stopped.outcome) == "Stopped by the operator."
+    assert stopped.exit_code == code
+
+
+def test_programs_are_told_the_code_of_a_stop_and_the_notes() -> None:
+    assert stop_document(outcome()) == {"stop": None, "notes": []}
+    told = stop_document(replace(outcome(LOST), notes=("the recorder died",)))
+    assert told["stop"] == {"code": "MISSED_FRAMES", "text": LOST.text}
+    assert told["notes"] == ["the recorder died"]
+
+
+def test_nothing_recorded_is_named_where_it_is_asked_for(ended: RecordedRun) -> None:
+    with pytest.raises(DataQualityError, match="nothing was recorded in this run"):
+        _ = ended.recording
+
+
+@pytest.mark.parametrize(
+    ("stop", "words"),
+    [
+        (None, "The motion ended as planned. That was the rehearsal. disk full"),
+        (LOST, f"Stopped: {LOST.text}. That was the rehearsal. disk full"),
+    ],
+)
+def test_a_disk_that_fails_afterwards_does_not_hide_how_the_motion_ended(
+    stop: StopReason | None, words: str
+) -> None:
+    with (
+        pytest.raises(RecordingError) as failed,
+        ending_said(outcome(stop), "That was the rehearsal."),
+    ):
+        raise RecordingError("disk full")
+    assert str(failed.value) == words

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.recording.recording import Recording
+from acquisition.task.control_block import Progress, TaskState
+from acquisition.task.joint_values import JointValues
+from rid_daq.terminal.motion_progress import (
+    load_words,
+    motion_words,
+    place_words,
+    progress_shown,
+    total_of,
+)
+
+CYCLE_S = 0.01
+PERIOD = 50
+
+
+def motion(*, periodic: bool) -> MotionSamples:
+    """Return a joint that stands: a period to settle and three that count."""
+    rows = 4 * PERIOD
+    phase = np.full(rows, Phase.MAIN, dtype=np.uint8)
+    phase[:PERIOD] = Phase.TRANSIENT
+    nothing = np.zeros((rows, 1))
+    return MotionSamples(
+        joint_names=("axis1",),
+        sample_period_s=CYCLE_S,
+        position=nothing,
+        velocity=nothing,
+        acceleration=nothing,
+        phase=phase,
+        samples_per_period=PERIOD if periodic else None,
+        periods=3 if periodic else 0,
+    )
+
+
+def at(row: int, state: TaskState = TaskState.MOVING) -> Progress:
+    return Progress(state=state, phase=Phase.MAIN, sample_index=row, cycles=max(row, 0))
+
+
+def recorded(rows: int) -> Recording:
+    samples = motion(periodic=True)
+    return Recording(
+        joint_names=("axis1",),
+        time_s=np.arange(rows) * CYCLE_S,
+        position=samples.position[:rows],
+        torque_nm=samples.position[:rows],
+        valid=np.ones(rows, dtype=np.bool_),
+        phase=samples.phase[:rows],
+        sample_index=np.arange(rows),
+        source="cell",
+        sample_period_s=CYCLE_S,
+        samples_per_period=PERIOD,
+    )
+
+
+def test_a_motion_is_counted_in_periods_seconds_or_points() -> None:
+    assert total_of(motion(periodic=True)) == (4.0, "periods")
+    assert total_of(motion(periodic=False)) == (pytest.approx(1.99), "s")
+    assert total_of(None) == (None, "points")
+
+
+@pytest.mark.parametrize(
+    ("samples", "done"),
+    [(motion(periodic=True), 2.0), (motion(periodic=False), 1.0), (None, 100.0)],
+)
+def test_progress_is_shown_as_it_is_counted(samples: MotionSamples | None, done: float) -> None:
+    shown: list[tuple[float, str]] = []
+    update = progress_shown(samples, ("axis1",), lambda *what: shown.append(what), lambda: "")
+    update(at(-1, TaskState.BRING_UP))
+    update(at(100))
+    update(at(-1, TaskState.FINISHED))
+    assert shown == [
+        (0.0, "configuring the drives"),
+        (pytest.approx(done), "measuring"),
+        (pytest.approx(done), "power off"),
+    ]
+
+
+def test_what_is_estimated_is_told_while_the_robot_moves_and_not_before() -> None:
+    shown: list[str] = []
+    update = progress_shown(
+        None, ("axis1",), lambda _done, line: shown.append(line), lambda: "2 kg"
+    )
+    update(at(-1, TaskState.ENABLING))
+    update(at(1))
+    assert shown == ["switching the drives on", "measuring; 2 kg"]
+    assert motion_words(at(1, TaskState.STOPPING)) == "stopping"
+
+
+def test_the_worst_joint_of_each_load_is_named() -> None:
+    rest = np.zeros(2)
+    joints = JointValues(
+        time_s=0.0,
+        position=rest,
+        velocity=rest,
+        torque=rest,
+        torque_share=np.array([0.2, 0.5]),
+        following_error=rest,
+        following_error_share=np.array([0.1, 0.04]),
+        valid=np.ones(2, dtype=np.bool_),
+    )
+    assert load_words(joints, ("axis1", "axis2")) == (
+        "torque 50% (axis2), following error 10% (axis1) of the limit"
+    )
+
+
+def test_where_a_motion_was_stopped_is_told_in_seconds_phase_and_period() -> None:
+    assert place_words(recorded(0)) == "The motion had not begun."
+    assert place_words(recorded(20)) == "That was 0.19 s into the motion (transient period)."
+    assert place_words(recorded(120)) == "That was 1.19 s into the motion (measuring, period 2)."
