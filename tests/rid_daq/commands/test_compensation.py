@@ -85,8 +85,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for label in ("multisine", "circle"):
         motion = str(folder / f"{label}.yaml")
         assert run(["record", cell, motion, "--label", label, *runs]) == 0
-    words = ["loop", "multisine", "-o", str(folder / "loops.json"), *runs]
-    assert run(words) == 0
+    assert run(["loop", "multisine", "-o", str(folder / "loops.json"), *runs]) == 0
     return folder
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from acquisition.motion.kinds.multipoint import MultipointMotion
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, to_yaml
-from config.motion.motion import MultipointMotion
 from rid_daq.jobs.cell_files import motion_bytes, motion_for
 
 
