@@ -146,6 +146,6 @@ def test_a_motion_that_ended_meanwhile_is_no_failure(
 
     monkeypatch.setattr(ControlBlock, "request_stop", end)
     session = RunningSession(Path("x"), 17, "rid-daq record", "ir361")
-    monkeypatch.setattr("rid_daq.commands.stop.running_sessions", lambda cell: [session])
+    monkeypatch.setattr("rid_daq.session.stopping.running_sessions", lambda cell: [session])
     assert run(["stop"]) == 0
     assert "ended by itself meanwhile" in capsys.readouterr().out
