@@ -1,0 +1,286 @@
+"""Feedforward that makes a motion accurate: from model and loops, refined by what was missed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from acquisition.motion.limits import verify_limits
+from acquisition.motion.motion_file import AnyMotion
+from acquisition.runs.catalogue import find_run, find_runs
+from compensation.compensated_motion import compensated_motion, refuse_torque, with_period
+from compensation.feedforward.file import Origin, RefinementEntry, TuningEntry, write_feedforward
+from compensation.feedforward.refinement import Refinement, refinement
+from compensation.feedforward.repeated_error import RepeatedError, repeated_error
+from compensation.feedforward.tuning import tune
+from compensation.loops.loop_file import read_loops
+from compensation.loops.velocity_loop import VelocityLoop
+from compensation.online.online import in_order
+from config.errors import ConfigError, DataQualityError
+from config.load import load_cell
+from identification.estimation.estimate import Estimate
+from identification.estimation.file import read_estimate
+from rid_daq.jobs.cell_files import loops_for, motion_for
+from rid_daq.runs.motion_runs import MotionRun, read_motion_run, sha256_of
+from rid_daq.runs.run_data import lacks
+from rid_daq.terminal.output_file import refuse_output
+
+GROWN: Final = 1.2
+STALLED: Final = 0.9
+
+
+@dataclass(frozen=True)
+class CompensateRequest:
+    """What `rid-daq compensate` was asked for.
+
+    Attributes
+    ----------
+    cell : str
+        A bundled name or a cell file.
+    motion, model, loop, output : Path
+        The motion file, a model by `identify`, loops by `loop`, and the file to write.
+    runs : Path
+        The folder of the run folders.
+    reference : str or None
+        The run by which scale and delay are tuned.
+    overwrite, unfinished : bool
+        Whether the file may be replaced, and a run that was never finished will do.
+    """
+
+    cell: str
+    motion: Path
+    model: Path
+    loop: Path
+    output: Path
+    runs: Path
+    reference: str | None = None
+    overwrite: bool = False
+    unfinished: bool = False
+
+
+@dataclass(frozen=True)
+class Compensated:
+    """A feedforward that was written.
+
+    Attributes
+    ----------
+    rows : int
+        Rows of the motion.
+    largest : dict
+        The largest correction of each joint's speed, by its name [rad/s or m/s].
+    tuning : TuningEntry or None
+        What the reference run tuned.
+    notes : list of str
+        What that run lacks.
+    """
+
+    rows: int
+    largest: dict[str, float]
+    tuning: TuningEntry | None
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class RefineRequest:
+    """What `rid-daq refine` was asked for.
+
+    Attributes
+    ----------
+    run : sequence of str
+        Runs of one motion with one feedforward.
+    model, loop, output : Path
+        A model by `identify`, loops by `loop`, and the file to write.
+    runs : Path
+        The folder of the run folders.
+    overwrite, unfinished : bool
+        Whether the file may be replaced, and a run that was never finished will do.
+    """
+
+    run: Sequence[str]
+    model: Path
+    loop: Path
+    output: Path
+    runs: Path
+    overwrite: bool = False
+    unfinished: bool = False
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A feedforward that was refined, or needs no more of it.
+
+    Attributes
+    ----------
+    measured : RepeatedError
+        What the robot missed.
+    found : Refinement
+        What that asks for.
+    stalled : bool
+        Whether the error no longer shrinks.
+    notes : list of str
+        What the runs lack.
+    """
+
+    measured: RepeatedError
+    found: Refinement
+    stalled: bool
+    notes: list[str]
+
+    @property
+    def finished(self) -> bool:
+        """Whether the feedforward is the one that the run had."""
+        return self.found.finished or self.stalled
+
+
+def compensate_motion(request: CompensateRequest) -> Compensated:
+    """Compute a motion's feedforward and write it.
+
+    Raises
+    ------
+    ConfigError
+        Files do not belong together, or the file is there already.
+    RidDaqError
+        The reference run cannot be used, or the motion takes more than the limits.
+    """
+    refuse_output(request.output, request.overwrite)
+    loaded = load_cell(request.cell)
+    motion = motion_for(request.motion, loaded)
+    loops = loops_for(request.loop, loaded)
+    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
+    estimate = read_estimate(request.model)
+    tuning, notes = None, []
+    if request.reference is not None:
+        folder = find_run(request.runs, request.reference)
+        driven = read_motion_run(folder, unfinished=request.unfinished)
+        notes = lacks([driven.data])
+        tuning = _tuned(driven, motion, estimate, loops)
+    compensated = compensated_motion(
+        samples, estimate, loops, None if tuning is None else tuning.as_tuning()
+    )
+    verify_limits(compensated, loaded.robot)
+    refuse_torque(motion, samples, estimate, loaded.robot)
+    origin = Origin(
+        model_sha256=sha256_of(request.model),
+        loops_sha256=sha256_of(request.loop),
+        tuning=tuning,
+    )
+    write_feedforward(request.output, motion, compensated, origin)
+    assert compensated.feedforward is not None
+    more = np.abs(compensated.feedforward - compensated.velocity).max(axis=0)
+    largest = dict(zip(loaded.robot.joint_names, more.tolist(), strict=True))
+    return Compensated(len(samples), largest, tuning, notes)
+
+
+def refine_feedforward(request: RefineRequest) -> Refined:
+    """Correct a feedforward by what the robot missed with it, and write the next one.
+
+    Raises
+    ------
+    ConfigError
+        Runs differ in motion or feedforward, or the file is there already.
+    DataQualityError
+        The error has grown since the last refinement.
+    """
+    refuse_output(request.output, request.overwrite)
+    folders = find_runs(request.runs, request.run)
+    driven = [read_motion_run(folder, unfinished=request.unfinished) for folder in folders]
+    first = driven[0]
+    _refuse_mixed(driven)
+    samples = first.samples()
+    estimate = read_estimate(request.model)
+    names = samples.joint_names
+    loops = in_order(names, estimate.robot.joint_names, read_loops(request.loop)[1])
+    measured = repeated_error(samples, [one.data.recording for one in driven])
+    origin = Origin() if first.file is None else first.file.origin
+    _refuse_growth(measured, origin)
+    found = refinement(samples, measured, estimate, loops, first.cell.position_gain_per_s)
+    refined = Refined(
+        measured, found, _stalled(measured, origin), lacks([one.data for one in driven])
+    )
+    ahead = samples.velocity if samples.feedforward is None else samples.feedforward
+    if not refined.finished:
+        more = found.correction
+        if measured.periodic:
+            more = with_period(samples, np.zeros_like(ahead), more)
+        origin = _refined_origin(request, origin, refined, tuple(one.run_id for one in driven))
+        ahead = ahead + more
+    following = replace(samples, feedforward=ahead)
+    verify_limits(following, first.data.robot)
+    write_feedforward(request.output, first.motion, following, origin)
+    return refined
+
+
+def _tuned(
+    run: MotionRun, motion: AnyMotion, estimate: Estimate, loops: Sequence[VelocityLoop]
+) -> TuningEntry:
+    """Return what a reference run says of scale and delay."""
+    samples = run.samples()
+    ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
+    measured = repeated_error(samples, [run.data.recording])
+    found = tune(samples, measured, estimate, ordered, run.cell.position_gain_per_s)
+    return TuningEntry.of(found, run.run_id, run.motion == motion)
+
+
+def _refined_origin(
+    request: RefineRequest, origin: Origin, refined: Refined, runs: tuple[str, ...]
+) -> Origin:
+    measured, found = refined.measured, refined.found
+    entry = RefinementEntry(
+        runs=runs,
+        rms=tuple(measured.rms.tolist()),
+        over_noise=tuple(found.over_noise.tolist()),
+        noise_limit=found.noise_limit,
+        bound=tuple(found.bound.largest.tolist()),
+        band_hz=found.bound.band_hz,
+    )
+    return origin.model_copy(
+        update={
+            "model_sha256": sha256_of(request.model),
+            "loops_sha256": sha256_of(request.loop),
+            "refinements": (*origin.refinements, entry),
+        }
+    )
+
+
+def _refuse_mixed(driven: list[MotionRun]) -> None:
+    for other in driven[1:]:
+        if other.motion != driven[0].motion or other.file != driven[0].file:
+            raise ConfigError(
+                f"runs {driven[0].run_id} and {other.run_id} differ in motion or feedforward:"
+                " refine from repetitions of one"
+            )
+
+
+def _refuse_growth(measured: RepeatedError, origin: Origin) -> None:
+    """Refuse to go on where the last refinement has made things worse.
+
+    Raises
+    ------
+    DataQualityError
+        It has; the text says in which joint, and what to do.
+    """
+    if not origin.refinements:
+        return
+    before = np.array(origin.refinements[-1].rms)
+    grown = measured.rms / np.maximum(before, 1e-300)
+    total = float(np.sqrt(np.square(measured.rms).sum() / np.square(before).sum()))
+    if total > GROWN:
+        worst = int(grown.argmax())
+        raise DataQualityError(
+            f"the error has grown since the last refinement, most in {measured.joint_names[worst]}"
+            f" ({before[worst]:.3g} to {measured.rms[worst]:.3g}): robot, payload or loops are not"
+            " those of model and loops. Use the feedforward of run"
+            f" {origin.refinements[-1].runs[0]}, and measure the loops again before you go on"
+        )
+
+
+def _stalled(measured: RepeatedError, origin: Origin) -> bool:
+    """Return whether the last refinement has changed next to nothing in any joint."""
+    if not origin.refinements:
+        return False
+    before = np.array(origin.refinements[-1].rms)
+    return bool((measured.rms > STALLED * before).all())
