@@ -54,7 +54,7 @@ def check(
             "lines": [asdict(line) for line in lines],
         }
     )
-    _tell(console, lines)
+    _print(console, lines)
     for line in red:
         console.say(f"RED {line.where}, {line.what}: {line.next_action}")
     if passed:
@@ -71,7 +71,7 @@ def check(
     raise failure
 
 
-def _tell(console: Console, lines: list[CheckLine]) -> None:
+def _print(console: Console, lines: list[CheckLine]) -> None:
     """Write the lines: what every drive has in one row, what belongs to one place in its own."""
     drives = list(dict.fromkeys(line.where for line in lines if line.of_drive))
     rows: list[tuple[str, ...]] = []

@@ -50,7 +50,7 @@ def recover(
     else:
         source = _run_folder(runs, what)
         recovery = recover_run(source, output or source.resolve().parent)
-    _tell(console, recovery, is_run=not path.is_file())
+    _print(console, recovery, is_run=not path.is_file())
     if recovery.lost_rows:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
 
@@ -68,7 +68,7 @@ def _run_folder(runs: Path, what: str) -> Path:
         raise ConfigError(f"{error}; give the path of a run folder or of an .mcap file") from error
 
 
-def _tell(console: Console, recovery: Recovery, *, is_run: bool) -> None:
+def _print(console: Console, recovery: Recovery, *, is_run: bool) -> None:
     console.document(
         {
             "source": str(recovery.source),
