@@ -7,21 +7,11 @@ from typing import Annotated
 
 import typer
 
-from acquisition.motion.kinds.multisine import MultisineMotion
-from acquisition.motion.motion_file import load_motion
-from acquisition.runs.catalogue import find_run
-from compensation.loops.cascade import advise
-from compensation.loops.loop_file import write_loops
-from compensation.loops.loop_measurement import measure_loops
-from config.cell.cell import CellConfig
-from config.errors import ConfigError
-from config.load import load_bundled_or_path
-from rid_daq.report.result_file import write_result
-from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
-from rid_daq.runs.run_data import RunData, Unfinished, note_output, result_of, tell_lacks
+from rid_daq.jobs.loop_job import LoopRequest, measure_velocity_loops
+from rid_daq.runs.run_data import Unfinished
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.output_file import Overwrite
 
 
 def loop(
@@ -49,32 +39,14 @@ def loop(
     of current, velocity and position loop together; the run's report draws everything.
     """
     console = Console(as_json)
-    refuse_output(output, overwrite)
-    data = RunData.load(find_run(runs, run), unfinished=unfinished)
-    notes = tell_lacks(console, [data])
-    motion = _motion(data)
-    cell = load_bundled_or_path(str(data.folder.file("cell.yaml")), "cells", CellConfig)
-    found = measure_loops(data.recording, motion, data.robot, cell.position_gain_per_s)
-    section = VelocityLoopsSection.of(data.robot, found, advise(found.cascades))
-    output = output or data.folder.file("loops.json")
-    write_loops(output, found.loops, data.robot.name, data.folder.run_id)
-    note_output(data.folder, output)
-    report = write_result(data.folder, result_of(data, notes).updated(velocity_loops=section))
-    told = {"run": data.folder.run_id, "loops": str(output), "report": str(report)}
-    console.document({**told, **section.model_dump(mode="json"), "notes": notes})
-    section.print(console)
-    console.say(f"Report: {report}")
-    console.say(f"Loops: {output}")
+    found = measure_velocity_loops(LoopRequest(run, runs, output, overwrite, unfinished))
+    for note in found.notes:
+        console.say(f"note: {note}")
+    told = {"run": found.run_id, "loops": str(found.output), "report": str(found.report)}
+    console.document({**told, **found.section.model_dump(mode="json"), "notes": found.notes})
+    found.section.print(console)
+    console.say(f"Report: {found.report}")
+    console.say(f"Loops: {found.output}")
     console.say(
-        f"Next: rid-daq compensate CELL MOTION --model MODEL --loop {output} -o FEEDFORWARD"
+        f"Next: rid-daq compensate CELL MOTION --model MODEL --loop {found.output} -o FEEDFORWARD"
     )
-
-
-def _motion(data: RunData) -> MultisineMotion:
-    path = data.folder.file("motion.yaml")
-    which = f"run {data.folder.run_id} is"
-    instead = "record one by `rid-daq design --kind multisine`"
-    if not path.exists():
-        raise ConfigError(f"{which} a recording from elsewhere: {instead}")
-    motion = load_motion(path)
-    return MultisineMotion.require(motion, f"{which} of a {motion.kind} motion: {instead}")

@@ -1,0 +1,192 @@
+"""`run_demo`: the demo's stories, held against limits, with one report."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.motion.kinds.multipoint import MultipointMotion
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from config.load import load_cell, to_yaml
+from identification.design.two_harmonic import design_two_harmonic
+from rid_daq.demo.demo_paths import PathMotions
+from rid_daq.demo.demo_story import DEMO_CELL, Motions
+from rid_daq.demo.parallel import run_stories
+from rid_daq.report.result import Result, WithoutUnmodelled
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.runs import CellSection
+from rid_daq.report.sections.timing import Timing
+from rid_daq.report.sections.tracking import TrackingSection
+from rid_daq.report.sections.truth import TruthCase
+from rid_daq.report.sections.validation import ValidationSection
+from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.session.session import unfinished
+from rid_daq.session.versions import software_versions
+from rid_daq.terminal.console import Console
+
+PERIOD_S = 10.0
+FLOOR_RATIO_LIMIT = 1.3
+INSIDE_SHARE_LIMIT = 0.9
+# By how many times the distance from the path must shrink, in the mean and at its worst.
+PATH_LIMITS = (("circle", (10.0, 6.0)), ("path never used for tuning", (6.0, 4.0)))
+
+
+@dataclass(frozen=True)
+class DemoRequest:
+    """What `rid-daq demo` was asked for.
+
+    Attributes
+    ----------
+    runs : Path
+        The folder of the run folders.
+    seed : int
+        Of motions and noise.
+    periods, points : int
+        Periods to measure, and random points of the validation motion.
+    paths : bool
+        Whether paths are driven, with and without compensation.
+    """
+
+    runs: Path
+    seed: int = 1
+    periods: int = 16
+    points: int = 20
+    paths: bool = True
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What came of it: the result, its folder and its report."""
+
+    result: Result
+    folder: RunFolder
+    report: Path
+
+
+def run_demo(request: DemoRequest, console: Console) -> Demo:
+    """Run the whole story twice on the bundled cell, judge it, and write the report.
+
+    Raises
+    ------
+    RidDaqError
+        A step failed.
+    """
+    started_s = time.monotonic()
+    loaded = load_cell(DEMO_CELL)
+    folder = RunFolder.create(request.runs, "demo", kind="demo", software=software_versions())
+    console.say(f"Simulated cell {loaded.config.name}, seed {request.seed}: no hardware is moved.")
+    with unfinished(folder):
+        excitation = design_two_harmonic(
+            loaded.robot,
+            PERIOD_S,
+            loaded.config.cycle_time_s,
+            seed=request.seed,
+            periods=request.periods,
+        )
+        validation = MultipointMotion(
+            kind="multipoint", robot=loaded.robot.name, points=request.points, seed=request.seed
+        )
+        for name, content in loaded.files.items():
+            folder.write(name, content)
+        folder.write("motion.yaml", to_yaml(excitation, "The demo's excitation.").encode())
+        folder.write("validation.yaml", to_yaml(validation, "The demo's validation.").encode())
+        console.say("Excitation designed by the two-harmonic heuristic, verified within limits.")
+        cycle_s = loaded.config.cycle_time_s
+        total_s = sum(
+            motion.plan(loaded.robot, cycle_s).duration_s for motion in (excitation, validation)
+        )
+        chapter = (
+            PathMotions.of_cell(loaded.robot, loaded.config, request.seed)
+            if request.paths
+            else None
+        )
+        if chapter is not None:
+            total_s += chapter.duration_s(loaded.robot, cycle_s)
+        motions = Motions(excitation, validation, chapter)
+        stories = run_stories(folder, motions, total_s, request.seed, console)
+        on, off = stories[True], stories[False]
+        truth = (
+            TruthCase.compared("effects that no model has: on", on.estimate),
+            TruthCase.compared("effects that no model has: off", off.estimate),
+        )
+        judged = _verdict(on.validation, truth, on.tracking)
+        title = f"rid-daq demo on the simulated cell {loaded.config.name}"
+        result = Result.new(title, loaded.robot.name).updated(
+            cell=CellSection.of(loaded.config),
+            seed=request.seed,
+            runs=on.runs,
+            average=on.average,
+            estimate=on.estimate,
+            validation=on.validation,
+            curves=on.curves,
+            tracking=on.tracking,
+            truth=truth,
+            without_unmodelled=WithoutUnmodelled(
+                average=off.average, estimate=off.estimate, validation=off.validation
+            ),
+            verdict=judged,
+            timing=Timing(
+                elapsed_s=time.monotonic() - started_s,
+                created_utc=folder.manifest().created_utc,
+                run_ids=(*on.run_ids, *off.run_ids),
+                loops=on.loops,
+            ),
+        )
+        report = write_result(folder, result)
+        passed = judged.passed
+        folder.finish(RunStatus.COMPLETE, {"verdict": "passed" if passed else "failed"})
+    return Demo(result, folder, report)
+
+
+def _verdict(
+    validation: ValidationSection,
+    truth: tuple[TruthCase, TruthCase],
+    tracking: TrackingSection | None,
+) -> Verdict:
+    over = {axis.joint: axis.error_over_floor or 0.0 for axis in validation.axes}
+    worst = max(over, key=lambda joint: over[joint])
+    on, off = truth
+    checks = [
+        Check.of(
+            f"validation error over the floor, worst axis ({worst})",
+            over[worst],
+            "≤",
+            FLOOR_RATIO_LIMIT,
+        ),
+        Check.of(
+            "true parameters inside two sigma, unmodelled effects off",
+            100.0 * off.inside / off.of,
+            "≥",
+            100.0 * INSIDE_SHARE_LIMIT,
+            "%",
+        ),
+        *([] if tracking is None else _path_checks(tracking)),
+    ]
+    passed = all(line.passed for line in checks)
+    closer = "" if tracking is None else ", and paths are followed many times closer"
+    return Verdict.of(
+        checks,
+        f"Passed: the model predicts the validation run as well as the truth does{closer}"
+        if passed
+        else "Failed: see the line marked NO",
+        f"The floor is the error that the plant's true parameters leave: noise, and effects that no"
+        f" model has. With those effects on, {on.inside} of {on.of} true parameters lie"
+        f" inside their interval; with them off, {off.inside} of {off.of}.",
+    )
+
+
+def _path_checks(tracking: TrackingSection) -> list[Check]:
+    """Return what the compensated paths are held to: the circle, then what tuned nothing."""
+    checks = []
+    for (what, limits), motion in zip(PATH_LIMITS, tracking.motions, strict=True):
+        for ratio, words, limit in zip(
+            (motion.mean_ratio, motion.max_ratio),
+            ("in the mean", "at its worst"),
+            limits,
+            strict=True,
+        ):
+            text = f"{what} followed closer {words}"
+            checks.append(Check.of(text, ratio or 0.0, "≥", limit, "times"))
+    return checks

@@ -1,0 +1,100 @@
+"""The velocity loops of a multisine run: measured, written, and put into its report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.motion.kinds.multisine import MultisineMotion
+from acquisition.motion.motion_file import load_motion
+from acquisition.runs.catalogue import find_run
+from compensation.loops.cascade import advise
+from compensation.loops.loop_file import write_loops
+from compensation.loops.loop_measurement import measure_loops
+from config.cell.cell import CellConfig
+from config.errors import ConfigError
+from config.load import load_bundled_or_path
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
+from rid_daq.runs.run_data import RunData, lacks, note_output, result_of
+from rid_daq.terminal.output_file import refuse_output
+
+
+@dataclass(frozen=True)
+class LoopRequest:
+    """What `rid-daq loop` was asked for.
+
+    Attributes
+    ----------
+    run : str
+        A multisine run: folder, id, label or `latest`.
+    runs : Path
+        The folder of the run folders.
+    output : Path or None
+        The file of loops; the run's `loops.json` if None.
+    overwrite, unfinished : bool
+        Whether the file may be replaced, and a run that was never finished will do.
+    """
+
+    run: str
+    runs: Path
+    output: Path | None = None
+    overwrite: bool = False
+    unfinished: bool = False
+
+
+@dataclass(frozen=True)
+class LoopsMeasured:
+    """Loops that were written.
+
+    Attributes
+    ----------
+    run_id : str
+        The run.
+    section : VelocityLoopsSection
+        What was found.
+    output, report : Path
+        Where loops and report are.
+    notes : list of str
+        What the run lacks.
+    """
+
+    run_id: str
+    section: VelocityLoopsSection
+    output: Path
+    report: Path
+    notes: list[str]
+
+
+def measure_velocity_loops(request: LoopRequest) -> LoopsMeasured:
+    """Measure how the drives' velocity loops answer, and write what was found.
+
+    Raises
+    ------
+    ConfigError
+        The run is of another motion, or the file is there already.
+    RidDaqError
+        The run cannot be used.
+    """
+    refuse_output(request.output, request.overwrite)
+    data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
+    notes = lacks([data])
+    motion = _motion(data)
+    cell = load_bundled_or_path(str(data.folder.file("cell.yaml")), "cells", CellConfig)
+    found = measure_loops(data.recording, motion, data.robot, cell.position_gain_per_s)
+    section = VelocityLoopsSection.of(data.robot, found, advise(found.cascades))
+    output = request.output or data.folder.file("loops.json")
+    write_loops(output, found.loops, data.robot.name, data.folder.run_id)
+    note_output(data.folder, output)
+    report = write_result(data.folder, result_of(data, notes).updated(velocity_loops=section))
+    return LoopsMeasured(data.folder.run_id, section, output, report, notes)
+
+
+def _motion(data: RunData) -> MultisineMotion:
+    path = data.folder.file("motion.yaml")
+    which = f"run {data.folder.run_id} is"
+    instead = "record one by `rid-daq design --kind multisine`"
+    if not path.exists():
+        raise ConfigError(f"{which} a recording from elsewhere: {instead}")
+    motion = load_motion(path)
+    return MultisineMotion.require(motion, f"{which} of a {motion.kind} motion: {instead}")
