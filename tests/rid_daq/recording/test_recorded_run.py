@@ -6,18 +6,16 @@ import signal
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from acquisition.journal.cycle_row import row_dtype
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from acquisition.session.record import RecordOutcome
-from acquisition.session.timing import cycle_statistics
+from acquisition.session.timing import CycleTally
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from config.errors import DataQualityError, RecordingError
 from rid_daq.recording.recorded_run import RecordedRun, ending_said, stop_document, stop_words
-from rid_daq.report.result import new_result
+from rid_daq.report.result import Result
 from rid_daq.runs.run_quality import RunQuality
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -31,7 +29,7 @@ def outcome(stop: StopReason | None = None) -> RecordOutcome:
         stop=stop,
         interrupted_by=None,
         rows=0,
-        statistics=cycle_statistics(np.empty(0, dtype=row_dtype(1))),
+        statistics=CycleTally(1).statistics(),
         notes=(),
     )
 
@@ -41,45 +39,43 @@ def ended(tmp_path: Path) -> RecordedRun:
     """A motion that ended as planned, and lost nothing."""
     folder = RunFolder.create(tmp_path, "a run")
     quality = RunQuality(("axis1",), 100, (0,))
-    return RecordedRun(folder, outcome(), None, quality, new_result("Recording", "arm"))
+    return RecordedRun(folder, outcome(), None, quality, Result.new("Recording", "arm"))
 
 
 def test_a_whole_run_is_done(ended: RecordedRun) -> None:
-    ended.set_verdict([])
+    verdict = ended.verdict([])
     assert (ended.status, ended.exit_code) == (RunStatus.COMPLETE, ExitCode.DONE)
-    assert ended.result["verdict"]["headline"] == "Recorded completely"
-    assert ended.result["verdict"]["passed"] is None
+    assert (verdict.headline, verdict.passed) == ("Recorded completely", None)
     assert ended.stop_sentence == ""
 
 
 def test_goals_take_the_place_of_the_timing_in_the_verdict(ended: RecordedRun) -> None:
-    ended.set_verdict(["sx3 reached after 5 periods", "fv_axis1 reached after 6 periods"])
-    sentence = ended.result["verdict"]["sentence"]
+    goals = ["sx3 reached after 5 periods", "fv_axis1 reached after 6 periods"]
+    sentence = ended.verdict(goals).sentence
     assert sentence == "sx3 reached after 5 periods. fv_axis1 reached after 6 periods."
 
 
 def test_a_run_that_lost_too_much_says_so_first_and_is_exit_6(ended: RecordedRun) -> None:
     poor = replace(ended, quality=RunQuality(("axis1",), 100, (12,), trouble=TROUBLE))
-    poor.set_verdict([])
-    verdict = poor.result["verdict"]
+    verdict = poor.verdict([])
     assert poor.exit_code == ExitCode.DATA_QUALITY
-    assert (verdict["passed"], verdict["headline"]) == (
+    assert (verdict.passed, verdict.headline) == (
         False,
         "Recorded, but not good enough to go on with",
     )
-    assert verdict["sentence"].startswith(f"{TROUBLE}. ")
-    assert "12 of axis1" in verdict["sentence"]
+    assert verdict.sentence.startswith(f"{TROUBLE}. ")
+    assert "12 of axis1" in verdict.sentence
 
 
 def test_a_stop_says_what_where_and_what_to_do(ended: RecordedRun) -> None:
     stopped = replace(ended, outcome=outcome(LOST), quality=None)
-    stopped.set_verdict(["never told"])
+    verdict = stopped.verdict(["never told"])
     assert (stopped.status, stopped.exit_code) == (RunStatus.STOPPED, ExitCode.COMMUNICATION)
-    assert stopped.result["verdict"]["sentence"] == (
+    assert verdict.sentence == (
         "Stopped: axis2: 10 answers in sequence are missing. Check cable and bus load, then run"
         " `rid-daq check`."
     )
-    assert stopped.result["verdict"]["passed"] is False
+    assert verdict.passed is False
 
 
 @pytest.mark.parametrize(
