@@ -20,7 +20,7 @@ from config.simulation.faults import NO_SCRIPT
 from config.simulation.plant import PlantConfig
 from mock_hw.bus.served_bus import SIMULATED
 from mock_hw.cell import SimulatedCell
-from mock_hw.drive.eds import drive_sheet
+from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
@@ -178,7 +178,7 @@ def write_sheets(cell: str, folder: Path) -> tuple[str, list[str]]:
     ):
         name = f"node{axis.node_id}.eds"
         identity = DriveIdentity.of_axis(axis, joint, simulated)
-        sheets[name] = drive_sheet(identity, name, created).encode("ascii")
+        sheets[name] = drive_eds(identity, name, created).encode("ascii")
     present = [name for name in sheets if (folder / name).exists()]
     if present:
         raise ConfigError(
