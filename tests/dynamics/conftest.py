@@ -147,6 +147,7 @@ def judge() -> Callable[..., Judge]:
             model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
         n = model.nv
         for joint, (placement, inertia) in zip(robot.joints, rotors or [], strict=bool(rotors)):
+            assert joint.rotor is not None
             kind = pin.JointModelRevoluteUnaligned(np.array(joint.rotor.axis))
             body = model.addJoint(joint.rotor.link, kind, placement, f"{joint.name}_rotor")
             model.appendBodyToJoint(body, inertia, pin.SE3.Identity())

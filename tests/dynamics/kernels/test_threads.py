@@ -57,10 +57,11 @@ def test_gradients_are_the_same_to_the_last_bit(model, motion) -> None:
     rng = np.random.default_rng(1)
     theta = rng.standard_normal(len(model.parameter_names))
     weights = rng.standard_normal((SAMPLES, 6, len(theta)))
-    whole = torque_derivatives(model, *motion, theta)
-    pieces = in_pieces(lambda *m: torque_derivatives(model, *m, theta), motion)
+    q, v, a = motion
+    whole = torque_derivatives(model, q, v, a, theta)
+    pieces = in_pieces(lambda q, v, a: torque_derivatives(model, q, v, a, theta), motion)
     np.testing.assert_array_equal(whole, pieces)
-    whole = regressor_gradient(model, *motion, weights)
+    whole = regressor_gradient(model, q, v, a, weights)
     pieces = in_pieces(lambda q, v, a, w: regressor_gradient(model, q, v, a, w), motion, weights)
     np.testing.assert_array_equal(whole, pieces)
 

@@ -10,12 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.load import load_robot
+from config.robot.robot import RobotDescription
 from dynamics.model.inverse_dynamics import mass_matrix, regressor_gradient, torque_derivatives
 from dynamics.model.robot_model import RobotModel, regressor, torque
 from dynamics.terms.conditions import Conditions
 
+ARMS: list[tuple[int, int, str | None]]
 ARMS = [(n, seed, None) for n in range(1, 8) for seed in range(2)]
 ARMS += [(1, 0, "P"), (3, 0, "PPP"), (4, 0, "RPRP"), (7, 0, "R" * 7)]
 STEP = 1e-5
@@ -116,10 +119,11 @@ def test_derivatives_hold_for_every_term(ir361, coupling, payload, moving) -> No
     motion = moving(3, 4)
     theta = np.random.default_rng(4).standard_normal(len(model.parameter_names))
 
-    def tau(*moved: np.ndarray) -> np.ndarray:
-        return torque(model, *moved, theta, conditions)
+    def tau(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        return torque(model, q, v, a, theta, conditions)
 
-    derivatives = torque_derivatives(model, *motion, theta, conditions)
+    q, v, a = motion
+    derivatives = torque_derivatives(model, q, v, a, theta, conditions)
     expected = differences(tau, motion)
     for kind, ours in enumerate(derivatives):
         size = np.abs(expected[:, :, kind]).max()
@@ -132,8 +136,9 @@ def test_derivatives_hold_behind_gears_that_lose_torque(ir361, moving) -> None:
     assert model.transmission.losses
     motion = moving(3, 5)
     theta = np.random.default_rng(5).uniform(0.5, 1.0, len(model.parameter_names))
-    expected = differences(lambda *moved: torque(model, *moved, theta), motion)
-    for kind, ours in enumerate(torque_derivatives(model, *motion, theta)):
+    expected = differences(lambda q, v, a: torque(model, q, v, a, theta), motion)
+    q, v, a = motion
+    for kind, ours in enumerate(torque_derivatives(model, q, v, a, theta)):
         size = np.abs(expected[:, :, kind]).max()
         np.testing.assert_allclose(ours, expected[:, :, kind], rtol=0, atol=1e-7 * size)
 
@@ -144,10 +149,11 @@ def test_the_gradient_through_the_regressor_holds_for_every_term(ir361, coupling
     motion = moving(3, 6)
     weights = np.random.default_rng(6).standard_normal((8, 3, len(model.parameter_names)))
 
-    def weighed(*moved: np.ndarray) -> np.ndarray:
-        return np.einsum("snp,snp->s", weights, regressor(model, *moved, conditions))
+    def weighed(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        return np.einsum("snp,snp->s", weights, regressor(model, q, v, a, conditions))
 
-    gradient = regressor_gradient(model, *motion, weights, conditions)
+    q, v, a = motion
+    gradient = regressor_gradient(model, q, v, a, weights, conditions)
     expected = differences(weighed, motion)
     for kind, ours in enumerate(gradient):
         size = np.abs(expected[:, kind]).max()
@@ -162,11 +168,12 @@ def test_the_gradient_knows_the_losses_of_the_gears(ir361, moving) -> None:
     weights = rng.standard_normal((8, 3, len(model.parameter_names)))
     conditions = Conditions(load_nm=rng.standard_normal((8, 3)))
 
-    def weighed(*moved: np.ndarray) -> np.ndarray:
-        return np.einsum("snp,snp->s", weights, regressor(model, *moved, conditions))
+    def weighed(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        return np.einsum("snp,snp->s", weights, regressor(model, q, v, a, conditions))
 
     expected = differences(weighed, motion)
-    for kind, ours in enumerate(regressor_gradient(model, *motion, weights, conditions)):
+    q, v, a = motion
+    for kind, ours in enumerate(regressor_gradient(model, q, v, a, weights, conditions)):
         size = np.abs(expected[:, kind]).max()
         np.testing.assert_allclose(ours, expected[:, kind], rtol=0, atol=1e-7 * size)
 
@@ -191,9 +198,10 @@ def test_the_gradient_is_the_slope_along_any_line(n, seed, samples, kind, random
         moved[kind] += step * line
         return float(np.sum(weights * regressor(model, *moved)))
 
-    slope = float(np.sum(regressor_gradient(model, *motion, weights)[kind] * line))
+    q, v, a = motion
+    slope = float(np.sum(regressor_gradient(model, q, v, a, weights)[kind] * line))
     expected = (value(STEP) - value(-STEP)) / (2.0 * STEP)
-    size = np.abs(weights).sum() * max(1.0, np.abs(regressor(model, *motion)).max())
+    size = np.abs(weights).sum() * max(1.0, np.abs(regressor(model, q, v, a)).max())
     assert slope == pytest.approx(expected, rel=1e-5, abs=1e-8 * size)
 
 
@@ -202,7 +210,7 @@ def random_arm_once():
     """The bundled arm's joints on a chain of any length; hypothesis wants no fixture anew."""
     pattern = load_robot("ir361")
 
-    def make(n: int, seed: int):
+    def make(n: int, seed: int) -> RobotDescription:
         rng = np.random.default_rng(seed)
         row = pattern.kinematics.rows[0]
         keys = ("alpha_rad", "beta_rad", "theta_rad", "a_m", "d_m")
@@ -213,9 +221,10 @@ def random_arm_once():
         joints = []
         for i in range(n):
             joint = pattern.joints[0]
+            assert joint.rotor is not None
             link = int(rng.integers(0, i + 2))
-            axis = rng.standard_normal(3)
-            axis = tuple((axis / np.linalg.norm(axis)).tolist())
+            way = rng.standard_normal(3)
+            axis = tuple((way / np.linalg.norm(way)).tolist())
             rotor = joint.rotor.model_copy(update={"link": link, "axis": axis})
             kind = str(rng.choice(["revolute", "prismatic"]))
             update = {"name": f"j{i}", "type": kind, "rotor": rotor}
@@ -228,10 +237,11 @@ def random_arm_once():
 
 
 def test_sums_of_wrong_shapes_are_refused(ir361, random_motion) -> None:
-    model, motion = links_only(ir361), random_motion(3, 0)
+    model = links_only(ir361)
+    q, v, a = random_motion(3, 0)
     with pytest.raises(EstimationError, match=r"shape \(8, 3, 30\)"):
-        regressor_gradient(model, *motion, np.zeros((8, 3, 29)))
+        regressor_gradient(model, q, v, a, np.zeros((8, 3, 29)))
     with pytest.raises(EstimationError, match="30 parameters"):
-        torque_derivatives(model, *motion, np.zeros(29))
+        torque_derivatives(model, q, v, a, np.zeros(29))
     with pytest.raises(EstimationError, match="30 parameters"):
-        mass_matrix(model, motion[0], np.zeros(29))
+        mass_matrix(model, q, np.zeros(29))

@@ -59,5 +59,6 @@ def test_they_are_central_differences(
 def test_a_model_without_them_has_none() -> None:
     model = RobotModel.from_description(load_robot("ir361"))
     theta = np.zeros(len(model.parameter_names))
-    assert nonlinear_slopes(model, *np.zeros((3, 5, 3)), theta).shape == (5, 3, 0)
+    q, v, a = np.zeros((3, 5, 3))
+    assert nonlinear_slopes(model, q, v, a, theta).shape == (5, 3, 0)
     assert replace(model).nonlinear_names == ()

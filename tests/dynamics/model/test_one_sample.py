@@ -21,7 +21,8 @@ def same(model: RobotModel, motion: np.ndarray, seed: int) -> None:
     rng = np.random.default_rng(seed)
     theta = rng.standard_normal(len(model.parameter_names))
     one = SampleTorque.of(model, theta)
-    expected = torque(model, *motion, theta)
+    q, v, a = motion
+    expected = torque(model, q, v, a, theta)
     found = np.array([one(*sample) for sample in motion.transpose(1, 0, 2)])
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
@@ -47,6 +48,7 @@ def test_every_kind_of_friction_and_loss(
     smoothing: float, ir361: RobotDescription, random_motion: Motions
 ) -> None:
     kinds = ("coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck", "load")
+    changes: tuple[dict[str, object], ...]
     changes = ({}, {"efficiency": 0.8}, {"armature": True, "rotor": None})
     joints = tuple(
         joint.model_copy(update={"friction": kinds, **change})

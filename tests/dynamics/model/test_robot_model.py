@@ -70,11 +70,11 @@ def test_pieces_of_the_regressor_are_the_regressor_in_one_place_of_memory(ir361)
     joints = tuple(j.model_copy(update=joint) for j in ir361.joints)
     model = RobotModel.from_description(ir361.model_copy(update={"joints": joints}), payload=True)
     rng = np.random.default_rng(3)
-    motion = rng.standard_normal((3, 50, 3))
+    q, v, a = rng.standard_normal((3, 50, 3))
     conditions = Conditions(rng.uniform(290.0, 320.0, (50, 3)), rng.standard_normal((50, 3)), True)
-    expected = regressor(model, *motion, conditions)
+    expected = regressor(model, q, v, a, conditions)
     places = set()
-    for samples, phi in regressor_blocks(model, *motion, conditions, block=16):
+    for samples, phi in regressor_blocks(model, q, v, a, conditions, block=16):
         np.testing.assert_array_equal(phi, expected[samples])
         expected[samples] = np.nan
         places.add(phi.__array_interface__["data"])
@@ -113,8 +113,9 @@ def test_motions_of_another_shape_are_refused(shapes, model) -> None:
 
 
 def test_a_wrong_number_of_parameters_is_refused(model, random_motion) -> None:
+    q, v, a = random_motion(3, 0)
     with pytest.raises(EstimationError, match="41 parameters"):
-        torque(model, *random_motion(3, 0), np.zeros(40))
+        torque(model, q, v, a, np.zeros(40))
 
 
 @dataclass(frozen=True)

@@ -115,8 +115,9 @@ def test_losses_need_the_load() -> None:
 
 def test_a_load_of_another_shape_is_refused() -> None:
     model = RobotModel.from_description(pendulum(efficiency=0.8))
+    q, v, a = np.ones((3, 2, 1))
     with pytest.raises(EstimationError, match=r"load_nm has the shape \(1,\), the motion \(2, 1\)"):
-        regressor(model, *np.ones((3, 2, 1)), Conditions(load_nm=np.ones(1)))
+        regressor(model, q, v, a, Conditions(load_nm=np.ones(1)))
 
 
 def test_losses_are_nonlinear_parameters_with_ranges() -> None:

@@ -48,7 +48,11 @@ def test_columns_are_the_terms_of_that_joints_speed(robot) -> None:
     phi = columns(robot, v)
     np.testing.assert_allclose(
         phi[:, 0, :5],
-        [[-1.0, -8.0, 1.0, -512.0, -2.0], [0, 0, 1, 0, 0], [1.0, 0.125, 1.0, 0.125**3, 0.5]],
+        [
+            [-1.0, -8.0, 1.0, -512.0, -2.0],
+            [0.0, 0.0, 1.0, 0.0, 0.0],
+            [1.0, 0.125, 1.0, 0.125**3, 0.5],
+        ],
     )
     np.testing.assert_array_equal(phi[:, 1, 5], v[:, 1])
     assert not phi[:, 0, 5].any()

@@ -39,10 +39,10 @@ def test_it_weighs_what_a_body_on_the_last_link_does(
 
 def test_it_is_not_there_when_it_is_not_carried(random_arm, random_motion) -> None:
     model = with_payload(random_arm(4, 0))
-    motion = random_motion(4, 0)
+    q, v, a = random_motion(4, 0)
     for conditions in (None, EMPTY):
-        assert not regressor(model, *motion, conditions)[:, :, 40:].any()
-        assert not base_wrench_regressor(model, *motion, conditions)[:, :, 40:].any()
+        assert not regressor(model, q, v, a, conditions)[:, :, 40:].any()
+        assert not base_wrench_regressor(model, q, v, a, conditions)[:, :, 40:].any()
 
 
 def test_it_has_ten_parameters_behind_all_others(ir361) -> None:

@@ -9,6 +9,7 @@ from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor, torque
 from dynamics.terms.rigid_body import RigidBodies
 
+ARMS: list[tuple[int, int, str | None]]
 ARMS = [(n, seed, None) for n in range(1, 8) for seed in range(3)]
 ARMS += [(1, 0, "P"), (3, 0, "PPP"), (4, 0, "RPRP"), (7, 0, "R" * 7), (7, 0, "P" * 7)]
 
