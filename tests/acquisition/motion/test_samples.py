@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Literal, TypedDict
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.samples import MotionSamples, Phase
+from config.arrays import FloatArray, PhaseArray
 from config.errors import ConfigError
 from config.load import load_robot
 
@@ -182,9 +184,16 @@ class TestApproach:
             approach(np.array([0.0, 1.2, 0.0]), np.zeros(3), ROBOT, T)
 
 
+class Rows(TypedDict):
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    phase: PhaseArray
+
+
 class TestVerifyLimits:
     @staticmethod
-    def still(rows: int = 10) -> dict[str, np.ndarray]:
+    def still(rows: int = 10) -> Rows:
         return {
             "position": np.zeros((rows, 3)),
             "velocity": np.zeros((rows, 3)),
@@ -230,7 +239,9 @@ class TestMotionSamples:
             samples.position[0, 0] = 1.0
 
     @pytest.mark.parametrize("name", ["position", "velocity", "acceleration"])
-    def test_refuses_what_is_not_finite(self, name: str) -> None:
+    def test_refuses_what_is_not_finite(
+        self, name: Literal["position", "velocity", "acceleration"]
+    ) -> None:
         rows = TestVerifyLimits.still()
         rows[name][3, 1] = np.nan
         with pytest.raises(ConfigError, match=rf"{name} is not finite at index \(3, 1\)"):
@@ -249,12 +260,12 @@ class TestMotionSamples:
             MotionSamples(ROBOT.joint_names, T, **rows, samples_per_period=4, periods=2)
 
 
-@pytest.mark.parametrize("changes", [{"period_s": 1e9}, {"periods": 10_000}, {"ramp_s": 1e9}])
-def test_an_endless_motion_is_refused_before_it_fills_the_memory(
-    changes: dict[str, float],
-) -> None:
+@pytest.mark.parametrize(
+    "motion", [fourier(period_s=1e9), fourier(periods=10_000), fourier(ramp_s=1e9)]
+)
+def test_an_endless_motion_is_refused_before_it_fills_the_memory(motion: FourierMotion) -> None:
     with pytest.raises(ConfigError, match=r"the motion takes .* at most 14400 s"):
-        fourier(**changes).plan(load_robot("ir361"), 0.008)
+        motion.plan(load_robot("ir361"), 0.008)
 
 
 def test_so_is_one_from_point_to_point() -> None:

@@ -4,30 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from acquisition.motion.kinds.tool_path import PathMotion
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.samples import MotionSamples, Phase
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.load import load_robot
 from dynamics.geometry.kinematics import Chain, forward, link_transforms
 
-Array = NDArray[np.float64]
+Segment = dict[str, object]
 ROBOT = load_robot("ir361")
 CHAIN = Chain.from_description(ROBOT)
 T = 0.008
 START = (0.6, -0.2, -1.7)
-LINE = {"kind": "line", "to_m": (0.6, 0.1, -1.7)}
-BEND = {"kind": "line", "to_m": (0.8, 0.1, -1.7)}
-ARC = {"kind": "arc", "through_m": (0.9, 0.0, -1.7), "to_m": (0.8, -0.1, -1.7)}
-SPLINE = {
-    "kind": "spline",
-    "through_m": ((0.75, 0.0, -1.55), (0.6, 0.1, -1.5), (0.6, -0.1, -1.65), (0.65, -0.2, -1.7)),
-}
+CORNER = (0.6, 0.1, -1.7)
+THROUGH = ((0.75, 0.0, -1.55), (0.6, 0.1, -1.5), (0.6, -0.1, -1.65), (0.65, -0.2, -1.7))
+LINE: Segment = {"kind": "line", "to_m": CORNER}
+BEND: Segment = {"kind": "line", "to_m": (0.8, 0.1, -1.7)}
+ARC: Segment = {"kind": "arc", "through_m": (0.9, 0.0, -1.7), "to_m": (0.8, -0.1, -1.7)}
+SPLINE: Segment = {"kind": "spline", "through_m": THROUGH}
 
 
-def path(*segments: dict[str, object], **changes: object) -> PathMotion:
+def path(*segments: Segment, **changes: object) -> PathMotion:
     fields = {
         "kind": "path",
         "robot": "ir361",
@@ -39,11 +38,11 @@ def path(*segments: dict[str, object], **changes: object) -> PathMotion:
     return PathMotion.model_validate(fields | changes)
 
 
-def tool(samples: MotionSamples) -> Array:
+def tool(samples: MotionSamples) -> FloatArray:
     return forward(CHAIN, samples.position)
 
 
-def rates(points: Array) -> tuple[float, float, float]:
+def rates(points: FloatArray) -> tuple[float, float, float]:
     """The largest speed, acceleration and jerk of the tool point, by differences."""
     found = []
     for _ in range(3):
@@ -52,7 +51,7 @@ def rates(points: Array) -> tuple[float, float, float]:
     return found[0], found[1], found[2]
 
 
-def away_from(points: Array, others: Array) -> float:
+def away_from(points: FloatArray, others: FloatArray) -> float:
     """How far the farthest of the points is from the nearest of the others."""
     return max(float(np.linalg.norm(others - p, axis=1).min()) for p in points)
 
@@ -61,7 +60,7 @@ def test_a_line_is_straight_and_driven_within_what_was_asked() -> None:
     samples = path(LINE).plan(ROBOT, T)
     points = tool(samples)
     np.testing.assert_allclose(points[0], START, atol=1e-9)
-    np.testing.assert_allclose(points[-1], LINE["to_m"], atol=1e-9)
+    np.testing.assert_allclose(points[-1], CORNER, atol=1e-9)
     np.testing.assert_allclose(points[:, [0, 2]], np.tile([0.6, -1.7], (len(points), 1)), atol=1e-9)
     speed, acceleration, jerk = rates(points)
     assert speed == pytest.approx(0.4, rel=1e-6)
@@ -91,7 +90,7 @@ def test_the_tool_follows_every_segment() -> None:
     points = tool(motion.plan(ROBOT, T))
     for point in ((0.6, 0.1, -1.7), (0.8, 0.1, -1.7), (0.8, -0.1, -1.7)):  # stops
         assert away_from(np.array([point]), points) < 1e-9
-    assert away_from(np.array(SPLINE["through_m"]), points) < 2e-3  # one cycle at 0.4 m/s
+    assert away_from(np.array(THROUGH), points) < 2e-3  # one cycle at 0.4 m/s
     arc = points[(points[:, 0] > 0.8001) & (abs(points[:, 2] + 1.7) < 1e-6)]
     assert len(arc) > 50
     np.testing.assert_allclose(np.linalg.norm(arc - [0.8, 0.0, -1.7], axis=1), 0.1, atol=1e-8)
@@ -102,7 +101,7 @@ def test_a_corner_with_a_blend_is_driven_through_within_all_limits() -> None:
     blending = path(LINE, BEND, blend_m=0.05).plan(ROBOT, T)
     assert blending.duration_s < stopping.duration_s - 0.2
     points = tool(blending)
-    corner = np.array(LINE["to_m"])
+    corner = np.array(CORNER)
     # the quintic passes the corner at 3/16 of its reach, along the bisector
     assert np.linalg.norm(points - corner, axis=1).min() == pytest.approx(
         0.05 * 3.0 / 16.0 * np.sqrt(2.0), abs=1e-4
@@ -119,7 +118,7 @@ def test_a_corner_with_a_blend_is_driven_through_within_all_limits() -> None:
 
 
 def test_a_blend_never_eats_more_than_half_a_segment() -> None:
-    short = {"kind": "line", "to_m": (0.6, -0.18, -1.7)}
+    short: Segment = {"kind": "line", "to_m": (0.6, -0.18, -1.7)}
     motion = path(short, {"kind": "line", "to_m": (0.65, -0.18, -1.7)}, blend_m=1.0)
     (stretch,) = motion.sections()
     assert [piece.label for piece in stretch.pieces] == [
@@ -131,13 +130,13 @@ def test_a_blend_never_eats_more_than_half_a_segment() -> None:
 
 
 def test_smooth_joints_need_neither_blend_nor_stop() -> None:
-    straight_on = {"kind": "line", "to_m": (0.6, 0.2, -1.7)}
+    straight_on: Segment = {"kind": "line", "to_m": (0.6, 0.2, -1.7)}
     assert len(path(LINE, straight_on).sections()) == 1
     assert len(path(LINE, BEND).sections()) == 2
 
 
 def test_a_circle_segment_closes_after_a_whole_turn() -> None:
-    turn = {"kind": "circle", "centre_m": (0.7, -0.2, -1.7), "turns": -1.0}
+    turn: Segment = {"kind": "circle", "centre_m": (0.7, -0.2, -1.7), "turns": -1.0}
     samples = path(turn).plan(ROBOT, T)
     points = tool(samples)
     np.testing.assert_allclose(points[-1], START, atol=1e-9)
@@ -171,8 +170,9 @@ def test_six_axes_keep_their_orientation_along_a_path() -> None:
     chain = Chain.from_description(robot)
     start = forward(chain, np.array([near]))[0]
     to = [tuple((start + way).tolist()) for way in ([0.0, 0.2, 0.0], [0.1, 0.2, 0.1])]
+    lines: list[Segment] = [{"kind": "line", "to_m": point} for point in to]
     motion = path(
-        *({"kind": "line", "to_m": point} for point in to),
+        *lines,
         robot="ur10e",
         start_m=tuple(start.tolist()),
         near=near,
@@ -231,7 +231,7 @@ def test_a_row_of_the_motion_is_told_by_its_segment() -> None:
     ],
 )
 def test_what_cannot_be_driven_is_refused_by_its_segment(
-    segments: tuple[dict[str, object], ...], changes: dict[str, object], words: str
+    segments: tuple[Segment, ...], changes: dict[str, object], words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
         path(*segments, **changes).plan(ROBOT, T)

@@ -45,7 +45,7 @@ def measure(turn: ZeroTurn, noise_n: float = 0.3, seed: int = 0) -> PlateOffset:
     """What is found from readings with a known offset at the end, drift and moment."""
     random = np.random.default_rng(seed)
     samples, readings = turn_samples(ROBOT, turn, 1.0, 5.0, CYCLE_S)
-    time_s = 100.0 + CYCLE_S * np.arange(len(samples))
+    time_s = 100.0 + CYCLE_S * np.arange(len(samples), dtype=np.float64)
     reading = np.full(len(samples), -1)
     for k, rows in enumerate(readings):
         reading[rows.start : rows.stop] = k
@@ -150,7 +150,7 @@ def test_the_motion_keeps_the_limits_and_rests_where_it_reads() -> None:
 
 def test_an_overloaded_channel_is_named() -> None:
     turn = plan_turn(ROBOT)
-    time_s = CYCLE_S * np.arange(3 * 500)
+    time_s = CYCLE_S * np.arange(3 * 500, dtype=np.float64)
     valid = np.ones((1500, 8), dtype=np.bool_)
     valid[600:, 2] = False
     reading = np.repeat([0, 1, 2], 500)
@@ -159,7 +159,7 @@ def test_an_overloaded_channel_is_named() -> None:
 
 
 def test_a_short_reading_is_refused() -> None:
-    time_s = CYCLE_S * np.arange(1500)
+    time_s = CYCLE_S * np.arange(1500, dtype=np.float64)
     reading = np.where(np.arange(1500) < 50, 0, np.where(np.arange(1500) < 750, 1, 2))
     valid = np.ones((1500, 8), dtype=np.bool_)
     with pytest.raises(DataQualityError, match="reading 1 of 3 lasts less than 1 s"):

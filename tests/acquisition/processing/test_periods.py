@@ -40,7 +40,7 @@ def record(periods: int = 8, seed: int = 0, noise: float = 1.0) -> Recording:
     values = clean + noise * NOISE * np.random.default_rng(seed).standard_normal((rows, 4))
     return Recording(
         joint_names=("a", "b"),
-        time_s=np.arange(rows) * 0.01,
+        time_s=np.arange(rows, dtype=np.float64) * 0.01,
         position=values[:, :2],
         torque_nm=values[:, 2:],
         valid=np.ones(rows, dtype=bool),
@@ -85,7 +85,7 @@ def unanswered(recording: Recording, rows: np.ndarray, joint: int) -> Recording:
     return replace(
         recording,
         answered=answered,
-        valid=answered.all(axis=1),
+        valid=np.asarray(answered.all(axis=1)),
         position=position,
         torque_nm=torque,
     )

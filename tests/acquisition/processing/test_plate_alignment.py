@@ -23,7 +23,7 @@ PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 
 @pytest.fixture
 def recording() -> Recording:
-    at = np.arange(SAMPLES) * CYCLE_S
+    at = np.arange(SAMPLES, dtype=np.float64) * CYCLE_S
     still = np.zeros((SAMPLES, 1))
     return Recording(
         joint_names=("j1",),

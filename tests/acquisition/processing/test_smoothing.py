@@ -147,18 +147,21 @@ class TestTemperature:
     def test_follows_its_stamps_without_ringing(self) -> None:
         smooth = smooth_nonperiodic(self.warming(), 9.4)
         expected = 300.0 + 0.5 * (smooth.time_s - 100.0)
+        assert smooth.temperature_k is not None
         np.testing.assert_allclose(smooth.temperature_k[:, 0], expected, atol=1e-9)
         np.testing.assert_allclose(smooth.temperature_k[:, 1], expected + 5.0, atol=1e-9)
 
         recording = uneven()
         step = np.where(recording.time_s < 106.0, 300.0, 301.0)[:, np.newaxis] * np.ones(2)
         smooth = smooth_nonperiodic(replace(recording, temperature_k=step), 9.4)
+        assert smooth.temperature_k is not None
         assert smooth.temperature_k.min() == 300.0
         assert smooth.temperature_k.max() == 301.0
 
     def test_comes_along_when_periods_are_put_on_a_grid(self) -> None:
         resampled = resample_periods(self.warming(), 4.0)
         expected = 300.0 + 0.5 * (resampled.time_s - 100.0)
+        assert resampled.temperature_k is not None
         np.testing.assert_allclose(resampled.temperature_k[:, 0], expected, atol=1e-9)
 
     def test_is_unknown_where_it_was_not_recorded(self) -> None:

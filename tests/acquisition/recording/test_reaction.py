@@ -26,7 +26,7 @@ def recording(
     """Periods of a robot whose plate channels follow a sine of 10 N and its harmonics."""
     random = np.random.default_rng(0)
     rows = K * PERIODS
-    time_s = np.arange(rows) * CYCLE_S
+    time_s = np.arange(rows, dtype=np.float64) * CYCLE_S
     angle = 2.0 * np.pi * np.arange(rows) / K
     position = np.sin(angle)[:, None] + 1e-5 * random.standard_normal((rows, 1))
     truth = np.column_stack([10.0 * np.sin((k % 3 + 1) * angle + k) for k in range(8)])

@@ -7,7 +7,7 @@ import random
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -194,7 +194,7 @@ def test_a_file_of_the_drive_monitor_is_repaired_too(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def unheaded(tmp_path: Path, whole: bytes) -> Iterator[Path]:
+def unheaded(tmp_path: Path, whole: bytes) -> Path:
     """A file with both copies of its header damaged."""
     data = bytearray(whole)
     at = whole.index(b"axis1")

@@ -8,7 +8,7 @@ from acquisition.signals.resampling import LONGEST_FILLED_GAP, PASS_ERROR, resam
 from config.errors import DataQualityError
 
 CYCLE_S = 0.008
-AT = 2.0003 + CYCLE_S * np.arange(1000)
+AT = 2.0003 + CYCLE_S * np.arange(1000, dtype=np.float64)
 
 
 def rows(rate_hz: float) -> NDArray[np.float64]:

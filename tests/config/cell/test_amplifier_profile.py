@@ -30,6 +30,7 @@ def amplifier(**changes: object) -> AmplifierConfig:
 
 def test_every_bundled_profile_loads() -> None:
     for name in bundled_names("profiles"):
+        kind: type[DriveProfile | AmplifierProfile]
         kind = DriveProfile if name == "servo_registers" else AmplifierProfile
         assert load_bundled_or_path(name, "profiles", kind).name == name
 

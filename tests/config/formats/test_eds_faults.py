@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -140,27 +141,26 @@ class TestASheetIsValid:
     def test_or_is_not_made(self) -> None:
         item = EdsObject(0x1000, 0, "", 1)
 
-        def sheet(**changed: object) -> ElectronicDataSheet:
-            said = {
-                "vendor": 1,
-                "product": 2,
-                "revision": None,
-                "node_id": None,
-                "objects": (item,),
-            }
-            return ElectronicDataSheet(
-                name="x.eds", sha256="", vendor_name="", product_name="", **(said | changed)
-            )  # type: ignore[arg-type]
-
-        assert sheet().get(0x1000, 0) is item
-        for changed in (
-            {"vendor": -1},
-            {"revision": 1 << 32},
-            {"node_id": 0},
-            {"objects": (item,) * 2},
+        sheet = ElectronicDataSheet(
+            name="x.eds",
+            sha256="",
+            vendor=1,
+            product=2,
+            revision=None,
+            vendor_name="",
+            product_name="",
+            node_id=None,
+            objects=(item,),
+        )
+        assert sheet.get(0x1000, 0) is item
+        for wrong in (
+            lambda: replace(sheet, vendor=-1),
+            lambda: replace(sheet, revision=1 << 32),
+            lambda: replace(sheet, node_id=0),
+            lambda: replace(sheet, objects=(item,) * 2),
         ):
             with pytest.raises(ConfigError, match=r"x\.eds"):
-                sheet(**changed)
+                wrong()
 
     def test_nor_an_object(self) -> None:
         for changed in ({"index": 0x10000}, {"subindex": 256}, {"access": "rx"}):

@@ -53,6 +53,8 @@ def required_torque(
     )
     spring = robot.spring
     assert spring is not None
+    assert spring.l_m is not None
+    assert spring.r_m is not None
     assert plant.spring is not None
     lever = spring.l_m * spring.r_m
     length = np.sqrt(spring.l_m**2 + spring.r_m**2 - 2 * lever * np.cos(q[:, 1]))
@@ -70,6 +72,8 @@ def energy(robot: RobotDescription, plant: PlantConfig) -> Callable[[Plant], flo
         q, v = coupling @ simulated.position, coupling @ simulated.velocity
         spring = robot.spring
         assert spring is not None
+        assert spring.l_m is not None
+        assert spring.r_m is not None
         assert plant.spring is not None
         lever = spring.l_m * spring.r_m
         length = math.sqrt(

@@ -24,7 +24,7 @@ def random_arm(seed: int, joints: int) -> tuple[RobotDescription, PlantConfig]:
         spin = random.normal(size=3)
         spin /= np.linalg.norm(spin)
         root = random.normal(size=(3, 3))
-        inertia = root @ root.T + np.eye(3)
+        xx, xy, xz, _, yy, yz, _, _, zz = (root @ root.T + np.eye(3)).ravel().tolist()
         alpha, beta, theta, a_m, d_m = random.normal(size=5).tolist()
         rows.append(KinematicRow(alpha_rad=alpha, beta_rad=beta, theta_rad=theta, a_m=a_m, d_m=d_m))
         described.append(
@@ -36,12 +36,11 @@ def random_arm(seed: int, joints: int) -> tuple[RobotDescription, PlantConfig]:
                 rotor=Rotor(link=int(random.integers(0, number + 1)), axis=tuple(spin.tolist())),
             )
         )
-        picked = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
         links.append(
             LinkInertia(
                 mass_kg=float(random.uniform(1, 20)),
                 centre_m=tuple(random.normal(size=3).tolist()),
-                inertia_kg_m2=tuple(float(inertia[i, j]) for i, j in picked),
+                inertia_kg_m2=(xx, yy, zz, xy, xz, yz),
             )
         )
         axes.append(
@@ -157,6 +156,8 @@ def test_the_bundled_spring_roughly_balances_the_arm() -> None:
     assert plant is not None
     assert plant.spring is not None
     assert spring is not None
+    assert spring.l_m is not None
+    assert spring.r_m is not None
     bodies = build_rigid_bodies(cell.robot, plant)
     data = bodies.model.createData()
     for angle in (-1.2, -0.8, 0.6):

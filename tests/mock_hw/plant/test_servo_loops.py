@@ -29,7 +29,9 @@ ON, OFF = [True], [False]
 CYCLE = 0.008
 
 
-def one_axis(*, coulomb: float = 0.0, viscous: float = 0.0, **unmodelled: float) -> Plant:
+def one_axis(
+    *, coulomb: float = 0.0, viscous: float = 0.0, unmodelled: UnmodelledAxis | None = None
+) -> Plant:
     limits = JointLimits(
         position_min=-9.0, position_max=9.0, velocity=9.0, acceleration=99.0, torque=999.0
     )
@@ -52,7 +54,7 @@ def one_axis(*, coulomb: float = 0.0, viscous: float = 0.0, **unmodelled: float)
     link = LinkInertia(
         mass_kg=1.0, centre_m=(0.0, 0.0, 0.0), inertia_kg_m2=(1.0, 1.0, INERTIA, 0.0, 0.0, 0.0)
     )
-    extra = Unmodelled(axes=(UnmodelledAxis(**unmodelled),)) if unmodelled else None
+    extra = Unmodelled(axes=(unmodelled,)) if unmodelled else None
     return Plant(
         robot, PlantConfig(name="turntable", links=(link,), axes=(axis,), unmodelled=extra)
     )
@@ -168,7 +170,9 @@ def test_a_velocity_command_is_a_ramp_within_a_call_not_a_staircase() -> None:
 
 
 def test_unmodelled_friction_raises_the_torque_of_slow_motion() -> None:
-    plant = one_axis(coulomb=10.0, stribeck_nm=8.0, stribeck_velocity_rad_s=0.05)
+    plant = one_axis(
+        coulomb=10.0, unmodelled=UnmodelledAxis(stribeck_nm=8.0, stribeck_velocity_rad_s=0.05)
+    )
     torques = {}
     for speed in (0.02, 1.0):
         for _ in range(400):
@@ -179,7 +183,7 @@ def test_unmodelled_friction_raises_the_torque_of_slow_motion() -> None:
 
 
 def test_friction_falls_as_the_axis_warms_up() -> None:
-    plant = one_axis(coulomb=10.0, friction_drift_per_s=-0.01)
+    plant = one_axis(coulomb=10.0, unmodelled=UnmodelledAxis(friction_drift_per_s=-0.01))
     torques = []
     for _ in range(2):
         for _ in range(1250):
@@ -190,7 +194,10 @@ def test_friction_falls_as_the_axis_warms_up() -> None:
 
 def test_load_cogging_and_tachometer_show_in_the_torque() -> None:
     quiet = one_axis(coulomb=10.0)
-    rough = one_axis(coulomb=10.0, load_friction=0.1, cogging_nm=1.0, tachometer_ripple=0.01)
+    rough = one_axis(
+        coulomb=10.0,
+        unmodelled=UnmodelledAxis(load_friction=0.1, cogging_nm=1.0, tachometer_ripple=0.01),
+    )
     spread = {}
     for plant in (quiet, rough):
         for _ in range(200):
