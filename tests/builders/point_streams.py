@@ -67,7 +67,7 @@ def source_of(
 
 
 def drive(source: PointSource, rows: Iterable[int] | None = None) -> list[SetPoint]:
-    out = []
+    out: list[SetPoint] = []
     for row in range(100_000) if rows is None else rows:
         point = source.at(row)
         if point is None:

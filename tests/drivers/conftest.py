@@ -324,11 +324,11 @@ class Bench:
         return setting
 
 
-def joint(name: str, **changes: Any) -> Joint:
+def joint(name: str) -> Joint:
     limits = JointLimits(
         position_min=-3.0, position_max=3.0, velocity=2.0, acceleration=10.0, torque=500.0
     )
-    return Joint(**({"name": name, "limits": limits, "gear_ratio": 100.0} | changes))
+    return Joint(name=name, limits=limits, gear_ratio=100.0)
 
 
 @pytest.fixture

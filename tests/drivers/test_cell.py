@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 
 from config.cell.cell import CanBusConfig, CellConfig
 from config.errors import DeviceFaultError, PreflightError, TransportError
@@ -140,9 +140,7 @@ def test_a_configuration_error_closes_the_bus(
     cell: CellConfig, robot: RobotDescription, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     closed: list[bool] = []
-    monkeypatch.setattr(
-        can.interfaces.virtual.VirtualBus, "shutdown", lambda self: closed.append(True)
-    )
+    monkeypatch.setattr(VirtualBus, "shutdown", lambda self: closed.append(True))
     slow = CanBusConfig(interface="virtual", channel="slow", bitrate=10_000)
     with pytest.raises(Exception, match="of the CAN bus"):
         open_cell(cell.model_copy(update={"can": slow}), robot)

@@ -72,7 +72,9 @@ def test_random_loss_is_counted_exactly_and_the_motion_goes_on(
     assert run.reason is None
     assert run.error is None
     rows = run.rows
-    answered = {f.can_id: [] for f in run.frames if 0x181 <= f.can_id <= 0x183}
+    answered: dict[int, list[float]] = {
+        f.can_id: [] for f in run.frames if 0x181 <= f.can_id <= 0x183
+    }
     for frame in run.frames:
         if frame.can_id in answered:
             answered[frame.can_id].append(frame.time_s)

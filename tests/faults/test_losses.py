@@ -128,10 +128,10 @@ def recording(lost: dict[int, int], periods: int | None, rows: int = 1000) -> Re
     position = np.stack([np.sin(turns), np.cos(turns)], axis=1)
     return Recording(
         joint_names=("a", "b"),
-        time_s=np.arange(rows) * T,
+        time_s=np.arange(rows, dtype=np.float64) * T,
         position=position,
         torque_nm=10.0 * position,
-        valid=answered.all(axis=1),
+        valid=np.asarray(answered.all(axis=1)),
         answered=answered,
         phase=np.full(rows, Phase.MAIN, dtype=np.uint8),
         sample_index=np.arange(rows),
@@ -172,7 +172,9 @@ def test_rows_that_are_waited_for_at_the_end_do_not_make_up_for_lost_ones() -> N
     fields = ("position", "torque_nm", "valid", "answered", "phase", "sample_index")
     last = np.r_[np.arange(1000), np.full(20, 999)]
     waited = replace(
-        moved, time_s=T * np.arange(1020), **{name: getattr(moved, name)[last] for name in fields}
+        moved,
+        time_s=T * np.arange(1020, dtype=np.float64),
+        **{name: getattr(moved, name)[last] for name in fields},
     )
     assert run_quality(waited).rows == 1000
     assert run_quality(waited).lost == (15, 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -83,6 +83,7 @@ def cells(draw: st.DrawFn) -> tuple[CellConfig, RobotDescription, int]:
     count = draw(st.integers(1, 2))
     of = draw(numbers())
     rules = {name: of[name] for name in NUMBERS if name in Supervision.model_fields}
+    units: st.SearchStrategy[Literal["increments_per_s", "rpm", "0.1rpm"]]
     units = st.sampled_from(("increments_per_s", "rpm", "0.1rpm"))
     cell = CellConfig(
         name="random", robot="random",

@@ -75,11 +75,23 @@ def short_path() -> Iterator[Path]:
     shutil.rmtree(path, ignore_errors=True)
 
 
-def simulate(loaded: LoadedCell, *, realtime: bool = False, **options: object) -> SimulatedCell:
+def simulate(
+    loaded: LoadedCell,
+    *,
+    realtime: bool = False,
+    log: Path | None = None,
+    directory: Path | None = None,
+) -> SimulatedCell:
     assert loaded.plant is not None
     return SimulatedCell(
         CellSimulation(
-            loaded.config, loaded.robot, loaded.plant, realtime=realtime, seed=5, **options
+            loaded.config,
+            loaded.robot,
+            loaded.plant,
+            realtime=realtime,
+            seed=5,
+            log=log,
+            directory=directory,
         )
     )
 

@@ -61,7 +61,9 @@ def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
         if entry.index in records:
             if entry.index not in objects:
                 objects.add_object(ODRecord(f"{entry.index:04X}", entry.index))
-            objects[entry.index].add_member(variable)
+            record = objects[entry.index]
+            assert isinstance(record, ODRecord)
+            record.add_member(variable)
         else:
             objects.add_object(variable)
     return objects

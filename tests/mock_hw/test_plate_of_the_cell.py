@@ -72,7 +72,8 @@ class Reads:
         self.events.append(read.events)
 
     def joined(self) -> tuple[Array, Array, Array]:
-        return tuple(np.concatenate(x) for x in (self.rows, self.arrivals, self.events))
+        rows, arrivals, events = map(np.concatenate, (self.rows, self.arrivals, self.events))
+        return rows, arrivals, events
 
 
 def swing(cell: Cell, amplifier: SerialAmplifier, cycles: int) -> Reads:

@@ -27,9 +27,11 @@ def loaded() -> LoadedCell:
     return load_cell("ir361")
 
 
-def rack_of(loaded: LoadedCell, cell: CellConfig, seed: int = 1, **options: object) -> DriveRack:
+def rack_of(
+    loaded: LoadedCell, cell: CellConfig, seed: int = 1, snapshots: SnapshotWriter | None = None
+) -> DriveRack:
     assert loaded.plant is not None
-    return DriveRack(cell, loaded.robot, loaded.plant, seed, **options)
+    return DriveRack(cell, loaded.robot, loaded.plant, seed, snapshots)
 
 
 class Master:

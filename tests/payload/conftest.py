@@ -138,7 +138,7 @@ def measured(
     trajectory = motion.trajectory(robot, CYCLE_S)
     samples = trajectory.samples_per_period
     random = np.random.default_rng(seed)
-    times = np.arange(samples * FINE) * (CYCLE_S / FINE)
+    times = np.arange(samples * FINE, dtype=np.float64) * (CYCLE_S / FINE)
     q, v, a = (
         f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
     )
@@ -153,7 +153,7 @@ def measured(
     rows = periods * samples
     return Recording(
         joint_names=robot.joint_names,
-        time_s=np.arange(rows) * CYCLE_S,
+        time_s=np.arange(rows, dtype=np.float64) * CYCLE_S,
         position=position,
         torque_nm=tau,
         valid=np.ones(rows, dtype=np.bool_),

@@ -51,7 +51,7 @@ def problems() -> dict[Any, SensitivityProblem]:
 
 @pytest.fixture(scope="module")
 def table(problems: dict[Any, SensitivityProblem]) -> dict[tuple[str, str], dict[str, float]]:
-    rows = {}
+    rows: dict[tuple[str, str], dict[str, float]] = {}
     sides: tuple[Comparison, ...] = ("model", "difference")
     for against in sides:
         for case in thesis_cases(6):

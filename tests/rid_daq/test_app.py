@@ -14,8 +14,8 @@ import typer
 
 from config import errors
 from rid_daq import app
-from rid_daq.app import COMMANDS, printable, run
-from rid_daq.terminal.console import as_command
+from rid_daq.app import COMMANDS, run
+from rid_daq.terminal.console import as_command, printable
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 
 CODES = {

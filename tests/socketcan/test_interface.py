@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -248,7 +249,7 @@ def test_a_motion_does_not_notice_that_the_date_is_set(
         cell.axes.start()
         drive(cell, 20)
         for step_s in (3600.0, -3600.0, 0.4, -0.4):
-            drive(cell, 5, enable=False, after_sync=lambda step_s=step_s: set_date(step_s))
+            drive(cell, 5, enable=False, after_sync=partial(set_date, step_s))
         assert simulated.axes().enabled.all()
         assert (cell.axes.answers.late_frames, cell.axes.cyclic.duplicate_frames) == (0, 0)
         assert not cell.axes.take_events()

@@ -97,7 +97,8 @@ def test_the_largest_gain_just_keeps_both_margins(
 
 def test_a_loop_that_never_crosses_has_no_margin() -> None:
     frequency_hz = np.geomspace(0.1, 100.0, 200)
-    never = margins(frequency_hz, 0.5 / (1.0 + 0.1j * frequency_hz))
+    response = np.asarray(0.5 / (1.0 + 0.1j * frequency_hz), dtype=np.complex128)
+    never = margins(frequency_hz, response)
     assert never.gain is None
     assert never.phase_deg is None
     assert never.gain_db is None

@@ -152,9 +152,11 @@ class TestIterator:
         assert "no inverse kinematics here" in ring.failure
 
     def test_one_that_raises_at_once_is_a_clear_error(self) -> None:
-        def points() -> Iterator[Points]:
+        def no_file() -> Points:
             raise ValueError("no file")
-            yield path_of(1)
+
+        def points() -> Iterator[Points]:
+            yield no_file()
 
         ring = PointRing.create(3, 10)
         with (

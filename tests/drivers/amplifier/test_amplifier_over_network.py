@@ -25,8 +25,8 @@ pytestmark = pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarn
 class PlainPort(serial.Serial):
     """A pseudo-terminal has no modem lines."""
 
-    dtr = rts = break_condition = property(lambda self: False, lambda self, value: None)  # type: ignore[assignment]
-    cts = dsr = ri = cd = property(lambda self: False)  # type: ignore[assignment]
+    dtr = rts = break_condition = property(lambda self: False, lambda self, value: None)
+    cts = dsr = ri = cd = property(lambda self: False)
 
 
 class DeviceServer:
@@ -50,7 +50,8 @@ class DeviceServer:
         os.close(self._woken)
 
     def _run(self) -> None:
-        if self._wake in select.select([self._listener, self._wake], [], [])[0]:
+        watched: list[socket.socket | int] = [self._listener, self._wake]
+        if self._wake in select.select(watched, [], [])[0]:
             return
         connection, _ = self._listener.accept()
         with connection:
@@ -60,9 +61,10 @@ class DeviceServer:
         manager = None
         if self._telnet:
             peer = type("Peer", (), {"write": staticmethod(connection.sendall)})()
-            manager = serial.rfc2217.PortManager(self._port, peer)
+            manager = serial.rfc2217.PortManager(self._port, peer)  # type: ignore[arg-type] # stub: a client
+        watched: list[socket.socket | serial.Serial | int] = [connection, self._port, self._wake]
         while True:
-            ready, _, _ = select.select([connection, self._port, self._wake], [], [])
+            ready, _, _ = select.select(watched, [], [])
             if self._wake in ready:
                 return
             if self._port in ready:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import can
 import canopen
 import pytest
-from canopen.objectdictionary import ODVariable
+from canopen.objectdictionary import ODRecord, ODVariable
 from canopen.objectdictionary.datatypes import UNSIGNED8, UNSIGNED16, UNSIGNED32, VISIBLE_STRING
 
 from config.cell.cell import CanBusConfig, CellConfig
@@ -120,13 +120,15 @@ def dictionary(objects: dict[tuple[int, int], tuple[int, int]]) -> canopen.Objec
         several = any(i == index and s for i, s in objects)
         if several:
             if index not in od:
-                od.add_object(canopen.objectdictionary.ODRecord(f"{index:04X}", index))
-            od[index].add_member(variable)
+                od.add_object(ODRecord(f"{index:04X}", index))
+            record = od[index]
+            assert isinstance(record, ODRecord)
+            record.add_member(variable)
         else:
             od.add_object(variable)
     name = ODVariable("name", 0x1008, 0)
     name.data_type = VISIBLE_STRING
-    name.default = name.value = "a drive made by the canopen package"
+    name.default = name.value = "a drive made by the canopen package"  # type: ignore[assignment] # it takes text too
     od.add_object(name)
     return od
 

@@ -18,7 +18,9 @@ def profile(word_order: Any = "big", **registers: Register) -> DriveProfile:
     registers.setdefault(
         "motor_temperature_k", Register(address=0, type="int16", scale=0.1, offset=273.15)
     )
-    return DriveProfile(name="test", word_order=word_order, registers=registers)
+    return DriveProfile.model_validate(
+        {"name": "test", "word_order": word_order, "registers": registers}
+    )
 
 
 class TestWhatIsReadTogether:
@@ -102,7 +104,7 @@ class TestWhatTheWordsMean:
             "rated_current_a": 5.111,
             "rotor_inertia_kg_m2": 8e-5,
         }
-        words = encode(drive, values)  # type: ignore[arg-type]
+        words = encode(drive, values)
         for read in plan_reads(drive, (*POLLED, *NAMEPLATE)):
             taken = [words.get(read.address + i, 0) for i in range(read.count)]
             for name, value in decode(drive, read, taken).items():

@@ -26,7 +26,8 @@ ZERO = np.zeros(8)
 def switched_on(
     seed: int = 0, settings: AmplifierSettings = SETTINGS, **truth: object
 ) -> ChargeAmplifier:
-    amplifier = ChargeAmplifier(SimulatedPlate(sensitivity_pc_n=PC_N, **truth), seed)
+    plate = SimulatedPlate.model_validate({"sensitivity_pc_n": PC_N} | truth)
+    amplifier = ChargeAmplifier(plate, seed)
     amplifier.apply(settings)
     return amplifier
 

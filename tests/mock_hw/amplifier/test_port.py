@@ -95,7 +95,7 @@ class Bench:
 
 @pytest.fixture
 def make(tmp_path: Path, plate: PlateConfig) -> Iterator[Any]:
-    benches = []
+    benches: list[Bench] = []
 
     def one(**options: Any) -> Bench:
         benches.append(Bench(tmp_path / f"port{len(benches)}", plate, **options))

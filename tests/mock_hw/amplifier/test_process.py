@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from config.errors import TransportError
 from config.load import load_cell
@@ -36,7 +38,7 @@ def test_the_driver_reads_a_swinging_load_in_real_time(tmp_path: Path) -> None:
             amplifier.configure()
             amplifier.operate()
             amplifier.start()
-            rows = []
+            rows: list[NDArray[Any]] = []
             while sum(map(len, rows)) < 300:
                 rows.append(amplifier.read(time.monotonic() + ENOUGH_S).rows)
         counts = np.concatenate(rows)["counts"][-200:, 4:]

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from config.errors import TransportError
+from mock_hw.bus.arbitration import WireFrame
 from mock_hw.bus.hub import AFTER_RUN_NS
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import listening_socket
@@ -104,7 +105,7 @@ def test_an_observer_sees_everything_and_never_holds_time(serve: Serve) -> None:
     for cycle in range(2000):
         master.post(0x080, b"", 0)
         master.wait((cycle + 1) * 8 * MS)
-    seen = []
+    seen: list[WireFrame] = []
     while len(seen) < 2000 and (frames := observer.wait(time.monotonic_ns() + 2000 * MS)):
         seen += frames
     assert [f.time_ns for f in seen] == [k * 8 * MS + SYNC_END_NS for k in range(2000)]

@@ -363,6 +363,7 @@ def test_a_recording_ends_when_the_accuracy_is_reached(
     assert told["accuracy"]["periods"] == 3
     assert max(told["accuracy"]["relative_percent"]) < 5.0
     recording = read_journal(Path(told["folder"]) / "recording.mcap").recording()
+    assert recording.samples_per_period is not None
     assert (recording.phase == Phase.MAIN).sum() == 3 * recording.samples_per_period
     assert run([*words, "--until", "fc_axis1<0.0001Nm"]) == 1
     told = document(capsys)

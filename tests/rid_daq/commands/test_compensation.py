@@ -158,7 +158,7 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
         for path in (workshop / "runs").glob("*/feedforward.json")
         if path.read_text() == (workshop / "better.json").read_text()
     )
-    for factor, code, words in ((1.0, 0, "no longer shrinks"), (0.5, 6, "has grown since")):
+    for factor, code, verdict in ((1.0, 0, "no longer shrinks"), (0.5, 6, "has grown since")):
         changed = tmp_path / str(factor) / recorded.name
         shutil.copytree(recorded, changed)
         file = json.loads((changed / "feedforward.json").read_text())
@@ -171,7 +171,7 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
         again[1] = str(changed)
         assert run([*again, str(tmp_path / "y.json")]) == code
         output = capsys.readouterr()
-        assert words in output.out + output.err
+        assert verdict in output.out + output.err
     kept = json.loads((tmp_path / "y.json").read_text())
     assert kept["feedforward"] == json.loads((workshop / "better.json").read_text())["feedforward"]
 

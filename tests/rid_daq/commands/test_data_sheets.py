@@ -10,6 +10,7 @@ from typing import Any
 
 import canopen
 import pytest
+from canopen.objectdictionary import ODRecord
 
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.folder import RunFolder
@@ -72,7 +73,9 @@ def test_the_sheets_are_written_once_and_other_tools_read_them(
     names = [path.name for path in sorted((workshop / "sheets").iterdir())]
     assert names == ["node1.eds", "node2.eds", "node3.eds"]
     dictionary = canopen.import_od(str(workshop / "sheets" / "node2.eds"), node_id=2)
-    assert dictionary[0x1400][1].default == 0x202
+    receiving = dictionary[0x1400]
+    assert isinstance(receiving, ODRecord)
+    assert receiving[1].default == 0x202
     assert dictionary.device_information.product_number == 0x361
     assert run(["mock", str(workshop / "cell.yaml"), "--eds", str(workshop / "sheets")]) == 2
     assert "node1.eds, node2.eds, node3.eds is already there" in capsys.readouterr().err

@@ -38,6 +38,7 @@ CYCLE_S = 0.008
 def estimate() -> Estimate:
     """Return an estimate of the bundled arm from three noisy periods."""
     cell = load_cell("ir361")
+    assert cell.plant is not None
     model = RobotModel.from_description(cell.robot)
     motion = design_two_harmonic(cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=20, periods=3)
     path = motion.trajectory(cell.robot, CYCLE_S)
@@ -48,7 +49,7 @@ def estimate() -> Estimate:
     noise = np.random.default_rng(0).standard_normal((rows, 3))
     recording = Recording(
         joint_names=cell.robot.joint_names,
-        time_s=np.arange(rows) * CYCLE_S,
+        time_s=np.arange(rows, dtype=np.float64) * CYCLE_S,
         position=np.tile(q, (3, 1)),
         torque_nm=np.tile(tau, (3, 1)) + noise,
         valid=np.ones(rows, dtype=np.bool_),
@@ -89,6 +90,8 @@ def c_torques(source: Path, motion: np.ndarray) -> list[list[float]]:
 
 def python_torques(source: Path, motion: np.ndarray) -> np.ndarray:
     spec = importlib.util.spec_from_file_location("exported", source)
+    assert spec is not None
+    assert spec.loader is not None
     module: Any = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.inverse_dynamics(*motion)
@@ -127,7 +130,8 @@ def test_a_function_is_that_of_the_robot_that_can_exist(
 ) -> None:
     out = tmp_path / name
     assert run(["export", str(model_file), "--to", form, "-o", str(out)]) == 0
-    expected = torque(estimate.model, *motion, consistent(estimate).standard_values)
+    q, v, a = motion
+    expected = torque(estimate.model, q, v, a, consistent(estimate).standard_values)
     np.testing.assert_allclose(torques(out, motion), expected, rtol=1e-9, atol=1e-9)
 
 
@@ -140,7 +144,8 @@ def test_pinocchio_reads_the_links_of_the_robot_that_can_exist(
     tau = [pin.rnea(robot, robot.createData(), *x) for x in motion.transpose(1, 0, 2)]
     links = ModelOptions(rotors=False, friction=False, spring=False).build(estimate.robot)
     values = consistent(estimate).standard_values[: len(links.parameter_names)]
-    np.testing.assert_allclose(tau, torque(links, *motion, values), rtol=1e-9, atol=1e-9)
+    q, v, a = motion
+    np.testing.assert_allclose(tau, torque(links, q, v, a, values), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.fault(33)

@@ -47,7 +47,7 @@ def test_it_is_read_back_and_identified_like_any_other(
         ),
     )
     trajectory = motion.trajectory(robot, 0.01)
-    t = 0.01 * np.arange(2000)
+    t = 0.01 * np.arange(2000, dtype=np.float64)
     q, v, a = (f(t) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration))
     theta = np.where(np.char.startswith(model.parameter_names, "f"), 20.0, 0.5)
     theta[model.parameter_groups["rotors"]] = 1e-3

@@ -73,7 +73,9 @@ def test_the_band_is_the_cells_or_as_high_as_torque_is_measured() -> None:
     silent = cell.config.model_copy(update={"velocity_loop_band_hz": None})
     assert velocity_loop_band_hz(silent) == (0.5, 20.0)
     open_ended = silent.model_copy(update={"torque_filter": None})
-    assert velocity_loop_band_hz(open_ended) == (0.5, pytest.approx(125.0 / 6.0))
+    lowest_hz, highest_hz = velocity_loop_band_hz(open_ended)
+    assert lowest_hz == 0.5
+    assert highest_hz == pytest.approx(125.0 / 6.0)
     with pytest.raises(ConfigError, match="below half the cycle's frequency"):
         multisine_motion(cell.robot, cell.config, MultisineOptions(band_hz=(1.0, 70.0)))
 

@@ -149,7 +149,7 @@ def test_what_cannot_be_resumed_is_refused(
 
 def test_friction_that_falls_is_not_settled(tmp_path: Path) -> None:
     samples, periods = 200, 8
-    time_s = np.arange(samples * periods) * 0.01
+    time_s = np.arange(samples * periods, dtype=np.float64) * 0.01
     angle = 2.0 * np.pi * time_s / 2.0
     position = np.sin(angle)[:, np.newaxis]
     speed = np.pi * np.cos(angle)

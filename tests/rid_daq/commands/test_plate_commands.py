@@ -73,7 +73,8 @@ def write_rows(
     arrival = np.maximum.accumulate(due + random.uniform(0.0, 0.005, len(due)))
     header = PlateHeader(plate=plate, profile=PROFILE, simulated_time=True)
     with PlateJournalWriter(folder.path / "plate.mcap", header) as writer:
-        writer.append(PlateRead(rows, np.zeros(0, PLATE_EVENT), arrival, float(arrival[-1])), 0)
+        nothing = np.zeros(0, PLATE_EVENT)
+        writer.append(PlateRead(rows, nothing, arrival, np.zeros(0), float(arrival[-1])), 0)
 
 
 @pytest.fixture(scope="module")

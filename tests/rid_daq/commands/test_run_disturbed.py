@@ -14,9 +14,9 @@ from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
+from acquisition.session.record import record_motion
 from acquisition.task.control_block import ControlBlock, Progress, RecorderState
 from rid_daq.app import run
-from rid_daq.recording import run_session
 from tests.builders.told import document
 
 INTO = 100
@@ -29,7 +29,7 @@ Meddle = Callable[[Disturb], None]
 @pytest.fixture
 def meddle(monkeypatch: pytest.MonkeyPatch) -> Meddle:
     """Return what lets somebody do something to the run folder while the robot moves."""
-    whole = run_session.record_motion
+    whole = record_motion
 
     def meddled(disturb: Disturb) -> None:
         def record(*arguments: Any, on_progress: Callable[[Progress], None], **options: Any) -> Any:

@@ -61,6 +61,7 @@ def test_the_serial_line_of_a_served_cells_drives_is_found(
     monitor = loaded.config.monitor.model_copy(update={"link": link})
     config = loaded.config.model_copy(update={"can": can, "monitor": monitor})
     loaded = replace(loaded, config=config)
+    assert loaded.plant is not None
     with (
         SimulatedCell(
             CellSimulation(

@@ -49,7 +49,7 @@ def serve(loaded: LoadedCell, tmp_path: Path) -> Iterator[Serve]:
                     "motor_temperature_k": temperature_k if third else 300.0,
                     "torque_constant_nm_per_a": motor * (constant if third else 1.0),
                 }
-                return encode(profile, values)  # type: ignore[arg-type]
+                return encode(profile, values)
 
             settings = RegisterSettings(monitor, profile, tmp_path / "line")
             service = stack.enter_context(

@@ -97,7 +97,8 @@ def test_a_force_beyond_five_newtons_is_red_by_channel(
     lines = lines_of(served)
     assert red(lines) == ["force at rest"]
     channel, newtons, _ = lines["force at rest"].found.split()
-    assert (channel, float(newtons)) == ("fy14", pytest.approx(-6.0, abs=0.1))
+    assert channel == "fy14"
+    assert float(newtons) == pytest.approx(-6.0, abs=0.1)
     zero = PlateZero(offset_n=(0.0, 0.0, -6.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert red(lines_of(served, zero=zero)) == []
     measured("6 N at zero: red")

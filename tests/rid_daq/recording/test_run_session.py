@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from acquisition.runs.folder import RunFolder
+from acquisition.session.record import record_motion
 from config.errors import RecordingError
 from rid_daq.app import run
-from rid_daq.recording import run_session
 from rid_daq.terminal.console import output_error
 
 NOTE = "the drives of axis2 did not confirm being disabled"
@@ -27,7 +27,7 @@ def lost(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(folder: RunFolder, _result: dict[str, Any]) -> Path:
         raise RecordingError(f"{folder.path}/result.json: cannot be written: Input/output error")
 
-    whole = run_session.record_motion
+    whole = record_motion
 
     def with_note(*arguments: Any, **options: Any) -> Any:
         return replace(whole(*arguments, **options), notes=(NOTE,))
