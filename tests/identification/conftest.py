@@ -88,7 +88,7 @@ def measure(arm: KnownArm) -> Measure:
         trajectory = (motion or arm.motion).trajectory(arm.robot, CYCLE_S)
         samples = trajectory.samples_per_period
         random = np.random.default_rng(seed)
-        times = np.arange(samples * FINE) * (CYCLE_S / FINE)
+        times = np.arange(samples * FINE, dtype=np.float64) * (CYCLE_S / FINE)
         q, v, a = (
             f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
         )
@@ -109,7 +109,7 @@ def measure(arm: KnownArm) -> Measure:
         rows = periods * samples
         return Recording(
             joint_names=arm.robot.joint_names,
-            time_s=np.arange(rows) * CYCLE_S,
+            time_s=np.arange(rows, dtype=np.float64) * CYCLE_S,
             position=position,
             torque_nm=tau,
             valid=np.ones(rows, dtype=np.bool_),

@@ -21,7 +21,9 @@ POINTS = ((0.0, 0.0, 0.0), (0.5, 0.3, -0.4), (1.0, -0.3, 0.4), (0.0, 0.2, 0.3))
 HEADER = "axis2,time_s,axis1,axis3"
 
 
-def joint_path(points: tuple[tuple[float, ...], ...] = POINTS, **changes: object) -> object:
+def joint_path(
+    points: tuple[tuple[float, ...], ...] = POINTS, **changes: object
+) -> JointPathMotion:
     fields = {"kind": "joint_path", "robot": "ir361", "points": points}
     return JointPathMotion.model_validate(fields | changes)
 
@@ -45,7 +47,7 @@ def csv(rows: list[tuple[float, float, float, float]]) -> list[str]:
 
 @pytest.mark.parametrize("fraction", [0.3, 1.0])
 def test_a_curve_goes_through_its_poses_within_the_share_of_limits(fraction: float) -> None:
-    samples = joint_path(speed_fraction=fraction).plan(ROBOT, T)  # type: ignore[arg-type]
+    samples = joint_path(speed_fraction=fraction).plan(ROBOT, T)
     verify_limits(samples, ROBOT)
     for pose in POINTS:
         gap = np.abs(samples.position - pose).max(axis=1).min()
@@ -132,4 +134,4 @@ def test_poses_that_cannot_be_reached_are_refused(
     points: tuple[tuple[float, ...], ...], words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
-        joint_path(points).plan(ROBOT, T)  # type: ignore[arg-type]
+        joint_path(points).plan(ROBOT, T)

@@ -78,7 +78,8 @@ def test_what_cannot_be_meant_is_told(model, text, message) -> None:
 
 
 def test_a_parameter_is_judged_by_its_honest_deviation(estimate) -> None:
-    rest = tuple(np.zeros((3, 5, 3)))
+    still = np.zeros((5, 3))
+    rest = (still, still, still)
     absolute, relative = goal_states(
         [Goal("fc_axis1", 0.3, False, "a"), Goal("fc_axis1", 0.05, True, "b")], estimate, rest
     )

@@ -18,7 +18,7 @@ def measured(amplitude: tuple[float, float, float]) -> Estimate:
     robot = load_robot("ir361")
     model = RobotModel.from_description(robot)
     random = np.random.default_rng(0)
-    time_s = 0.01 * np.arange(3000)
+    time_s = 0.01 * np.arange(3000, dtype=np.float64)
     omega = 2.0 * np.pi / 10.0 * np.arange(1, 6)
     sine, cosine = random.normal(size=(2, 5, 3)) * np.array(amplitude)
     s, c = np.sin(np.outer(time_s, omega)), np.cos(np.outer(time_s, omega))

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
+from config.arrays import FloatArray
 from config.cell.plate import PlateLimits
 from config.errors import ConfigError, EstimationError
 from dynamics.model.base_wrench import base_wrench
@@ -23,6 +23,7 @@ from identification.estimation.estimators import estimate_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 
+Motion = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 Weigh = Callable[..., Recording]
 WIDE = PlateLimits(force_n=(1e4, 1e4, 1e4), moment_nm=(1e4, 1e4, 1e4))
 
@@ -36,15 +37,13 @@ def estimate(arm: Any, weigh: Weigh) -> Estimate:
 
 
 @pytest.fixture(scope="module")
-def motion(arm: Any) -> tuple[NDArray[np.float64], ...]:
+def motion(arm: Any) -> Motion:
     trajectory = arm.motion.trajectory(arm.robot, 0.008)
     at = trajectory.sample_times_s
     return at, trajectory.position(at), trajectory.velocity(at), trajectory.acceleration(at)
 
 
-def test_the_peak_of_a_motion_is_the_robots(
-    arm: Any, estimate: Estimate, motion: tuple[NDArray[np.float64], ...]
-) -> None:
+def test_the_peak_of_a_motion_is_the_robots(arm: Any, estimate: Estimate, motion: Motion) -> None:
     at, q, v, a = motion
     true = np.abs(base_wrench(arm.model, q, v, a, arm.standard))
     found = base_load(estimate, at, q, v, a, WIDE, mass_kg=99.0)
@@ -54,9 +53,7 @@ def test_the_peak_of_a_motion_is_the_robots(
     assert "every limit on the base is held" in found.sentence
 
 
-def test_a_limit_that_is_broken_is_named(
-    estimate: Estimate, motion: tuple[NDArray[np.float64], ...]
-) -> None:
+def test_a_limit_that_is_broken_is_named(estimate: Estimate, motion: Motion) -> None:
     wide = base_load(estimate, *motion, WIDE, mass_kg=99.0)
     tight = WIDE.model_copy(update={"moment_nm": (1e4, float(0.9 * wide.peak[4]), 1e4)})
     found = base_load(estimate, *motion, tight, mass_kg=99.0)
@@ -64,9 +61,7 @@ def test_a_limit_that_is_broken_is_named(
     assert found.sentence.startswith("My reaches")
 
 
-def test_the_uncertainty_counts(
-    estimate: Estimate, motion: tuple[NDArray[np.float64], ...]
-) -> None:
+def test_the_uncertainty_counts(estimate: Estimate, motion: Motion) -> None:
     wide = base_load(estimate, *motion, WIDE, mass_kg=99.0)
     just = float(wide.peak[0] + wide.sigma[0])
     limits = WIDE.model_copy(update={"force_n": (just, 1e4, 1e4)})
@@ -74,7 +69,7 @@ def test_the_uncertainty_counts(
 
 
 def test_without_a_mass_the_weight_is_left_out_and_that_is_said(
-    estimate: Estimate, motion: tuple[NDArray[np.float64], ...]
+    estimate: Estimate, motion: Motion
 ) -> None:
     """However large the plate's offset was: it is not taken for weight."""
     shifted = estimate.values.copy()
@@ -86,9 +81,7 @@ def test_without_a_mass_the_weight_is_left_out_and_that_is_said(
     assert found.peak[2] < 400.0 < 900.0 < heavy.peak[2]
 
 
-def test_the_internal_model_cannot_tell(
-    arm: Any, weigh: Weigh, motion: tuple[NDArray[np.float64], ...]
-) -> None:
+def test_the_internal_model_cannot_tell(arm: Any, weigh: Weigh, motion: Motion) -> None:
     internal = estimate_periodic(arm.robot, [average_periods(weigh(0))])
     with pytest.raises(EstimationError, match="combined model"):
         base_load(internal, *motion, WIDE)

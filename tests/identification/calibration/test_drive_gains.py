@@ -29,7 +29,7 @@ STEP_S = 0.01
 def measured(arm: Any, payload: bool, seed: int) -> SmoothedSignals:
     """Return 30 s of a run: torques over gains, with noise and a ripple that the model lacks."""
     trajectory = arm.motion.trajectory(arm.robot, STEP_S)
-    times = np.arange(3000) * STEP_S
+    times = np.arange(3000, dtype=np.float64) * STEP_S
     q, v, a = (
         f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
     )

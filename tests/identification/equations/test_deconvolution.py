@@ -20,7 +20,7 @@ def recording_of(torque: np.ndarray, torque_filter: ButterworthFilter | None) ->
     rows = len(torque)
     return Recording(
         joint_names=("j",),
-        time_s=np.arange(rows) * STEP_S,
+        time_s=np.arange(rows, dtype=np.float64) * STEP_S,
         position=np.zeros((rows, 1)),
         torque_nm=torque[:, np.newaxis],
         valid=np.ones(rows, dtype=np.bool_),

@@ -31,9 +31,11 @@ FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
 
 def deviations(estimates: list[Estimate], truth: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return errors over the standard deviations by the measured noise, (estimates, b)."""
+    found = []
     for estimate in estimates:
         assert estimate.sigma_noise is not None
-    return np.array([(e.values - truth) / e.sigma_noise for e in estimates])
+        found.append((estimate.values - truth) / estimate.sigma_noise)
+    return np.array(found)
 
 
 class TestPeriodic:
@@ -158,7 +160,7 @@ class TestSmoothed:
     @pytest.fixture
     def signals(self, arm: Any) -> SmoothedSignals:
         trajectory = arm.motion.trajectory(arm.robot, 0.01)
-        times = np.arange(3000) * 0.01
+        times = np.arange(3000, dtype=np.float64) * 0.01
         q, v, a = (
             f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
         )

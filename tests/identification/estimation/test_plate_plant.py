@@ -108,7 +108,7 @@ class RobotOnPlate:
         rows["status"] = made.overload.astype(np.uint16) | 1 << PROFILE.status_bits.operate
         plain = Recording(
             joint_names=samples.joint_names,
-            time_s=START_S + (SETTLE + np.arange(len(samples))) * CYCLE_S,
+            time_s=START_S + (SETTLE + np.arange(len(samples), dtype=np.float64)) * CYCLE_S,
             position=position,
             torque_nm=tau * torque_scale,
             valid=np.ones(len(samples), dtype=np.bool_),

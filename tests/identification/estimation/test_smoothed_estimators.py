@@ -68,7 +68,7 @@ def run() -> Run:
 
         random = np.random.default_rng(seed)
         n = model.chain.n
-        time_s = STEP_S * np.arange(samples)
+        time_s = STEP_S * np.arange(samples, dtype=np.float64)
         omega = 2.0 * np.pi / 10.0 * np.arange(1, 6)
         sine, cosine = 0.25 * random.normal(size=(2, 5, n))
         s, c = np.sin(np.outer(time_s, omega)), np.cos(np.outer(time_s, omega))
@@ -164,11 +164,9 @@ class TestNonlinearParameters:
         assert inside.all()
 
     def test_efficiencies_and_load_friction_are_found(self, robot, truth, run) -> None:
-        for change, shape in (
-            ({"terms": ("coulomb", "viscous"), "efficiency": 0.95}, [0.9, 0.8, 0.85]),
-            ({"terms": ("coulomb", "viscous", "load")}, [0.05, 0.1, 0.08]),
-        ):
-            arm = friction(robot, change.pop("terms"), **change)
+        lossy = friction(robot, ("coulomb", "viscous"), efficiency=0.95)
+        loaded = friction(robot, ("coulomb", "viscous", "load"))
+        for arm, shape in ((lossy, [0.9, 0.8, 0.85]), (loaded, [0.05, 0.1, 0.08])):
             # Without rotors: their inertia merges with the links', and gears do not transmit it.
             options = ModelOptions(rotors=False)
             model = options.build(arm).with_nonlinear(shape)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -93,7 +94,8 @@ def without_friction(model: ExportModel, motion: np.ndarray) -> np.ndarray:
     """Return the torques of the links alone."""
     options = ModelOptions(friction=False, rotors=False, spring=False)
     links = options.build(model.robot)
-    return torque(links, *motion, model.parameters[: len(links.parameter_names)])
+    q, v, a = motion
+    return torque(links, q, v, a, model.parameters[: len(links.parameter_names)])
 
 
 def rnea(pinocchio: Any, motion: np.ndarray) -> np.ndarray:
@@ -115,47 +117,59 @@ def motion_of(n: int) -> np.ndarray:
     return np.random.default_rng(1).uniform(-2.0, 2.0, (3, 10, n))
 
 
+def child_of(element: Element, path: str) -> Element:
+    found = element.find(path)
+    assert found is not None
+    return found
+
+
+def text_of(element: Element, path: str) -> str:
+    found = element.findtext(path)
+    assert found is not None
+    return found
+
+
 def model_of_sdf(text: str) -> Any:
     """Build the Pinocchio model that an SDF describes, by SDF's own rules."""
-    root = ElementTree.fromstring(text).find("model")
+    root = child_of(ElementTree.fromstring(text), "model")
 
-    def numbers(element: Any, path: str, default: str = "") -> list[float]:
+    def numbers(element: Element, path: str, default: str = "") -> list[float]:
         return [float(word) for word in element.findtext(path, default).split()]
 
     def place(six: list[float]) -> pin.SE3:
         return pin.SE3(pin.rpy.rpyToMatrix(*six[3:]), np.array(six[:3]))
 
     model = pin.Model()
-    links = {link.get("name"): link for link in root.findall("link")}
+    links = {link.attrib["name"]: link for link in root.findall("link")}
     whole = place(numbers(root, "pose", "0 0 0 0 0 0"))
     number = {"base": 0}
     for joint in root.findall("joint"):
         if joint.get("type") == "fixed":
             assert joint.findtext("parent") == "world"
             continue
-        child, parent = links[joint.findtext("child")], joint.findtext("parent")
-        assert child.find("pose").get("relative_to") == parent
+        child, parent = links[text_of(joint, "child")], text_of(joint, "parent")
+        assert child_of(child, "pose").get("relative_to") == parent
         kind = pin.JointModelPZ() if joint.get("type") == "prismatic" else pin.JointModelRZ()
         assert numbers(joint, "axis/xyz") == [0, 0, 1]
         where = place(numbers(child, "pose"))
         if parent == "base":
             where = whole * where
         i = model.addJoint(number[parent], kind, where, joint.get("name"))
-        number[child.get("name")] = i
-        inertial = child.find("inertial")
+        number[child.attrib["name"]] = i
+        inertial = child_of(child, "inertial")
         xx, xy, xz, yy, yz, zz = (
-            float(inertial.findtext(f"inertia/i{k}")) for k in ("xx", "xy", "xz", "yy", "yz", "zz")
+            float(text_of(inertial, f"inertia/i{k}")) for k in ("xx", "xy", "xz", "yy", "yz", "zz")
         )
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         centre = place(numbers(inertial, "pose"))
         assert np.array_equal(centre.rotation, np.eye(3))
-        mass = float(inertial.findtext("mass"))
+        mass = float(text_of(inertial, "mass"))
         model.appendBodyToJoint(
             i, pin.Inertia(mass, centre.translation, inertia), pin.SE3.Identity()
         )
-    frame = root.find("frame")
+    frame = child_of(root, "frame")
     where = place(numbers(frame, "pose"))
-    last = number[frame.get("attached_to")]
+    last = number[frame.attrib["attached_to"]]
     model.addFrame(pin.Frame("tool", last, where, pin.FrameType.OP_FRAME))
     return model
 
@@ -247,19 +261,20 @@ def test_every_sign_and_frame_of_an_inertia_by_hand() -> None:
     model = ModelOptions(friction=False).build(robot)
     first = [mass * c for c in centre]
     exported = ExportModel(robot, model, np.array([mass, *first, *about_origin]))
-    link = ElementTree.fromstring(urdf(exported)).findall("link")[1].find("inertial")
-    assert link.find("origin").get("rpy") == "0 0 0"
-    written = [float(word) for word in link.find("origin").get("xyz").split()]
+    link = child_of(ElementTree.fromstring(urdf(exported)).findall("link")[1], "inertial")
+    origin = child_of(link, "origin")
+    assert origin.get("rpy") == "0 0 0"
+    written = [float(word) for word in origin.attrib["xyz"].split()]
     assert written == pytest.approx(centre)  # the centre of gravity, not the axis
-    inertia = {key: float(value) for key, value in link.find("inertia").attrib.items()}
+    inertia = {key: float(value) for key, value in child_of(link, "inertia").attrib.items()}
     assert inertia == pytest.approx(
         {"ixx": 0.4, "ixy": 0.03, "ixz": -0.02, "iyy": 0.5, "iyz": 0.05, "izz": 0.6}
     )
     again = pin.buildModelFromXML(urdf(exported)).inertias[1]
     np.testing.assert_allclose(again.inertia, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     tree = ElementTree.fromstring(sdf(exported))
-    assert float(tree.find(".//inertia/ixy").text) == pytest.approx(0.03)
-    assert float(tree.find(".//inertia/ixz").text) == pytest.approx(-0.02)
+    assert float(text_of(tree, ".//inertia/ixy")) == pytest.approx(0.03)
+    assert float(text_of(tree, ".//inertia/ixz")) == pytest.approx(-0.02)
 
 
 def test_friction_that_is_no_line_becomes_the_nearest_one_and_is_said() -> None:
@@ -333,6 +348,8 @@ def load(text: str, folder: Path) -> Any:
     path = folder / "built.py"
     path.write_text(text)
     spec = importlib.util.spec_from_file_location("built", path)
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -8,11 +8,14 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from types import ModuleType
+from typing import TypedDict
 
 import numpy as np
 import pytest
 
 from config.robot.robot import (
+    FrictionTerm,
     GravitySpring,
     Joint,
     JointLimits,
@@ -28,10 +31,19 @@ from identification.export.model import ExportModel
 from identification.model.options import ModelOptions
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
+
+
+class Features(TypedDict):
+    friction: list[tuple[FrictionTerm, ...]]
+    efficiency: list[float | None]
+    armature: list[bool]
+    rotor: list[int | None]
+
+
 LIMITS = JointLimits(
     position_min=-3.0, position_max=3.0, velocity=3.0, acceleration=9.0, torque=99.0
 )
-EVERYTHING = {
+EVERYTHING: Features = {
     "friction": [
         ("asymmetric", "viscous", "temperature"),
         ("coulomb", "viscous", "stribeck", "load"),
@@ -44,7 +56,14 @@ EVERYTHING = {
 }
 
 
-def robot(seed: int, kinds: str, **more) -> RobotDescription:
+def robot(
+    seed: int,
+    kinds: str,
+    *,
+    features: Features | None = None,
+    spring: GravitySpring | None = None,
+    coupling: tuple[tuple[float, ...], ...] | None = None,
+) -> RobotDescription:
     rng = np.random.default_rng(seed)
 
     def rotor(number: int, link: int | None) -> Rotor | None:
@@ -53,12 +72,12 @@ def robot(seed: int, kinds: str, **more) -> RobotDescription:
         return None if link is None else Rotor(link=min(link, number), axis=tuple(axis.tolist()))
 
     n = len(kinds)
-    features = {
+    features = features or {
         "friction": [("coulomb", "viscous")] * n,
         "efficiency": [None] * n,
         "armature": [False] * n,
         "rotor": [None] * n,
-    } | {key: more.pop(key) for key in EVERYTHING if key in more}
+    }
     return RobotDescription(
         name="arm-7.b",
         gravity_m_s2=tuple(rng.uniform(-9.0, 9.0, 3).tolist()),
@@ -88,7 +107,8 @@ def robot(seed: int, kinds: str, **more) -> RobotDescription:
             )
             for i, kind in enumerate(kinds)
         ),
-        **more,
+        spring=spring,
+        coupling=coupling,
     )
 
 
@@ -98,9 +118,9 @@ FOURIER = GravitySpring(joint="j4", form="fourier")
 CASES = {
     "links": (robot(1, "RRP"), ModelOptions(friction=False)),
     "one joint": (robot(2, "R"), ModelOptions()),
-    "everything": (robot(3, "RRPR", **EVERYTHING, spring=PHYSICAL), ModelOptions()),
+    "everything": (robot(3, "RRPR", features=EVERYTHING, spring=PHYSICAL), ModelOptions()),
     "coupled": (
-        robot(4, "RRRR", **EVERYTHING, spring=FOURIER, coupling=COUPLING),
+        robot(4, "RRRR", features=EVERYTHING, spring=FOURIER, coupling=COUPLING),
         ModelOptions(sign_smoothing_rad_s=0.07, payload=True),
     ),
     "smooth": (robot(5, "RR"), ModelOptions(sign_smoothing_rad_s=0.1)),
@@ -126,7 +146,8 @@ def case(name: str) -> tuple[ExportModel, np.ndarray, Conditions]:
 
 
 def expected(model: ExportModel, motion: np.ndarray, conditions: Conditions) -> np.ndarray:
-    return torque(model.model, *motion, model.parameters, conditions)
+    q, v, a = motion
+    return torque(model.model, q, v, a, model.parameters, conditions)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -135,7 +156,7 @@ def test_the_python_file_computes_the_models_torques(name: str, tmp_path: Path) 
     path = tmp_path / "exported.py"
     path.write_text(python_function(model))
     module = load(path)
-    more = {}
+    more: dict[str, object] = {}
     if "temperature_k" in path.read_text():
         more["temperature_k"] = conditions.temperature_k
     if conditions.payload:
@@ -150,6 +171,7 @@ def test_the_python_file_computes_the_models_torques(name: str, tmp_path: Path) 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 @pytest.mark.parametrize("name", CASES)
 def test_the_c_file_computes_the_models_torques(name: str, tmp_path: Path) -> None:
+    assert COMPILER is not None
     model, motion, conditions = case(name)
     source, library = tmp_path / "exported.c", tmp_path / "exported.so"
     source.write_text(c_function(model))
@@ -157,15 +179,19 @@ def test_the_c_file_computes_the_models_torques(name: str, tmp_path: Path) -> No
     command = [COMPILER, *strict, "-shared", "-fPIC", "-o", str(library), str(source), "-lm"]
     subprocess.run(command, check=True)
     function = ctypes.CDLL(str(library)).arm_7_b_inverse_dynamics
-    signature = re.search(r"_inverse_dynamics\((.*?)\);", source.read_text(), re.DOTALL)[1]
+    declared = re.search(r"_inverse_dynamics\((.*?)\);", source.read_text(), re.DOTALL)
+    assert declared is not None
+    signature = declared[1]
 
-    def row(values: np.ndarray) -> ctypes.Array:
+    def row(values: np.ndarray) -> ctypes.Array[ctypes.c_double]:
         return (ctypes.c_double * len(values))(*values)
 
-    tau = np.empty(motion.shape[1:])
+    tau = np.empty_like(motion[0])
     for s in range(len(tau)):
+        arguments: list[ctypes.Array[ctypes.c_double] | ctypes.c_int]
         arguments = [row(x) for x in motion[:, s]]
         if "temperature_k" in signature:
+            assert conditions.temperature_k is not None
             arguments.append(row(conditions.temperature_k[s]))
         if "int payload" in signature:
             arguments.append(ctypes.c_int(1))
@@ -182,8 +208,10 @@ def test_nothing_of_the_origin_ends_a_comment() -> None:
     assert python_function(model).partition("import numpy")[0].count('"""') == 2
 
 
-def load(path: Path):
+def load(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location("exported", path)
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

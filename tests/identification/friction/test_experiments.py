@@ -69,15 +69,14 @@ def recorded(
     moving = np.abs(motors) > 1e-9
     tau += np.where(moving, friction(motors), 0.0)
     tau += noise_nm * np.random.default_rng(0).standard_normal(tau.shape)
-    rows = len(samples)
     return Recording(
         joint_names=robot.joint_names,
-        time_s=np.arange(rows) * CYCLE_S,
+        time_s=np.arange(len(samples), dtype=np.float64) * CYCLE_S,
         position=q,
         torque_nm=tau,
-        valid=np.ones(rows, dtype=np.bool_),
+        valid=np.ones(len(samples), dtype=np.bool_),
         phase=samples.phase,
-        sample_index=np.arange(rows),
+        sample_index=np.arange(len(samples)),
         source="cell",
         sample_period_s=CYCLE_S,
     )
@@ -116,6 +115,9 @@ def test_constant_speeds_show_friction_whatever_gravity_is() -> None:
 def test_an_upright_axis_shows_that_one_way_is_harder() -> None:
     curve = constant_velocity_curves(recorded(STEADY), STEADY, IR361)[0]
     assert curve.joint == "axis1"
+    assert curve.forward is not None
+    assert curve.backward is not None
+    assert curve.direction_sigma is not None
     np.testing.assert_allclose(curve.forward, stribeck(curve.speed), atol=0.2)
     np.testing.assert_allclose(curve.backward, stribeck(-curve.speed), atol=0.2)
     assert curve.direction_sigma.max() < 0.1
@@ -123,6 +125,9 @@ def test_an_upright_axis_shows_that_one_way_is_harder() -> None:
 
 def test_where_gravity_hides_a_constant_the_interval_says_so() -> None:
     curve = constant_velocity_curves(recorded(STEADY), STEADY, IR361)[1]
+    assert curve.even is not None
+    assert curve.even_covariance is not None
+    assert curve.direction_sigma is not None
     assert curve.direction_sigma.min() > 2.0 * curve.odd_sigma.max()
     assert (np.abs(curve.even - 1.5) < 3.0 * curve.direction_sigma).all()
     # What differs between speeds is known all the same: gravity is common to them.
@@ -270,6 +275,8 @@ def test_two_speeds_are_too_few_for_any_model() -> None:
 
 def test_curves_of_several_runs_are_taken_together() -> None:
     curve = curve_of(FRICTION["Stribeck"][1], 0.05)
+    assert curve.even is not None
+    assert curve.even_covariance is not None
     parts = [
         FrictionCurve(
             curve.joint,

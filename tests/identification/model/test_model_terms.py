@@ -11,7 +11,7 @@ import pytest
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.recording.recording import Recording
 from config.errors import EstimationError
-from config.robot.robot import RobotDescription
+from config.robot.robot import FrictionTerm, RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
 from identification.estimation.estimators import estimate_smoothed
@@ -40,7 +40,7 @@ def measured(
     arm: Any, model: RobotModel, theta: np.ndarray, conditions: Conditions | None = None, seed=0
 ) -> SmoothedSignals:
     trajectory = arm.motion.trajectory(arm.robot, 0.01)
-    times = np.arange(3000) * 0.01
+    times = np.arange(3000, dtype=np.float64) * 0.01
     q, v, a = (
         f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
     )
@@ -186,6 +186,7 @@ class TestBaseParameters:
         assert "B1_spring - 9.81 sx2 - 4.7088 m3" in base.expressions  # 9.81 x 0.480
 
     def test_all_of_a_payload_and_of_every_friction_are_seen(self, arm: Any) -> None:
+        terms: tuple[FrictionTerm, ...]
         terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
         model = ModelOptions(payload=True, friction_terms=terms).build(arm.robot)
         base = base_parameters(model)

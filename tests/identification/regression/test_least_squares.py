@@ -25,7 +25,7 @@ def test_blocks_give_what_all_rows_at_once_do(
     for start in range(0, 200, 7):
         triangle = triangle.add(matrix[start : start + 7], rhs[start : start + 7])
     solution = solve([triangle], [1.0], NAMES)
-    expected = np.linalg.lstsq(matrix, rhs, rcond=None)[0]
+    expected = np.asarray(np.linalg.lstsq(matrix, rhs, rcond=None)[0], dtype=np.float64)
     np.testing.assert_allclose(solution.values, expected, rtol=1e-12)
     np.testing.assert_allclose(solution.covariance, np.linalg.inv(matrix.T @ matrix), rtol=1e-10)
     assert solution.rows == 200

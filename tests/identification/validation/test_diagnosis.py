@@ -45,7 +45,7 @@ def estimate() -> Estimate:
 
 def validation(error: np.ndarray, noise: float | None = None) -> Validation:
     """A prediction that is off by `error` on the first axis, and by white noise on the others."""
-    time_s = STEP_S * np.arange(SAMPLES)
+    time_s = STEP_S * np.arange(SAMPLES, dtype=np.float64)
     random = np.random.default_rng(0)
     phase = np.outer(time_s, [1.1, 1.7, 0.9]) * 2.0 * np.pi / 10.0
     q, v, a = np.sin(phase), np.cos(phase), -np.sin(phase)
@@ -101,7 +101,7 @@ def test_an_error_at_the_floor_leaves_nothing_to_model(estimate: Estimate) -> No
 
 
 def test_a_slow_unknown_error_is_no_noise(estimate: Estimate) -> None:
-    time_s = STEP_S * np.arange(SAMPLES)
+    time_s = STEP_S * np.arange(SAMPLES, dtype=np.float64)
     first = diagnose(estimate, validation(6.0 * np.sin(23.0 * time_s)))[0]
     assert first.suspect == ""
     assert first.white_p < 1e-6

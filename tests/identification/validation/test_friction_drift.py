@@ -26,7 +26,7 @@ def recording() -> Recording:
     torque = size * np.sign(speed) + 50.0 * position + random.normal(size=(rows, 2))
     return Recording(
         joint_names=("a", "b"),
-        time_s=0.01 * np.arange(rows),
+        time_s=0.01 * np.arange(rows, dtype=np.float64),
         position=position,
         torque_nm=torque,
         valid=np.ones(rows, bool),

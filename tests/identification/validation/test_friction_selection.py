@@ -37,7 +37,7 @@ def signals() -> SmoothedSignals:
     values = random.uniform(0.5, 1.0, len(model.parameter_names))
     friction = model.parameter_groups["friction"]
     values[friction] *= 20.0
-    time_s = 0.01 * np.arange(6000)
+    time_s = 0.01 * np.arange(6000, dtype=np.float64)
     omega = 2.0 * np.pi / 20.0 * np.arange(1, 8)
     sine, cosine = 0.3 * random.normal(size=(2, 7, 3))
     s, c = np.sin(np.outer(time_s, omega)), np.cos(np.outer(time_s, omega))
