@@ -80,8 +80,11 @@ class TestEstimate:
     ) -> None:
         found = combined if kind == "combined" else [identify(arm, r, kind) for r in recordings]
         truth = truth_of(kind, cell, arm)
-        sigma_noise = [e.sigma_noise for e in found if e.sigma_noise is not None]
-        by_noise = (np.array([e.values for e in found]) - truth) / np.array(sigma_noise)
+        off = []
+        for e in found:
+            assert e.sigma_noise is not None
+            off.append((e.values - truth) / e.sigma_noise)
+        by_noise = np.array(off)
         quoted = np.array([(e.values - truth) / e.sigma for e in found])
         assert np.mean(np.abs(quoted) < 2.0) >= 0.9
         assert np.mean(np.abs(by_noise) < 2.0) >= 0.92
