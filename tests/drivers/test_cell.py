@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import pytest
 from can.interfaces.virtual import VirtualBus
@@ -14,9 +14,12 @@ from config.robot.robot import RobotDescription
 from drivers.cell import Cell, open_cell
 from drivers.servo.cia402 import PowerState
 
+if TYPE_CHECKING:
+    from tests.drivers.conftest import Bench
+
 
 @pytest.fixture
-def opened(bench: Any) -> Callable[[], Cell]:
+def opened(bench: Bench) -> Callable[[], Cell]:
     """Return a cell on the scripted bench's bus."""
 
     def open_it() -> Cell:
@@ -27,21 +30,21 @@ def opened(bench: Any) -> Callable[[], Cell]:
     return open_it
 
 
-def at_rest_without_power(bench: Any) -> bool:
+def at_rest_without_power(bench: Bench) -> bool:
     return bench.bus.closed and all(
         drive.state is PowerState.SWITCH_ON_DISABLED and drive.velocity == 0
         for drive in bench.drives
     )
 
 
-def test_leaving_after_motion(bench: Any, opened: Callable[[], Cell]) -> None:
+def test_leaving_after_motion(bench: Bench, opened: Callable[[], Cell]) -> None:
     with opened():
         bench.enabled()
         bench.cycle((0.5, 0.5, 0.5))
     assert at_rest_without_power(bench)
 
 
-def leave_by(bench: Any, cell: Cell, error: BaseException) -> None:
+def leave_by(bench: Bench, cell: Cell, error: BaseException) -> None:
     with cell:
         bench.enabled()
         bench.cycle((0.5, 0.5, 0.5))
@@ -51,7 +54,7 @@ def leave_by(bench: Any, cell: Cell, error: BaseException) -> None:
 
 @pytest.mark.parametrize("error", [ValueError("bug"), KeyboardInterrupt(), SystemExit(3)])
 def test_leaving_by_any_exception_in_mid_motion(
-    bench: Any, opened: Callable[[], Cell], error: BaseException
+    bench: Bench, opened: Callable[[], Cell], error: BaseException
 ) -> None:
     with pytest.raises(type(error)) as caught:
         leave_by(bench, opened(), error)
@@ -59,7 +62,7 @@ def test_leaving_by_any_exception_in_mid_motion(
     assert at_rest_without_power(bench)
 
 
-def test_leaving_while_enabling(bench: Any, opened: Callable[[], Cell]) -> None:
+def test_leaving_while_enabling(bench: Bench, opened: Callable[[], Cell]) -> None:
     bench.drives[2].follows = 0
     with pytest.raises(Exception, match="could not be enabled"), opened():
         bench.enabled()
@@ -67,7 +70,7 @@ def test_leaving_while_enabling(bench: Any, opened: Callable[[], Cell]) -> None:
 
 
 def test_leaving_after_a_red_preflight_sends_nothing_more(
-    bench: Any, opened: Callable[[], Cell]
+    bench: Bench, opened: Callable[[], Cell]
 ) -> None:
     bench.drives[0].ignored = {(0x6007, 0)}
     with opened() as cell:
@@ -78,7 +81,7 @@ def test_leaving_after_a_red_preflight_sends_nothing_more(
     assert bench.bus.closed
 
 
-def test_leaving_an_untouched_cell_sends_nothing(bench: Any, opened: Callable[[], Cell]) -> None:
+def test_leaving_an_untouched_cell_sends_nothing(bench: Bench, opened: Callable[[], Cell]) -> None:
     with opened():
         assert bench.bus.sent == []
     assert bench.bus.sent == []
@@ -86,7 +89,7 @@ def test_leaving_an_untouched_cell_sends_nothing(bench: Any, opened: Callable[[]
 
 
 def test_a_lost_bus_is_closed_and_its_error_is_not_hidden(
-    bench: Any, opened: Callable[[], Cell]
+    bench: Bench, opened: Callable[[], Cell]
 ) -> None:
     def unplug() -> None:
         with opened():
@@ -100,7 +103,7 @@ def test_a_lost_bus_is_closed_and_its_error_is_not_hidden(
     assert any("while leaving the cell" in note for note in caught.value.__notes__)
 
 
-def test_a_trouble_of_leaving_alone_is_told(bench: Any, opened: Callable[[], Cell]) -> None:
+def test_a_trouble_of_leaving_alone_is_told(bench: Bench, opened: Callable[[], Cell]) -> None:
     def go_silent() -> None:
         with opened():
             bench.enabled()
@@ -113,7 +116,7 @@ def test_a_trouble_of_leaving_alone_is_told(bench: Any, opened: Callable[[], Cel
 
 
 def test_even_an_unexpected_error_in_one_step_does_not_stop_the_next(
-    bench: Any, opened: Callable[[], Cell]
+    bench: Bench, opened: Callable[[], Cell]
 ) -> None:
     cell = opened()
 

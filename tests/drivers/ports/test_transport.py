@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import can
 import pytest
@@ -16,6 +16,9 @@ from drivers.ports.can_link import CanLink, open_can
 from drivers.ports.clock import MonotonicClock
 from drivers.servo.cyclic_exchange import CyclicExchange
 from drivers.servo.drive_watch import DriveWatch
+
+if TYPE_CHECKING:
+    from tests.drivers.conftest import Bench
 
 
 @pytest.fixture
@@ -75,7 +78,7 @@ def test_a_closed_bus_is_an_error() -> None:
         link.receive(0.0)
 
 
-def test_the_clock_is_the_computers_unless_the_bus_brings_one(link: CanLink, bench: Any) -> None:
+def test_the_clock_is_the_computers_unless_the_bus_brings_one(link: CanLink, bench: Bench) -> None:
     assert isinstance(link.clock, MonotonicClock)
     assert not link.simulated
     assert bench.link.simulated
@@ -83,11 +86,13 @@ def test_the_clock_is_the_computers_unless_the_bus_brings_one(link: CanLink, ben
     assert bench.link.clock.now_s() == 50.0
 
 
-def test_a_simulation_that_is_gone_is_a_transport_error(bench: Any) -> None:
+def test_a_simulation_that_is_gone_is_a_transport_error(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def gone(time_s: float) -> None:
         raise can.CanOperationError("the hub is gone")
 
-    bench.bus.run_until = gone
+    monkeypatch.setattr(bench.bus, "run_until", gone)
     with pytest.raises(TransportError, match="the hub is gone"):
         bench.link.clock.sleep_until(50.0)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import can
 import numpy as np
@@ -23,36 +23,39 @@ from drivers.canopen.nmt import NmtState
 from drivers.interfaces.servo_axes import EventKind, ServoAxes
 from drivers.servo.cia402 import PowerState
 
+if TYPE_CHECKING:
+    from tests.drivers.conftest import Bench
+
 STILL = (0.0, 0.0, 0.0)
 
 
-def commands(bench: Any, node: int) -> list[tuple[int, int, int]]:
+def commands(bench: Bench, node: int) -> list[tuple[int, int, int]]:
     """Return (controlword, velocity, torque offset) of every RPDO sent to a node."""
     return [struct.unpack("<Hih", data) for data in bench.bus.sent_to(0x200 + node)]
 
 
-def kinds(bench: Any) -> list[EventKind]:
+def kinds(bench: Bench) -> list[EventKind]:
     return [event.kind for event in bench.axes.take_events()]
 
 
-def test_it_is_a_servo_axes(bench: Any) -> None:
+def test_it_is_a_servo_axes(bench: Bench) -> None:
     axes: ServoAxes = bench.axes
     assert axes.joint_names == ("base", "shoulder", "elbow")
 
 
 class TestEnabling:
-    def test_the_way_there(self, bench: Any) -> None:
+    def test_the_way_there(self, bench: Bench) -> None:
         bench.enabled()
         words = [word for word, _, _ in commands(bench, 1)]
         assert sorted(set(words), key=words.index) == [0x0000, 0x0006, 0x0007, 0x000F]
         assert all(drive.state is PowerState.OPERATION_ENABLED for drive in bench.drives)
 
-    def test_every_set_point_until_then_is_zero(self, bench: Any) -> None:
+    def test_every_set_point_until_then_is_zero(self, bench: Bench) -> None:
         bench.enabled()
         for node in (1, 2, 3):
             assert {(v, t) for _, v, t in commands(bench, node)} == {(0, 0)}
 
-    def test_heartbeat_is_on_before_the_drives_are_started(self, bench: Any) -> None:
+    def test_heartbeat_is_on_before_the_drives_are_started(self, bench: Bench) -> None:
         bench.axes.bring_up()
         bench.bus.sent.clear()
         bench.axes.start()
@@ -64,7 +67,7 @@ class TestEnabling:
             Frame(0x000, b"\x01\x03"),
         ]
 
-    def test_sync_comes_every_cycle_and_heartbeat_when_due(self, bench: Any) -> None:
+    def test_sync_comes_every_cycle_and_heartbeat_when_due(self, bench: Bench) -> None:
         bench.enabled()
         for _ in range(50):
             bench.cycle(STILL)
@@ -73,29 +76,31 @@ class TestEnabling:
         beats = [t for t, frame in bench.bus.sent if frame.cob_id == 0x77F]
         assert max(np.diff(beats)) <= 0.025 + 0.008
 
-    def test_a_drive_that_does_not_answer_sync(self, bench: Any) -> None:
+    def test_a_drive_that_does_not_answer_sync(self, bench: Bench) -> None:
         bench.axes.bring_up()
         bench.drives[1].answers_sync = False
         with pytest.raises(DeviceTimeoutError, match="could not start in time: shoulder is silent"):
             bench.axes.start()
 
-    def test_a_drive_that_stays_where_it_is(self, bench: Any) -> None:
+    def test_a_drive_that_stays_where_it_is(
+        self, bench: Bench, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         bench.axes.bring_up()
-        bench.drives[2].obey = lambda word: None
+        monkeypatch.setattr(bench.drives[2], "obey", lambda word: None)
         bench.axes.start()
         with pytest.raises(
             DeviceTimeoutError, match=r"elbow is switch on disabled \(6041h=0040h\); check supply"
         ):
             bench.axes.enable()
 
-    def test_a_drive_that_does_not_follow_its_command(self, bench: Any) -> None:
+    def test_a_drive_that_does_not_follow_its_command(self, bench: Bench) -> None:
         bench.drives[0].follows = 0
         bench.axes.bring_up()
         bench.axes.start()
         with pytest.raises(DeviceTimeoutError, match=r"base is operation enabled \(6041h=0027h\)"):
             bench.axes.enable()
 
-    def test_a_fault_on_the_way_is_not_reset(self, bench: Any) -> None:
+    def test_a_fault_on_the_way_is_not_reset(self, bench: Bench) -> None:
         bench.axes.bring_up()
         bench.axes.start()
         bench.drives[1].state = PowerState.FAULT
@@ -103,19 +108,21 @@ class TestEnabling:
             bench.axes.enable()
         assert 0x0080 not in [word for word, _, _ in commands(bench, 2)]
 
-    def test_an_emergency_on_the_way(self, bench: Any) -> None:
+    def test_an_emergency_on_the_way(self, bench: Bench) -> None:
         bench.axes.bring_up()
         bench.axes.start()
         bench.drives[1].emergency(0x3220)
         with pytest.raises(DeviceFaultError, match=r"shoulder.*DC link under-voltage \(EMCY 3220h"):
             bench.axes.enable()
 
-    def test_an_axis_that_is_lost_while_the_others_are_enabled(self, bench: Any) -> None:
+    def test_an_axis_that_is_lost_while_the_others_are_enabled(
+        self, bench: Bench, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         bench.axes.bring_up()
         bench.axes.start()
         slow, lost = bench.drives[1], bench.drives[0]
         obey = slow.obey
-        slow.obey = lambda word: obey(word) if word != 0x000F else None
+        monkeypatch.setattr(slow, "obey", lambda word: obey(word) if word != 0x000F else None)
 
         def press_emergency_stop() -> None:
             lost.state = PowerState.SWITCH_ON_DISABLED
@@ -124,7 +131,7 @@ class TestEnabling:
         with pytest.raises(DeviceFaultError, match="base: the drive is switch on disabled"):
             bench.axes.enable()
 
-    def test_nothing_is_enabled_without_preflight(self, bench: Any) -> None:
+    def test_nothing_is_enabled_without_preflight(self, bench: Bench) -> None:
         with pytest.raises(DriverError, match="run start first"):
             bench.axes.enable()
         with pytest.raises(DriverError, match="run bring_up first"):
@@ -133,7 +140,7 @@ class TestEnabling:
 
 
 class TestCycle:
-    def test_measurements_are_at_the_joint(self, bench: Any) -> None:
+    def test_measurements_are_at_the_joint(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.cycle(STILL)
         assert axes.answers.received.all()
@@ -166,7 +173,7 @@ class TestCycle:
         assert axes.answers.fault.tolist() == [False, fault, False]
         assert axes.answers.statusword[1] == word
 
-    def test_set_points_act_at_the_next_sync(self, bench: Any) -> None:
+    def test_set_points_act_at_the_next_sync(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.cycle((0.5, 0.5, 0.0))
         assert axes.answers.position_counts[0] == 1000
@@ -175,14 +182,14 @@ class TestCycle:
         bench.cycle(STILL)
         assert axes.answers.position[:2] == pytest.approx([0.004, 0.004 - 0.01534], abs=1e-5)
 
-    def test_velocities_go_out_in_the_drives_units(self, bench: Any) -> None:
+    def test_velocities_go_out_in_the_drives_units(self, bench: Bench) -> None:
         bench.enabled()
         assert bench.cycle((1.0, 1.0, -1.0))
         assert commands(bench, 1)[-1] == (0x000F, 65190, 0)
         assert commands(bench, 2)[-1] == (0x000F, -65190, 0)
         assert commands(bench, 3)[-1] == (0x000F, -9549, 0)
 
-    def test_a_missing_answer_is_flagged_and_the_rest_is_used(self, bench: Any) -> None:
+    def test_a_missing_answer_is_flagged_and_the_rest_is_used(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.cycle(STILL)
         bench.drives[1].answers_sync = False
@@ -193,7 +200,7 @@ class TestCycle:
         assert axes.answers.position_counts.tolist() == [2000, 1000, 1000]
         assert bench.bus.now_s - before_s <= 0.008 + 0.6 * 0.008 + 1e-9
 
-    def test_an_answer_of_the_wrong_length_is_not_used(self, bench: Any) -> None:
+    def test_an_answer_of_the_wrong_length_is_not_used(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.drives[2].tpdo_bytes = 6
         bench.cycle(STILL)
@@ -205,7 +212,7 @@ class TestCycle:
             "elbow: the drive sent a TPDO of 6 bytes where 8 are mapped; the frame was not used"
         )
 
-    def test_a_late_answer_is_not_taken_for_the_next_one(self, bench: Any) -> None:
+    def test_a_late_answer_is_not_taken_for_the_next_one(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.drives[0].answers_sync = False
         late = Frame(0x181, struct.pack("<Hih", 0x1027, 77, 0))
@@ -217,7 +224,7 @@ class TestCycle:
         assert axes.answers.late_frames == 1
         assert axes.answers.position_counts[0] == 1000
 
-    def test_unknown_identifiers_are_told_once_and_counted(self, bench: Any) -> None:
+    def test_unknown_identifiers_are_told_once_and_counted(self, bench: Bench) -> None:
         axes = bench.enabled()
         for _ in range(5):
             bench.arrives(Frame(0x3AA, b"\x1b"), 50e-6)
@@ -227,7 +234,7 @@ class TestCycle:
         assert not event.kind.is_fault
         assert axes.watch.unexpected_frames == 5
 
-    def test_another_master_in_mid_motion(self, bench: Any) -> None:
+    def test_another_master_in_mid_motion(self, bench: Bench) -> None:
         bench.enabled()
         bench.arrives(Frame(0x000, b"\x01\x00"), 50e-6)
         bench.cycle(STILL)
@@ -235,7 +242,7 @@ class TestCycle:
 
 
 class TestEvents:
-    def test_emergency(self, bench: Any) -> None:
+    def test_emergency(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.drives[1].emergency(0x8611, 0x21)
         bench.cycle(STILL)
@@ -246,7 +253,7 @@ class TestEvents:
         )
         assert axes.take_events() == ()
 
-    def test_emergency_withdrawn_is_no_fault(self, bench: Any) -> None:
+    def test_emergency_withdrawn_is_no_fault(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.drives[1].emergency(0, 0)
         bench.cycle(STILL)
@@ -254,7 +261,7 @@ class TestEvents:
         assert event.kind is EventKind.EMERGENCY_CLEARED
         assert not event.kind.is_fault
 
-    def test_a_flood_of_emergencies_stays_bounded(self, bench: Any) -> None:
+    def test_a_flood_of_emergencies_stays_bounded(self, bench: Bench) -> None:
         axes = bench.enabled()
         for _ in range(500):
             bench.drives[1].emergency(0x7121)
@@ -262,14 +269,14 @@ class TestEvents:
         assert axes.answers.received.all()
         assert len(axes.take_events()) == 64
 
-    def test_a_drive_that_boots_in_mid_motion(self, bench: Any) -> None:
+    def test_a_drive_that_boots_in_mid_motion(self, bench: Bench) -> None:
         bench.enabled()
         bench.arrives(heartbeat_frame(3, NmtState.INITIALISING), 0.0)
         bench.cycle(STILL)
         (event,) = bench.axes.take_events()
         assert (event.kind, event.joint) == (EventKind.BOOT_UP, "elbow")
 
-    def test_a_heartbeat_that_stops(self, bench: Any) -> None:
+    def test_a_heartbeat_that_stops(self, bench: Bench) -> None:
         bench.enabled()
         bench.drives[2].beat_generation += 1
         stopped_s = bench.bus.now_s
@@ -281,7 +288,7 @@ class TestEvents:
             bench.cycle(STILL)
         assert bench.axes.take_events() == (), "a loss is told once"
 
-    def test_a_drive_that_leaves_the_exchange(self, bench: Any) -> None:
+    def test_a_drive_that_leaves_the_exchange(self, bench: Bench) -> None:
         bench.enabled()
         bench.drives[0].nmt = NmtState.STOPPED
         found: list[EventKind] = []
@@ -292,7 +299,7 @@ class TestEvents:
 
 
 class TestStopping:
-    def test_a_lost_axis_ends_motion_for_all(self, bench: Any) -> None:
+    def test_a_lost_axis_ends_motion_for_all(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.cycle((0.5, 0.5, 0.5))
         bench.drives[1].state = PowerState.SWITCH_ON_DISABLED
@@ -306,7 +313,7 @@ class TestStopping:
             axes.enable()
 
     @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e6])
-    def test_a_set_point_that_is_no_number_is_never_sent(self, bench: Any, value: float) -> None:
+    def test_a_set_point_that_is_no_number_is_never_sent(self, bench: Bench, value: float) -> None:
         bench.enabled()
         bench.bus.sent.clear()
         with pytest.raises(SafetyStop, match="cannot be sent"):
@@ -314,14 +321,16 @@ class TestStopping:
         for node in (1, 2, 3):
             assert commands(bench, node) == [(0x0002, 0, 0)]
 
-    def test_quick_stop_is_one_raw_frame_an_axis(self, bench: Any) -> None:
+    def test_quick_stop_is_one_raw_frame_an_axis(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.bus.sent.clear()
         axes.quick_stop()
         assert [frame.cob_id for _, frame in bench.bus.sent] == [0x201, 0x202, 0x203]
         assert not bench.cycle((0.5, 0.5, 0.5))
 
-    def test_quick_stop_tries_every_axis_even_on_a_failing_bus(self, bench: Any) -> None:
+    def test_quick_stop_tries_every_axis_even_on_a_failing_bus(
+        self, bench: Bench, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         axes = bench.enabled()
         send, tried = bench.bus.send, []
 
@@ -331,40 +340,40 @@ class TestStopping:
                 raise can.CanOperationError("no buffer space")
             send(message)
 
-        bench.bus.send = failing
+        monkeypatch.setattr(bench.bus, "send", failing)
         with pytest.raises(TransportError, match="sending failed"):
             axes.quick_stop()
         assert tried == [0x201, 0x202, 0x203]
 
-    def test_halt_waits_until_the_drives_have_stopped(self, bench: Any) -> None:
+    def test_halt_waits_until_the_drives_have_stopped(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.cycle((0.5, 0.5, 0.5))
         assert axes.halt()
         assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
         assert all(drive.velocity == 0 for drive in bench.drives)
 
-    def test_halt_with_drives_that_stay_in_quick_stop(self, bench: Any) -> None:
+    def test_halt_with_drives_that_stay_in_quick_stop(self, bench: Bench) -> None:
         axes = bench.enabled()
         for drive in bench.drives:
             drive.quick_stop_syncs = 10**6
         bench.cycle((0.5, 0.5, 0.5))
         assert axes.halt(), "they stand still, under power: 605Ah = 5 or 6"
 
-    def test_halt_gives_up_on_a_silent_drive(self, bench: Any) -> None:
+    def test_halt_gives_up_on_a_silent_drive(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.drives[0].answers_sync = False
         began_s = bench.bus.now_s
         assert not axes.halt()
         assert bench.bus.now_s - began_s < 2.0 / 10.0 + 0.5 + 0.02
 
-    def test_no_sdo_on_the_way_out(self, bench: Any) -> None:
+    def test_no_sdo_on_the_way_out(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.bus.sent.clear()
         axes.halt()
         axes.disable()
         assert not any(0x600 <= frame.cob_id < 0x680 for _, frame in bench.bus.sent)
 
-    def test_disable_takes_power_and_then_the_exchange_away(self, bench: Any) -> None:
+    def test_disable_takes_power_and_then_the_exchange_away(self, bench: Bench) -> None:
         axes = bench.enabled()
         bench.bus.sent.clear()
         assert axes.disable() == ()
@@ -376,7 +385,7 @@ class TestStopping:
         assert bench.drives[0].nmt is NmtState.PRE_OPERATIONAL
 
     def test_a_drive_that_does_not_confirm_keeps_its_watch_on_this_computer(
-        self, bench: Any
+        self, bench: Bench
     ) -> None:
         axes = bench.enabled()
         bench.drives[1].answers_sync = False
@@ -384,7 +393,7 @@ class TestStopping:
         assert axes.disable() == ("shoulder",)
         assert bench.bus.sent_to(0x000) == [b"\x80\x01", b"\x80\x02", b"\x80\x03"]
 
-    def test_after_disabling_everything_begins_anew(self, bench: Any) -> None:
+    def test_after_disabling_everything_begins_anew(self, bench: Bench) -> None:
         bench.enabled().disable()
         assert bench.axes.disable() == ()
         bench.enabled()

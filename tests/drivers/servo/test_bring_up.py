@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -26,8 +26,11 @@ from drivers.servo.axes import CanServoAxes
 from drivers.servo.bring_up import check_bus_load
 from drivers.servo.cia402 import PowerState
 
+if TYPE_CHECKING:
+    from tests.drivers.conftest import Bench
 
-def test_nothing_is_sent_before_it_is_known_that_nobody_else_is_master(bench: Any) -> None:
+
+def test_nothing_is_sent_before_it_is_known_that_nobody_else_is_master(bench: Bench) -> None:
     began_s = bench.bus.now_s
     bench.axes.bring_up()
     first_s, first = bench.bus.sent[0]
@@ -35,12 +38,12 @@ def test_nothing_is_sent_before_it_is_known_that_nobody_else_is_master(bench: An
     assert first == Frame(0x000, b"\x82\x01")
 
 
-def test_every_drive_is_reset_by_itself_and_waited_for(bench: Any) -> None:
+def test_every_drive_is_reset_by_itself_and_waited_for(bench: Bench) -> None:
     bench.axes.bring_up()
     assert bench.bus.sent_to(0x000) == [b"\x82\x01", b"\x82\x02", b"\x82\x03"]
 
 
-def test_the_order_of_what_a_drive_is_told(bench: Any) -> None:
+def test_the_order_of_what_a_drive_is_told(bench: Bench) -> None:
     bench.axes.bring_up()
     written = [f"{index:04X}:{sub}={value:X}" for index, sub, value in bench.drives[0].writes]
     # 0.05 rad and 10 rad/s2 of a joint behind 4096 increments and a gear of 100
@@ -56,14 +59,14 @@ def test_the_order_of_what_a_drive_is_told(bench: Any) -> None:
     ]  # fmt: skip
 
 
-def test_no_power_and_no_cyclic_frame_during_bring_up(bench: Any) -> None:
+def test_no_power_and_no_cyclic_frame_during_bring_up(bench: Bench) -> None:
     bench.axes.bring_up()
     assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
     assert bench.bus.sent_to(0x080) == []
     assert bench.bus.sent_to(0x201) == []
 
 
-def test_everything_read_back_is_listed(bench: Any) -> None:
+def test_everything_read_back_is_listed(bench: Bench) -> None:
     bench.axes.bring_up()
     settings = bench.axes.settings()
     assert {s.node_id for s in settings} == {1, 2, 3}
@@ -77,12 +80,12 @@ def test_everything_read_back_is_listed(bench: Any) -> None:
     assert bench.found("1A00h:02").found == "60640020h"
 
 
-def test_what_a_drive_calls_itself_cannot_write_to_the_terminal(bench: Any) -> None:
+def test_what_a_drive_calls_itself_cannot_write_to_the_terminal(bench: Bench) -> None:
     bench.axes.bring_up()
     assert bench.found("1008h:00").found == r"drive \x1b[31mred"
 
 
-def test_axes_are_in_the_robots_order_whatever_the_cell_files(bench: Any) -> None:
+def test_axes_are_in_the_robots_order_whatever_the_cell_files(bench: Bench) -> None:
     bench.axes.bring_up()
     joints = {s.node_id: s.joint for s in bench.axes.settings()}
     assert joints == {1: "base", 2: "shoulder", 3: "elbow"}
@@ -109,7 +112,7 @@ class TestRefusals:
         ],
     )
     def test_a_write_that_is_ignored(
-        self, bench: Any, index: int, subindex: int, name: str
+        self, bench: Bench, index: int, subindex: int, name: str
     ) -> None:
         drive = bench.drives[1]
         drive.objects[0x605E, 0] = b"\x00\x00"
@@ -121,7 +124,7 @@ class TestRefusals:
 
     @pytest.mark.fault(18)
     def test_a_drive_without_heartbeat_consumer(
-        self, bench: Any, measured: Callable[[str], None]
+        self, bench: Bench, measured: Callable[[str], None]
     ) -> None:
         """What would keep running when the laptop dies cannot be enabled."""
         del bench.drives[2].objects[0x1016, 1]
@@ -155,7 +158,7 @@ class TestRefusals:
         with pytest.raises(PreflightError, match=r"base \(node 1\): abort connection"):
             bench.axes.bring_up()
 
-    def test_one_run_names_everything_that_is_wrong(self, bench: Any) -> None:
+    def test_one_run_names_everything_that_is_wrong(self, bench: Bench) -> None:
         bench.drives[0].ignored = {(0x6007, 0), (0x1017, 0)}
         bench.drives[2].ignored = {(0x6060, 0)}
         with pytest.raises(PreflightError) as caught:
@@ -169,45 +172,45 @@ class TestRefusals:
             assert part in str(caught.value)
         assert [s.verdict for s in bench.axes.settings()].count("red") == 3
 
-    def test_a_refused_write_says_why(self, bench: Any) -> None:
+    def test_a_refused_write_says_why(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6072, 0] = bytes(4)
         with pytest.raises(PreflightError, match=r"write refused: data type or length"):
             bench.axes.bring_up()
 
-    def test_a_gear_other_than_the_robot_files(self, bench: Any) -> None:
+    def test_a_gear_other_than_the_robot_files(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6091, 1] = (101).to_bytes(4, "little")
         with pytest.raises(PreflightError, match=r"gear ratio 6091h:00 is 101:1, required: 100"):
             bench.axes.bring_up()
 
-    def test_a_drive_that_does_not_know_the_gear(self, bench: Any) -> None:
+    def test_a_drive_that_does_not_know_the_gear(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6091, 1] = (1).to_bytes(4, "little")
         bench.axes.bring_up()
         assert bench.found("6091h:00").verdict == "shown"
         assert bench.found("6065h:00").found == "3259", "the robot file's gear is used"
 
-    def test_units_that_make_no_sense(self, bench: Any) -> None:
+    def test_units_that_make_no_sense(self, bench: Bench) -> None:
         bench.drives[0].objects[0x608F, 2] = bytes(4)
         with pytest.raises(PreflightError, match="per motor revolutions 608Fh:02 is 0"):
             bench.axes.bring_up()
 
-    def test_a_drive_without_cyclic_synchronous_velocity(self, bench: Any) -> None:
+    def test_a_drive_without_cyclic_synchronous_velocity(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6502, 0] = (0x2ED).to_bytes(4, "little")
         with pytest.raises(
             PreflightError, match="cyclic synchronous velocity 6502h:00 is 0h, required: 100h"
         ):
             bench.axes.bring_up()
 
-    def test_a_device_that_is_no_drive(self, bench: Any) -> None:
+    def test_a_device_that_is_no_drive(self, bench: Bench) -> None:
         bench.drives[0].objects[0x1000, 0] = (0x191).to_bytes(4, "little")
         with pytest.raises(PreflightError, match="device profile"):
             bench.axes.bring_up()
 
-    def test_a_drive_that_sends_sync_itself(self, bench: Any) -> None:
+    def test_a_drive_that_sends_sync_itself(self, bench: Bench) -> None:
         bench.drives[0].objects[0x1005, 0] = (0x4000_0080).to_bytes(4, "little")
         with pytest.raises(PreflightError, match="SYNC identifier"):
             bench.axes.bring_up()
 
-    def test_a_drive_in_fault_is_not_reset_but_named(self, bench: Any) -> None:
+    def test_a_drive_in_fault_is_not_reset_but_named(self, bench: Bench) -> None:
         bench.drives[0].state = PowerState.FAULT
         bench.drives[0].objects[0x603F, 0] = (0x7305).to_bytes(2, "little")
         with pytest.raises(PreflightError, match=r"base.*fault: encoder error \(7305h\)"):
@@ -216,12 +219,12 @@ class TestRefusals:
 
 
 class TestDevicesThatAreNotThere:
-    def test_a_drive_that_does_not_boot(self, bench: Any) -> None:
+    def test_a_drive_that_does_not_boot(self, bench: Bench) -> None:
         bench.drives[1].mute = True
         with pytest.raises(DeviceTimeoutError, match=r"no boot-up.*shoulder \(node 2\); check"):
             bench.axes.bring_up()
 
-    def test_a_drive_that_falls_silent(self, bench: Any) -> None:
+    def test_a_drive_that_falls_silent(self, bench: Bench) -> None:
         drive = bench.drives[1]
         write = drive.server._write
 
@@ -234,7 +237,7 @@ class TestDevicesThatAreNotThere:
             bench.axes.bring_up()
         assert {s.node_id for s in bench.axes.settings()} == {1}
 
-    def test_two_devices_with_one_node_id(self, bench: Any) -> None:
+    def test_two_devices_with_one_node_id(self, bench: Bench) -> None:
         bench.drives[2].boots = 2
         with pytest.raises(ProtocolError, match=r"elbow \(node 3\); two devices may share"):
             bench.axes.bring_up()
@@ -251,21 +254,23 @@ class TestDevicesThatAreNotThere:
             (Frame(0x7E5, bytes(8)), "layer settings"),
         ],
     )
-    def test_another_master(self, bench: Any, frame: Frame, what: str) -> None:
+    def test_another_master(self, bench: Bench, frame: Frame, what: str) -> None:
         bench.bus.transmit(frame, 0.05)
         with pytest.raises(LockedError, match=f"it sends {what}"):
             bench.axes.bring_up()
         assert bench.bus.sent == []
 
     @pytest.mark.parametrize("delay_s", [0.082, 0.095, 0.108, 0.112])
-    def test_another_master_in_the_middle_of_the_bring_up(self, bench: Any, delay_s: float) -> None:
+    def test_another_master_in_the_middle_of_the_bring_up(
+        self, bench: Bench, delay_s: float
+    ) -> None:
         bench.bus.transmit(Frame(0x602, bytes(8)), delay_s)
         with pytest.raises(LockedError, match="it sends SDO requests to node 2"):
             bench.axes.bring_up()
         assert bench.bus.sent != []
         assert bench.bus.sent_to(0x201) == []
 
-    def test_other_devices_on_the_bus_do_not_disturb(self, bench: Any) -> None:
+    def test_other_devices_on_the_bus_do_not_disturb(self, bench: Bench) -> None:
         for delay_s in (0.02, 0.1, 0.2):
             bench.bus.transmit(heartbeat_frame(55, NmtState.OPERATIONAL), delay_s)
             bench.bus.transmit(emcy_frame(55, Emergency(0x1000, 1)), delay_s)
@@ -275,7 +280,7 @@ class TestDevicesThatAreNotThere:
 
 class TestConfiguration:
     def test_cell_and_robot_must_name_the_same_joints(
-        self, cell: CellConfig, robot: RobotDescription, bench: Any
+        self, cell: CellConfig, robot: RobotDescription, bench: Bench
     ) -> None:
         axes = (*cell.axes[:2], cell.axes[2].model_copy(update={"joint": "wrist"}))
         with pytest.raises(ConfigError, match=r"without a drive: elbow; .*unknown joints: wrist"):
@@ -289,7 +294,7 @@ class TestConfiguration:
             check_bus_load(fast.model_copy(update={"can": slow_bus}))
 
     def test_a_constructor_does_no_io(
-        self, cell: CellConfig, robot: RobotDescription, bench: Any
+        self, cell: CellConfig, robot: RobotDescription, bench: Bench
     ) -> None:
         CanServoAxes(CanLink(bench.bus), cell, robot)
         assert bench.bus.sent == []

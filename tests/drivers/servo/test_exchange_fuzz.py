@@ -7,7 +7,7 @@ import gc
 import random
 import tracemalloc
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -17,6 +17,9 @@ from hypothesis import strategies as st
 from config.cell.cell import CellConfig
 from config.errors import RidDaqError
 from drivers.canopen.frames import Frame, rpdo_cob_id, tpdo_cob_id
+
+if TYPE_CHECKING:
+    from tests.drivers.conftest import Bench
 
 NODES = (1, 2, 3)
 CYCLE_S = 0.008
@@ -68,7 +71,7 @@ def test_any_frames_in_motion_are_typed_errors_or_events_and_hold_nothing_up(
 
 
 @pytest.mark.parametrize("length", range(8))
-def test_an_answer_of_any_other_length_is_never_used(bench: Any, length: int) -> None:
+def test_an_answer_of_any_other_length_is_never_used(bench: Bench, length: int) -> None:
     axes = bench.enabled()
     bench.cycle(STILL)
     before = axes.answers.position.tolist()
@@ -80,7 +83,7 @@ def test_an_answer_of_any_other_length_is_never_used(bench: Any, length: int) ->
     assert [event.kind.name for event in axes.take_events()] == ["WRONG_LENGTH"]
 
 
-def test_a_flood_of_anything_keeps_no_memory(bench: Any) -> None:
+def test_a_flood_of_anything_keeps_no_memory(bench: Bench) -> None:
     axes, chance = bench.enabled(), random.Random(3)
     identifiers = [*map(tpdo_cob_id, NODES), 0x081, 0x181, 0x3AA, 0x582, 0x701, 0x7FF]
 

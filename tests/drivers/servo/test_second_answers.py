@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import struct
-from typing import Any
+from typing import TYPE_CHECKING
 
 from drivers.canopen.frames import Frame
+
+if TYPE_CHECKING:
+    from tests.drivers.conftest import Bench
 
 STILL = (0.0, 0.0, 0.0)
 
 
-def test_of_two_answers_that_differ_neither_counts(bench: Any) -> None:
+def test_of_two_answers_that_differ_neither_counts(bench: Bench) -> None:
     axes = bench.enabled()
     bench.arrives(Frame(0x181, struct.pack("<Hih", 0x1027, 77, 0)), 200e-6)
     bench.cycle(STILL)
@@ -22,7 +25,7 @@ def test_of_two_answers_that_differ_neither_counts(bench: Any) -> None:
     assert axes.answers.received.all()
 
 
-def test_a_copy_of_an_answer_is_counted_and_harmless(bench: Any) -> None:
+def test_a_copy_of_an_answer_is_counted_and_harmless(bench: Bench) -> None:
     axes = bench.enabled()
     bench.cycle(STILL)
     same = struct.pack("<Hih", axes.answers.statusword[0], 1000, axes.answers.torque_raw[0])
@@ -33,7 +36,7 @@ def test_a_copy_of_an_answer_is_counted_and_harmless(bench: Any) -> None:
     assert axes.cyclic.contradictions.tolist() == [0, 0, 0]
 
 
-def test_what_comes_after_all_have_answered_belongs_to_that_cycle(bench: Any) -> None:
+def test_what_comes_after_all_have_answered_belongs_to_that_cycle(bench: Bench) -> None:
     axes = bench.enabled()
     for cycle in range(1, 4):
         bench.arrives(Frame(0x182, struct.pack("<Hih", 0x1027, 77, 0)), 0.004)
@@ -45,7 +48,7 @@ def test_what_comes_after_all_have_answered_belongs_to_that_cycle(bench: Any) ->
     assert (axes.cyclic.duplicate_frames, axes.answers.late_frames) == (3, 0)
 
 
-def test_one_of_two_answers_that_shows_no_power_is_heeded(bench: Any) -> None:
+def test_one_of_two_answers_that_shows_no_power_is_heeded(bench: Bench) -> None:
     axes = bench.enabled()
     bench.cycle(STILL)
     bench.arrives(Frame(0x181, struct.pack("<Hih", 0x0250, 1000, 0)), 200e-6)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from config.cell.cell import CellConfig, DriveSafety, Supervision
 from config.errors import PreflightError
 from drivers.servo.stop_ramp import LONGEST_STOP_S, StopRamp
+
+if TYPE_CHECKING:
+    from tests.drivers.conftest import Bench
 
 MakeBench = Callable[[CellConfig], Any]
 
@@ -30,7 +33,7 @@ def with_numbers(cell: CellConfig, **numbers: Any) -> CellConfig:
     )
 
 
-def setting(bench: Any, name: str, joint: str = "base") -> Any:
+def setting(bench: Bench, name: str, joint: str = "base") -> Any:
     (found,) = (s for s in bench.axes.settings() if s.name == name and s.joint == joint)
     return found
 
@@ -42,7 +45,7 @@ def test_time_and_distance_of_a_ramp() -> None:
     assert math.isinf(StopRamp(velocity=2.0, deceleration=0.0).time_s)
 
 
-def test_a_stop_is_told_with_its_time_and_distance(bench: Any) -> None:
+def test_a_stop_is_told_with_its_time_and_distance(bench: Bench) -> None:
     """2 rad/s and 10 % more, at 10 rad/s², from the SYNC after the next."""
     bench.axes.bring_up()
     stop = setting(bench, "stop from top speed")

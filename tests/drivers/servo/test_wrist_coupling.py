@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,6 +12,10 @@ from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
 from drivers.canopen.frames import Frame, rpdo_cob_id
 from drivers.servo.axes import CanServoAxes
+from drivers.servo.cia402 import AxisUnits
+
+if TYPE_CHECKING:
+    from tests.drivers.conftest import Bench
 
 COUPLING = ((1.0, 0.0, 0.0), (0.5, 1.0, 0.0), (-0.25, 0.2, 1.0))
 
@@ -22,10 +26,17 @@ def robot(robot: RobotDescription) -> RobotDescription:
     return robot.model_copy(update={"coupling": COUPLING})
 
 
-def commanded(bench: Any) -> list[float]:
+def units_of(bench: Bench) -> list[AxisUnits]:
+    units = [setup.units for setup in bench.axes._setups]
+    known = [unit for unit in units if unit is not None]
+    assert len(known) == len(units)
+    return known
+
+
+def commanded(bench: Bench) -> list[float]:
     """Return what the drives were last told, in their own joints' rad/s."""
     last: dict[int, Frame] = {frame.cob_id: frame for _, frame in bench.bus.sent}
-    units = [setup.units for setup in bench.axes._setups]
+    units = units_of(bench)
     return [
         units[axis].velocity(
             int.from_bytes(last[rpdo_cob_id(axis + 1)].data[2:6], "little", signed=True)
@@ -48,9 +59,9 @@ def test_the_bundled_wrist_is_that_of_its_last_three_axes() -> None:
     np.testing.assert_allclose(coupling.to_motors(joints), [0, 0, 0, 1, 0, 0], atol=1e-15)
 
 
-def test_counts_of_motors_become_positions_of_joints_once(bench: Any) -> None:
+def test_counts_of_motors_become_positions_of_joints_once(bench: Bench) -> None:
     bench.enabled()
-    units = [setup.units for setup in bench.axes._setups]
+    units = units_of(bench)
     turned = np.array([0.3, -0.2, 0.1])
     for drive, unit, angle in zip(bench.drives, units, turned, strict=True):
         drive.objects[0x6064, 0] = unit.counts(angle).to_bytes(4, "little", signed=True)
@@ -62,7 +73,7 @@ def test_counts_of_motors_become_positions_of_joints_once(bench: Any) -> None:
     ]
 
 
-def test_velocities_of_joints_become_velocities_of_motors(bench: Any) -> None:
+def test_velocities_of_joints_become_velocities_of_motors(bench: Bench) -> None:
     assert isinstance(bench.axes, CanServoAxes)
     bench.enabled()
     bench.cycle(np.array([0.1, 0.0, 0.0]))

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -23,13 +23,16 @@ from identification.estimation.estimators import estimate_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
+
 Motion = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 Weigh = Callable[..., Recording]
 WIDE = PlateLimits(force_n=(1e4, 1e4, 1e4), moment_nm=(1e4, 1e4, 1e4))
 
 
 @pytest.fixture(scope="module")
-def estimate(arm: Any, weigh: Weigh) -> Estimate:
+def estimate(arm: KnownArm, weigh: Weigh) -> Estimate:
     average = average_periods(weigh(0))
     return estimate_periodic(
         arm.robot, [average], EstimationOptions(model=ModelOptions(kind="combined"))
@@ -37,13 +40,15 @@ def estimate(arm: Any, weigh: Weigh) -> Estimate:
 
 
 @pytest.fixture(scope="module")
-def motion(arm: Any) -> Motion:
+def motion(arm: KnownArm) -> Motion:
     trajectory = arm.motion.trajectory(arm.robot, 0.008)
     at = trajectory.sample_times_s
     return at, trajectory.position(at), trajectory.velocity(at), trajectory.acceleration(at)
 
 
-def test_the_peak_of_a_motion_is_the_robots(arm: Any, estimate: Estimate, motion: Motion) -> None:
+def test_the_peak_of_a_motion_is_the_robots(
+    arm: KnownArm, estimate: Estimate, motion: Motion
+) -> None:
     at, q, v, a = motion
     true = np.abs(base_wrench(arm.model, q, v, a, arm.standard))
     found = base_load(estimate, at, q, v, a, WIDE, mass_kg=99.0)
@@ -81,7 +86,7 @@ def test_without_a_mass_the_weight_is_left_out_and_that_is_said(
     assert found.peak[2] < 400.0 < 900.0 < heavy.peak[2]
 
 
-def test_the_internal_model_cannot_tell(arm: Any, weigh: Weigh, motion: Motion) -> None:
+def test_the_internal_model_cannot_tell(arm: KnownArm, weigh: Weigh, motion: Motion) -> None:
     internal = estimate_periodic(arm.robot, [average_periods(weigh(0))])
     with pytest.raises(EstimationError, match="combined model"):
         base_load(internal, *motion, WIDE)
@@ -91,7 +96,7 @@ LIMITS = np.array([150.0, 150.0, 1500.0, 900.0, 900.0, 60.0])
 
 
 @pytest.fixture(scope="module")
-def problem(arm: Any) -> ExcitationProblem:
+def problem(arm: KnownArm) -> ExcitationProblem:
     return ExcitationProblem(
         robot=arm.robot,
         period_s=5.0,

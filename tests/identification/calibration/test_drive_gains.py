@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -20,13 +20,16 @@ from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
+
 OPTIONS = ModelOptions(payload=True)
 TRUE_GAINS = np.array([1.15, 0.9, 1.05])
 LOAD = {"mL": 15.0, "sxL": 3.0, "IzzL": 1.5, "IxxL": 1.0, "IyyL": 1.2}
 STEP_S = 0.01
 
 
-def measured(arm: Any, payload: bool, seed: int) -> SmoothedSignals:
+def measured(arm: KnownArm, payload: bool, seed: int) -> SmoothedSignals:
     """Return 30 s of a run: torques over gains, with noise and a ripple that the model lacks."""
     trajectory = arm.motion.trajectory(arm.robot, STEP_S)
     times = np.arange(3000, dtype=np.float64) * STEP_S
@@ -56,7 +59,7 @@ def measured(arm: Any, payload: bool, seed: int) -> SmoothedSignals:
 
 
 @pytest.fixture(scope="module")
-def loaded(arm: Any) -> tuple[Estimate, tuple[TimeRun, ...]]:
+def loaded(arm: KnownArm) -> tuple[Estimate, tuple[TimeRun, ...]]:
     signals = [measured(arm, False, 1), measured(arm, True, 2)]
     carried = [False, True]
     estimate = estimate_smoothed(
@@ -128,7 +131,7 @@ def test_the_scales_error_is_in_every_gain(loaded: tuple[Estimate, tuple[TimeRun
 
 
 def test_what_cannot_tell_a_gain_is_refused(
-    arm: Any, loaded: tuple[Estimate, tuple[TimeRun, ...]]
+    arm: KnownArm, loaded: tuple[Estimate, tuple[TimeRun, ...]]
 ) -> None:
     estimate, runs = loaded
     empty = estimate_smoothed(arm.robot, [runs[0].signals])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -18,6 +18,9 @@ from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
+
 Measure = Callable[..., Recording]
 
 
@@ -26,7 +29,7 @@ def runs_of(signals: list[SmoothedSignals]) -> tuple[TimeRun, ...]:
 
 
 def measured(
-    arm: Any,
+    arm: KnownArm,
     measure: Measure,
     seed: int = 0,
     change: Callable[..., Any] | None = None,
@@ -41,7 +44,7 @@ def measured(
 
 @pytest.mark.parametrize(("method", "seeds"), [*zip(Method, (12, 12, 3), strict=True)])
 def test_its_intervals_hold_the_truth(
-    arm: Any, measure: Measure, method: Method, seeds: int
+    arm: KnownArm, measure: Measure, method: Method, seeds: int
 ) -> None:
     errors = []
     for seed in range(seeds):
@@ -53,7 +56,7 @@ def test_its_intervals_hold_the_truth(
     assert np.sqrt(np.mean(np.square(errors))) > 0.25, "not bought with width"
 
 
-def test_energies_need_no_accelerations(arm: Any, measure: Measure) -> None:
+def test_energies_need_no_accelerations(arm: KnownArm, measure: Measure) -> None:
     """Accelerations of a filter that takes a tenth of them off: inertias come out too large."""
 
     def damped(part: SmoothedSignals) -> SmoothedSignals:
@@ -71,7 +74,7 @@ def test_energies_need_no_accelerations(arm: Any, measure: Measure) -> None:
     assert np.abs((kalman.values - arm.base) / kalman.sigma).max() < 4.0
 
 
-def test_joint_after_joint_shows_a_wrong_torque_constant(arm: Any, measure: Measure) -> None:
+def test_joint_after_joint_shows_a_wrong_torque_constant(arm: KnownArm, measure: Measure) -> None:
     def scaled(part: SmoothedSignals) -> SmoothedSignals:
         return replace(part, torque_nm=part.torque_nm * [1.0, 1.0, 1.15])
 
@@ -81,7 +84,7 @@ def test_joint_after_joint_shows_a_wrong_torque_constant(arm: Any, measure: Meas
     assert "torque constants" in other.sentence
 
 
-def test_what_cannot_be_checked_says_why(arm: Any, measure: Measure) -> None:
+def test_what_cannot_be_checked_says_why(arm: KnownArm, measure: Measure) -> None:
     joint = arm.robot.joints[0].model_copy(update={"efficiency": 0.9})
     robot = arm.robot.model_copy(update={"joints": (joint, *arm.robot.joints[1:])})
     parts = list(single_periods(measure(periods=2), 10.0).values())
@@ -94,7 +97,7 @@ def test_what_cannot_be_checked_says_why(arm: Any, measure: Measure) -> None:
         assert "efficiencies" in other.sentence
 
 
-def test_a_robot_that_runs_away_is_no_number(arm: Any, measure: Measure) -> None:
+def test_a_robot_that_runs_away_is_no_number(arm: KnownArm, measure: Measure) -> None:
     estimate, runs = measured(arm, measure)
     weightless = replace(estimate, values=1e-4 * estimate.values)
     kalman = check(Method.KALMAN, weightless, runs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -27,23 +27,26 @@ from identification.model.base_parameters import ModelKind
 from identification.model.options import ModelOptions
 from rid_daq.jobs.truth import true_parameters
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
+
 Weigh = Callable[..., Recording]
 FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
 SEEDS = 6
 
 
-def truth_of(kind: ModelKind, cell: Any, arm: Any) -> NDArray[np.float64]:
+def truth_of(kind: ModelKind, cell: Any, arm: KnownArm) -> NDArray[np.float64]:
     model, base, _ = model_of(arm.robot, ModelOptions(kind=kind))
     return base.from_standard(true_parameters(model, cell.robot, cell.plant))
 
 
-def identify(arm: Any, recording: Recording, kind: ModelKind = "combined") -> Estimate:
+def identify(arm: KnownArm, recording: Recording, kind: ModelKind = "combined") -> Estimate:
     return estimate_periodic(
         arm.robot, [average_periods(recording)], EstimationOptions(model=ModelOptions(kind=kind))
     )
 
 
-def fitted(arm: Any, recording: Recording) -> FittedPeriods:
+def fitted(arm: KnownArm, recording: Recording) -> FittedPeriods:
     return fit_periodic(
         arm.robot,
         [average_periods(recording)],
@@ -57,7 +60,7 @@ def recordings(weigh: Weigh) -> list[Recording]:
 
 
 @pytest.fixture(scope="module")
-def combined(arm: Any, recordings: list[Recording]) -> list[Estimate]:
+def combined(arm: KnownArm, recordings: list[Recording]) -> list[Estimate]:
     return [identify(arm, recording) for recording in recordings]
 
 
@@ -72,7 +75,7 @@ class TestEstimate:
     @pytest.mark.parametrize("kind", ["external", "combined"])
     def test_two_sigma_hold_the_truth(
         self,
-        arm: Any,
+        arm: KnownArm,
         cell: Any,
         recordings: list[Recording],
         combined: list[Estimate],
@@ -97,7 +100,7 @@ class TestEstimate:
             assert (estimate.plate.residual < 1.4 * estimate.plate.noise).all()
 
     def test_offset_and_drift_change_nothing(
-        self, arm: Any, weigh: Weigh, combined: list[Estimate]
+        self, arm: KnownArm, weigh: Weigh, combined: list[Estimate]
     ) -> None:
         """20 N and 0.05 N/s on every channel, at random: less than half a sigma (issue 4)."""
         drifting = weigh(0, torque_filter=FILTER, plate={"offset_n": 20.0, "drift_n_s": 0.05})
@@ -109,7 +112,7 @@ class TestEstimate:
         assert np.abs(changed.plate.drift_n_s).max() == pytest.approx(0.047, abs=0.004)
 
     def test_a_delay_of_the_plate_is_found_and_made_up_for(
-        self, arm: Any, weigh: Weigh, combined: list[Estimate]
+        self, arm: KnownArm, weigh: Weigh, combined: list[Estimate]
     ) -> None:
         late = identify(arm, weigh(0, torque_filter=FILTER, plate={"delay_s": 0.004}))
         assert late.plate is not None
@@ -120,7 +123,7 @@ class TestEstimate:
         shift = np.abs(late.values - combined[0].values) / combined[0].sigma_noise
         assert shift.max() < 0.5
 
-    def test_every_run_has_a_delay_of_its_own(self, arm: Any, weigh: Weigh) -> None:
+    def test_every_run_has_a_delay_of_its_own(self, arm: KnownArm, weigh: Weigh) -> None:
         runs = [
             average_periods(weigh(seed, torque_filter=FILTER, plate={"delay_s": delay_s}))
             for seed, delay_s in ((0, 0.002), (1, 0.010))
@@ -133,7 +136,7 @@ class TestEstimate:
 
     @pytest.mark.parametrize("channel", [0, 3, 4, 7])
     def test_without_a_channel_the_others_still_tell(
-        self, arm: Any, cell: Any, weigh: Weigh, combined: list[Estimate], channel: int
+        self, arm: KnownArm, cell: Any, weigh: Weigh, combined: list[Estimate], channel: int
     ) -> None:
         partial = identify(arm, weigh(0, torque_filter=FILTER, plate={"overloaded": (channel,)}))
         z = (partial.values - truth_of("combined", cell, arm)) / partial.sigma
@@ -148,7 +151,9 @@ class TestEstimate:
         assert combined[0].base.expressions[0] == "m1 + m2 + m3"
         assert combined[0].sigma[0] > 500.0
 
-    def test_predicts_the_reaction(self, arm: Any, cell: Any, combined: list[Estimate]) -> None:
+    def test_predicts_the_reaction(
+        self, arm: KnownArm, cell: Any, combined: list[Estimate]
+    ) -> None:
         random = np.random.default_rng(0)
         motion = random.normal(size=(3, 20, 3))
         found = predict_reaction(combined[0], *motion)
@@ -156,7 +161,9 @@ class TestEstimate:
         error = found - predict_reaction(truth, *motion)
         assert np.abs(error - error[0])[:, 2].max() < 0.1  # the weight aside
 
-    def test_the_internal_model_does_not_know_the_reaction(self, arm: Any, weigh: Weigh) -> None:
+    def test_the_internal_model_does_not_know_the_reaction(
+        self, arm: KnownArm, weigh: Weigh
+    ) -> None:
         internal = identify(arm, weigh(0), "internal")
         assert internal.plate is None
         with pytest.raises(EstimationError, match="combined model"):
@@ -164,7 +171,7 @@ class TestEstimate:
 
     @pytest.mark.parametrize("weighting", ["ls", "huber"])
     def test_other_weightings_find_the_same_robot(
-        self, arm: Any, recordings: list[Recording], combined: list[Estimate], weighting: Any
+        self, arm: KnownArm, recordings: list[Recording], combined: list[Estimate], weighting: Any
     ) -> None:
         other = estimate_periodic(
             arm.robot,
@@ -174,11 +181,11 @@ class TestEstimate:
         moved = (other.values - combined[0].values) / (3.0 * other.sigma + 1e-9)
         assert np.mean(np.abs(moved) < 1.0) > 0.9
 
-    def test_needs_a_plate(self, arm: Any, measure: Callable[..., Recording]) -> None:
+    def test_needs_a_plate(self, arm: KnownArm, measure: Callable[..., Recording]) -> None:
         with pytest.raises(EstimationError, match="needs a force plate; run 1 of 1 has none"):
             identify(arm, measure())
 
-    def test_needs_periods(self, arm: Any, weigh: Weigh) -> None:
+    def test_needs_periods(self, arm: KnownArm, weigh: Weigh) -> None:
         signals = period_signals(average_periods(weigh(0)), 10.0)
         with pytest.raises(EstimationError, match="periodic runs only"):
             estimate_smoothed(
@@ -186,7 +193,7 @@ class TestEstimate:
             )
 
     def test_a_plate_of_another_motion_is_not_believed(
-        self, arm: Any, recordings: list[Recording]
+        self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         reaction = recordings[0].reaction
         assert reaction is not None
@@ -207,7 +214,7 @@ class TestEstimate:
 
 class TestImprovement:
     def test_no_parameter_is_less_certain_with_both(
-        self, arm: Any, recordings: list[Recording]
+        self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         """The finding of table 4.1."""
         found = improvement(fitted(arm, recordings[0]))
@@ -218,7 +225,7 @@ class TestImprovement:
             assert parameter.sigma_internal or parameter.sigma_external
 
     def test_the_determinant_of_the_shared_ones_falls_by_more_than_three(
-        self, arm: Any, weigh: Weigh
+        self, arm: KnownArm, weigh: Weigh
     ) -> None:
         for noise_n in (0.5, 20.0):
             recording = weigh(0, torque_filter=FILTER, plate={"noise_n": noise_n})
@@ -227,7 +234,7 @@ class TestImprovement:
             assert found.determinant_ratio >= 3.0
 
     def test_one_model_alone_is_as_certain_as_when_it_is_estimated(
-        self, arm: Any, recordings: list[Recording]
+        self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         found = improvement(fitted(arm, recordings[0]))
         internal = identify(arm, recordings[0], "internal")
@@ -238,14 +245,14 @@ class TestImprovement:
             for words, sigma in zip(estimate.base.expressions, estimate.sigma_noise, strict=True):
                 assert getattr(by_words[words], which) == pytest.approx(sigma, rel=0.02)
 
-    def test_says_so(self, arm: Any, recordings: list[Recording]) -> None:
+    def test_says_so(self, arm: KnownArm, recordings: list[Recording]) -> None:
         sentence = improvement(fitted(arm, recordings[0])).sentence
         assert "the determinant of the 12 shared ones" in sentence
 
 
 class TestTorqueConstants:
     def test_agree_with_the_plate_where_they_do(
-        self, arm: Any, recordings: list[Recording]
+        self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         p_values = []
         for recording in recordings:
@@ -258,7 +265,7 @@ class TestTorqueConstants:
     @pytest.mark.parametrize("axis", [0, 1, 2])
     @pytest.mark.parametrize("factor", [0.95, 1.05])
     def test_that_is_5_percent_off_is_found_and_its_axis_named(
-        self, arm: Any, recordings: list[Recording], axis: int, factor: float
+        self, arm: KnownArm, recordings: list[Recording], axis: int, factor: float
     ) -> None:
         scale = np.ones(3)
         scale[axis] = factor
@@ -271,7 +278,7 @@ class TestTorqueConstants:
         assert "check the torque constant" in found.sentence
 
     def test_that_are_all_off_alike_point_at_the_plate(
-        self, arm: Any, recordings: list[Recording]
+        self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         recording = replace(recordings[1], torque_nm=recordings[1].torque_nm * 1.03)
         assert "plate's sensitivity" in torque_consistency(fitted(arm, recording)).sentence

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -24,6 +24,9 @@ from identification.estimation.estimators import estimate_periodic, estimate_smo
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
+
 Measure = Callable[..., Recording]
 Run = Callable[..., Recording]
 FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
@@ -39,7 +42,7 @@ def deviations(estimates: list[Estimate], truth: NDArray[np.float64]) -> NDArray
 
 
 class TestPeriodic:
-    def test_without_noise_the_truth_comes_back(self, arm: Any, measure: Measure) -> None:
+    def test_without_noise_the_truth_comes_back(self, arm: KnownArm, measure: Measure) -> None:
         recording = measure(noise_nm=0.0, encoder_step_rad=0.0, torque_filter=FILTER)
         estimate = estimate_periodic(arm.robot, [average_periods(recording)])
         scale = np.abs(arm.base) + 0.1
@@ -47,7 +50,7 @@ class TestPeriodic:
 
     @pytest.mark.parametrize("standstill_rad_s", [0.0, 0.02])
     def test_two_sigma_hold_the_truth_through_filter_noise_and_rounding(
-        self, arm: Any, measure: Measure, standstill_rad_s: float
+        self, arm: KnownArm, measure: Measure, standstill_rad_s: float
     ) -> None:
         """Friction changes sign between samples, and the 40 Hz filter delays it by 20 ms."""
         estimates = [
@@ -63,7 +66,7 @@ class TestPeriodic:
         assert 0.7 < np.sqrt(np.mean(z**2)) < 1.15  # neither too narrow nor bought with width
 
     def test_the_intervals_by_residuals_agree_where_the_model_is_true(
-        self, arm: Any, measure: Measure
+        self, arm: KnownArm, measure: Measure
     ) -> None:
         estimate = estimate_periodic(arm.robot, [average_periods(measure(1, torque_filter=FILTER))])
         assert estimate.sigma_noise is not None
@@ -73,7 +76,7 @@ class TestPeriodic:
         np.testing.assert_allclose(estimate.residual_nm, estimate.noise_nm, rtol=0.3)
 
     def test_the_intervals_by_residuals_widen_where_it_is_not(
-        self, arm: Any, measure: Measure
+        self, arm: KnownArm, measure: Measure
     ) -> None:
         """A robot measured with its spring, identified without: noise alone would be believed."""
         average = average_periods(measure(1))
@@ -85,7 +88,7 @@ class TestPeriodic:
         assert np.median(estimate.sigma / estimate.sigma_noise) > 10.0
 
     def test_two_sigma_hold_the_truth_of_a_robot_that_sticks_at_every_reversal(
-        self, arm: Any, run: Run
+        self, arm: KnownArm, run: Run
     ) -> None:
         """The simulated robot with its servo loops: Pinocchio's equations, stiction, encoders."""
         motion = design_two_harmonic(
@@ -101,7 +104,7 @@ class TestPeriodic:
             assert np.mean(np.abs(estimate.values - arm.base) < 2.0 * estimate.sigma) >= 0.9
 
     def test_trusting_sign_at_reversals_that_stick_is_what_spoils_the_intervals(
-        self, arm: Any, run: Run
+        self, arm: KnownArm, run: Run
     ) -> None:
         samples = arm.motion.plan(arm.robot, 0.008)
         average = average_periods(run(samples, 0))
@@ -118,7 +121,9 @@ class TestPeriodic:
         )
         assert np.sqrt(np.mean(trusting**2)) > 4.0 * np.sqrt(np.mean(careful**2))
 
-    def test_two_runs_together_are_more_certain_than_one(self, arm: Any, measure: Measure) -> None:
+    def test_two_runs_together_are_more_certain_than_one(
+        self, arm: KnownArm, measure: Measure
+    ) -> None:
         averages = [average_periods(measure(seed)) for seed in (1, 2)]
         one = estimate_periodic(arm.robot, averages[:1])
         both = estimate_periodic(arm.robot, averages)
@@ -131,7 +136,7 @@ class TestPeriodic:
         assert both.equations > 1.9 * one.equations
 
     def test_friction_that_drifts_from_period_to_period_widens_the_intervals(
-        self, arm: Any, measure: Measure
+        self, arm: KnownArm, measure: Measure
     ) -> None:
         steady = measure(1)
         drift = np.linspace(-1.0, 1.0, len(steady))[:, np.newaxis]
@@ -144,7 +149,7 @@ class TestPeriodic:
             sigma[name] = dict(zip(estimate.base.names, estimate.sigma_noise, strict=True))
         assert sigma["drifting"]["fc_axis2"] > 1.5 * sigma["steady"]["fc_axis2"]
 
-    def test_an_axis_at_rest_is_told(self, arm: Any, measure: Measure) -> None:
+    def test_an_axis_at_rest_is_told(self, arm: KnownArm, measure: Measure) -> None:
         still = arm.motion.joints[0].model_copy(
             update={"sine": (0.0,), "cosine": (0.0,), "offset": 0.1}
         )
@@ -158,7 +163,7 @@ class TestPeriodic:
 
 class TestSmoothed:
     @pytest.fixture
-    def signals(self, arm: Any) -> SmoothedSignals:
+    def signals(self, arm: KnownArm) -> SmoothedSignals:
         trajectory = arm.motion.trajectory(arm.robot, 0.01)
         times = np.arange(3000, dtype=np.float64) * 0.01
         q, v, a = (
@@ -177,7 +182,9 @@ class TestSmoothed:
             cutoff_hz=50.0,
         )
 
-    def test_the_truth_lies_within_the_intervals(self, arm: Any, signals: SmoothedSignals) -> None:
+    def test_the_truth_lies_within_the_intervals(
+        self, arm: KnownArm, signals: SmoothedSignals
+    ) -> None:
         estimate = estimate_smoothed(arm.robot, [signals])
         z = (estimate.values - arm.base) / estimate.sigma
         assert np.mean(np.abs(z) < 2.5) >= 0.9
@@ -185,7 +192,7 @@ class TestSmoothed:
         np.testing.assert_allclose(estimate.residual_nm, [1.0, 2.0, 0.3], rtol=0.05)
 
     def test_slow_samples_are_left_out_and_counted(
-        self, arm: Any, signals: SmoothedSignals
+        self, arm: KnownArm, signals: SmoothedSignals
     ) -> None:
         """What a joint does while it stands still must not matter at all."""
         slow = np.abs(signals.velocity) < 0.05
@@ -198,7 +205,7 @@ class TestSmoothed:
         np.testing.assert_allclose(clean.left_out_fraction, slow.mean(axis=0))
 
     def test_small_blocks_give_the_same_estimate(
-        self, arm: Any, signals: SmoothedSignals, monkeypatch: pytest.MonkeyPatch
+        self, arm: KnownArm, signals: SmoothedSignals, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         whole = estimate_smoothed(arm.robot, [signals, signals])
         monkeypatch.setattr(time_equations, "BLOCK_ROWS", 137)
@@ -206,13 +213,15 @@ class TestSmoothed:
         np.testing.assert_allclose(blocks.values, whole.values, rtol=1e-7)
         np.testing.assert_allclose(blocks.sigma_residual, whole.sigma_residual, rtol=1e-7)
 
-    def test_another_robot_s_recording_is_refused(self, arm: Any, signals: SmoothedSignals) -> None:
+    def test_another_robot_s_recording_is_refused(
+        self, arm: KnownArm, signals: SmoothedSignals
+    ) -> None:
         renamed = replace(signals, joint_names=("a", "b", "c"))
         with pytest.raises(EstimationError, match="has joints a, b, c"):
             estimate_smoothed(arm.robot, [renamed])
 
 
-def test_a_prediction_is_the_model_s_torque(arm: Any, measure: Measure) -> None:
+def test_a_prediction_is_the_model_s_torque(arm: KnownArm, measure: Measure) -> None:
     estimate = estimate_periodic(arm.robot, [average_periods(measure())])
     exact = replace(estimate, values=arm.base)
     q, v, a = np.random.default_rng(0).normal(size=(3, 5000, 3))  # more rows than one block
@@ -221,7 +230,9 @@ def test_a_prediction_is_the_model_s_torque(arm: Any, measure: Measure) -> None:
     )
 
 
-def test_an_estimate_with_the_wrong_number_of_values_is_refused(arm: Any, measure: Measure) -> None:
+def test_an_estimate_with_the_wrong_number_of_values_is_refused(
+    arm: KnownArm, measure: Measure
+) -> None:
     estimate = estimate_periodic(arm.robot, [average_periods(measure())])
     with pytest.raises(EstimationError, match="estimate values"):
         replace(estimate, values=np.zeros(3))

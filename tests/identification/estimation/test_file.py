@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -21,9 +21,12 @@ from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from tests.builders.changed_json import changed
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
+
 
 @pytest.fixture(scope="module")
-def estimate(arm: Any, measure: Callable[..., Recording]) -> Estimate:
+def estimate(arm: KnownArm, measure: Callable[..., Recording]) -> Estimate:
     return estimate_periodic(
         arm.robot,
         [average_periods(measure())],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -19,6 +19,9 @@ from identification.equations.time_domain import TimeRun
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.running import RunningEstimate
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
+
 Measure = Callable[..., Recording]
 STANDSTILL_RAD_S = 0.02
 
@@ -27,7 +30,7 @@ def run(signals: SmoothedSignals) -> TimeRun:
     return TimeRun(signals, Conditions(temperature_k=None))
 
 
-def test_it_is_the_estimate_of_all_rows_at_once(arm: Any, measure: Measure) -> None:
+def test_it_is_the_estimate_of_all_rows_at_once(arm: KnownArm, measure: Measure) -> None:
     periods = list(single_periods(measure(periods=3), 10.0).values())
     running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
     for signals in periods:
@@ -38,7 +41,7 @@ def test_it_is_the_estimate_of_all_rows_at_once(arm: Any, measure: Measure) -> N
     np.testing.assert_allclose(now.residual_nm, whole.residual_nm, rtol=1e-6)
 
 
-def test_parts_of_a_recording_give_its_honest_intervals(arm: Any, measure: Measure) -> None:
+def test_parts_of_a_recording_give_its_honest_intervals(arm: KnownArm, measure: Measure) -> None:
     period = single_periods(measure(periods=2), 10.0)[0]
     running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
     for part in cut(period, 7):
@@ -49,7 +52,7 @@ def test_parts_of_a_recording_give_its_honest_intervals(arm: Any, measure: Measu
     np.testing.assert_allclose(now.sigma, whole.sigma, rtol=1e-6)
 
 
-def test_more_periods_come_closer_to_the_truth(arm: Any, measure: Measure) -> None:
+def test_more_periods_come_closer_to_the_truth(arm: KnownArm, measure: Measure) -> None:
     running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
     sigma, error = [], []
     for signals in single_periods(measure(periods=16, noise_nm=5.0), 10.0).values():
@@ -62,7 +65,7 @@ def test_more_periods_come_closer_to_the_truth(arm: Any, measure: Measure) -> No
     assert max(error[1:]) < 3.0
 
 
-def test_what_was_not_shown_is_said(arm: Any, measure: Measure) -> None:
+def test_what_was_not_shown_is_said(arm: KnownArm, measure: Measure) -> None:
     running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
     with pytest.raises(EstimationError, match="equations are left"):
         running.look()

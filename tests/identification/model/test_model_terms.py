@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -20,6 +20,9 @@ from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 from identification.validation.torque_prediction import validate
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
+
 NOISE_NM = np.array([1.0, 2.0, 0.3])
 COUPLING = ((1.0, 0.0, 0.0), (0.1, 1.0, 0.0), (-0.2, -0.4, 1.0))
 WARM = ("coulomb", "viscous", "temperature")
@@ -30,14 +33,18 @@ def with_joints(robot: RobotDescription, **changes: Any) -> RobotDescription:
     return robot.model_copy(update={"joints": joints})
 
 
-def truth(arm: Any, model: RobotModel, **others: float) -> np.ndarray:
+def truth(arm: KnownArm, model: RobotModel, **others: float) -> np.ndarray:
     """The known arm's parameters, and those that it does not have."""
     known = dict(zip(arm.model.parameter_names, arm.standard, strict=True)) | others
     return np.array([known[name] for name in model.parameter_names])
 
 
 def measured(
-    arm: Any, model: RobotModel, theta: np.ndarray, conditions: Conditions | None = None, seed=0
+    arm: KnownArm,
+    model: RobotModel,
+    theta: np.ndarray,
+    conditions: Conditions | None = None,
+    seed=0,
 ) -> SmoothedSignals:
     trajectory = arm.motion.trajectory(arm.robot, 0.01)
     times = np.arange(3000, dtype=np.float64) * 0.01
@@ -63,7 +70,7 @@ def deviations(estimate: Any, theta: np.ndarray) -> np.ndarray:
     return (estimate.values - estimate.base.from_standard(theta)) / estimate.sigma
 
 
-def test_a_coupled_robot_is_identified_from_actuator_torques(arm: Any) -> None:
+def test_a_coupled_robot_is_identified_from_actuator_torques(arm: KnownArm) -> None:
     robot = arm.robot.model_copy(update={"coupling": COUPLING})
     model = RobotModel.from_description(robot)
     theta = truth(arm, model)
@@ -75,7 +82,7 @@ def test_a_coupled_robot_is_identified_from_actuator_torques(arm: Any) -> None:
     assert np.all(blind.residual_nm > 3.0 * NOISE_NM)
 
 
-def test_a_coupled_actuator_stands_still_where_its_own_speed_is_zero(arm: Any) -> None:
+def test_a_coupled_actuator_stands_still_where_its_own_speed_is_zero(arm: KnownArm) -> None:
     """Spoiling torque there, and nowhere else, must not matter."""
     robot = arm.robot.model_copy(update={"coupling": COUPLING})
     model = RobotModel.from_description(robot)
@@ -93,18 +100,18 @@ def test_a_coupled_actuator_stands_still_where_its_own_speed_is_zero(arm: Any) -
 
 class TestTemperature:
     @pytest.fixture
-    def robot(self, arm: Any) -> RobotDescription:
+    def robot(self, arm: KnownArm) -> RobotDescription:
         return with_joints(arm.robot, friction=WARM, reference_temperature_k=300.0)
 
     @pytest.fixture
-    def theta(self, arm: Any, robot: RobotDescription) -> np.ndarray:
+    def theta(self, arm: KnownArm, robot: RobotDescription) -> np.ndarray:
         slopes = {
             f"{s}_axis{j}": -size / j for j in (1, 2, 3) for s, size in (("fcT", 0.3), ("fvT", 0.8))
         }
         return truth(arm, RobotModel.from_description(robot), **slopes)
 
     @pytest.fixture
-    def signals(self, arm: Any, robot: RobotDescription, theta: np.ndarray) -> SmoothedSignals:
+    def signals(self, arm: KnownArm, robot: RobotDescription, theta: np.ndarray) -> SmoothedSignals:
         warming = np.linspace(295.0, 320.0, 3000)[:, np.newaxis] + np.array([0.0, 2.0, 5.0])
         conditions = Conditions(temperature_k=warming)
         return measured(arm, RobotModel.from_description(robot), theta, conditions)
@@ -137,7 +144,7 @@ class TestTemperature:
             validate(estimate, replace(recording, temperature_k=None))
 
 
-def test_a_payload_is_told_from_the_last_link_by_runs_with_and_without(arm: Any) -> None:
+def test_a_payload_is_told_from_the_last_link_by_runs_with_and_without(arm: KnownArm) -> None:
     options = ModelOptions(payload=True)
     model = options.build(arm.robot)
     body = dict.fromkeys(model.parameter_names[-10:], 0.0) | {"mL": 5.0, "sxL": 3.0, "IzzL": 2.5}
@@ -152,7 +159,7 @@ def test_a_payload_is_told_from_the_last_link_by_runs_with_and_without(arm: Any)
     assert any(name.endswith("L") for name in found)
 
 
-def test_a_gears_efficiency_is_recovered(arm: Any) -> None:
+def test_a_gears_efficiency_is_recovered(arm: KnownArm) -> None:
     """Behind the gear are the arm's links and spring; its friction is not."""
     robot = with_joints(arm.robot, efficiency=0.95, rotor=None)
     model = RobotModel.from_description(robot).with_nonlinear([0.7, 0.8, 0.75])
@@ -164,7 +171,7 @@ def test_a_gears_efficiency_is_recovered(arm: Any) -> None:
 
 
 class TestBaseParameters:
-    def test_a_coupling_hides_no_link_parameter_and_shows_none(self, arm: Any) -> None:
+    def test_a_coupling_hides_no_link_parameter_and_shows_none(self, arm: KnownArm) -> None:
         """C can be inverted: the actuators' torques say what the joints' do."""
         coupled = arm.robot.model_copy(update={"coupling": COUPLING})
         words = [
@@ -176,8 +183,9 @@ class TestBaseParameters:
         assert words[0] == words[1]
         assert len(words[0]) == 15
 
-    def test_a_fourier_springs_first_harmonic_takes_link_2s_gravity(self, arm: Any) -> None:
+    def test_a_fourier_springs_first_harmonic_takes_link_2s_gravity(self, arm: KnownArm) -> None:
         """(3.37) merges as the physical spring does: the cosine with sy2, the sine with sx2."""
+        assert arm.robot.spring is not None
         spring = arm.robot.spring.model_copy(update={"form": "fourier"})
         robot = arm.robot.model_copy(update={"spring": spring})
         base = base_parameters(RobotModel.from_description(robot, rotors=False, friction=False))
@@ -185,7 +193,7 @@ class TestBaseParameters:
         assert "A1_spring - 9.81 sy2" in base.expressions
         assert "B1_spring - 9.81 sx2 - 4.7088 m3" in base.expressions  # 9.81 x 0.480
 
-    def test_all_of_a_payload_and_of_every_friction_are_seen(self, arm: Any) -> None:
+    def test_all_of_a_payload_and_of_every_friction_are_seen(self, arm: KnownArm) -> None:
         terms: tuple[FrictionTerm, ...]
         terms = ("asymmetric", "viscous", "cubic", "cube_root", "stribeck", "temperature")
         model = ModelOptions(payload=True, friction_terms=terms).build(arm.robot)
@@ -194,7 +202,7 @@ class TestBaseParameters:
         for group in ("payload", "friction"):
             assert set(model.parameter_names[groups[group]]) <= set(base.expressions)
 
-    def test_a_plain_armature_merges_as_a_rotor_does(self, arm: Any) -> None:
+    def test_a_plain_armature_merges_as_a_rotor_does(self, arm: KnownArm) -> None:
         robot = with_joints(arm.robot, rotor=None, armature=True)
         model = RobotModel.from_description(robot, friction=False, spring=False)
         base = base_parameters(model)

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +11,13 @@ from config.cell.cell import ButterworthFilter
 from identification.estimation.estimators import estimate_periodic
 from identification.validation.period_comparison import compare_period
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
 
-def test_a_true_model_leaves_noise_and_no_more(arm: Any, measure: Callable[..., Recording]) -> None:
+
+def test_a_true_model_leaves_noise_and_no_more(
+    arm: KnownArm, measure: Callable[..., Recording]
+) -> None:
     average = average_periods(measure(torque_filter=ButterworthFilter(order=8, cutoff_hz=40.0)))
     comparison = compare_period(estimate_periodic(arm.robot, [average]), average)
     samples, bins = average.samples_per_period, len(comparison.frequency_hz)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -19,12 +19,15 @@ from identification.model.options import ModelOptions
 from identification.validation.reaction_prediction import validate_reaction
 from rid_daq.jobs.truth import true_parameters
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
+
 Weigh = Callable[..., Recording]
 FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
 
 
 @pytest.fixture(scope="module")
-def estimate(arm: Any, weigh: Weigh) -> Estimate:
+def estimate(arm: KnownArm, weigh: Weigh) -> Estimate:
     average = average_periods(weigh(0, torque_filter=FILTER))
     return estimate_periodic(
         arm.robot, [average], EstimationOptions(model=ModelOptions(kind="combined"))
@@ -32,7 +35,7 @@ def estimate(arm: Any, weigh: Weigh) -> Estimate:
 
 
 @pytest.fixture(scope="module")
-def other(arm: Any, weigh: Weigh) -> Recording:
+def other(arm: KnownArm, weigh: Weigh) -> Recording:
     """Another motion on a plate with offset, drift and a delay."""
     motion = design_two_harmonic(
         arm.robot, 7.0, 0.008, highest_harmonic=5, tries=50, seed=5, periods=4
@@ -88,7 +91,7 @@ def test_a_plate_that_was_mostly_in_overload_is_refused(
 
 
 def test_needs_a_plate_and_a_model_that_knows_it(
-    arm: Any, estimate: Estimate, other: Recording
+    arm: KnownArm, estimate: Estimate, other: Recording
 ) -> None:
     with pytest.raises(DataQualityError, match="nothing of a force plate"):
         validate_reaction(estimate, replace(other, reaction=None))

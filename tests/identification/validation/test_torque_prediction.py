@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -16,19 +16,22 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.validation.torque_prediction import Validation, validate
 
+if TYPE_CHECKING:
+    from tests.identification.conftest import KnownArm
+
 Measure = Callable[..., Recording]
 Run = Callable[[MotionSamples, int], Recording]
 
 
 @pytest.fixture(scope="module")
-def identified(arm: Any, run: Run) -> Estimate:
+def identified(arm: KnownArm, run: Run) -> Estimate:
     return estimate_periodic(
         arm.robot, [average_periods(run(arm.motion.plan(arm.robot, 0.008), 0))]
     )
 
 
 @pytest.fixture(scope="module")
-def other_run(arm: Any, run: Run) -> Recording:
+def other_run(arm: KnownArm, run: Run) -> Recording:
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=6, seed=5)
     return run(motion.plan(arm.robot, 0.008), 7)
 
@@ -39,7 +42,7 @@ def validation(identified: Estimate, other_run: Recording) -> Validation:
 
 
 def test_an_estimate_predicts_another_run_as_well_as_the_truth_does(
-    arm: Any, identified: Estimate, other_run: Recording, validation: Validation
+    arm: KnownArm, identified: Estimate, other_run: Recording, validation: Validation
 ) -> None:
     truth = validate(replace(identified, values=arm.base), other_run)
     assert (validation.rms_nm < 1.1 * truth.rms_nm).all()
@@ -84,7 +87,7 @@ def test_the_noise_floor_is_what_is_left_of_it_inside_the_band(
 
 
 def test_a_joint_that_never_moves_has_no_error_and_no_verdict(
-    arm: Any, identified: Estimate, measure: Measure
+    arm: KnownArm, identified: Estimate, measure: Measure
 ) -> None:
     still = arm.motion.joints[1].model_copy(update={"sine": (0.0,), "cosine": (0.0,)})
     motion = arm.motion.model_copy(
