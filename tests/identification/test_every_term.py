@@ -63,22 +63,30 @@ def one_term(name: str) -> OneTerm:
     return OneTerm(robot, model, parameters, Conditions(payload=name == "payload"))
 
 
+Triple = tuple[FloatArray, FloatArray, FloatArray]
+
+
+def triple(rows: FloatArray) -> Triple:
+    q, v, a = rows
+    return q, v, a
+
+
 @pytest.fixture
-def motion() -> FloatArray:
-    return np.random.default_rng(2).uniform(0.2, 2.0, (3, 8, 3))
+def motion() -> Triple:
+    return triple(np.random.default_rng(2).uniform(0.2, 2.0, (3, 8, 3)))
 
 
-def moved(motion: FloatArray, order: int, joint: int) -> tuple[FloatArray, FloatArray]:
-    ahead, behind = motion.copy(), motion.copy()
+def moved(motion: Triple, order: int, joint: int) -> tuple[Triple, Triple]:
+    ahead, behind = np.array(motion), np.array(motion)
     ahead[order, :, joint] += STEP
     behind[order, :, joint] -= STEP
-    return ahead, behind
+    return triple(ahead), triple(behind)
 
 
 @pytest.mark.parametrize("name", TERMS)
 class TestEveryTerm:
     def test_the_torque_is_the_regressor_times_the_parameters(
-        self, name: str, motion: FloatArray
+        self, name: str, motion: Triple
     ) -> None:
         case = one_term(name)
         tau = torque(case.model, *motion, case.parameters, case.conditions)
@@ -87,7 +95,7 @@ class TestEveryTerm:
         assert np.abs(tau).max() > 0.1, "a term that does nothing shows nothing"
 
     def test_the_gradients_are_the_slopes_of_torque_and_regressor(
-        self, name: str, motion: FloatArray
+        self, name: str, motion: Triple
     ) -> None:
         case = one_term(name)
         by = torque_derivatives(case.model, *motion, case.parameters, case.conditions)
@@ -107,7 +115,7 @@ class TestEveryTerm:
                 slope = (sums[0] - sums[1]) / (2.0 * STEP)
                 np.testing.assert_allclose(by_weights[order][:, joint], slope, rtol=1e-6, atol=1e-4)
 
-    def test_the_base_wrench_and_its_gradient_agree(self, name: str, motion: FloatArray) -> None:
+    def test_the_base_wrench_and_its_gradient_agree(self, name: str, motion: Triple) -> None:
         case = one_term(name)
         still = replace(case.conditions, payload=False)
         wrench = base_wrench(case.model, *motion, case.parameters)
@@ -124,7 +132,7 @@ class TestEveryTerm:
             np.testing.assert_allclose(by[0][:, joint], slope, rtol=1e-5, atol=1e-4)
 
     def test_the_inertia_is_the_slope_of_the_torque_by_acceleration(
-        self, name: str, motion: FloatArray
+        self, name: str, motion: Triple
     ) -> None:
         case = one_term(name)
         inertia = mass_matrix(case.model, motion[0], case.parameters)
@@ -137,16 +145,14 @@ class TestEveryTerm:
             )
             np.testing.assert_allclose(inertia[:, :, joint], ahead - still, rtol=1e-9, atol=1e-9)
 
-    def test_one_sample_is_the_torque_without_the_payload(
-        self, name: str, motion: FloatArray
-    ) -> None:
+    def test_one_sample_is_the_torque_without_the_payload(self, name: str, motion: Triple) -> None:
         case = one_term(name)
         one = SampleTorque.of(case.model, case.parameters)
         expected = torque(case.model, *motion, case.parameters)
-        found = np.array([one(*sample) for sample in motion.transpose(1, 0, 2)])
+        found = np.array([one(*sample) for sample in zip(*motion, strict=True)])
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
-    def test_the_export_is_the_torque(self, name: str, motion: FloatArray) -> None:
+    def test_the_export_is_the_torque(self, name: str, motion: Triple) -> None:
         case = one_term(name)
         written = ModuleType("written")
         text = python_function(ExportModel(case.robot, case.model, case.parameters))

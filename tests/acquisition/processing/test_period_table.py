@@ -30,10 +30,10 @@ def recording() -> Recording:
     answered[RUN_IN + 3, 0] = answered[RUN_IN + 2 * K + 9, 1] = False
     return Recording(
         joint_names=("a", "b"),
-        time_s=np.arange(rows) * 0.01,
+        time_s=np.arange(rows, dtype=np.float64) * 0.01,
         position=clean + 1e-3 * random.normal(size=clean.shape),
         torque_nm=7.0 * clean + random.normal(size=clean.shape),
-        valid=answered.all(axis=1),
+        valid=np.asarray(answered.all(axis=1)),
         phase=np.repeat(
             np.array([Phase.RUN_IN, Phase.MAIN, Phase.RUN_OUT], dtype=np.uint8),
             [RUN_IN, PERIODS * K, 11],

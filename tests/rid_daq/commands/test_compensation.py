@@ -233,6 +233,7 @@ class TestStream:
     ) -> None:
         arm = load_cell(str(workshop / "arm.yaml"))
         script = FaultScript(bus=(FrameFault(kind="drop", joint="axis2", probability=0.04),))
+        assert arm.plant is not None
         simulation = CellSimulation(arm.config, arm.robot, arm.plant, False, 1, faults=script)
         with SimulatedCell(simulation) as lossy:
             (served := workshop / "lossy.yaml").write_text(to_yaml(lossy.cell))
