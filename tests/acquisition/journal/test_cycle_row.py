@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ def test_a_row_has_the_fields_of_the_file_in_their_order() -> None:
 @pytest.mark.parametrize("joints", [1, 3, 16])
 def test_what_is_written_by_name_is_read_by_name(joints: int) -> None:
     dtype = row_dtype(joints)
-    fields = {}
+    fields: dict[str, Any] = {}  # each as its dtype says
     for number, name in enumerate(CycleRow._fields):
         shape = dtype[name].shape
         fields[name] = [number + 1] * shape[0] if shape else number + 1
