@@ -10,7 +10,7 @@ import pytest
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from acquisition.session.record import RecordOutcome
+from acquisition.session.outcome import RecordOutcome
 from acquisition.session.timing import CycleTally
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from config.errors import DataQualityError, RecordingError
