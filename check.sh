@@ -14,5 +14,5 @@ step $bin/pyright & # both take one core
 pyright=$!
 step $bin/mypy
 wait $pyright
-step $bin/python -m pytest -q -m "not slow and not alone" -n 2 \
+step $bin/python -m pytest -q -m "not slow and not alone" -n 3 \
     --dist loadfile --no-loadscope-reorder --durations 20 "$@"

@@ -25,7 +25,6 @@ MISSING = [name for name in NEEDED if shutil.which(name) is None]
 PATIENCE_S = 580
 
 pytestmark = [
-    pytest.mark.alone,
     pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}"),
     pytest.mark.timeout(PATIENCE_S + 20),
     pytest.mark.skipif(sys.platform != "linux", reason="user-mode-linux runs on Linux alone"),
@@ -82,6 +81,7 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return figures
 
 
+@pytest.mark.slow
 @pytest.mark.fault(12)
 def test_the_interface_and_drives_on_it(
     figures: dict[str, str], measured: Callable[[str], None]
@@ -90,6 +90,7 @@ def test_the_interface_and_drives_on_it(
         measured(f"SocketCAN, {fault}: {figures[fault]}")
 
 
+@pytest.mark.slow
 @pytest.mark.fault(26)
 def test_the_kernels_stamps_are_of_use_while_the_date_is_set(
     figures: dict[str, str], measured: Callable[[str], None]
@@ -97,6 +98,7 @@ def test_the_kernels_stamps_are_of_use_while_the_date_is_set(
     measured(f"SocketCAN, date set in motion: {figures['date set in motion']}")
 
 
+@pytest.mark.slow
 @pytest.mark.fault(24)
 def test_a_disk_that_dies_in_motion(
     figures: dict[str, str], measured: Callable[[str], None]
@@ -104,5 +106,6 @@ def test_a_disk_that_dies_in_motion(
     measured(f"EIO of a block device that dies: {figures['failing disk']}")
 
 
+@pytest.mark.alone
 def test_the_acceptance_suite(tmp_path: Path) -> None:
     assert_passed(boot(tmp_path, "tests/mock_hw/test_bus_acceptance.py", "-k", "socketcan"))

@@ -121,7 +121,7 @@ def test_a_killed_plate_recorder_stops_the_motion(loaded: LoadedCell, record: Re
     def kill(progress: Progress) -> None:
         if progress.phase >= Phase.MAIN:
             for process in multiprocessing.active_children():
-                if "plate recorder" in process.name and process.pid is not None:
+                if "plate's recorder" in process.name and process.pid is not None:
                     os.kill(process.pid, signal.SIGKILL)
 
     with served(loaded) as simulated:

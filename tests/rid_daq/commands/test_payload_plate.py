@@ -15,6 +15,7 @@ from rid_daq.runs.run_data import RunData
 from tests.builders.told import document
 
 
+@pytest.mark.slow
 def test_every_run_of_a_payload_session_records_the_force_plate(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -28,6 +28,7 @@ def workshop(real_robot: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     return place
 
 
+@pytest.mark.slow
 def test_a_model_chosen_by_the_training_runs_alone_predicts_another_motion(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -56,6 +57,7 @@ def test_a_payload_is_weighed_from_runs_with_and_without_it(
     assert abs(mass["value"] - 2.805) < 2.0 * mass["std"]
 
 
+@pytest.mark.slow
 def test_drive_gains_by_the_weighed_payload_and_three_cross_checks(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
