@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -77,8 +77,8 @@ class CycleRow(NamedTuple):
 
     def values(self) -> tuple[float, ...]:
         """Return all values in the order of `row_dtype`, as `row_struct` packs them."""
-        fields: tuple[Any, ...] = self
         values: list[float] = []
+        fields = cast("tuple[Any, ...]", self)
         for value, (_, _, per_joint, _) in zip(fields, _FIELDS, strict=True):
             if per_joint:
                 values += value

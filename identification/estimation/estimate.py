@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, Protocol
@@ -154,24 +155,28 @@ class TorqueModel(Protocol):
     """What a torque is predicted with: an `Estimate`, or a fit without its intervals."""
 
     @property
+    @abstractmethod
     def model(self) -> RobotModel:
         """The robot's model."""
 
     @property
+    @abstractmethod
     def base(self) -> BaseParameters:
         """What of it was identified."""
 
     @property
+    @abstractmethod
     def values(self) -> FloatArray:
         """The base parameters, shape (b,)."""
 
     @property
+    @abstractmethod
     def standard_values(self) -> FloatArray:
         """Standard parameters with the same torques, shape (p,)."""
 
 
 def predict(
-    estimate: TorqueModel,
+    estimate: Estimate | TorqueModel,
     q: FloatArray,
     v: FloatArray,
     a: FloatArray,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Protocol, Self
 
@@ -16,12 +17,15 @@ class MeasuredRuns(Protocol):
     """What the procedures ask of runs: `PeriodicRuns` and `SmoothedRuns` answer."""
 
     @property
+    @abstractmethod
     def loaded(self) -> tuple[bool, ...]:
         """Which runs carried the payload."""
 
+    @abstractmethod
     def part(self, chosen: Sequence[int]) -> Self:
         """Return some of the runs, by number from 0."""
 
+    @abstractmethod
     def equations(
         self,
         model: PayloadModel,
@@ -49,6 +53,7 @@ class MeasuredRuns(Protocol):
             The runs do not fit the procedure.
         """
 
+    @abstractmethod
     def estimate(
         self, robot: RobotDescription, model: ModelOptions, payload: Sequence[bool]
     ) -> Estimate:
