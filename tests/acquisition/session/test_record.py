@@ -212,7 +212,7 @@ def test_a_disk_that_takes_no_more_stops_the_motion_and_what_was_written_stays_r
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.RECORDER
     assert "cannot be written" in outcome.stop.text
-    assert outcome.rows > 0.97 * 1_000_000 / (row_struct(3).size + 35 + 16)
+    assert outcome.rows > 0.95 * 1_000_000 / (row_struct(3).size + 35 + 16)  # but for one write
     assert_at_rest(simulated)
     measured(f"quick stop, axes at rest, {outcome.rows} rows readable")
 
