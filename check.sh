@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Every check, and every test that is not marked as slow or as to be run alone: .ci/run runs those too.
+# Every check, and every test that is not marked as slow, long or to be run alone: see CONTRIBUTING.md.
 set -euo pipefail
 cd "$(dirname "$0")"
 . ./environment.sh
@@ -14,5 +14,5 @@ step $bin/pyright & # both take one core
 pyright=$!
 step $bin/mypy
 wait $pyright
-step $bin/python -m pytest -q -m "not slow and not alone" -n 3 \
+step $bin/python -m pytest -q -m "not slow and not alone and not long" -n 3 \
     --dist loadfile --no-loadscope-reorder --durations 20 "$@"

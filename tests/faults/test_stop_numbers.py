@@ -150,7 +150,7 @@ def every_axis_stops_where_the_preflight_is_green(
 
 @pytest.mark.timeout(1500)
 @pytest.mark.fault(39)
-@pytest.mark.parametrize("cells", [250, pytest.param(2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cells", [250, pytest.param(2000, marks=pytest.mark.long)])
 def test_every_axis_stops_where_the_preflight_is_green(measured: Measured, cells: int) -> None:
     SEEN.clear()
     settings(

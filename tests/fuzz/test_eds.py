@@ -1,6 +1,6 @@
 """Data sheets that were changed by chance: read, or refused with a file and a line, in little time.
 
-Changed sheets, 100,000 of them in CI: bytes flipped, cut, doubled and replaced by what has broken
+Changed sheets, 100,000 of them in the long run: bytes flipped, cut, doubled and replaced by what has broken
 parsers before, lines deleted, doubled, moved. Then files of the largest size that there may be.
 """
 
@@ -106,7 +106,7 @@ def outcome(data: bytes) -> str:
     return "read"
 
 
-@pytest.mark.parametrize("sheets", [10_000, pytest.param(100_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("sheets", [10_000, pytest.param(100_000, marks=pytest.mark.long)])
 def test_sheets_changed_anywhere_are_read_or_refused_with_their_line(sheets: int) -> None:
     chance = random.Random(4)
     counts: Counter[str] = Counter()

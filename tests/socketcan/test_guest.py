@@ -107,5 +107,6 @@ def test_a_disk_that_dies_in_motion(
 
 
 @pytest.mark.alone
+@pytest.mark.long
 def test_the_acceptance_suite(tmp_path: Path) -> None:
     assert_passed(boot(tmp_path, "tests/mock_hw/test_bus_acceptance.py", "-k", "socketcan"))
