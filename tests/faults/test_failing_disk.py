@@ -104,7 +104,8 @@ def test_a_disk_that_dies_in_motion_stops_it_and_what_was_on_it_is_kept(
     assert program.returncode == 7
     sys.stdout.write(complained)
     assert json.loads(said)["error"]["exit_code"] == 7
-    assert "rid-daq: Stopped: " in complained
+    # matplotlib may say first that it builds its font cache
+    assert any(line.startswith("rid-daq: Stopped: ") for line in complained.splitlines())
     assert "recording.mcap: cannot be written: Input/output error" in complained
     assert "result.json: cannot be written: Input/output error" in complained
     assert written(disk) >= kept_bytes
