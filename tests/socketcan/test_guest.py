@@ -22,7 +22,7 @@ HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parent.parent
 NEEDED = ["linux.uml", "busybox", "candump", "cansend", "slcand", "ip", "tc", "dmsetup", "mke2fs"]
 MISSING = [name for name in NEEDED if shutil.which(name) is None]
-PATIENCE_S = 580
+PATIENCE_S = 860
 
 pytestmark = [
     pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}"),
