@@ -33,7 +33,7 @@ from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import record_motion
-from acquisition.task.control_block import Progress, TaskState
+from acquisition.task.states import Progress, TaskState
 from config.load import LoadedCell, load_cell
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import Role

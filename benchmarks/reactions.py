@@ -40,7 +40,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import record_motion
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.control_block import Progress
+from acquisition.task.states import Progress
 from benchmarks.lateness import calm_p99
 from config.load import LoadedCell, load_cell
 from config.simulation.faults import DriveFault, FaultScript, FrameFault

@@ -28,8 +28,9 @@ from acquisition.journal.cycles import read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.repair import repair_journal
-from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
+from acquisition.task.states import TaskState
 from config.errors import RecordingError
 
 ROWS: Final = 6000
@@ -103,7 +104,7 @@ def made_by_the_recorder(path: Path) -> NDArray[Any]:
     layout = row_struct(3)
     for row in rows:
         ring.write(layout.unpack(row.tobytes()))
-    control.task_state = TaskState.FINISHED
+    control.task.state = TaskState.FINISHED
     run_recorder(ring, control, path, HEADER, os.getppid())
     return rows
 

@@ -12,8 +12,10 @@ from pathlib import Path
 from acquisition.journal.cycles import JournalWriter
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.mcap_writer import FLUSH_PERIOD_S, SYNC_PERIOD_S
-from acquisition.task.control_block import ControlBlock, RecorderState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
+from acquisition.task.states import RecorderState
+from config.errors import RecordingError
 from config.process.process_name import ProcessName, set_process_name
 from config.process.shortage import as_named
 from config.process.termination import leave_terminal
@@ -47,18 +49,17 @@ def run_recorder(
     set_process_name(ProcessName.RECORDER)
     try:
         with JournalWriter(path, header) as writer:
-            control.recorder_state = RecorderState.RECORDING
+            control.recorder.state = RecorderState.RECORDING
             _carry(ring, control, writer, parent)
-        control.recorder_state = RecorderState.FINISHED
+        control.recorder.state = RecorderState.FINISHED
     except Exception as error:
-        control.fail_recorder(str(as_named(error)))
+        control.recorder.fail(as_named(error))
 
 
 def _carry(ring: Ring, control: ControlBlock, writer: JournalWriter, parent: int) -> None:
     flushed = synced = alive = time.monotonic()
     beat = -1
     while True:
-        control.beat_recorder()
         # asked before reading: rows written before the task's last word are then all seen
         last = control.task_gone
         rows = ring.read()
@@ -73,13 +74,13 @@ def _carry(ring: Ring, control: ControlBlock, writer: JournalWriter, parent: int
             flushed = now
             synced = now if to_disk else synced
             trouble = writer.trouble
-            if trouble and control.recorder_state is RecorderState.RECORDING:
-                control.end_recorder(f"{writer.path}: {trouble}")
-        if writer.disk_full and control.recorder_state is RecorderState.RECORDING:
-            control.end_recorder(f"{writer.path}: the disk is full")
+            if trouble and control.recorder.state is RecorderState.RECORDING:
+                control.recorder.end(RecordingError(f"{writer.path}: {trouble}"))
+        if writer.disk_full and control.recorder.state is RecorderState.RECORDING:
+            control.recorder.end(RecordingError(f"{writer.path}: the disk is full"))
         if os.getppid() != parent:
-            if control.task_beat != beat:
-                beat, alive = control.task_beat, now
+            if control.task.beat != beat:
+                beat, alive = control.task.beat, now
             elif now - alive > ORPHAN_PATIENCE_S:
                 return
         if not rows:

@@ -14,7 +14,8 @@ import numpy as np
 
 from acquisition.journal.monitor import MonitorWriter
 from acquisition.journal.monitor_row import MonitorHeader
-from acquisition.task.control_block import ControlBlock, MonitorState, Pace
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import MonitorState, Pace
 from config.cell.drive_profile import DriveProfile
 from config.cell.monitor import MonitorConfig
 from config.errors import DriverError
@@ -53,16 +54,16 @@ def run_monitor(
     leave_terminal()
     try:
         with open_drive_monitor(config, profile) as monitor, MonitorWriter(path, header) as writer:
-            control.monitor_state = MonitorState.POLLING
-            while control.pace is Pace.UNKNOWN and not _over(control, parent):
+            control.monitor.state = MonitorState.POLLING
+            while control.task.pace is Pace.UNKNOWN and not _over(control, parent):
                 time.sleep(LOOK_S)
-            if control.pace is Pace.LOCKSTEP:
+            if control.task.pace is Pace.LOCKSTEP:
                 _answer_questions(monitor, writer, control, parent)
             else:
                 _ask_regularly(monitor, writer, control, config.period_s, parent)
-        control.monitor_state = MonitorState.FINISHED
+        control.monitor.state = MonitorState.FINISHED
     except Exception as error:
-        control.fail_monitor(str(as_named(error)))
+        control.monitor.fail(as_named(error))
 
 
 def _ask_regularly(
@@ -87,12 +88,12 @@ def _answer_questions(
     monitor: DriveMonitor, writer: MonitorWriter, control: ControlBlock, parent: int
 ) -> None:
     while not _over(control, parent):
-        if control.monitor_rounds >= control.monitor_asked:
+        if control.monitor.rounds >= control.task.rounds_asked:
             time.sleep(LOCKSTEP_LOOK_S)
             continue
         reading = _round(monitor, control)
-        writer.append(control.monitor_asked_s, reading)
-        control.count_monitor_round()
+        writer.append(control.task.round_asked_s, reading)
+        control.monitor.count_round()
 
 
 def _round(monitor: DriveMonitor, control: ControlBlock) -> MonitorReading:
@@ -100,9 +101,9 @@ def _round(monitor: DriveMonitor, control: ControlBlock) -> MonitorReading:
     try:
         reading = monitor.read()
     except DriverError as error:
-        nothing = np.full(control.monitored, np.nan)
+        nothing = np.full(control.program.monitored, np.nan)
         reading = MonitorReading(nothing, nothing.copy(), (str(error),))
-    control.show_temperatures(reading.temperature_k.tolist(), reading.problems)
+    control.monitor.show_temperatures(reading.temperature_k.tolist(), reading.problems)
     return reading
 
 

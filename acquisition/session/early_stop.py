@@ -13,7 +13,8 @@ import numpy as np
 from acquisition.journal.cycle_reader import CycleReader
 from acquisition.motion.samples import MotionSamples
 from acquisition.recording.recording import Recording, joined
-from acquisition.task.control_block import ControlBlock, Progress
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import Progress
 from config.errors import RecordingError, RidDaqError
 
 FEWEST_PERIODS = 3
@@ -84,14 +85,14 @@ class EarlyStop:
         self._reader: CycleReader | None = None
         self._unseen: list[Recording] = []
         self._begun = 0  # periods that earlier questions had
-        control.judge_periods()
+        control.program.judge_periods()
 
     def look(self, progress: Progress) -> None:
         """Ask about the periods that are over by now, unless an answer is awaited.
 
         A period is over when the row before its end was commanded.
         """
-        if self._control.enough or (self.pending is not None and not self.pending.done()):
+        if self._control.program.enough or (self.pending is not None and not self.pending.done()):
             return
         over = self._asked
         while over + 1 in self._ends and progress.sample_index >= self._ends[over + 1] - 1:
@@ -122,7 +123,7 @@ class EarlyStop:
         except RecordingError:
             pass  # the recorder sees what becomes of its file, and ends the motion by name
         finally:
-            self._control.judge(periods, enough)
+            self._control.program.judge(periods, enough)
 
     def _new_periods(self, periods: int) -> NewPeriods:
         """Return what came since the last question, and keep what belongs to the next."""

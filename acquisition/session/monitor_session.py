@@ -8,9 +8,11 @@ from acquisition.journal.monitor_row import MONITOR, MonitorHeader
 from acquisition.runs.folder import RunFolder
 from acquisition.session.drive_monitor import run_monitor
 from acquisition.session.helper_process import HelperProcess
-from acquisition.task.control_block import ControlBlock, MonitorState
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import MonitorState
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
+from config.errors import DriverError
 from config.load import load_bundled_or_path
 from config.robot.robot import RobotDescription
 
@@ -29,7 +31,7 @@ def monitor_process(
         return None
     if profile is None:
         profile = load_bundled_or_path(cell.monitor.profile, "profiles", DriveProfile)
-    control.announce_monitor(len(robot.joints))
+    control.program.announce_monitor(len(robot.joints))
     header = MonitorHeader(
         joint_names=robot.joint_names,
         period_s=cell.monitor.period_s,
@@ -45,7 +47,13 @@ def end_monitor(monitor: HelperProcess, control: ControlBlock) -> list[str]:
     """End the drive monitor after the motion; return what there is to say about it."""
     notes = monitor.end()
     if monitor.exit_code:
-        control.declare_monitor_dead()
-    if control.monitor_state is MonitorState.FAILED:
-        return [f"no temperatures from here on: {control.monitor_error}"]
-    return notes + ([control.monitor_error] if control.monitor_error else [])
+        declare_dead(control)
+    if control.monitor.state is MonitorState.FAILED:
+        return [control.monitor.note]
+    return [*notes, *filter(None, [control.monitor.note])]
+
+
+def declare_dead(control: ControlBlock) -> None:
+    """Let nobody wait for a monitor whose process has ended without a word."""
+    if control.monitor.working:
+        control.monitor.fail(DriverError("the process that asks the drives has died"))

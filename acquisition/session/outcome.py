@@ -11,7 +11,8 @@ from acquisition.journal.header import JournalHeader
 from acquisition.session.helper_process import HelperProcess
 from acquisition.session.timing import CycleStatistics, CycleTally
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import TaskState
 from config.errors import RecordingError
 from config.process.termination import Interruption
 
@@ -77,9 +78,9 @@ def outcome_of(
     RidDaqError
         The motion failed before it began, or nothing was recorded.
     """
-    notes = notes + list(control.notes)
-    stop = control.stop_reason
-    error = control.task_error
+    notes = notes + list(control.task.notes)
+    stop = control.task.stop_reason
+    error = control.task.error
     finished = control.progress.state is TaskState.FINISHED
     task_exit = task.exit_code
     if stop is None and not finished:

@@ -10,7 +10,8 @@ from acquisition.session.helper_process import HelperProcess, start_all
 from acquisition.session.plate_block import PlateBlock, PlateState
 from acquisition.session.plate_recorder import PlateTask, run_plate_recorder
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.control_block import ControlBlock, Progress
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import Progress
 from config.cell.plate import CHANNEL_NAMES
 from config.errors import RecordingError
 
@@ -55,12 +56,12 @@ class PlateSession:
         """Stop the motion where the plate is lost, or overloaded in too many periods."""
         status = self._block.status(time.monotonic())
         if status.state in (PlateState.LINE_LOST, PlateState.FAILED) or not self._process.is_alive:
-            control.request_stop(StopCode.PLATE_LINE)
+            control.program.request_stop(StopCode.PLATE_LINE)
         if status.overloaded_rows > self._overloaded_rows and progress.sample_index >= 0:
             self._overloaded_rows = status.overloaded_rows
             self._spoilt.add(progress.sample_index // (self._samples_per_period or 1 << 62))
             if len(self._spoilt) > OVERLOADED_PERIODS:
-                control.request_stop(StopCode.PLATE_OVERLOAD)
+                control.program.request_stop(StopCode.PLATE_OVERLOAD)
 
     def close(self) -> tuple[str, ...]:
         """End the stream and the file; return what a person should know, one sentence each."""

@@ -20,22 +20,18 @@ from acquisition.runs.manifest import RECORDING
 from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.early_stop import EarlyStop, EarlyStopRule
 from acquisition.session.helper_process import HelperProcess, Observer, start_all
-from acquisition.session.monitor_session import end_monitor, monitor_process
+from acquisition.session.monitor_session import declare_dead, end_monitor, monitor_process
 from acquisition.session.outcome import RecordOutcome, outcome_of
 from acquisition.session.plate_preparation import prepare_plate
 from acquisition.session.plate_recorder import PlateTask
 from acquisition.session.plate_session import PlateSession
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.control_block import (
-    ControlBlock,
-    Progress,
-    RecorderState,
-    TaskState,
-)
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.joint_values import JointWatch
 from acquisition.task.process import run_cyclic_task
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion, SetPointSource
+from acquisition.task.states import Progress, RecorderState, TaskState
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
@@ -169,7 +165,7 @@ def record_motion(
     with (
         suspension_refused(NO_PAUSE),
         termination_calls(
-            lambda: control.request_stop(StopCode.INTERRUPTED), then_ignored=True
+            lambda: control.program.request_stop(StopCode.INTERRUPTED), then_ignored=True
         ) as interruption,
     ):
         plate = _start_plate(cell, source, folder, profiles.amplifier)
@@ -259,13 +255,13 @@ def _watch(
         wait(sentinels, WATCH_S)
         if len(sentinels) == 2 and not recorder.is_alive:
             sentinels.pop()
-            control.request_stop(StopCode.RECORDER)
+            control.program.request_stop(StopCode.RECORDER)
         if monitor is not None and not monitor.is_alive:
-            control.declare_monitor_dead()
+            declare_dead(control)
         progress = control.progress
         now_s = time.monotonic()
-        if control.task_beat != beat:
-            beat, changed_s = control.task_beat, now_s
+        if control.task.beat != beat:
+            beat, changed_s = control.task.beat, now_s
         moving = progress.state in (TaskState.MOVING, TaskState.STOPPING)
         if now_s - changed_s > (BEAT_PATIENCE_S if moving else START_PATIENCE_S):
             task.kill()
@@ -284,12 +280,12 @@ def _wind_up(task: HelperProcess, recorder: HelperProcess, control: ControlBlock
     """
     notes = []
     if task.is_alive:
-        control.request_stop(StopCode.INTERRUPTED)
+        control.program.request_stop(StopCode.INTERRUPTED)
         if not task.wait(STOP_PATIENCE_S):
             notes.append("the cyclic task did not stop when asked and was killed")
             task.kill()
     task.end()
-    control.declare_task_gone()
+    control.program.declare_task_gone()
     died = recorder.end()
-    failed = control.recorder_state is RecorderState.FAILED
-    return notes + ([control.recorder_error] if failed else died)
+    failed = control.recorder.state is RecorderState.FAILED
+    return notes + ([str(control.recorder.error)] if failed else died)

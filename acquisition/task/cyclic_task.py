@@ -23,11 +23,12 @@ from acquisition.supervision.held_positions import HeldPositions
 from acquisition.supervision.lateness import Lateness
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.supervision.supervisor import Supervisor
-from acquisition.task.control_block import ControlBlock, Pace, RecorderState, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.lockstep import Lockstep
 from acquisition.task.position_loop import PositionLoop
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import SetPointSource
+from acquisition.task.states import Pace, RecorderState, TaskState
 from acquisition.task.stop_sequence import StopSequence
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
@@ -96,12 +97,12 @@ class CyclicTask:
         self._lateness = Lateness(cell)
         self._positions = HeldPositions(cell, robot)
         self._supervisor = Supervisor(cell, robot, self._positions)
-        self._ending = StopSequence(axes, clock, cell, robot, control)
+        self._ending = StopSequence(axes, clock, cell, robot, control.task)
         self._velocity = np.zeros(len(robot.joints))
         self._rest = [0.0] * len(robot.joints)
         self._origin_s = 0.0
         self._cycle = 0
-        control.pace = Pace.LOCKSTEP if lockstep else Pace.REAL_TIME
+        control.task.pace = Pace.LOCKSTEP if lockstep else Pace.REAL_TIME
         self._lockstep = None
         if lockstep:
             self._lockstep = Lockstep(
@@ -135,27 +136,27 @@ class CyclicTask:
         approach(start, start, self._robot, self._period_s)
         reason = self._order_to_stop()
         if reason is not None:
-            control.report_stop(reason)
+            control.task.report_stop(reason)
             return reason
         self._refuse_collision(start)
-        control.task_state = TaskState.ENABLING
+        control.task.state = TaskState.ENABLING
         synced_s = axes.enable()
         refuse_pose(self._robot, axes.answers.position.tolist())
         way = approach(axes.answers.position, start, self._robot, self._period_s)
         self._supervisor.begin(axes.answers)
         self._origin_s = synced_s
         self._cycle = max(1, math.ceil((self._clock.now_s() - synced_s) / self._period_s))
-        control.task_state = TaskState.MOVING
+        control.task.state = TaskState.MOVING
         try:
             reason = self._stream(way, source)
         except (DriverError, SafetyStop) as error:
             reason = StopReason(StopCode.BUS, str(error))
         if reason is not None:
-            control.report_stop(reason)
-            control.task_state = TaskState.STOPPING
+            control.task.report_stop(reason)
+            control.task.state = TaskState.STOPPING
             self._stop()
         for note in (*source.notes, *axes.bus_notes()):
-            control.add_note(note)
+            control.task.add_note(note)
         self._ending.disable()
         return reason
 
@@ -209,11 +210,11 @@ class CyclicTask:
         word counts, and what it says during a period ends the motion after that period.
         """
         control = self._control
-        if not control.judging:
+        if not control.program.judging:
             return False
         if self._lockstep is not None and not self._lockstep.wait_for_judgement(periods):
             return False
-        return control.enough
+        return control.program.enough
 
     def _wake(self) -> tuple[float, int]:
         """Sleep to the next cycle; return how late it begins [s] and how many periods passed."""
@@ -227,11 +228,11 @@ class CyclicTask:
 
     def _order_to_stop(self) -> StopReason | None:
         control = self._control
-        if control.stop_code:
-            code = StopCode(control.stop_code)
+        if control.program.stop_code:
+            code = StopCode(control.program.stop_code)
             return StopReason(code, _TEXT_OF_ORDER.get(code, code.name.lower()))
-        if control.recorder_state in (RecorderState.FAILED, RecorderState.ENDING):
-            return StopReason(StopCode.RECORDER, control.recorder_error)
+        if control.recorder.state in (RecorderState.FAILED, RecorderState.ENDING):
+            return StopReason(StopCode.RECORDER, str(control.recorder.error))
         if self._lockstep is None and (fill := self._ring.fill) > RING_LIMIT:
             return StopReason(
                 StopCode.RECORDER,
@@ -300,7 +301,7 @@ class CyclicTask:
         target = cycle.target
         self._axes.send_heartbeat(self._clock.now_s())
         full = self._write(cycle)
-        self._control.set_progress(target.sample_index, target.phase, self._cycle)
+        self._control.task.set_progress(target.sample_index, target.phase, self._cycle)
         self._cycle += 1
         return full
 

@@ -7,8 +7,9 @@ import time
 from collections.abc import Callable
 
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.control_block import ControlBlock, MonitorState, RecorderState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
+from acquisition.task.states import RecorderState
 from config.cell.cell import CellConfig
 
 RECORDER_PATIENCE_S = 30.0
@@ -38,7 +39,7 @@ class Lockstep:
         self._control = control
         self._ring = ring
         self._stopped = stopped
-        self._monitored = bool(control.monitored) and cell.monitor is not None
+        self._monitored = bool(control.program.monitored) and cell.monitor is not None
         period_s = math.inf if cell.monitor is None else cell.monitor.period_s
         self._least_s = period_s - 0.5 * cell.cycle_time_s
         self._asked_s = -math.inf
@@ -50,8 +51,8 @@ class Lockstep:
         while time.monotonic() < until_s:
             if self._ring.waiting < self._ring.capacity:
                 return True
-            failed = control.recorder_state is RecorderState.FAILED
-            if failed or control.stop_code == StopCode.RECORDER:
+            failed = control.recorder.state is RecorderState.FAILED
+            if failed or control.program.stop_code == StopCode.RECORDER:
                 return False
             time.sleep(PAUSE_S)
         return False
@@ -60,10 +61,10 @@ class Lockstep:
         """Wait until so many whole periods have been judged; return False where a stop ends it."""
         control = self._control
         until_s = time.monotonic() + JUDGE_PATIENCE_S
-        while control.periods_judged < periods and time.monotonic() < until_s:
+        while control.program.periods_judged < periods and time.monotonic() < until_s:
             if self._stopped():
                 return False
-            control.beat_task()  # a judgement may take longer than a task may be silent
+            control.task.give_sign_of_life()  # a task may not be silent for so long
             time.sleep(PAUSE_S)
         return True
 
@@ -73,10 +74,10 @@ class Lockstep:
             return
         control = self._control
         self._asked_s = time_s
-        asked = control.ask_monitor(time_s)
+        asked = control.task.ask_round(time_s)
         until_s = time.monotonic() + MONITOR_PATIENCE_S
-        while control.monitor_rounds < asked and time.monotonic() < until_s:
-            polls = control.monitor_state in (MonitorState.STARTING, MonitorState.POLLING)
+        while control.monitor.rounds < asked and time.monotonic() < until_s:
+            polls = control.monitor.working
             if not polls or self._stopped():
                 return
             time.sleep(PAUSE_S)

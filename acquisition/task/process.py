@@ -6,12 +6,13 @@ import os
 import time
 from collections.abc import Callable
 
-from acquisition.task.control_block import ControlBlock, RecorderState, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.lockstep import PAUSE_S, RECORDER_PATIENCE_S
 from acquisition.task.realtime import become_realtime, freeze_garbage
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import SetPointSource
+from acquisition.task.states import RecorderState, TaskState
 from config.cell.cell import CellConfig
 from config.errors import RecordingError
 from config.process.process_name import ProcessName, set_process_name
@@ -48,7 +49,7 @@ def run_cyclic_task(
     """
     leave_terminal()
     set_process_name(ProcessName.TASK)
-    control.task_state = TaskState.BRING_UP
+    control.task.state = TaskState.BRING_UP
 
     def orphaned() -> bool:
         return os.getppid() != parent
@@ -62,7 +63,7 @@ def run_cyclic_task(
             freeze_garbage()
             if not lockstep:
                 for note in become_realtime():
-                    control.add_note(note)
+                    control.task.add_note(note)
             opened.axes.start()
             CyclicTask(
                 opened.axes,
@@ -75,19 +76,19 @@ def run_cyclic_task(
                 orphaned=orphaned,
             ).run(source)
     except Exception as error:
-        control.report_error(as_named(error))
+        control.task.fail(as_named(error))
     finally:
-        control.task_state = TaskState.FINISHED
+        control.task.state = TaskState.FINISHED
 
 
 def _await_recorder(control: ControlBlock, orphaned: Callable[[], bool]) -> None:
     """Wait until the recorder has its file: nothing is moved that is not recorded."""
     until_s = time.monotonic() + RECORDER_PATIENCE_S
-    while control.recorder_state is RecorderState.STARTING:
-        if control.stop_code or orphaned():
+    while control.recorder.state is RecorderState.STARTING:
+        if control.program.stop_code or orphaned():
             return
         if time.monotonic() > until_s:
             raise RecordingError("the recorder did not start; nothing was moved")
         time.sleep(PAUSE_S)
-    if control.recorder_state is RecorderState.FAILED:
-        raise RecordingError(f"{control.recorder_error}; nothing was moved")
+    if control.recorder.state is RecorderState.FAILED:
+        raise RecordingError(f"{control.recorder.error}; nothing was moved")

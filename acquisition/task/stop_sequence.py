@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from acquisition.motion.limits import position_bounds
-from acquisition.task.control_block import ControlBlock
+from acquisition.task.task_words import TaskWords
 from config.cell.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot.robot import RobotDescription
@@ -28,7 +28,7 @@ SLACK = 0.1
 
 
 class StopSequence:
-    """How a motion ends. A bus that fails meanwhile is noted in the control block, not raised.
+    """How a motion ends. A bus that fails meanwhile is noted, not raised.
 
     Its patience is what the ramp takes from top speed, as the preflight has allowed it
     (`drivers.servo.stop_ramp.LONGEST_STOP_S` at most), and `STOP_MARGIN_S`.
@@ -41,7 +41,7 @@ class StopSequence:
         The clock of their bus.
     cell, robot : CellConfig, RobotDescription
         Cycle time, deceleration of a quick stop, largest velocities, limits.
-    control : ControlBlock
+    words : TaskWords
         Takes the time to rest and the notes.
     """
 
@@ -51,11 +51,11 @@ class StopSequence:
         clock: Clock,
         cell: CellConfig,
         robot: RobotDescription,
-        control: ControlBlock,
+        words: TaskWords,
     ) -> None:
         self._axes = axes
         self._clock = clock
-        self._control = control
+        self._words = words
         self._period_s = cell.cycle_time_s
         self._deceleration = cell.drive_safety.quick_stop_deceleration_rad_s2
         ramp_s = max(joint.limits.velocity for joint in robot.joints) / self._deceleration
@@ -88,17 +88,17 @@ class StopSequence:
                 )
                 resting = resting + 1 if rest else 0
                 if resting >= REST_CYCLES:
-                    self._control.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
+                    self._words.report_rest(time_s - (REST_CYCLES - 1) * self._period_s - began_s)
                     return
                 beyond = self._beyond(before, position, most)
                 before = position
                 if why := self._why_at_once(beyond, slowing.deaf(time_s, position, received)):
-                    self._control.add_note(f"{why}: the power was taken away at once")
+                    self._words.add_note(f"{why}: the power was taken away at once")
                     return
         except (DriverError, SafetyStop) as error:
-            self._control.add_note(f"while stopping: {error}")
+            self._words.add_note(f"while stopping: {error}")
             return
-        self._control.add_note(
+        self._words.add_note(
             f"standstill was not seen within {self._patience_s:.2g} s: the power was taken away"
         )
 
@@ -125,10 +125,10 @@ class StopSequence:
         try:
             unconfirmed = self._axes.disable()
         except DriverError as error:
-            self._control.add_note(f"while disabling: {error}")
+            self._words.add_note(f"while disabling: {error}")
             return
         if unconfirmed:
-            self._control.add_note(
+            self._words.add_note(
                 f"the drives of {', '.join(unconfirmed)} did not confirm being disabled: check them"
                 " before going near the robot"
             )

@@ -66,7 +66,7 @@ async def _serve(
 ) -> None:
     loop = asyncio.get_running_loop()
     loop.set_exception_handler(lambda loop, context: None)
-    live = LiveServer(access, lambda: control.request_stop(StopCode.STOP_BUTTON))
+    live = LiveServer(access, lambda: control.program.request_stop(StopCode.STOP_BUTTON))
     tls = access.tls()
     timeouts: dict[str, Any] = {}
     if tls is not None:

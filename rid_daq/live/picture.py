@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from acquisition.motion.samples import Phase
-from acquisition.task.control_block import ControlBlock, Progress, RecorderState, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.joint_values import JointValues, JointWatch
 from acquisition.task.ring import Ring
+from acquisition.task.states import Progress, RecorderState, TaskState
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from rid_daq.terminal.motion_progress import motion_words
@@ -76,8 +77,8 @@ class MotionPicture:
         if self._ring.written != self._written:
             self._written, self._changed_s = self._ring.written, now_s
             self._values = self._watch.look() or self._values
-        reason = control.stop_reason
-        error = control.task_error
+        reason = control.task.stop_reason
+        error = control.task.error
         return {
             "title": motion.title,
             "cell": motion.cell.name,
@@ -89,15 +90,15 @@ class MotionPicture:
             "age_s": round(now_s - self._changed_s, 3) if self._written else None,
             **self._how_far(progress, now_s),
             "joints": self._joints(progress),
-            "stop_asked": bool(control.stop_code),
+            "stop_asked": bool(control.program.stop_code),
             "stop": None if reason is None else reason.text,
             "stop_joint": None if reason is None else reason.joint,
-            "at_rest_s": control.ramp_s,
+            "at_rest_s": control.task.ramp_s,
             "problem": None if error is None else str(error),
-            "recorder": "failed: " + control.recorder_error
-            if control.recorder_state is RecorderState.FAILED
-            else control.recorder_state.name.lower(),
-            "notes": [*control.notes, *([control.monitor_error] if control.monitor_error else [])],
+            "recorder": f"failed: {control.recorder.error}"
+            if control.recorder.state is RecorderState.FAILED
+            else control.recorder.state.name.lower(),
+            "notes": [*control.task.notes, *filter(None, [control.monitor.note])],
             "over": control.task_gone,
         }
 

@@ -9,7 +9,8 @@ from datetime import datetime
 from typing import Final
 
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import TaskState
 from rid_daq.session.running_sessions import RunningSession, running_sessions
 
 LOOK_S: Final = 0.002
@@ -82,7 +83,7 @@ def _told(session: RunningSession) -> Callable[[], Stopped]:
         session.terminate()
         return lambda: _wait_for_end(session, None)
     began_s = time.monotonic()
-    control.request_stop(StopCode.STOP_COMMAND)
+    control.program.request_stop(StopCode.STOP_COMMAND)
     return lambda: _wait_for_rest(session, control, began_s)
 
 
@@ -105,14 +106,14 @@ def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: floa
         return control.task_gone or not session.is_running
 
     def has_answered() -> bool:
-        return control.stop_reason is not None or is_over()
+        return control.task.stop_reason is not None or is_over()
 
-    patience_s = STOP_PATIENCE_S if control.task_state is TaskState.MOVING else END_PATIENCE_S
+    patience_s = STOP_PATIENCE_S if control.task.state is TaskState.MOVING else END_PATIENCE_S
     if not _wait(has_answered, patience_s):
         return Stopped(False, f"did not answer within {patience_s:g} s")
     answered_ms = 1e3 * (time.monotonic() - began_s)
-    _wait(lambda: control.ramp_s is not None or is_over(), REST_PATIENCE_S)
-    reason, ramp_s = control.stop_reason, control.ramp_s
+    _wait(lambda: control.task.ramp_s is not None or is_over(), REST_PATIENCE_S)
+    reason, ramp_s = control.task.stop_reason, control.task.ramp_s
     now = datetime.now().astimezone()
     if reason is not None and ramp_s is not None:
         why = "quick stop"
@@ -124,7 +125,7 @@ def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: floa
             f" later, at {now:%H:%M:%S}.{now.microsecond // 1000:03d}.",
             now.isoformat(timespec="milliseconds"),
         )
-    if is_over() and control.task_state is TaskState.FINISHED:
+    if is_over() and control.task.state is TaskState.FINISHED:
         if reason is None:
             return Stopped(True, "ended by itself meanwhile; the drives are off")
         if not control.progress.cycles:

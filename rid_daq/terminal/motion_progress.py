@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.recording.recording import Recording
-from acquisition.task.control_block import Progress, TaskState
 from acquisition.task.joint_values import JointValues
+from acquisition.task.states import Progress, TaskState
 
 _STATES = {
     TaskState.STARTING: "starting",

@@ -207,7 +207,7 @@ class SpeedUp:
 
     def at(self, row: int) -> SetPoint | None:
         if row >= self.rows_expected:
-            self._control.request_stop(StopCode.INTERRUPTED)
+            self._control.program.request_stop(StopCode.INTERRUPTED)
         time_s = row * self._period_s
         position, velocity = [], []
         for limits, middle in zip(self._limits, self._middle, strict=True):
@@ -255,7 +255,7 @@ class Outcome:
             self.error = error
         finally:
             ring.read(8192)
-        self.notes = control.notes
+        self.notes = control.task.notes
         self.bus.run_until(self.bus.now_s + 0.05)
 
     def stated_s(self, joint: str) -> float:

@@ -274,7 +274,7 @@ class Rig:
             error = problem
         self.let_pass(0.4)  # to see what the axes do afterwards
         rows = np.frombuffer(ring.read(8192), dtype=row_dtype(3))
-        return Run(reason, rows, control.notes, self.frames(), self.truth, error)
+        return Run(reason, rows, control.task.notes, self.frames(), self.truth, error)
 
 
 Serve = Callable[..., Rig]

@@ -191,7 +191,7 @@ def test_an_order_to_stop_is_a_quick_stop_within_two_cycles(
             if watch.unexpected_frames and not asked:
                 asked.append(cell.clock.now_s())
                 for _ in range(5):  # five times Ctrl-C
-                    control.request_stop(StopCode.INTERRUPTED)
+                    control.program.request_stop(StopCode.INTERRUPTED)
             return take()
 
         cell.axes.take_events = look

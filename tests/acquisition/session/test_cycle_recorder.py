@@ -12,8 +12,9 @@ import pytest
 from acquisition.journal.cycles import read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.session.cycle_recorder import run_recorder
-from acquisition.task.control_block import ControlBlock, RecorderState, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
+from acquisition.task.states import RecorderState, TaskState
 from config.process.termination import TERMINATION
 
 HEADER = JournalHeader(joint_names=("a", "b"), sample_period_s=0.008)
@@ -39,9 +40,9 @@ def ring() -> Ring:
 
 def test_it_empties_the_ring_after_the_tasks_last_word(ring: Ring, tmp_path: Path) -> None:
     control = ControlBlock.create()
-    control.task_state = TaskState.FINISHED
+    control.task.state = TaskState.FINISHED
     run_recorder(ring, control, tmp_path / "r.mcap", HEADER, os.getppid())
-    assert control.recorder_state is RecorderState.FINISHED
+    assert control.recorder.state is RecorderState.FINISHED
     journal = read_journal(tmp_path / "r.mcap")
     assert journal.rows["cycle"].tolist() == list(range(ROWS))
     assert journal.damage.notes == ()
@@ -51,7 +52,7 @@ def test_it_finishes_when_the_program_says_that_the_task_is_gone(
     ring: Ring, tmp_path: Path
 ) -> None:
     control = ControlBlock.create()
-    control.declare_task_gone()
+    control.program.declare_task_gone()
     run_recorder(ring, control, tmp_path / "r.mcap", HEADER, os.getppid())
     assert read_journal(tmp_path / "r.mcap").damage.finished
 
@@ -66,19 +67,19 @@ def test_an_orphan_finishes_when_the_task_shows_no_sign_of_life(
         "acquisition.session.cycle_recorder.time.monotonic", lambda: 0.5 * len(slept)
     )
     run_recorder(ring, control, tmp_path / "r.mcap", HEADER, parent=-1)
-    assert control.recorder_state is RecorderState.FINISHED
+    assert control.recorder.state is RecorderState.FINISHED
     assert len(read_journal(tmp_path / "r.mcap").rows) == ROWS
 
 
 def test_what_it_cannot_write_it_reports(ring: Ring, tmp_path: Path) -> None:
     control = ControlBlock.create()
     run_recorder(ring, control, tmp_path / "none" / "r.mcap", HEADER, os.getppid())
-    assert control.recorder_state is RecorderState.FAILED
-    assert "cannot be made" in control.recorder_error
+    assert control.recorder.state is RecorderState.FAILED
+    assert "cannot be made" in str(control.recorder.error)
 
 
 def test_it_ignores_the_signals_that_stop_the_program(ring: Ring, tmp_path: Path) -> None:
     control = ControlBlock.create()
-    control.task_state = TaskState.FINISHED
+    control.task.state = TaskState.FINISHED
     run_recorder(ring, control, tmp_path / "r.mcap", HEADER, os.getppid())
     assert {signal.getsignal(number) for number in TERMINATION} == {signal.SIG_IGN}

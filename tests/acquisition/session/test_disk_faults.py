@@ -29,10 +29,11 @@ from acquisition.motion.samples import MotionSamples
 from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.record import RING_ROWS, RING_S
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from acquisition.task.control_block import ControlBlock, RecorderState, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import RING_LIMIT, CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
+from acquisition.task.states import RecorderState, TaskState
 from config.cell.cell import CellConfig
 from config.process.termination import TERMINATION
 from config.robot.robot import RobotDescription
@@ -106,12 +107,12 @@ class Bench:
         reasons: list[StopReason | None] = []
 
         def move() -> None:
-            while self.control.recorder_state is RecorderState.STARTING:
+            while self.control.recorder.state is RecorderState.STARTING:
                 os.sched_yield()
             try:
                 reasons.append(self._task.run(PlannedMotion(motion)))
             finally:
-                self.control.task_state = TaskState.FINISHED
+                self.control.task.state = TaskState.FINISHED
 
         task = threading.Thread(target=move, daemon=True)
         task.start()
@@ -139,7 +140,7 @@ def test_a_full_disk_stops_the_motion_and_the_file_is_finished_in_the_room_kept_
     assert reason.code is StopCode.RECORDER
     assert "the disk is full" in reason.text
     assert disk.released == 1
-    assert bench.control.recorder_state is RecorderState.FINISHED
+    assert bench.control.recorder.state is RecorderState.FINISHED
     journal = read_journal(tmp_path / "r.mcap")
     assert journal.damage.notes == ()
     assert len(journal.rows) == bench.ring.written > 250
@@ -197,7 +198,7 @@ class Recording:
                 break
         self.fullest = max(self.fullest, self.ring.fill)
         if self.ring.written >= self.rows:
-            self.control.task_state = TaskState.FINISHED
+            self.control.task.state = TaskState.FINISHED
 
     def sleep(self, duration_s: float) -> None:
         self.pass_time(duration_s)

@@ -92,16 +92,16 @@ def test_every_row_is_seen_once_and_in_order(bench: Bench) -> None:
 def test_what_is_enough_is_told_to_the_task(bench: Bench) -> None:
     bench.answers = iter([False, True])
     bench.come_to(end_of(3))
-    assert (bench.control.periods_judged, bench.control.enough) == (3, False)
+    assert (bench.control.program.periods_judged, bench.control.program.enough) == (3, False)
     bench.come_to(end_of(4))
-    assert (bench.control.periods_judged, bench.control.enough) == (4, True)
+    assert (bench.control.program.periods_judged, bench.control.program.enough) == (4, True)
     bench.come_to(end_of(5))
     assert len(bench.asked) == 2
 
 
 def test_two_periods_are_never_enough_and_nobody_is_asked(bench: Bench) -> None:
     bench.come_to(end_of(2))
-    assert bench.control.periods_judged == 2
+    assert bench.control.program.periods_judged == 2
     assert bench.asked == []
 
 
@@ -111,6 +111,6 @@ def test_what_the_rule_raises_comes_after_the_motion(tmp_path: Path) -> None:
 
     bench = Bench(tmp_path / "recording.mcap", fail)
     bench.come_to(end_of(3))
-    assert bench.control.periods_judged == 3
+    assert bench.control.program.periods_judged == 3
     with pytest.raises(ZeroDivisionError):
         bench.close()

@@ -21,7 +21,7 @@ from acquisition.session.outcome import RecordOutcome
 from acquisition.session.plate_preparation import plate_zero_n, prepare_plate
 from acquisition.session.record import DeviceProfiles, record_motion
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.control_block import Progress
+from acquisition.task.states import Progress
 from config.errors import PreflightError
 from config.load import LoadedCell, load_cell
 from config.simulation.faults import AmplifierFault, FaultScript

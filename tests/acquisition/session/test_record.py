@@ -31,7 +31,7 @@ from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import record_motion
 from acquisition.session.repair import repair_journal
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.control_block import Progress, TaskState
+from acquisition.task.states import Progress, TaskState
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell

@@ -22,8 +22,9 @@ from acquisition.journal.monitor import MonitorWriter, read_monitor
 from acquisition.journal.monitor_row import MonitorHeader
 from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.repair import examine_journal, repair_journal
-from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
+from acquisition.task.states import TaskState
 from benchmarks.recover import HEADER, KILLED, invented_rows
 from config.errors import RecordingError
 from config.process.termination import TERMINATION
@@ -48,7 +49,7 @@ def whole(rows: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     layout = row_struct(3)
     for row in rows:
         assert ring.write(layout.unpack(row.tobytes()))
-    control.task_state = TaskState.FINISHED
+    control.task.state = TaskState.FINISHED
     before = {number: signal.getsignal(number) for number in TERMINATION}
     run_recorder(ring, control, path, HEADER, os.getppid())
     for number, handler in before.items():

@@ -4,7 +4,8 @@ import pytest
 
 from acquisition.motion.samples import Phase
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import TaskState
 from config.errors import DriverError, PreflightError, RidDaqError, TransportError
 
 
@@ -14,10 +15,10 @@ def control() -> ControlBlock:
 
 
 def test_a_fresh_block_says_nothing(control: ControlBlock) -> None:
-    assert control.stop_reason is None
-    assert control.task_error is None
-    assert control.stop_code == 0
-    assert control.notes == ()
+    assert control.task.stop_reason is None
+    assert control.task.error is None
+    assert control.program.stop_code == 0
+    assert control.task.notes == ()
     assert not control.task_gone
     assert control.progress.state is TaskState.STARTING
     assert control.progress.sample_index == -1
@@ -25,45 +26,45 @@ def test_a_fresh_block_says_nothing(control: ControlBlock) -> None:
 
 def test_the_first_reason_to_stop_stays(control: ControlBlock) -> None:
     reason = StopReason(StopCode.FOLLOWING_ERROR, "off by 0.1 rad · é", "joint2", 0.1, 0.05)
-    control.report_stop(reason)
-    control.report_stop(StopReason(StopCode.BUS, "later"))
-    assert control.stop_reason == reason
+    control.task.report_stop(reason)
+    control.task.report_stop(StopReason(StopCode.BUS, "later"))
+    assert control.task.stop_reason == reason
 
 
 def test_the_first_request_counts(control: ControlBlock) -> None:
-    control.request_stop(StopCode.INTERRUPTED)
-    control.request_stop(StopCode.RECORDER)
-    assert control.stop_code == StopCode.INTERRUPTED
+    control.program.request_stop(StopCode.INTERRUPTED)
+    control.program.request_stop(StopCode.RECORDER)
+    assert control.program.stop_code == StopCode.INTERRUPTED
 
 
 @pytest.mark.parametrize("error", [PreflightError("red"), TransportError("gone"), DriverError("x")])
 def test_an_error_arrives_as_what_it_was(control: ControlBlock, error: RidDaqError) -> None:
-    control.report_error(error)
-    received = control.task_error
+    control.task.fail(error)
+    received = control.task.error
     assert type(received) is type(error)
     assert str(received) == str(error)
 
 
 def test_texts_of_any_length_fit(control: ControlBlock) -> None:
-    control.report_stop(StopReason(StopCode.BUS, "ü" * 5000, "j" * 500))
-    control.report_error(DriverError("é\0" * 9000))
+    control.task.report_stop(StopReason(StopCode.BUS, "ü" * 5000, "j" * 500))
+    control.task.fail(DriverError("é\0" * 9000))
     for number in range(1000):
-        control.add_note(f"note {number}\nof two lines, ü")
-    assert control.stop_reason is not None
-    assert set(control.stop_reason.text) == {"ü"}
-    assert control.notes[0] == "note 0 of two lines, ü"
+        control.task.add_note(f"note {number}\nof two lines, ü")
+    assert control.task.stop_reason is not None
+    assert set(control.task.stop_reason.text) == {"ü"}
+    assert control.task.notes[0] == "note 0 of two lines, ü"
 
 
 def test_every_progress_is_a_sign_of_life(control: ControlBlock) -> None:
-    before = control.task_beat
-    control.set_progress(17, Phase.MAIN, 40)
-    assert control.task_beat > before
+    before = control.task.beat
+    control.task.set_progress(17, Phase.MAIN, 40)
+    assert control.task.beat > before
     assert (control.progress.sample_index, control.progress.phase) == (17, Phase.MAIN)
 
 
 def test_the_task_is_gone_by_its_own_word_or_the_programs(control: ControlBlock) -> None:
-    control.task_state = TaskState.FINISHED
+    control.task.state = TaskState.FINISHED
     assert control.task_gone
     other = ControlBlock.create()
-    other.declare_task_gone()
+    other.program.declare_task_gone()
     assert other.task_gone

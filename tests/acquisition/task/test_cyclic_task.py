@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from acquisition.task.control_block import ControlBlock, RecorderState, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
+from acquisition.task.states import RecorderState, TaskState
 from config.cell.cell import CellConfig
-from config.errors import PreflightError, TransportError
+from config.errors import PreflightError, RecordingError, TransportError
 from config.robot.robot import RobotDescription
 from drivers.interfaces.servo_axes import Answers, DriveEvent, EventKind
 
@@ -148,7 +149,7 @@ def test_a_fault_is_answered_by_a_quick_stop_in_the_cycle_that_shows_it(
     reason = bench.run(motion)
     assert reason is not None
     assert reason.code is code
-    assert bench.control.stop_reason == reason
+    assert bench.control.task.stop_reason == reason
     assert bench.axes.stopped_at == 150 + after
     assert bench.axes.calls == ["enable", "quick_stop", "disable"]
     assert not bench.axes.true_velocity.any()
@@ -175,7 +176,7 @@ def test_a_reversed_axis_does_not_get_far(bench: Bench, motion: MotionSamples) -
 
 
 def request(bench: Bench, code: StopCode) -> Callable[[Any, int], None]:
-    return lambda axes, cycle: bench.control.request_stop(code) if cycle == 150 else None
+    return lambda axes, cycle: bench.control.program.request_stop(code) if cycle == 150 else None
 
 
 def leave(bench: Bench) -> Callable[[Any, int], None]:
@@ -186,7 +187,9 @@ def leave(bench: Bench) -> Callable[[Any, int], None]:
 
 
 def fail_recorder(bench: Bench) -> Callable[[Any, int], None]:
-    return lambda axes, cycle: bench.control.fail_recorder("disk full") if cycle == 150 else None
+    return lambda axes, cycle: (
+        bench.control.recorder.fail(RecordingError("disk full")) if cycle == 150 else None
+    )
 
 
 @pytest.mark.parametrize(
@@ -213,7 +216,7 @@ def test_an_order_to_stop_is_obeyed_in_the_next_cycle(
 
 
 def test_nothing_is_enabled_after_an_order_to_stop(bench: Bench, motion: MotionSamples) -> None:
-    bench.control.request_stop(StopCode.INTERRUPTED)
+    bench.control.program.request_stop(StopCode.INTERRUPTED)
     reason = bench.run(motion)
     assert reason is not None
     assert reason.code is StopCode.INTERRUPTED
@@ -263,7 +266,7 @@ def test_a_bus_that_is_lost_ends_the_motion_and_the_clean_up_goes_on(
     assert reason is not None
     assert (reason.code, reason.text) == (StopCode.BUS, "adapter unplugged")
     assert bench.axes.calls == ["enable", "quick_stop", "disable"]
-    assert "while stopping: adapter unplugged" in bench.control.notes
+    assert "while stopping: adapter unplugged" in bench.control.task.notes
 
 
 def test_an_axis_that_does_not_come_to_rest_or_confirm_is_reported(
@@ -272,7 +275,7 @@ def test_an_axis_that_does_not_come_to_rest_or_confirm_is_reported(
     bench.axes.script = break_at(150, silence)
     bench.axes.unconfirmed = ("joint2",)
     bench.run(motion)
-    notes = " ".join(bench.control.notes)
+    notes = " ".join(bench.control.task.notes)
     assert "standstill was not seen within" in notes
     assert "joint2 did not confirm" in notes
     assert bench.axes.cycle < 300, "the wait for standstill is limited"
@@ -321,15 +324,15 @@ def test_the_control_block_tells_how_far_the_task_is(bench: Bench, motion: Motio
     bench.run(motion)
     assert {progress.state for progress in seen} == {TaskState.MOVING}
     assert max(progress.sample_index for progress in seen) == len(motion) - 1
-    assert bench.control.recorder_state is RecorderState.STARTING
+    assert bench.control.recorder.state is RecorderState.STARTING
 
 
 class TestEnoughPeriods:
     def test_the_motion_goes_over_to_its_run_out_without_a_jump(
         self, bench: Bench, motion: MotionSamples
     ) -> None:
-        bench.control.judge_periods()
-        bench.control.judge(1, True)
+        bench.control.program.judge_periods()
+        bench.control.program.judge(1, True)
         assert bench.run(motion) is None
         rows = bench.rows()
         main = rows[rows["phase"] == Phase.MAIN]
@@ -340,8 +343,8 @@ class TestEnoughPeriods:
         assert np.abs(np.diff(moved, axis=0)).max() <= largest * 1.001
 
     def test_what_is_not_enough_runs_to_its_end(self, bench: Bench, motion: MotionSamples) -> None:
-        bench.control.judge_periods()
-        bench.control.judge(2, False)
+        bench.control.program.judge_periods()
+        bench.control.program.judge(2, False)
         assert bench.run(motion) is None
         main = bench.rows()["phase"] == Phase.MAIN
         assert main.sum() == 2 * (motion.samples_per_period or 0)
@@ -350,7 +353,7 @@ class TestEnoughPeriods:
         self, bench: Bench, motion: MotionSamples
     ) -> None:
         bench.lockstep = False
-        bench.control.judge_periods()
+        bench.control.program.judge_periods()
         assert bench.run(motion) is None
         main = bench.rows()["phase"] == Phase.MAIN
         assert main.sum() == 2 * (motion.samples_per_period or 0)

@@ -11,10 +11,11 @@ import pytest
 
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
+from acquisition.task.states import TaskState
 from config.load import load_cell
 from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
@@ -48,9 +49,9 @@ def test_every_axis_is_told_to_stop_before_the_sync_after_the_request(
     def ask_in_mid_motion() -> bool:
         """Called by the task after it has looked for a request, once a cycle."""
         nonlocal looks
-        looks += control.task_state is TaskState.MOVING
+        looks += control.task.state is TaskState.MOVING
         if looks == AT_CYCLE:
-            control.request_stop(StopCode.STOP_BUTTON)
+            control.program.request_stop(StopCode.STOP_BUTTON)
         return False
 
     with (
@@ -68,7 +69,7 @@ def test_every_axis_is_told_to_stop_before_the_sync_after_the_request(
         assert not cell.axes().enabled.any()
     assert reason is not None
     assert reason.code is StopCode.STOP_BUTTON
-    assert control.ramp_s is not None
+    assert control.task.ramp_s is not None
     frames = [line.split()[-1].partition("#") for line in log.read_text().splitlines()]
     set_points = [f"{0x200 + axis.node_id:03X}" for axis in loaded.config.axes]
     first = next(
@@ -84,19 +85,20 @@ def test_every_axis_is_told_to_stop_before_the_sync_after_the_request(
     assert syncs + between <= 1
     measured(
         f"every axis told within {syncs + between} SYNC of the request; at rest"
-        f" {control.ramp_s:.3f} s later"
+        f" {control.task.ramp_s:.3f} s later"
     )
 
 
 CHILD = """
 import sys
-from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import TaskState
 over = ControlBlock.create()
-over.task_state = TaskState.FINISHED
+over.task.state = TaskState.FINISHED
 control = ControlBlock.create()
 print("ready", flush=True)
 sys.stdin.readline()
-print(control.stop_code, over.stop_code)
+print(control.program.stop_code, over.program.stop_code)
 """
 
 
@@ -108,7 +110,7 @@ def test_another_program_finds_the_motion_that_a_process_has_under_way() -> None
         program.stdout.readline()
         control = ControlBlock.of_process(program.pid)
         assert control is not None
-        control.request_stop(StopCode.STOP_COMMAND)
+        control.program.request_stop(StopCode.STOP_COMMAND)
         told, _ = program.communicate("\n", timeout=120.0)
     assert told == f"{int(StopCode.STOP_COMMAND)} 0\n"
     assert ControlBlock.of_process(program.pid) is None

@@ -22,7 +22,7 @@ class Ending:
     def __init__(self, cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> None:
         self.axes, self.clock = axes, clock
         self.control = ControlBlock.create()
-        self.sequence = StopSequence(axes, clock, cell, robot, self.control)
+        self.sequence = StopSequence(axes, clock, cell, robot, self.control.task)
         axes.enable()
         axes.true_velocity[:] = SPEED
         axes.answers.position[:] = axes.true_position
@@ -50,9 +50,9 @@ def test_the_quick_stop_comes_first_and_the_time_to_rest_is_told(
     assert ending.axes.calls == ["enable", "quick_stop"]
     assert ending.axes.stopped_at == 0
     ramp_s = SPEED / cell.drive_safety.quick_stop_deceleration_rad_s2
-    assert ending.control.ramp_s == pytest.approx(ramp_s, abs=3 * T)
+    assert ending.control.task.ramp_s == pytest.approx(ramp_s, abs=3 * T)
     assert ending.cycles <= ramp_s / T + REST_CYCLES + 3
-    assert ending.control.notes == ()
+    assert ending.control.task.notes == ()
 
 
 def test_an_axis_that_is_not_seen_is_not_taken_for_one_at_rest(ending: Ending) -> None:
@@ -61,8 +61,8 @@ def test_an_axis_that_is_not_seen_is_not_taken_for_one_at_rest(ending: Ending) -
 
     ending.axes.script = silent
     ending.run()
-    assert ending.control.ramp_s is None
-    (note,) = ending.control.notes
+    assert ending.control.task.ramp_s is None
+    (note,) = ending.control.task.notes
     assert note.startswith("standstill was not seen within")
     assert ending.cycles * T < 1.0 + STOP_MARGIN_S
 
@@ -73,7 +73,7 @@ def test_an_axis_that_does_not_slow_down_is_not_waited_for(ending: Ending) -> No
 
     ending.axes.script = deaf
     ending.run()
-    (note,) = ending.control.notes
+    (note,) = ending.control.task.notes
     assert note == "the quick stop did not slow down joint2: the power was taken away at once"
     assert ending.cycles * T < 0.15
 
@@ -84,7 +84,7 @@ def test_an_axis_that_runs_beyond_its_limit_is_not_waited_for(
     ending.axes.true_position[0] = robot.joints[0].limits.position_max + 0.019
     ending.axes.answers.position[:] = ending.axes.true_position
     ending.run()
-    (note,) = ending.control.notes
+    (note,) = ending.control.task.notes
     assert note == "joint1 ran beyond its limit while stopping: the power was taken away at once"
 
 
@@ -95,12 +95,12 @@ def test_a_bus_that_fails_meanwhile_is_noted_and_power_is_still_taken_away(endin
     ending.axes.script = unplug
     ending.run()
     ending.sequence.disable()
-    assert ending.control.notes == ("while stopping: adapter unplugged",)
+    assert ending.control.task.notes == ("while stopping: adapter unplugged",)
     assert ending.axes.calls[-1] == "disable"
 
 
 def test_drives_that_do_not_confirm_are_named(ending: Ending) -> None:
     ending.axes.unconfirmed = ("joint1", "joint3")
     ending.sequence.disable()
-    (note,) = ending.control.notes
+    (note,) = ending.control.task.notes
     assert note.startswith("the drives of joint1, joint3 did not confirm being disabled")

@@ -20,10 +20,11 @@ from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.folder import RunFolder
 from acquisition.session.cycle_recorder import run_recorder
-from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
+from acquisition.task.states import TaskState
 from config.cell.cell import CellConfig
 from config.process.termination import TERMINATION
 from config.robot.robot import RobotDescription
@@ -74,7 +75,7 @@ def test_a_recording_does_not_notice_that_the_clock_leaps(
         axes, clock, cell, robot, ring, control, lockstep=True, orphaned=lambda: False
     )
     assert task.run(PlannedMotion(motion)) is None
-    control.task_state = TaskState.FINISHED
+    control.task.state = TaskState.FINISHED
     header = JournalHeader(
         joint_names=robot.joint_names, sample_period_s=0.008, samples_per_period=100
     )

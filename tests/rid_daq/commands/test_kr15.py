@@ -32,7 +32,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import record_motion
-from acquisition.task.control_block import Progress
+from acquisition.task.states import Progress
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell, load_cell, to_yaml

@@ -19,7 +19,7 @@ from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import record_motion
-from acquisition.task.control_block import Progress
+from acquisition.task.states import Progress
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation

@@ -18,7 +18,7 @@ import pytest
 from acquisition.journal.cycles import read_journal
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.manifest import RECORDING
-from acquisition.task.control_block import Progress
+from acquisition.task.states import Progress
 from config.load import load_cell
 from mock_hw.amplifier.sensors import PlateSensors
 from mock_hw.cell import SimulatedCell

@@ -15,7 +15,9 @@ from acquisition.journal.header import JournalHeader
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
 from acquisition.session.record import record_motion
-from acquisition.task.control_block import ControlBlock, Progress, RecorderState
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import Progress, RecorderState
+from config.errors import RecordingError
 from rid_daq.app import run
 from tests.builders.told import document
 
@@ -200,6 +202,6 @@ def test_a_journal_knows_what_became_of_its_file(
 
 def test_a_recorder_that_wants_an_end_says_why() -> None:
     control = ControlBlock.create()
-    control.end_recorder("recording.mcap: was deleted while it was being written")
-    assert control.recorder_state is RecorderState.ENDING
-    assert control.recorder_error == "recording.mcap: was deleted while it was being written"
+    control.recorder.end(RecordingError("recording.mcap: was deleted while it was being written"))
+    assert control.recorder.state is RecorderState.ENDING
+    assert str(control.recorder.error) == "recording.mcap: was deleted while it was being written"

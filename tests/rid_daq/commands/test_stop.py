@@ -19,7 +19,9 @@ from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
 from acquisition.supervision.stop_reason import StopCode
-from acquisition.task.control_block import ControlBlock, Progress, TaskState
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.program_words import ProgramWords
+from acquisition.task.states import Progress, TaskState
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
@@ -137,14 +139,16 @@ def test_a_motion_that_ended_meanwhile_is_no_failure(
 ) -> None:
     control = ControlBlock.create()
     monkeypatch.setattr(
-        RunningSession, "control", lambda session: control if not control.stop_code else None
+        RunningSession,
+        "control",
+        lambda session: control if not control.program.stop_code else None,
     )
 
-    def end(block: ControlBlock, code: StopCode) -> None:
-        block.declare_task_gone()
-        block.task_state = TaskState.FINISHED
+    def end(_: ProgramWords, code: StopCode) -> None:
+        control.program.declare_task_gone()
+        control.task.state = TaskState.FINISHED
 
-    monkeypatch.setattr(ControlBlock, "request_stop", end)
+    monkeypatch.setattr(ProgramWords, "request_stop", end)
     session = RunningSession(Path("x"), 17, "rid-daq record", "ir361")
     monkeypatch.setattr("rid_daq.session.stopping.running_sessions", lambda cell: [session])
     assert run(["stop"]) == 0

@@ -24,8 +24,9 @@ import pytest
 
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from acquisition.task.control_block import ControlBlock, TaskState
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
+from acquisition.task.states import TaskState
 from config.load import load_cell
 from rid_daq.live.access import Access
 from rid_daq.live.live_process import MOST_DESCRIPTORS, run_live_page
@@ -101,7 +102,7 @@ class Served:
         return pages * resource.getpagesize()
 
     def close(self) -> None:
-        self.control.task_state = TaskState.FINISHED
+        self.control.task.state = TaskState.FINISHED
         self.process.join(PATIENCE_S)
         self.process.kill()
         self.process.join()
@@ -184,7 +185,7 @@ def test_a_name_that_was_rebound_to_this_machine_gets_nothing(unstopped: Served)
     status, _, _ = unstopped.ask(STOP % name + b"X-Rid-Daq: stop\r\n" + STOP_BODY)
     assert status == 421
     assert unstopped.ask(b"GET / HTTP/1.1\r\n\r\n")[0] == 421
-    assert unstopped.control.stop_code == 0
+    assert unstopped.control.program.stop_code == 0
 
 
 @pytest.mark.parametrize(
@@ -195,7 +196,7 @@ def test_a_strangers_page_gets_nothing_even_with_the_cookie(unstopped: Served, h
         assert unstopped.get(path, unstopped.cookie, header)[0] == 403
     sent = unstopped.stop_head() + f"X-Rid-Daq: stop\r\n{header}\r\n".encode() + STOP_BODY
     assert unstopped.ask(sent)[0] == 403
-    assert unstopped.control.stop_code == 0
+    assert unstopped.control.program.stop_code == 0
 
 
 def test_what_a_form_of_a_strangers_page_can_send_stops_nothing(unstopped: Served) -> None:
@@ -209,7 +210,7 @@ def test_what_a_form_of_a_strangers_page_can_send_stops_nothing(unstopped: Serve
     status, head, _ = unstopped.ask(options % unstopped.host)
     assert status == 400
     assert "Access-Control" not in head
-    assert unstopped.control.stop_code == 0
+    assert unstopped.control.program.stop_code == 0
 
 
 def test_from_this_machine_the_stop_needs_no_token_and_nothing_else_is_offered(
@@ -219,12 +220,12 @@ def test_from_this_machine_the_stop_needs_no_token_and_nothing_else_is_offered(
     for path in (b"/start", b"/", b"/events", b"/page.js", b"/run"):
         sent = (unstopped.stop_head() + b"X-Rid-Daq: stop\r\n" + STOP_BODY).replace(b"/stop", path)
         assert unstopped.ask(sent)[0] == 404
-    assert unstopped.control.stop_code == 0
+    assert unstopped.control.program.stop_code == 0
     status, _, body = unstopped.ask(
         unstopped.stop_head() + b"X-Rid-Daq: stop\r\n" + origin + STOP_BODY
     )
     assert (status, json.loads(body)) == (202, {"stop": "asked for"})
-    assert unstopped.control.stop_code == StopCode.STOP_BUTTON
+    assert unstopped.control.program.stop_code == StopCode.STOP_BUTTON
 
 
 def test_a_request_in_single_bytes_is_understood(unstopped: Served) -> None:
@@ -271,7 +272,7 @@ def test_a_thousand_clients_cost_a_bounded_amount_and_the_stop_gets_through(
         descriptors, grown = unstopped.descriptors(), unstopped.resident_bytes() - before
         sent = unstopped.stop_head() + b"X-Rid-Daq: stop\r\n" + STOP_BODY
         assert unstopped.ask(sent)[0] == 202
-        assert unstopped.control.stop_code == StopCode.STOP_BUTTON
+        assert unstopped.control.program.stop_code == StopCode.STOP_BUTTON
         assert json.loads(_event(viewer)), "who was admitted still sees"
         for line in lines:
             line.close()
@@ -299,7 +300,7 @@ def test_more_viewers_than_there_is_room_for_are_told_to_come_again(served: Serv
 def test_texts_of_devices_are_data_on_the_page_and_nothing_else(served: Served) -> None:
     text = 'drive says <script>alert("1")</script>\n\ndata: {"over": true}\x1b[31m \u2028'
     served.control._fields.reason_code = 0
-    served.control.report_stop(StopReason(StopCode.EMERGENCY, text, "axis1"))
+    served.control.task.report_stop(StopReason(StopCode.EMERGENCY, text, "axis1"))
     with served.watch() as viewer:
         event = _event(viewer)
     assert event.isascii()
@@ -323,8 +324,8 @@ def test_the_picture_has_every_joint_against_its_limits(served: Served) -> None:
     row["valid"] = 1
     values = [v for name in row.dtype.names or () for v in np.atleast_1d(row[name]).tolist()]
     assert served.ring.write(tuple(values))
-    served.control.announce_monitor(3)
-    served.control.show_temperatures([300.15, float("nan"), 310.15], [])
+    served.control.program.announce_monitor(3)
+    served.control.monitor.show_temperatures([300.15, float("nan"), 310.15], [])
     shown = json.loads(picture.document())
     one, two, three = shown["joints"]
     limits = served.motion.robot.joints[0].limits

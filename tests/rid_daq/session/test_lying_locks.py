@@ -196,9 +196,9 @@ def test_a_session_that_ends_as_it_is_told_is_no_failure(
 
 MEMORY = """
 import ctypes, fcntl
-from acquisition.task.control_block import MEMORY_NAME, _Fields
-memory = os.memfd_create(MEMORY_NAME, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
-os.write(memory, b"\\x7f" * ctypes.sizeof(_Fields))
+from acquisition.task.control_block import ControlBlock
+memory = os.memfd_create(ControlBlock.LABEL, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+os.write(memory, b"\\x7f" * ctypes.sizeof(ControlBlock.WORDS))
 """
 SEALED = MEMORY + "fcntl.fcntl(memory, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK)"
 

@@ -5,8 +5,8 @@ import pytest
 
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.recording.recording import Recording
-from acquisition.task.control_block import Progress, TaskState
 from acquisition.task.joint_values import JointValues
+from acquisition.task.states import Progress, TaskState
 from rid_daq.terminal.motion_progress import (
     load_words,
     motion_words,
