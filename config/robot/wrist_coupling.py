@@ -1,8 +1,8 @@
 """`WristCoupling`: between the joints of a coupled wrist and the motors that move them (5.18).
 
 Everything that one drive measures or is told is its motor's: counts, velocity, torque, its watch on
-the following error. Positions and velocities of the program are the joints'. `CyclicExchange` turns
-the one into the other, and nothing else does; torques stay the motors', as identification has them.
+the following error. Positions and velocities of the program are the joints': on the bus
+`CyclicExchange` turns the one into the other, in models `Motion`. Measured torques are motors'.
 """
 
 from __future__ import annotations
@@ -41,7 +41,11 @@ class WristCoupling:
         """Return the coupling of a robot; None where each motor moves its own joint alone."""
         if robot.coupling is None:
             return None
-        matrix = np.array(robot.coupling)
+        return cls.of_matrix(np.array(robot.coupling))
+
+    @classmethod
+    def of_matrix(cls, matrix: Array) -> WristCoupling:
+        """Return the coupling of a matrix C, (n, n)."""
         motors = tuple(tuple(np.flatnonzero(row).tolist()) for row in matrix)
         return cls(matrix, np.linalg.inv(matrix), motors)
 

@@ -99,7 +99,7 @@ def mass_matrix(model: RobotModel, q: npt.ArrayLike, parameters: npt.ArrayLike) 
     rest = np.zeros_like(np.asarray(q, dtype=np.float64))
     inertia = torque_derivatives(inertial, q, rest, rest, kept)[2]
     if model.coupling is not None:
-        inertia = np.einsum("ij,sik->sjk", np.linalg.inv(model.coupling), inertia)
+        inertia = np.einsum("ij,sik->sjk", model.coupling.motors_by_joints, inertia)
     return inertia
 
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from config.arrays import BoolArray, FloatArray
 from config.errors import EstimationError
+from config.robot.wrist_coupling import WristCoupling
 from dynamics.kernels.simd import kernel
 from dynamics.model.robot_model import RobotModel, checked_parameters
 from dynamics.terms.armature import Armature
@@ -122,7 +123,7 @@ class SampleTorque:
         table = np.zeros((len(terms), 8))
         for row, numbers in zip(table, terms, strict=True):
             row[: len(numbers)] = numbers
-        coupling = np.eye(n) if model.coupling is None else model.coupling
+        coupling = model.coupling or WristCoupling.of_matrix(np.eye(n))
         return cls(
             joints=n,
             arrays=(
@@ -131,7 +132,7 @@ class SampleTorque:
                 np.ascontiguousarray(model.chain.prismatic),
                 bodies,
                 table,
-                np.array([coupling, np.linalg.inv(coupling)], dtype=float),
+                np.array([coupling.joints_by_motors, coupling.motors_by_joints]),
                 np.zeros((n + 4, max(21, n, 6 * (n + 1)))),
             ),
         )

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 from dynamics.geometry.kinematics import Chain
 from dynamics.model.transmission import Transmission
 from dynamics.terms.armature import Armature
@@ -42,7 +43,7 @@ class RobotModel:
         The rigid bodies first, so that the first 10 n parameters are always the links'.
     transmission : Transmission
         What the gears take of the torque that they transmit.
-    coupling : (n, n) array, or None
+    coupling : WristCoupling or None
         C of q = C alpha, where the actuators move several joints (5.18).
     """
 
@@ -50,7 +51,7 @@ class RobotModel:
     chain: Chain
     terms: tuple[Term, ...]
     transmission: Transmission = field(default_factory=Transmission)
-    coupling: FloatArray | None = None
+    coupling: WristCoupling | None = None
 
     def __post_init__(self) -> None:
         if len(self.joint_names) != self.chain.n:
@@ -103,7 +104,7 @@ class RobotModel:
             chain,
             tuple(terms),
             Transmission.from_description(robot, friction=friction),
-            None if robot.coupling is None else np.array(robot.coupling),
+            WristCoupling.of_robot(robot),
         )
 
     @cached_property
@@ -189,7 +190,7 @@ class RobotModel:
 
     def actuator_speed(self, v: FloatArray) -> FloatArray:
         """Return the actuators' speeds (samples, n), link side, from the joints' (5.18)."""
-        return v if self.coupling is None else np.asarray(v @ np.linalg.inv(self.coupling).T)
+        return v if self.coupling is None else self.coupling.to_motors(v)
 
 
 def regressor(

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from config.arrays import FloatArray
 from config.errors import EstimationError
+from config.robot.wrist_coupling import WristCoupling
 from dynamics.terms.conditions import Conditions
 
 
@@ -23,15 +24,15 @@ class Motion:
     actuator : (3, samples, n) array
         The same of the actuators, link side: alpha with q = C alpha (5.18). The very array of the
         joints where the robot has no coupling.
-    coupling : (n, n) array, or None
-        C; None where each actuator moves its own joint only.
+    coupling : WristCoupling or None
+        C and its inverse; None where each actuator moves its own joint only.
     conditions : Conditions
         Temperature, load, payload.
     """
 
     joint: FloatArray
     actuator: FloatArray
-    coupling: FloatArray | None = None
+    coupling: WristCoupling | None = None
     conditions: Conditions = field(default_factory=Conditions)
 
     @classmethod
@@ -41,7 +42,7 @@ class Motion:
         v: npt.ArrayLike,
         a: npt.ArrayLike,
         joints: int,
-        coupling: FloatArray | None = None,
+        coupling: WristCoupling | None = None,
         conditions: Conditions | None = None,
     ) -> Motion:
         """Stack q, v, a, each (samples, n), into fresh arrays.
@@ -71,7 +72,7 @@ class Motion:
         joint = np.array((q, v, a), dtype=np.float64)
         if coupling is None:
             return cls(joint, joint, None, conditions)
-        actuator = np.array(joint @ np.linalg.inv(coupling).T, joint.dtype, order="C")
+        actuator = np.array(coupling.to_motors(joint), order="C")
         return cls(joint, actuator, coupling, conditions)
 
     def part(self, samples: slice) -> Motion:
@@ -86,7 +87,7 @@ class Motion:
         """Turn joint torques (samples, n, any) into actuator torques C^T tau (5.19), in place."""
         if self.coupling is None:
             return
-        mixed = self.coupling - np.eye(len(self.coupling))
+        mixed = self.coupling.joints_by_motors - np.eye(rows.shape[1])
         before = {j: rows[:, j].copy() for j in np.flatnonzero(mixed.any(axis=1))}
         for j, i in zip(*np.nonzero(mixed), strict=True):
             rows[:, i] += mixed[j, i] * before[j]
@@ -94,11 +95,11 @@ class Motion:
     def to_joints(self, weights: FloatArray) -> FloatArray:
         """Turn weights (any, samples, n, any) on actuators' rows into weights on joints' rows."""
         if self.coupling is not None:
-            weights = np.einsum("ji,rsip->rsjp", self.coupling, weights)
+            weights = np.einsum("ji,rsip->rsjp", self.coupling.joints_by_motors, weights)
         return weights
 
     def by_joints(self, by_actuators: FloatArray) -> FloatArray:
         """Turn derivatives (..., n) by the actuators' coordinates into such by the joints'."""
         if self.coupling is not None:
-            by_actuators = by_actuators @ np.linalg.inv(self.coupling)
+            by_actuators = by_actuators @ self.coupling.motors_by_joints
         return by_actuators

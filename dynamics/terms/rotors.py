@@ -124,7 +124,7 @@ class Rotors:
     def _arrays(self, motion: Motion) -> RotorArrays:
         own = np.eye(self.chain.n)
         if motion.coupling is not None:
-            own = np.ascontiguousarray(np.linalg.inv(motion.coupling).T, dtype=np.float64)
+            own = np.ascontiguousarray(motion.coupling.motors_by_joints.T)
         return self.joint, self.link, self.axis, self.ratio, own
 
     def _fill(self, motion: Motion, of_base: bool, out: FloatArray) -> None:

@@ -211,7 +211,7 @@ def _braking(
     speed = np.linspace(SLOWEST_SHARE * fastest, fastest, SPEEDS)
     actuator = np.zeros((2 * SPEEDS, model.chain.n))
     actuator[:, joint] = np.concatenate([speed, -speed])
-    v = actuator if model.coupling is None else actuator @ model.coupling.T
+    v = actuator if model.coupling is None else actuator @ model.coupling.joints_by_motors.T
     reference = Conditions(temperature_k=np.full(model.chain.n, 293.15))  # columns left free
     motion = model.motion(np.zeros_like(v), v, np.zeros_like(v), reference)
     torque = np.zeros((*v.shape, len(friction.columns)))

@@ -19,6 +19,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 from dynamics.geometry.clearances import Clearances
 from dynamics.model.base_wrench import base_wrench, base_wrench_gradient
 from dynamics.model.inverse_dynamics import regressor_gradient
@@ -352,9 +353,8 @@ class ExcitationProblem:
 
         A motor may turn as fast as its joint may where nothing couples them.
         """
-        if self.robot.coupling is None:
-            return None
-        return np.asarray(np.linalg.inv(np.array(self.robot.coupling)))
+        coupling = WristCoupling.of_robot(self.robot)
+        return None if coupling is None else coupling.motors_by_joints
 
     @cached_property
     def _prior(self) -> FloatArray:

@@ -8,8 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-
 from dynamics.terms.friction import Friction, FrictionColumn
 from dynamics.terms.payload import Payload
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
@@ -71,8 +69,8 @@ def _render(template: str, model: ExportModel, language: Language) -> str:
         payload=payload is not None,
         payload_values=None if payload is None else payload[1],
         coupling=coupling is not None,
-        coupling_matrix=coupling,
-        coupling_inverse=None if coupling is None else np.linalg.inv(coupling),
+        coupling_matrix=None if coupling is None else coupling.joints_by_motors,
+        coupling_inverse=None if coupling is None else coupling.motors_by_joints,
         rotors=_rotors(model),
         spring=_spring(model, language),
         losses=losses,

@@ -147,9 +147,9 @@ class ExportModel:
 
     def couples(self, joint: int) -> bool:
         """Whether a joint's actuator moves other joints too, or other actuators this joint."""
-        coupling = self.model.coupling
-        if coupling is None:
+        if self.model.coupling is None:
             return False
+        coupling = self.model.coupling.joints_by_motors
         others = np.delete(np.arange(self.model.chain.n), joint)
         return bool(np.any(coupling[joint, others]) or np.any(coupling[others, joint]))
 

@@ -22,6 +22,7 @@ from acquisition.signals.bins import Derivatives, differentiate_on_bins, divide_
 from config.arrays import BoolArray, FloatArray
 from config.errors import DataQualityError, EstimationError
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 from dynamics.model.robot_model import regressor
 from identification.friction.curve import FrictionCurve
 from identification.model.options import ModelOptions
@@ -106,9 +107,9 @@ def reversed_curves(
     difference = 0.5 * (torque - torque_back[at])
     velocity = 0.5 * (forward.velocity - backward.velocity[at])
     swing = there.position
-    if robot.coupling is not None:  # friction is the motors', so it goes by their speeds
-        to_motors = np.linalg.inv(np.array(robot.coupling)).T
-        velocity, swing = velocity @ to_motors, swing @ to_motors
+    coupling = WristCoupling.of_robot(robot)
+    if coupling is not None:  # friction is the motors', so it goes by their speeds
+        velocity, swing = coupling.to_motors(velocity), coupling.to_motors(swing)
     unequal = 0.5 * (forward.acceleration - backward.acceleration[at])
     return tuple(
         _binned(name, velocity[:, j], difference[:, j], unequal)
@@ -129,9 +130,10 @@ def _motor_turns(robot: RobotDescription, joint: int) -> float:
     EstimationError
         It hardly turns: moving that joint alone shows nothing of its friction.
     """
-    if robot.coupling is None:
+    coupling = WristCoupling.of_robot(robot)
+    if coupling is None:
         return 1.0
-    turns = float(np.linalg.inv(np.array(robot.coupling))[joint, joint])
+    turns = float(coupling.motors_by_joints[joint, joint])
     if abs(turns) < LEAST_TURN:
         raise EstimationError(
             f"robot {robot.name!r}: with its coupled wrist the motor of {robot.joint_names[joint]}"

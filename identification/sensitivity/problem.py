@@ -17,6 +17,7 @@ import numpy as np
 from config.arrays import FloatArray, IntArray, read_only
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 from dynamics.model.robot_model import RobotModel, regressor, torque
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
@@ -173,7 +174,7 @@ class SensitivityProblem:
             return self.model
         n = len(self.robot.joints)
         coupling = np.eye(n) + assumed.coupling * (self.coupling - np.eye(n))
-        return replace(self.model, coupling=coupling)
+        return replace(self.model, coupling=WristCoupling.of_matrix(coupling))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.load import load_robot
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 from dynamics.model.inverse_dynamics import mass_matrix, regressor_gradient, torque_derivatives
 from dynamics.model.robot_model import RobotModel, regressor, torque
 from dynamics.terms.conditions import Conditions
@@ -38,7 +39,9 @@ def all_terms(ir361, coupling: np.ndarray | None = None) -> RobotModel:
     ]
     robot = ir361.model_copy(update={"joints": tuple(joints)})
     model = RobotModel.from_description(robot, payload=True, sign_smoothing_rad_s=0.3)
-    return replace(model, coupling=coupling)
+    if coupling is None:
+        return replace(model, coupling=None)
+    return replace(model, coupling=WristCoupling.of_matrix(coupling))
 
 
 @pytest.fixture
