@@ -38,7 +38,7 @@ from rid_daq.recording.payload_state import SessionState
 from rid_daq.report.result_file import read_result
 
 BUNDLED = Path(__file__).resolve().parents[2] / "config" / "bundled"
-LONGEST_S = 30.0  # a bound that no load of the computer reaches; a hang does
+LONGEST_S = 30.0  # of the processor: a hang in a loop
 NASTY = (
     b"NaN", b"-Infinity", b"1e999", b"-1e308", b"9" * 400, b"0x1F", b"1_0", b"true", b"null",
     b"{", b"}", b"[" * 5000, b"]", b"&a [*a, *a]", b"*a", b"!!python/object/apply:os.system ['x']",
@@ -82,12 +82,12 @@ def survive(read: Callable[[Path], Any], path: Path, data: bytes, count: int) ->
     messages = []
     for changed in (*NOTHING, *mutations(data, count, seed=1)):
         path.write_bytes(changed)
-        begun_s = time.monotonic()
+        begun_s = time.process_time()
         try:
             read(path)
         except RidDaqError as error:
             messages.append(str(error))
-        assert time.monotonic() - begun_s < LONGEST_S
+        assert time.process_time() - begun_s < LONGEST_S
     assert len(messages) >= len(NOTHING) - 1  # to some readers one of them is an empty file
     assert all(messages)
     return len(messages) - len(NOTHING)

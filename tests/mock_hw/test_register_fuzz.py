@@ -82,13 +82,11 @@ def liar() -> Iterator[Liar]:
 def test_no_answer_is_taken_for_one(liar: Liar) -> None:
     link = ModbusTcp(kind="tcp", host="127.0.0.1", port=liar.port)
     config = MonitorConfig(link=link, units=(1,), timeout_s=0.05)
-    begun_s = time.monotonic()
     with open_modbus(config, lambda _: None) as opened:
         for _ in range(ANSWERS):
             with pytest.raises(DriverError):
                 opened.read(1, READ)
     assert liar.answers > ANSWERS // 2
-    assert time.monotonic() - begun_s < 100.0
 
 
 @pytest.mark.fault(31)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Literal, TypedDict
 
 import numpy as np
@@ -98,13 +97,6 @@ class TestFourierPlan:
             ConfigError, match=r"position of joint 'axis2' reaches [\d.]+ rad .*its limit is 1"
         ):
             fourier(amplitude=2.0).plan(ROBOT, T)
-
-    def test_of_16_periods_takes_well_under_a_second(self) -> None:
-        motion = fourier()
-        started = time.perf_counter()
-        samples = motion.plan(ROBOT, T)
-        assert time.perf_counter() - started < 0.8
-        assert samples.periods == 16
 
     @settings(deadline=None, max_examples=15)
     @given(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,12 +50,6 @@ class TestImport:
         assert str(damaged).startswith(
             "rows 2-20: 13 with an absurd value (row 2: position of joint1 is 253, plausible"
         )
-
-    def test_of_the_largest_file_takes_well_under_a_second(self, real_robot: Path) -> None:
-        started = time.perf_counter()
-        recording, _ = import_csv(real_robot / "ur-20_01_22-joint_4.csv", layout())
-        smooth_nonperiodic(recording, 9.4)
-        assert time.perf_counter() - started < 0.8
 
 
 class TestSmoothing:

@@ -51,6 +51,7 @@ def test_processes_that_are_started_meanwhile_do_not_inherit_it(tmp_path: Path) 
             [sys.executable, "-c", "input()"], stdin=subprocess.PIPE, close_fds=False
         )
     with child, held_file(path):
+        assert file_holder(path) == os.getpid(), "free while the process lived"
         child.communicate(b"\n")
 
 

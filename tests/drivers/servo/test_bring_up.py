@@ -276,6 +276,8 @@ class TestDevicesThatAreNotThere:
             bench.bus.transmit(emcy_frame(55, Emergency(0x1000, 1)), delay_s)
             bench.bus.transmit(Frame(0x582, bytes(8)), delay_s)
         bench.axes.bring_up()
+        assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
+        assert {setting.verdict for setting in bench.axes.settings()} == {"ok", "shown"}
 
 
 class TestConfiguration:

@@ -11,6 +11,7 @@ from acquisition.runs.folder import RunFolder
 from config.cell.cell import CellConfig
 from config.errors import LockedError, RecordingError
 from config.load import load_cell
+from config.process.file_locks import file_holder
 from rid_daq.session.session import as_label, hold_cell, unfinished
 
 
@@ -56,7 +57,9 @@ def test_two_buses_do_not_know_each_other(cell: CellConfig, tmp_path: Path) -> N
 def test_the_lock_is_free_again_after_the_with(cell: CellConfig, tmp_path: Path) -> None:
     for _ in range(2):
         with hold_cell(cell, tmp_path):
-            pass
+            (lock,) = tmp_path.glob("*.lock")
+            assert file_holder(lock) == os.getpid()
+        assert not lock.exists()
 
 
 def test_a_lock_folder_that_is_not_there_is_a_storage_error(
