@@ -57,7 +57,7 @@ def load_cell(reference: str) -> LoadedCell:
 
     Parameters
     ----------
-    reference
+    reference : str
         The name of a bundled cell, or a path to a cell file.
 
     Raises

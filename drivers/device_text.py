@@ -8,9 +8,9 @@ def printable(text: bytes | str, limit: int = 64) -> str:
 
     Parameters
     ----------
-    text
+    text : bytes or str
         What the device sent; bytes are read as Latin-1, so that every byte has a character.
-    limit
+    limit : int
         Most characters of `text` that are kept before escaping.
 
     Examples

@@ -59,7 +59,7 @@ def keep_processors_awake(latency: Path) -> str | None:
 
     Parameters
     ----------
-    latency
+    latency : Path
         `PROCESSOR_LATENCY`; kept open, since the wish ends when it is closed.
 
     Returns

@@ -292,7 +292,7 @@ def advance(
 
     Parameters
     ----------
-    axes, nodes, counts, pace, step_s
+    axes, nodes, counts, pace, step_s : ndarray, ndarray, ndarray, ndarray, float
         As for `take_points`.
     profiles : (2, nodes) array
         The profile that holds, and the one that is tried.

@@ -120,7 +120,7 @@ class PointFeed:
 
     Parameters
     ----------
-    ring, gate, batches
+    ring, gate, batches : PointRing, PointGate, iterable of ndarray
         As for `feed`.
     """
 

@@ -21,11 +21,11 @@ def read_sheets(
 
     Parameters
     ----------
-    tree, cell
+    tree, cell : YamlTree, CellConfig
         The cell file.
-    folder
+    folder : Path or None
         Where it lies: relative paths begin there.
-    kept
+    kept : Path or None
         The same folder where it is a run's, with copies of the sheets by the names returned here.
 
     Returns

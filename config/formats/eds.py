@@ -44,17 +44,17 @@ class ElectronicDataSheet:
 
     Attributes
     ----------
-    name
+    name : str
         What the file is called in messages.
-    sha256
+    sha256 : str
         Of the file's bytes.
-    vendor, product, revision
+    vendor, product, revision : int or None
         VendorNumber, ProductNumber and RevisionNumber: what 1018h should answer.
-    vendor_name, product_name
+    vendor_name, product_name : str
         As they stand in the file: escape them before they are shown.
-    node_id
+    node_id : int or None
         Of a DCF: the device that it configures.
-    objects
+    objects : tuple of EdsObject
         By index and sub-index, in that order.
     """
 
@@ -97,9 +97,9 @@ def parse_eds(data: bytes, name: str) -> ElectronicDataSheet:
 
     Parameters
     ----------
-    data
+    data : bytes
         The file's bytes, at most 4 MB.
-    name
+    name : str
         What to call the file in messages.
 
     Raises

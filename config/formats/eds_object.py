@@ -104,25 +104,25 @@ class EdsObject:
 
     Attributes
     ----------
-    index, subindex
+    index, subindex : int
         The address.
-    name
+    name : str
         What the vendor calls it, as it stands in the file: escape it before it is shown.
-    line
+    line : int
         Where its section begins.
-    data_type
+    data_type : int or None
         A `DataType`, or a number of the vendor's own.
-    access
+    access : Access or None
         How SDO may use it; `rwr` and `rww` say which PDOs may carry it, too.
-    mappable
+    mappable : bool
         Whether a PDO may carry it.
-    default
+    default : EdsValue or None
         Its value after a reset.
-    value
+    value : EdsValue or None
         What it is configured to be, in a DCF.
-    low, high
+    low, high : int or float or None
         LowLimit and HighLimit as written.
-    faults
+    faults : tuple of EdsFault
         Its values and limits that cannot be read: no matter, unless the object is used.
     """
 

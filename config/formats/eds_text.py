@@ -63,9 +63,9 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
 
     Parameters
     ----------
-    data
+    data : bytes
         The file's bytes.
-    name
+    name : str
         What to call the file in messages.
 
     Raises

@@ -55,13 +55,13 @@ def read_json_file(path: Path, model: type[M], most_bytes: int, what: str) -> M:
 
     Parameters
     ----------
-    path
+    path : Path
         The file.
-    model
+    model : type
         What stands in it.
-    most_bytes
+    most_bytes : int
         The largest size that such a file can have.
-    what
+    what : str
         What the file is, for the message, as "a payload of `rid-daq payload identify`".
 
     Raises

@@ -95,11 +95,11 @@ def read_urdf(
 
     Parameters
     ----------
-    data
+    data : bytes
         The file's bytes.
-    file
+    file : str
         What to call it in messages.
-    right_angle_tolerance_rad
+    right_angle_tolerance_rad : float
         Angles this close to a whole number of quarter turns are taken as exactly that: files round
         them to 1.5708 and the like, which would make parallel axes nearly parallel.
 

@@ -115,9 +115,9 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
 
     Parameters
     ----------
-    data
+    data : bytes
         The file's bytes, in an encoding that XML declares.
-    name
+    name : str
         What to call the file in messages.
 
     Raises

@@ -62,9 +62,9 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
 
     Parameters
     ----------
-    text
+    text : bytes
         The file's bytes, UTF-8.
-    name
+    name : str
         What to call the file in messages.
 
     Raises
@@ -185,9 +185,9 @@ def dump_yaml(data: object, comment: str = "") -> str:
 
     Parameters
     ----------
-    data
+    data : object
         Nested dict, list, str, int, float, bool, None.
-    comment
+    comment : str
         Text put above the data, each line behind `# `.
     """
     head = "".join(f"# {line}\n" if line else "#\n" for line in comment.splitlines())

@@ -30,7 +30,7 @@ def held_file(path: Path) -> Iterator[None]:
 
     Parameters
     ----------
-    path
+    path : Path
         The file; made where there is none, readable by every user.
 
     Raises
@@ -69,7 +69,7 @@ def lock_holder(descriptor: int) -> int | None:
 
     Parameters
     ----------
-    descriptor
+    descriptor : int
         Of the file, opened in any way; with O_PATH that needs no permission and never blocks.
 
     Returns

@@ -86,9 +86,9 @@ def termination_calls(
 
     Parameters
     ----------
-    stop
+    stop : callable
         Called in the main thread, between two of its instructions.
-    then_ignored
+    then_ignored : bool
         Whether, once a signal came, further ones are ignored at the end as well: the caller has
         still to write down what was stopped.
 

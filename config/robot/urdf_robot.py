@@ -38,11 +38,11 @@ def robot_of_urdf(tree: UrdfTree, *, base: str | None = None, tip: str | None = 
 
     Parameters
     ----------
-    tree
+    tree : UrdfTree
         The URDF.
-    base
+    base : str or None
         The link that stands still; the URDF's root if not given.
-    tip
+    tip : str or None
         The link whose origin is the tool point; the last moving link if not given.
 
     Raises

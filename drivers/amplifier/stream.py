@@ -50,15 +50,15 @@ class StreamCounts:
 
     Attributes
     ----------
-    rows, events
+    rows, events : int
         Frames taken.
-    gaps, rows_lost
+    gaps, rows_lost : int
         Places where the sequence number jumped, and how many rows are missing there.
-    bad_frames
+    bad_frames : int
         Frames that began rightly and failed their checksum.
-    garbage_bytes
+    garbage_bytes : int
         Bytes that belong to no frame.
-    repeated_rows
+    repeated_rows : int
         Rows left out because they carried the sequence number of the row before.
     """
 

@@ -57,17 +57,17 @@ class PdoMapping:
 
     Attributes
     ----------
-    direction
+    direction : {'rpdo', 'tpdo'}
         ``"rpdo"`` (the device receives) or ``"tpdo"`` (the device transmits).
-    number
+    number : int
         1 for the first PDO, whose records are 1400h/1600h or 1800h/1A00h.
-    cob_id
+    cob_id : int
         Identifier of its frame.
-    objects
+    objects : tuple of MappedObject
         What it carries, in order.
-    transmission_type
+    transmission_type : int
         1 to 240: synchronous, with every n-th SYNC; 254, 255: on an event.
-    event_timer_ms
+    event_timer_ms : int
         Of an event-driven TPDO: how often it is sent even without a change; 0 for never.
     """
 

@@ -85,9 +85,9 @@ class SdoAbort(ProtocolError):  # noqa: N818 - CiA 301 calls it so
 
     Attributes
     ----------
-    code
+    code : int
         Abort code; one of `SdoCode`, or what the device sent.
-    index, subindex
+    index, subindex : int
         The object; an object dictionary's callback may leave them out, the server knows them.
     """
 

@@ -37,14 +37,14 @@ class SdoServer:
 
     Parameters
     ----------
-    node_id
+    node_id : int
         The device's node id.
-    read
+    read : ReadObject
         ``read(index, subindex) -> bytes``; raises `SdoAbort` (the code alone is enough) to refuse.
-    write
+    write : WriteObject
         ``write(index, subindex, data)``, called once a whole value has arrived; may raise
         `SdoAbort`. A client that does not indicate the size of an expedited value delivers 4 bytes.
-    timeout_s
+    timeout_s : float
         A segmented transfer that stood still for longer is aborted at its next message.
 
     Block transfers are refused with 0504 0001h, as CiA 301 asks of a server without them.

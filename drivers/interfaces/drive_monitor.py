@@ -21,10 +21,10 @@ class MotorData:
 
     Attributes
     ----------
-    torque_constant_nm_per_a, torque_constant_per_k, reference_temperature_k
+    torque_constant_nm_per_a, torque_constant_per_k, reference_temperature_k : float
         Of the motor, before its gear: at the reference temperature, its relative change per kelvin,
         and that temperature.
-    rated_torque_nm, rated_current_a, rotor_inertia_kg_m2
+    rated_torque_nm, rated_current_a, rotor_inertia_kg_m2 : float
         Of the motor.
     """
 

@@ -22,13 +22,13 @@ class PlateSetting:
 
     Attributes
     ----------
-    name
+    name : str
         What it is, in words.
-    channel
+    channel : int
         1 to 8; 0 for what belongs to all.
-    required, found
+    required, found : str
         Values in words.
-    verdict
+    verdict : {'ok', 'red'}
         ``"ok"`` or ``"red"``.
     """
 
@@ -45,16 +45,16 @@ class PlateRead:
 
     Attributes
     ----------
-    rows
+    rows : structured ndarray
         `drivers.amplifier.frames.PLATE_ROW`, in the order sent.
-    events
+    events : structured ndarray
         `drivers.amplifier.frames.PLATE_EVENT`, in the order sent.
-    arrival_s
+    arrival_s : ndarray
         When each row was here, on the cell's clock [s], shape (rows,); rows that one piece brought
         arrived together.
-    event_arrival_s
+    event_arrival_s : ndarray
         When each event was here, on the computer's monotonic clock [s], shape (events,).
-    read_s
+    read_s : float
         When the last piece was here, on the computer's monotonic clock [s].
     """
 

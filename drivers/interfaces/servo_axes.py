@@ -52,15 +52,15 @@ class DriveEvent:
 
     Attributes
     ----------
-    kind
+    kind : EventKind
         What it was.
-    joint
+    joint : str
         Name of the joint, empty where the event belongs to none.
-    time_s
+    time_s : float
         When it was noticed, on the link's clock [s].
-    text
+    text : str
         One sentence for people; what a device sent is escaped in it.
-    code
+    code : int
         Emergency error code, heartbeat state, number of bytes or identifier, by `kind`.
     """
 
@@ -77,19 +77,19 @@ class DriveSetting:
 
     Attributes
     ----------
-    joint, node_id
+    joint, node_id : str, int
         Which drive.
-    object_name
+    object_name : str
         The object, as ``6007h:00``.
-    name
+    name : str
         What it is, in words.
-    required, found
+    required, found : str
         Values in words; `required` is empty for an object that is only shown, `found` says why when
         the object could not be read.
-    verdict
+    verdict : {'ok', 'red', 'allowed', 'shown'}
         ``"ok"``, ``"red"`` (no motion), ``"allowed"`` (would be red; the cell file names this drive
         in allow_drive_without_watchdog) or ``"shown"``.
-    next_action
+    next_action : str
         What to do where it is red; empty where that follows from the object alone.
     """
 

@@ -48,13 +48,13 @@ class ModbusLink:
 
     Parameters
     ----------
-    client
+    client : ModbusBaseSyncClient
         The connected client.
-    name
+    name : str
         How errors call the line.
-    timeout_s
+    timeout_s : float
         How long an answer may take [s].
-    pause
+    pause : callable
         How to let time pass.
     """
 

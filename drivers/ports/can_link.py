@@ -170,9 +170,9 @@ def open_can(config: CanBusConfig, *, watch_errors: bool = True) -> CanLink:
 
     Parameters
     ----------
-    config
+    config : CanBusConfig
         Interface, channel and bit rate.
-    watch_errors
+    watch_errors : bool
         Whether bus-off that a SocketCAN interface reports is an error.
 
     Raises

@@ -35,9 +35,9 @@ class FramePort(Protocol):
 
     Attributes
     ----------
-    channel_info
+    channel_info : str
         What to call it in messages.
-    time_stamped
+    time_stamped : bool
         Whether frames say in real time when they arrived, however late they are read.
     """
 
@@ -68,9 +68,9 @@ class PythonCanPort:
 
     Parameters
     ----------
-    bus
+    bus : BusABC
         The open bus.
-    simulated
+    simulated : bool
         Whether its messages' time stamps are in the link's (simulated) time.
     """
 

@@ -40,7 +40,7 @@ class MonotonicClock:
 
     Parameters
     ----------
-    now_s, sleep
+    now_s, sleep : callable
         CLOCK_MONOTONIC [s], and how to sleep [s].
     """
 

@@ -26,7 +26,7 @@ class SerialLink:
 
     Attributes
     ----------
-    address
+    address : str
         What was opened.
     clock
         The time that all deadlines of this link are in.

@@ -59,7 +59,7 @@ class KernelStamps:
 
     Parameters
     ----------
-    date_ns, now_ns
+    date_ns, now_ns : int
         CLOCK_REALTIME and CLOCK_MONOTONIC [ns], as in `look`.
     """
 
@@ -92,9 +92,9 @@ class SocketCanPort:
 
     Parameters
     ----------
-    channel
+    channel : str
         The interface's name.
-    watch_errors
+    watch_errors : bool
         Whether error frames are received at all; simulated devices leave them to the master.
 
     Attributes

@@ -117,10 +117,10 @@ def after_controlword(state: PowerState, controlword: int, previous: int) -> Pow
 
     Parameters
     ----------
-    state
+    state : PowerState
         The state now. `NOT_READY_TO_SWITCH_ON` and `FAULT_REACTION_ACTIVE` are left by the drive
         itself (T1, T14) and stay here; so does the end of a quick stop (T12).
-    controlword, previous
+    controlword, previous : int
         6040h now and before: fault reset acts on a rising edge of bit 7.
     """
     if state in (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT_REACTION_ACTIVE):
@@ -163,13 +163,13 @@ class AxisUnits:
 
     Attributes
     ----------
-    counts_per_rad
+    counts_per_rad : float
         Encoder increments per radian (or metre) of the joint; negative where they count backwards.
-    velocity_units_per_rad_s
+    velocity_units_per_rad_s : float
         Units of 60FFh per rad/s of the joint, same sign.
-    nm_per_permille
+    nm_per_permille : float
         Joint torque per 0.1 % of the rated motor torque, same sign.
-    zero_counts
+    zero_counts : int
         6064h at joint position zero.
     """
 

@@ -26,7 +26,7 @@ class FullCommands:
 
     Parameters
     ----------
-    node_ids
+    node_ids : sequence of int
         The drives, base to flange.
     """
 
@@ -68,7 +68,7 @@ class TrimmedCommands:
 
     Parameters
     ----------
-    node_ids
+    node_ids : sequence of int
         The drives, base to flange.
     """
 

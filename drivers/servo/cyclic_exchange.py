@@ -51,17 +51,17 @@ class CyclicExchange:
 
     Parameters
     ----------
-    link
+    link : CanLink
         The bus; the constructor does not use it.
-    node_ids
+    node_ids : sequence of int
         The drives, base to flange.
-    watch
+    watch : DriveWatch
         Takes every frame that is not a TPDO of these drives.
-    coupling
+    coupling : WristCoupling or None
         What the motors do to the joints, where a wrist is coupled.
-    trimmed
+    trimmed : bool
         Whether the cell's exchange is the trimmed one.
-    bitrate
+    bitrate : int
         Of the bus [bit/s]. In real time `collect` sleeps until all answers should have come,
         instead of waking up for each; when that is, is learnt from their time stamps. 0 to look at
         once.

@@ -42,9 +42,9 @@ class DriveWatch:
 
     Parameters
     ----------
-    joint_names, node_ids
+    joint_names, node_ids : sequence of str, sequence of int
         The axes, base to flange.
-    safety
+    safety : DriveSafety
         The cell's time limits and the node id of this computer.
 
     Attributes
@@ -158,9 +158,9 @@ class DriveWatch:
 
         Parameters
         ----------
-        now_s
+        now_s : float
             Until when every frame has been taken [s].
-        telling_s
+        telling_s : float
             How long it takes to tell the other drives [s].
         """
         if not self._armed:

@@ -56,9 +56,9 @@ def sheet_findings(
 
     Parameters
     ----------
-    sheet
+    sheet : ElectronicDataSheet
         The sheet that the axis names.
-    cell, axis
+    cell, axis : CellConfig, DriveAxis
         The cell, and the axis of it. What the drive may lack by `allow_drive_without_watchdog` is
         a finding, but no red one.
     """

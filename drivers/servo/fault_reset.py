@@ -27,13 +27,13 @@ class FaultReset:
 
     Attributes
     ----------
-    joint, node_id
+    joint, node_id : str, int
         Which drive.
-    before, after
+    before, after : PowerState
         Its power state; the same where it was not in fault and nothing was sent.
-    error
+    error : str
         What it said of its fault; empty where there was none.
-    refusal
+    refusal : str
         Why the command could not be written; empty where it could.
     """
 
@@ -62,11 +62,11 @@ def reset_fault(
 
     Parameters
     ----------
-    link
+    link : CanLink
         The bus.
-    axis
+    axis : DriveAxis
         The drive.
-    others
+    others : callable
         Takes the frames that are not this drive's SDO answers, with their time [s].
 
     Raises

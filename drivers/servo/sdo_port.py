@@ -18,13 +18,13 @@ class SdoPort:
 
     Parameters
     ----------
-    link
+    link : CanLink
         The bus.
-    node_id
+    node_id : int
         The drive.
-    others
+    others : callable
         Called with each frame that is not an answer of this node's SDO server, and its time [s].
-    timeout_s
+    timeout_s : float
         How long to wait for each answer. Nothing is asked twice.
     """
 

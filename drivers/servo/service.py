@@ -18,11 +18,11 @@ class DriveService:
 
     Parameters
     ----------
-    link, cell
+    link, cell : CanLink, CellConfig
         The open bus and its cell. The constructor does not use the bus.
-    axes
+    axes : sequence of DriveAxis
         The drives, in the order of the robot's joints.
-    watch
+    watch : DriveWatch
         Takes what else comes from the drives meanwhile.
     """
 

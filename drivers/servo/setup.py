@@ -65,11 +65,11 @@ class DriveSetup:
 
     Parameters
     ----------
-    link
+    link : CanLink
         The bus.
-    axis, joint, cell
+    axis, joint, cell : DriveAxis, Joint, CellConfig
         The drive, the joint that it moves and the cell's limits.
-    others
+    others : callable
         Takes the frames that are not this drive's SDO answers, with their time [s].
     """
 

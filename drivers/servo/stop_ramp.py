@@ -47,9 +47,9 @@ class StopRamp:
 
     Attributes
     ----------
-    velocity
+    velocity : float
         The joint's limit with the margin at which the motion is stopped [rad/s or m/s].
-    deceleration
+    deceleration : float
         As the drive holds it [rad/s² or m/s²]; 0 where it holds none.
     """
 
@@ -83,10 +83,10 @@ def stop_settings(
 
     Parameters
     ----------
-    cell, axis, joint, units
+    cell, axis, joint, units : CellConfig, DriveAxis, Joint, AxisUnits
         The limits, the drive, its joint, and the drive's numbers in the joint's units. With a
         coupled wrist everything is the motor's, over its gear ratio.
-    held
+    held : Held
         What was read back, by index and subindex; an object that could not be read is left out, and
         red already.
 

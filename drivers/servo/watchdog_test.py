@@ -27,15 +27,15 @@ class WatchTrial:
 
     Attributes
     ----------
-    joint, node_id
+    joint, node_id : str, int
         Which drive.
-    noticed_s
+    noticed_s : float
         How long this computer took to notice that the drive fell silent [s]; NaN: it did not.
-    acted_s
+    acted_s : float
         How long the drive took to act after this computer's last heartbeat [s]; NaN: it did not.
-    how
+    how : str
         What it did, in words.
-    powered
+    powered : bool
         Whether it was switched on, so that what was seen was its quick stop.
     """
 

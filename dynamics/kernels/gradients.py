@@ -60,7 +60,7 @@ def pull_back(
 
     Parameters
     ----------
-    chain, rotors
+    chain, rotors : ChainArrays, RotorArrays
         As for `fill_rotors`.
     motion, actuator : (3, samples, n) arrays
         Positions, velocities, accelerations of the joints and of the actuators.

@@ -50,7 +50,7 @@ def base_wrench_gradient(
 
     Parameters
     ----------
-    model, q, v, a, parameters
+    model, q, v, a, parameters : RobotModel, ndarray, ndarray, ndarray, ndarray
         As for `base_wrench`.
     weights : (samples, 6) array
         The weights.

@@ -241,7 +241,7 @@ def regressor_blocks(
 
     Parameters
     ----------
-    model, q, v, a, conditions
+    model, q, v, a, conditions : RobotModel, ndarray, ndarray, ndarray, Conditions or None
         As for `regressor`.
     block : int
         Samples a piece; the default stays in a core's cache.
@@ -293,7 +293,7 @@ def base_wrench_regressor(
 
     Parameters
     ----------
-    model, q, v, a, conditions
+    model, q, v, a, conditions : RobotModel, ndarray, ndarray, ndarray, Conditions or None
         As for `regressor`.
 
     Returns

@@ -104,7 +104,7 @@ def links_gradient(
 
     Parameters
     ----------
-    chain, motion, first_link
+    chain, motion, first_link : Chain, Motion, int
         As for `fill_links`.
     weights : (sums, samples, n, 10 (n - first_link)) array
         Weights on the columns, in the rows of the actuators.

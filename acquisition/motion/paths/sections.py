@@ -28,7 +28,7 @@ class PathPoints(NamedTuple):
 
     Attributes
     ----------
-    point_m, direction, curvature
+    point_m, direction, curvature : ndarray
         Where, the unit vector that way, and how that changes [1/m].
     """
 
