@@ -22,6 +22,8 @@ from acquisition.journal.cycles import Journal, read_journal
 from acquisition.runs.folder import RunFolder
 from rid_daq.app import run
 
+pytestmark = pytest.mark.slow
+
 AT = 150
 Measured = Callable[[str], None]
 

@@ -10,6 +10,8 @@ import pytest
 from benchmarks.soak import soak
 from benchmarks.soak_faults import FAULTS
 
+pytestmark = pytest.mark.slow
+
 EVERY_S = 16.0
 # The first leaves a drive in fault, which has to be reset before the second.
 NAMES = ("a drive's fault", "the recorder is killed")

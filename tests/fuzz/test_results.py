@@ -8,6 +8,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import example, given, settings
 
 from acquisition.runs.folder import RunFolder
@@ -16,6 +17,8 @@ from rid_daq.report.result import Result
 from rid_daq.report.result_file import read_result, write_result
 from tests.builders.changed_json import changed
 from tests.builders.invented import whole_result
+
+pytestmark = pytest.mark.slow
 
 WHOLE = whole_result()
 HEAD = {"title", "robot", "verdict", "software"}

@@ -21,6 +21,8 @@ from drivers.canopen.frames import SYNC_COB_ID, tpdo_cob_id
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 
+pytestmark = pytest.mark.slow
+
 Frame = tuple[int, bytes, int]
 
 

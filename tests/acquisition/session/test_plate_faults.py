@@ -25,6 +25,8 @@ from config.simulation.faults import AmplifierFault, FaultScript
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 
+pytestmark = pytest.mark.slow
+
 PERIOD_S, PERIODS, RATE_HZ = 2.0, 8, 1500
 
 

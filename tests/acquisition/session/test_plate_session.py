@@ -29,6 +29,8 @@ from drivers.amplifier.amplifier import open_amplifier
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def loaded() -> LoadedCell:

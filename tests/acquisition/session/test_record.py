@@ -38,6 +38,8 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from tests.builders.recording_program import RECORD
 
+pytestmark = pytest.mark.slow
+
 PATIENCE_S = 120.0
 RAMP_S = 0.25
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,6 +21,8 @@ from tests.builders.point_streams import (
     T,
     streams,
 )
+
+pytestmark = pytest.mark.slow
 
 TORQUE = np.array([limit.torque for limit in LIMITS])
 SETTLE_ROWS, REST_ROWS = 60, 60

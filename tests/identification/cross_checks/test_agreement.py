@@ -21,6 +21,8 @@ from identification.estimation.estimators import estimate_smoothed
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
 
+pytestmark = pytest.mark.slow
+
 Measure = Callable[..., Recording]
 
 

@@ -38,6 +38,8 @@ from mock_hw.amplifier.analog import AmplifierSettings, ChargeAmplifier
 from mock_hw.amplifier.sensors import PlateSensors
 from rid_daq.jobs.truth import true_parameters
 
+pytestmark = pytest.mark.slow
+
 CYCLE_S = 0.008
 SETTLE = 250
 START_S = 50.0

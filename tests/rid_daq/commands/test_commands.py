@@ -26,6 +26,8 @@ from config.errors import ConfigError
 from rid_daq.app import run
 from tests.builders.told import document
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:

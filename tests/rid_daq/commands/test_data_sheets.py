@@ -19,6 +19,8 @@ from rid_daq.app import run
 from rid_daq.preflight.sheet_check import refuse_unfit_sheets, sheet_lines
 from tests.builders.told import document
 
+pytestmark = pytest.mark.slow
+
 AXES = {1: "    node_id: 1\n", 2: "node_id: 2}", 3: "node_id: 3}"}
 
 

@@ -27,6 +27,8 @@ from rid_daq.app import run
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
 from rid_daq.terminal.console import Console
 
+pytestmark = pytest.mark.slow
+
 CLIENTS = 1000
 
 

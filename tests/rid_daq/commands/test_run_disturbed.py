@@ -21,6 +21,8 @@ from config.errors import RecordingError
 from rid_daq.app import run
 from tests.builders.told import document
 
+pytestmark = pytest.mark.slow
+
 INTO = 100
 """Rows of the motion that have been commanded when somebody comes."""
 

@@ -15,6 +15,8 @@ from mock_hw.simulation import CellSimulation
 from rid_daq.preflight.monitor_check import monitor_lines
 from rid_daq.session.cells import reachable_cell
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_plate_of_a_served_cell_is_found(
     monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory

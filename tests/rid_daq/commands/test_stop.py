@@ -29,6 +29,8 @@ from rid_daq.app import run
 from rid_daq.session.running_sessions import RunningSession, running_sessions
 from rid_daq.session.session import hold_cell
 
+pytestmark = pytest.mark.slow
+
 STOP = [sys.executable, "-m", "rid_daq", "stop", "--json"]
 HOLDER = """
 import sys

@@ -17,6 +17,8 @@ from config.errors import RecordingError
 from rid_daq.app import run
 from rid_daq.terminal.console import output_error
 
+pytestmark = pytest.mark.slow
+
 NOTE = "the drives of axis2 did not confirm being disabled"
 
 
