@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -27,6 +28,8 @@ NAME, DEVICE, RAM_DISK = "failing", "/dev/dm-0", "/dev/ram0"
 PATIENCE_S = 400.0  # a guest is slow beside a busy host
 ENOUGH_BYTES = 40_000
 JOURNAL = "*/recording.mcap"
+GONE = "(Input/output error|Read-only file system)"
+"""What ext4 says, and what it says once its own journal could not be written, 5 s later at most."""
 
 pytestmark = pytest.mark.skipif(
     "User Mode Linux" not in Path("/proc/cpuinfo").read_text() or not Path(RAM_DISK).exists(),
@@ -106,8 +109,8 @@ def test_a_disk_that_dies_in_motion_stops_it_and_what_was_on_it_is_kept(
     assert json.loads(said)["error"]["exit_code"] == 7
     # matplotlib may say first that it builds its font cache
     assert any(line.startswith("rid-daq: Stopped: ") for line in complained.splitlines())
-    assert "recording.mcap: cannot be written: Input/output error" in complained
-    assert "result.json: cannot be written: Input/output error" in complained
+    for name in ("recording.mcap", "result.json"):
+        assert re.search(rf"{name}: cannot be written: {GONE}", complained)
     assert written(disk) >= kept_bytes
     (path,) = disk.glob(JOURNAL)
     journal = read_journal(path)
