@@ -15,6 +15,8 @@ MOST_JOINTS = 16
 class RecorderWords(ctypes.Structure):
     """Written by the recorder."""
 
+    _error: SharedError
+
     _fields_ = (("_state", ctypes.c_int64), ("_error", SharedError))
 
     @property

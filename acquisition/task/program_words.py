@@ -10,6 +10,8 @@ from acquisition.supervision.stop_reason import StopCode
 class ProgramWords(ctypes.Structure):
     """Written by the program; a request to stop also by the live page and by `rid-daq stop`."""
 
+    _stop_code: int
+
     _fields_ = (
         ("_stop_code", ctypes.c_int64),
         ("_task_gone", ctypes.c_int64),

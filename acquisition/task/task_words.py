@@ -15,6 +15,10 @@ from config.errors import RidDaqError
 class TaskWords(ctypes.Structure):
     """Written by the cyclic task; texts before the word that announces them."""
 
+    _reason_code: int
+    _error: SharedError
+    _notes: bytes
+
     _fields_ = (
         ("_state", ctypes.c_int64),
         ("_beat", ctypes.c_int64),

@@ -132,7 +132,7 @@ def friction_columns(model: RobotModel, joint: int, speed: FloatArray) -> FloatA
     velocity = np.zeros((len(speed), n))
     velocity[:, joint] = speed
     if model.coupling is not None:
-        velocity = velocity @ model.coupling.T
+        velocity = velocity @ model.coupling.joints_by_motors.T
     rest, warm = np.zeros_like(velocity), np.full(n, np.nan)
     for column in term.columns:
         warm[column.joint] = column.reference_temperature_k

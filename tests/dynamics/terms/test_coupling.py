@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from config.robot.wrist_coupling import WristCoupling
 from dynamics.model.inverse_dynamics import mass_matrix
 from dynamics.model.robot_model import (
     RobotModel,
@@ -225,7 +226,7 @@ def test_no_power_is_lost_between_joints_and_actuators(seed) -> None:
     rng = np.random.default_rng(seed)
     matrix = np.eye(5) + rng.uniform(-0.15, 0.15, (5, 5))
     v, tau = rng.standard_normal((2, 6, 5))
-    motion = Motion.of(v, v, v, 5, matrix, Conditions())
+    motion = Motion.of(v, v, v, 5, WristCoupling.of_matrix(matrix), Conditions())
     on_actuators = tau[:, :, np.newaxis].copy()
     motion.to_actuators(on_actuators)
     np.testing.assert_allclose(
@@ -237,7 +238,7 @@ def test_every_part_of_a_motion_is_in_both_coordinates(random_motion) -> None:
     matrix = np.array(TestWristOfTheThesis.COUPLING)
     conditions = Conditions(temperature_k=np.full((8, 3), 300.0), load_nm=np.ones((8, 3)))
     q, v, a = random_motion(3, 6)
-    whole = Motion.of(q, v, a, 3, matrix, conditions)
+    whole = Motion.of(q, v, a, 3, WristCoupling.of_matrix(matrix), conditions)
     parts = [whole.part(slice(*ends)) for ends in pairwise([0, 3, 8])]
     for part in parts:
         np.testing.assert_allclose(part.joint, part.actuator @ matrix.T, atol=1e-12)

@@ -143,7 +143,7 @@ def served() -> Iterator[Served]:
 @pytest.fixture
 def unstopped(served: Served) -> Served:
     """The page of a motion that nobody has told to stop yet."""
-    served.control._fields.stop_code = 0
+    served.control.program._stop_code = 0
     return served
 
 
@@ -299,7 +299,7 @@ def test_more_viewers_than_there_is_room_for_are_told_to_come_again(served: Serv
 
 def test_texts_of_devices_are_data_on_the_page_and_nothing_else(served: Served) -> None:
     text = 'drive says <script>alert("1")</script>\n\ndata: {"over": true}\x1b[31m \u2028'
-    served.control._fields.reason_code = 0
+    served.control.task._reason_code = 0
     served.control.task.report_stop(StopReason(StopCode.EMERGENCY, text, "axis1"))
     with served.watch() as viewer:
         event = _event(viewer)
