@@ -6,7 +6,7 @@ played by a process that answers every SYNC; the hub gives every frame its time 
 every value, send. So does the barest loop in C: what it takes is what the kernel takes for waking
 up and for handing over packets. CPU is compared with that taken off, since no program can do
 without it; the ratio with it in is printed too. C sleeps until a cycle's time and no better; our
-clock makes up for what waking up takes. No processor dozes under any of them.
+clock makes up for what waking up takes. Deep CPU idle states are disabled under all of them.
 
 The three run by turns; of CPU the median of the turns is compared. Of how late cycles begin it is
 the p99 within a second that a quarter of the seconds do not exceed: a computer's own stalls, which

@@ -71,7 +71,7 @@ def condition(problem: ExcitationProblem, motion: FourierMotion) -> float:
     phi = regressor(
         problem.model, grid.position(times), grid.velocity(times), grid.acceleration(times)
     )
-    return problem.criterion.worth(problem.information(problem.weighted_rows(phi)))
+    return problem.criterion.objective(problem.information(problem.weighted_rows(phi)))
 
 
 def best_draw(problem: ExcitationProblem, seed: int, budget_s: float) -> tuple[float, int]:
@@ -102,9 +102,9 @@ def main() -> int:
         found += 1
         if candidate.check.broken:
             broken += 1
-        elif best is None or candidate.check.worth < best.check.worth:
+        elif best is None or candidate.check.objective < best.check.objective:
             best = candidate
-            print(f"{elapsed_s:6.1f} s  best condition number {candidate.check.worth:.2f}")
+            print(f"{elapsed_s:6.1f} s  best condition number {candidate.check.objective:.2f}")
     stream.close()
     print(f"{found} starts; {broken} ended in a motion that breaks a limit and does not count")
     if best is not None:
@@ -122,7 +122,7 @@ def main() -> int:
     tries = sum(count for _, count in draws)
     print(f"two-harmonic heuristic, {tries} draws in the same time, no obstacles: {peer:.1f}")
     print("published for such arms: figaroh 64 in 400 s, FloBaRoID 378 in 220 s")
-    value = best.check.worth if best is not None else np.inf
+    value = best.check.objective if best is not None else np.inf
     holds = bool(value <= BAR)
     print(
         json.dumps(

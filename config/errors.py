@@ -12,7 +12,7 @@ class RidDaqError(Exception):
 
 
 class ConfigError(RidDaqError):
-    """A file or an argument says something that cannot be meant. The text carries its position."""
+    """A file or an argument is invalid. The text carries its position."""
 
 
 class LimitError(ConfigError):

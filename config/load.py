@@ -15,8 +15,8 @@ from pydantic_core import ErrorDetails
 
 from config.cell.amplifier_profile import AmplifierProfile, require_line
 from config.cell.cell import CellConfig
+from config.cell.drive_eds_files import read_eds_files, with_identities
 from config.cell.drive_profile import DriveProfile
-from config.cell.drive_sheets import read_sheets, with_identities
 from config.cell.plate import PlateConfig
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
@@ -37,7 +37,7 @@ _MANIFEST_BYTES = 4 << 20
 class LoadedCell:
     """A cell file with the files that it names, and their bytes as used.
 
-    `sheets` are the drives' electronic data sheets, one an axis, None where it names none; what
+    `eds_files` are the drives' electronic data sheets, one an axis, None where it names none; what
     they say of 1018h is in the axes' `identity`.
     """
 
@@ -47,7 +47,7 @@ class LoadedCell:
     files: dict[str, bytes]
     amplifier_profile: AmplifierProfile | None = None
     drive_profile: DriveProfile | None = None
-    sheets: tuple[ElectronicDataSheet | None, ...] = ()
+    eds_files: tuple[ElectronicDataSheet | None, ...] = ()
 
 
 def load_cell(reference: str) -> LoadedCell:
@@ -63,7 +63,7 @@ def load_cell(reference: str) -> LoadedCell:
     Raises
     ------
     ConfigError
-        A file is missing or says something that cannot be meant.
+        A file is missing or invalid.
     """
     text, name, folder = read_named(reference, "cells", None)
     cell_tree = parse_yaml(text, name)
@@ -100,15 +100,15 @@ def load_cell(reference: str) -> LoadedCell:
         )
         drive_profile = validate(parse_yaml(drive_text, drive_name), DriveProfile)
         files["drives.yaml"] = drive_text
-    sheets, sheet_files = read_sheets(cell_tree, cell, folder, kept)
+    eds_files, eds_bytes = read_eds_files(cell_tree, cell, folder, kept)
     return LoadedCell(
-        with_identities(cell, sheets),
+        with_identities(cell, eds_files),
         robot,
         plant,
-        files | sheet_files,
+        files | eds_bytes,
         profile,
         drive_profile,
-        sheets,
+        eds_files,
     )
 
 
@@ -118,7 +118,7 @@ def load_robot(reference: str) -> RobotDescription:
     Raises
     ------
     ConfigError
-        The file is missing or says something that cannot be meant.
+        The file is missing or invalid.
     """
     text, name, _ = read_named(reference, "robots", None)
     return validate(parse_yaml(text, name), RobotDescription)
@@ -130,7 +130,7 @@ def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
     Raises
     ------
     ConfigError
-        The file is missing, says something that cannot be meant, or names a joint that the cell
+        The file is missing or invalid, or names a joint that the cell
         does not have.
     """
     text, name, _ = read_named(str(path), "faults", None)
@@ -154,7 +154,7 @@ def load_bundled_or_path(reference: str, kind: str, model: type[T]) -> T:
     Raises
     ------
     ConfigError
-        The file is missing or says something that cannot be meant.
+        The file is missing or invalid.
     """
     text, name, _ = read_named(reference, kind, None)
     return validate(parse_yaml(text, name), model)

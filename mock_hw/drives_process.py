@@ -15,7 +15,7 @@ from pathlib import Path
 
 from config.cell.cell import CanBusConfig
 from config.errors import RidDaqError, TransportError
-from config.process.termination import termination_waits
+from config.process.termination import signals_deferred
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
 from drivers.ports.can_link import CanLink, open_can
 from mock_hw.amplifier.port import AmplifierPort, PlateSettings
@@ -126,7 +126,7 @@ def _rack_on_bus(
     """Build the rack, its kernels compiled, and join the bus; the snapshot goes at the end."""
     simulation = settings.simulation
     cell, robot, plant, seed = simulation.cell, simulation.robot, simulation.truth, simulation.seed
-    with termination_waits():  # an exception that a compiler's callback raises is lost
+    with signals_deferred():  # an exception that a compiler's callback raises is lost
         DriveRack(cell, robot, plant, seed).advance(LONGEST_WAIT_S)
     pipe.recv()
     snapshots = SnapshotWriter(settings.snapshot, len(robot.joints))

@@ -20,7 +20,7 @@ from typer.core import TyperGroup
 
 from config.errors import RecordingError, RidDaqError
 from config.process.shortage import as_named, require_memory
-from config.process.termination import TERMINATION, ending_signals, termination_waits
+from config.process.termination import TERMINATION, ending_signals, signals_deferred
 from rid_daq.terminal.console import Console, documents_written, output_error, printable
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 
@@ -41,7 +41,7 @@ COMMANDS: dict[str, str] = {
     "identify": "estimate the robot's parameters from one or more runs",
     "validate": "predict another run's torques and judge the error",
     "friction": "friction alone, out of the runs that were made to measure it",
-    "payload": "weigh what the robot carries; load data for its controller",
+    "payload": "identify what the robot carries; load data for its controller",
     "sensitivity": "what wrong knowledge of the robot does to a payload's estimate",
     "loop": "the drives' velocity loops, out of a multisine run",
     "compensate": "the feedforward that makes a motion accurate, from model and loops",
@@ -81,7 +81,7 @@ class LazyCommands(TyperGroup):
         module_name = "import_" if cmd_name == "import" else cmd_name
         if cmd_name not in _WITHOUT_NUMERICS:
             require_memory(_NUMERICS_BYTES)
-        with termination_waits():  # an exception inside of pydantic's modules becomes another one
+        with signals_deferred():  # an exception inside of pydantic's modules becomes another one
             module = importlib.import_module(f"rid_daq.commands.{module_name}")
         found = getattr(module, "group", None) or getattr(module, module_name)
         if isinstance(found, typer.Typer):  # a command with commands of its own

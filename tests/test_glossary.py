@@ -33,6 +33,22 @@ REPLACED = {
     r"JudgedPayload": "PayloadResult",
     r"white_equations": "whitened",
     r"LineFaults?|RegisterFaults": "FaultScript",
+    r"_?tell_\w+": "report_*, run_*, send_*: what it does",
+    r"[Ss]trangers?": "unknown",
+    r"termination_(?:held|waits|calls)": "signals_blocked, signals_deferred, signals_handled",
+    r"kernels[./]lanes|`lanes`": "simd",
+    r"(?:criterion|check|trial|search|self)\.worth": "objective",
+    r"(?:together|apart)(?= =)": "joint, combined, separate, difference",
+    r"equations_apart": "equations_of_two_robots",
+    r"weigh_\w+|is_weighed|PayloadWeighed": "identify_payload, payload_from_runs",
+    r"Reaction(?:Validation|Equations)|(?:predict|validate|whiten)_reaction": "base wrench",
+    r"(?<!data[ -])sheets?(?!/)|\w+_sheets?|Sheets|SheetFinding": "EDS",
+    r"deaf": "blocked, ignored, cut off",
+    r"doz(?:e|es|ing)": "deep CPU idle states",
+    r"hangs? together": "correlated",
+    r"cannot be meant": "is invalid",
+    r"nobody can tell": "cannot be estimated",
+    r"nobody's name": "an unlinked temporary file",
 }
 """What was replaced, as a regular expression of whole words, and by what."""
 

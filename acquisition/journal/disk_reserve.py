@@ -17,7 +17,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class DiskReserve:
-    """Blocks that belong to nobody's name: they are free again when this process ends.
+    """Blocks of an unlinked temporary file: they are free again when this process ends.
 
     Parameters
     ----------

@@ -206,7 +206,7 @@ def average_table(
     kept = int(good.sum())
     if len(present) == 1 and not reasons:
         raise DataQualityError(
-            "there is one period, whose noise nobody can tell: record two or more (`periods`)"
+            "noise cannot be estimated from one period: record two or more (`periods`)"
         )
     if kept < 2 or len(reasons) > rejected_limit:
         words = "; ".join(f"period {period.number}: {period.reason}" for period in reasons)

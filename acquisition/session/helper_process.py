@@ -9,7 +9,7 @@ from typing import Any
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from config.process.shortage import as_named
-from config.process.termination import termination_held
+from config.process.termination import signals_blocked
 
 
 class HelperProcess:
@@ -112,7 +112,7 @@ def start_all(helpers: Sequence[HelperProcess]) -> None:
         The computer cannot start one more.
     """
     try:
-        with termination_held(apart=True):
+        with signals_blocked(suspension=True):
             for helper in helpers:
                 helper.start()
     except Exception as error:

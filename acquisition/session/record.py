@@ -37,8 +37,8 @@ from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.process.termination import (
+    signals_handled,
     suspension_refused,
-    termination_calls,
 )
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
@@ -164,7 +164,7 @@ def record_motion(
     joints = JointWatch(ring, cell, robot)
     with (
         suspension_refused(NO_PAUSE),
-        termination_calls(
+        signals_handled(
             lambda: control.program.request_stop(StopCode.INTERRUPTED), then_ignored=True
         ) as interruption,
     ):

@@ -117,7 +117,7 @@ def clock_from_arrivals(
     middle = float(device.mean())
     x, late = device - middle, arrival - shortest_delay_s - device
     offset, rate = _line_under(x, late)
-    # Delays of neighbouring reads hang together: stretches of reads are dealt out, not single ones.
+    # Delays of neighbouring reads are correlated: stretches of them are dealt out, not single ones.
     stretch = chunk * min(STRETCHES, chunk[-1] + 1) // (chunk[-1] + 1)
     line = np.array([offset, rate])
     eighths = np.array([_line_under(x[k], late[k]) for k in _deal(stretch, SUBSETS)]) - line

@@ -24,7 +24,7 @@ def freeze_garbage() -> None:
 
 
 def become_realtime() -> tuple[str, ...]:
-    """Ask for memory that is never paged out, exact timers, real-time scheduling, no dozing.
+    """Ask for memory that is never paged out, exact timers, real-time scheduling, no deep idle.
 
     Returns
     -------
@@ -47,13 +47,13 @@ def become_realtime() -> tuple[str, ...]:
             f"no real-time scheduling (SCHED_FIFO: {error.strerror}); raise the limit rtprio for"
             " this user"
         )
-    if (dozing := keep_processors_awake(PROCESSOR_LATENCY)) is not None:
-        refused.append(dozing)
+    if (idle := keep_processors_awake(PROCESSOR_LATENCY)) is not None:
+        refused.append(idle)
     return tuple(refused)
 
 
 def keep_processors_awake(latency: Path) -> str | None:
-    """Let no processor doze until this process ends: waking up takes time, and empties caches.
+    """Disable deep CPU idle states until this process ends: waking up takes time.
 
     Source: Linux kernel, Documentation/power/pm_qos_interface.rst.
 
@@ -73,7 +73,7 @@ def keep_processors_awake(latency: Path) -> str | None:
         return None
     except OSError as error:
         return (
-            f"processors may doze between cycles ({latency}: {error.strerror}); let this user"
-            " write to it"
+            f"processors may enter deep idle states between cycles ({latency}: {error.strerror});"
+            " let this user write to it"
         )
     return None

@@ -92,7 +92,7 @@ class StopSequence:
                     return
                 beyond = self._beyond(before, position, most)
                 before = position
-                if why := self._why_at_once(beyond, slowing.deaf(time_s, position, received)):
+                if why := self._why_at_once(beyond, slowing.too_slow(time_s, position, received)):
                     self._words.add_note(f"{why}: the power was taken away at once")
                     return
         except (DriverError, SafetyStop) as error:
@@ -111,13 +111,13 @@ class StopSequence:
             if (now > high and now - then > most) or (now < low and then - now > most)
         ]
 
-    def _why_at_once(self, beyond: list[int], deaf: list[int]) -> str:
+    def _why_at_once(self, beyond: list[int], too_slow: list[int]) -> str:
         """Return why the ramp is not waited for; empty where it may go on."""
         names = self._axes.joint_names
         if beyond:
             return f"{', '.join(names[i] for i in beyond)} ran beyond its limit while stopping"
-        if deaf:
-            return f"the quick stop did not slow down {', '.join(names[i] for i in deaf)}"
+        if too_slow:
+            return f"the quick stop did not slow down {', '.join(names[i] for i in too_slow)}"
         return ""
 
     def disable(self) -> None:
@@ -161,7 +161,9 @@ class SlowingDown:
         self._at = [(began_s, value) for value in position]
         self._first: list[tuple[float, float] | None] = [None] * len(position)
 
-    def deaf(self, time_s: float, position: Sequence[float], received: Sequence[bool]) -> list[int]:
+    def too_slow(
+        self, time_s: float, position: Sequence[float], received: Sequence[bool]
+    ) -> list[int]:
         """Return the axes that are too fast, by number, after one more cycle at `time_s` [s]."""
         self._count += 1
         if self._count % self._cycles:

@@ -194,8 +194,8 @@ def _response(
     noise = scatter / freedom / (realisations * periods) / size
     total, more = np.full(len(lines), np.nan), 1.0
     if realisations > 1:
-        apart = np.sum(np.abs(by_realisation) ** 2, axis=0)
-        total = apart / (realisations - 1) / realisations / size
+        squares = np.sum(np.abs(by_realisation) ** 2, axis=0)
+        total = squares / (realisations - 1) / realisations / size
         # A line's own scatter over a few realisations says little: all lines together say more.
         # The mean of a ratio of variances is freedom / (freedom - 1), where nothing distorts.
         unbiased = (freedom - 1) / freedom if freedom > 1 else 1.0
@@ -216,13 +216,13 @@ def _response(
     def distortion(chosen: BoolArray) -> Distortion:
         own = unexplained[:, :, chosen]
         mean = own.mean(axis=1)
-        apart = np.sum(np.abs(own - mean[:, np.newaxis]) ** 2, axis=1) / (periods - 1)
+        squares = np.sum(np.abs(own - mean[:, np.newaxis]) ** 2, axis=1) / (periods - 1)
         output = outputs[:, :, empty[chosen]].mean(axis=1)
         return Distortion(
             frequency_hz=at[chosen],
             output=np.asarray(np.sqrt(np.mean(np.abs(output) ** 2, axis=0))),
             level=np.asarray(np.sqrt(np.mean(np.abs(mean) ** 2, axis=0)) / beside[chosen]),
-            noise=np.asarray(np.sqrt(np.mean(apart, axis=0) / periods) / beside[chosen]),
+            noise=np.asarray(np.sqrt(np.mean(squares, axis=0) / periods) / beside[chosen]),
         )
 
     return FrequencyResponse(

@@ -194,9 +194,9 @@ def _between_models(
     lengths = np.array([trial.mdl for trial in trials])
     chance = np.exp(-0.5 * (lengths - lengths.min()))
     chance /= chance.sum()
-    apart = np.array([each[:2] - values[best][:2] for each in values])
+    difference = np.array([each[:2] - values[best][:2] for each in values])
     added = np.zeros((len(values[best]), len(values[best])))
-    added[:2, :2] = (chance[:, np.newaxis] * apart).T @ apart
+    added[:2, :2] = (chance[:, np.newaxis] * difference).T @ difference
     return added
 
 

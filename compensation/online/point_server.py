@@ -26,7 +26,7 @@ from compensation.online.point_ring import PointRing, PointsFailed
 from config.arrays import FloatArray
 from config.errors import LockedError, TransportError
 from config.process.file_locks import file_holder, held_file
-from config.process.termination import leave_terminal, termination_held
+from config.process.termination import leave_terminal, signals_blocked
 from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 
@@ -96,7 +96,7 @@ class PointServer:
 
     def __enter__(self) -> PointServer:
         try:
-            with termination_held(apart=True):
+            with signals_blocked(suspension=True):
                 self._process.start()
         except BaseException as error:  # a signal that came meanwhile, perhaps
             self._end(str(error))

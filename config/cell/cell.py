@@ -43,8 +43,8 @@ class DriveAxis(ConfigModel):
     vendor's unit of 60FFh and 606Ch. `position_zero_counts` is 6064h at joint position zero.
 
     `eds` is the path of the drive's electronic data sheet (EDS or DCF), relative to the cell file:
-    the drive must have the objects that are used, by its sheet, and must be the one that the sheet
-    is of. `identity` says what the drive must be where the sheet says something else, or without
+    the drive must have the objects that are used, by its EDS, and must be the one that the EDS
+    is of. `identity` says what the drive must be where the EDS says something else, or without
     one.
     """
 

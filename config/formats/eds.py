@@ -88,7 +88,7 @@ class ElectronicDataSheet:
         return tuple(sorted(faults, key=lambda fault: fault.line))
 
     def get(self, index: int, subindex: int) -> EdsObject | None:
-        """Return an object; None where the sheet does not have it."""
+        """Return an object; None where the EDS does not have it."""
         return self._by_address.get((index, subindex))
 
 
@@ -105,7 +105,7 @@ def parse_eds(data: bytes, name: str) -> ElectronicDataSheet:
     Raises
     ------
     ConfigError
-        The file is no data sheet, or a line of it cannot be meant; the message has `name:line`.
+        The file is no data sheet, or a line of it is invalid; the message has `name:line`.
     """
     reader = _Reader(name, parse_sections(data, name))
     info = reader.sections.get("deviceinfo")

@@ -100,7 +100,7 @@ class EdsFault:
 
 @dataclass(frozen=True, slots=True)
 class EdsObject:
-    """One object; None is what the sheet does not say, or not so that it can be read.
+    """One object; None is what the EDS does not say, or not so that it can be read.
 
     Attributes
     ----------

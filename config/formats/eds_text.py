@@ -71,7 +71,7 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
     Raises
     ------
     ConfigError
-        The file is too large, is no text, or a line of it cannot be meant; the message has
+        The file is too large, is no text, or a line of it is invalid; the message has
         `name:line`.
     """
     if len(data) > MAX_BYTES:

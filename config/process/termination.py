@@ -20,8 +20,8 @@ def ending_signals() -> tuple[signal.Signals, ...]:
     """Return the signals that end this program.
 
     A hang-up that is ignored stays ignored: that is what `nohup` asks for. An interrupt never does:
-    shells start what is put into the background deaf to it, which nobody asked for, and who sends
-    one wants the robot to stop.
+    shells start background commands with it ignored, which nobody asked for, and who sends one
+    wants the robot to stop.
     """
     nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     return tuple(each for each in TERMINATION if not (nohup and each == signal.SIGHUP))
@@ -77,7 +77,7 @@ class Interruption:
 
 
 @contextlib.contextmanager
-def termination_calls(
+def signals_handled(
     stop: Callable[[], None], *, then_ignored: bool = False
 ) -> Iterator[Interruption]:
     """Call `stop` at every termination signal instead of dying, however many come.
@@ -117,15 +117,15 @@ def termination_calls(
 
 
 @contextlib.contextmanager
-def termination_held(*, apart: bool = False) -> Iterator[None]:
-    """Start processes in here: they are deaf to termination signals until they say otherwise.
+def signals_blocked(*, suspension: bool = False) -> Iterator[None]:
+    """Start processes in here: they start with termination signals blocked.
 
     They are from their first instruction, and no owner is interrupted before it has noted what it
-    started. Those that stand `apart` from the terminal (`leave_terminal`) are deaf to Ctrl-Z too.
+    started. With `suspension`, for those that `leave_terminal`, Ctrl-Z is blocked too.
     """
     resource_tracker.ensure_running()  # starting the first process would unblock signals again
-    with termination_waits():
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, SUSPENSION if apart else ())
+    with signals_deferred():
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, SUSPENSION if suspension else ())
         try:
             yield
         finally:
@@ -133,7 +133,7 @@ def termination_held(*, apart: bool = False) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def termination_waits() -> Iterator[None]:
+def signals_deferred() -> Iterator[None]:
     """Let termination signals wait until the end of the `with`.
 
     The mask alone is not enough: the kernel hands a signal to any other thread, for which Python

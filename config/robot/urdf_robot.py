@@ -48,7 +48,7 @@ def robot_of_urdf(tree: UrdfTree, *, base: str | None = None, tip: str | None = 
     Raises
     ------
     ConfigError
-        There is no such link, no single chain, or a joint cannot be meant.
+        There is no such link, no single chain, or a joint is invalid.
     """
     for link in (base, tip):
         if link is not None and link not in tree.links:

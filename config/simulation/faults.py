@@ -116,9 +116,9 @@ class StrangeFrames(TimedFault):
 class AdapterFault(TimedFault):
     """What happens to the computer's CAN adapter, for `duration_s`.
 
-    `bus_off`: it reports bus-off once and is deaf and mute. `unplugged`: it is gone; whoever opens
-    it meanwhile is refused. `no_acknowledge`: nobody acknowledges what it sends, so that its queue
-    (`queue` frames; the rest is lost) waits and goes out when the time is over.
+    `bus_off`: it reports bus-off once, and receives and sends nothing. `unplugged`: it is gone;
+    whoever opens it meanwhile is refused. `no_acknowledge`: nobody acknowledges what it sends, so
+    that its queue (`queue` frames; the rest is lost) waits and goes out when the time is over.
     """
 
     kind: Literal["bus_off", "unplugged", "no_acknowledge"]

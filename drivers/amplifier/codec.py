@@ -62,7 +62,7 @@ class Answer:
 
 
 class RequestError(ProtocolError):
-    """A command that cannot be meant; `number` is the error that the device answers."""
+    """An invalid command; `number` is the error that the device answers."""
 
     def __init__(self, number: str, text: str) -> None:
         super().__init__(text)

@@ -247,14 +247,14 @@ def other_senders(
     second_answers: NDArray[np.int64],
     contradictions: NDArray[np.int64],
 ) -> tuple[str, ...]:
-    """Return a sentence for each drive whose identifier two devices send, and one for nobody's.
+    """Return a sentence for each identifier that two devices send, and one for unknown ones.
 
     Parameters
     ----------
     axes : sequence of DriveAxis
         The drives.
     watch : DriveWatch
-        Where frames of nobody are counted.
+        Where frames with unknown identifiers are counted.
     second_answers, contradictions : ndarray of int64, shape (axes,)
         In how many cycles each drive's identifier answered twice, and with other data.
     """

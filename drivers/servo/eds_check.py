@@ -1,4 +1,4 @@
-"""What a drive's data sheet must know for it to be used here, and what it lacks: `SheetFinding`.
+"""What a drive's data sheet must know for it to be used here, and what it lacks: `EdsFinding`.
 
 Nothing is asked of the drive: this is told before anything is written to it.
 """
@@ -34,11 +34,11 @@ Verdict = Literal["red", "allowed", "shown"]
 
 
 @dataclass(frozen=True, slots=True)
-class SheetFinding:
-    """One thing that a sheet does not say as it must; `line` 0 where it has no such object.
+class EdsFinding:
+    """One thing that an EDS does not say as it must; `line` 0 where it has no such object.
 
-    Limits that a value is beyond are shown and no more: they are often wrong in sheets (0 to 65535
-    for a number of 32 bits), and what a drive does not take is red when it is read back.
+    Limits that a value is beyond are shown and no more: they are often wrong (0 to 65535 for a
+    number of 32 bits), and what a drive does not take is red when it is read back.
     """
 
     object_name: str
@@ -49,26 +49,26 @@ class SheetFinding:
     verdict: Verdict = "red"
 
 
-def sheet_findings(
-    sheet: ElectronicDataSheet, cell: CellConfig, axis: DriveAxis
-) -> tuple[SheetFinding, ...]:
+def eds_findings(
+    eds: ElectronicDataSheet, cell: CellConfig, axis: DriveAxis
+) -> tuple[EdsFinding, ...]:
     """Return what a drive's data sheet lacks: objects, their size, access and mapping.
 
     Parameters
     ----------
-    sheet : ElectronicDataSheet
-        The sheet that the axis names.
+    eds : ElectronicDataSheet
+        The EDS that the axis names.
     cell, axis : CellConfig, DriveAxis
         The cell, and the axis of it. What the drive may lack by `allow_drive_without_watchdog` is
         a finding, but no red one.
     """
-    findings: list[SheetFinding] = []
-    if sheet.node_id is not None and sheet.node_id != axis.node_id:
-        said = str(sheet.node_id)
-        findings.append(SheetFinding("[DeviceComissioning]", "node id", f"{axis.node_id}", said, 0))
+    findings: list[EdsFinding] = []
+    if eds.node_id is not None and eds.node_id != axis.node_id:
+        said = str(eds.node_id)
+        findings.append(EdsFinding("[DeviceComissioning]", "node id", f"{axis.node_id}", said, 0))
     allowed = axis.node_id in cell.drive_safety.allow_drive_without_watchdog
     for requirement in (*_READ, *safety_requirements(cell, _ANY_UNITS)):
-        found = sheet.get(requirement.index, requirement.subindex)
+        found = eds.get(requirement.index, requirement.subindex)
         if found is None and requirement.optional:
             continue
         lack = _lack(requirement, found)
@@ -79,7 +79,7 @@ def sheet_findings(
         elif beyond is not None:
             findings.append(_finding(requirement, *beyond, found, "shown"))
     for pdo in cyclic_pdos(axis.node_id, cell.exchange):
-        findings += _pdo_findings(sheet, pdo)
+        findings += _pdo_findings(eds, pdo)
     return tuple(findings)
 
 
@@ -88,7 +88,7 @@ def _lack(requirement: Requirement, found: EdsObject | None) -> tuple[str, str] 
     bits = 8 * requirement.size
     required = f"{bits} bit, writable" if _writes(requirement) else f"{bits} bit"
     if found is None:
-        return required, "not in the sheet"
+        return required, "not in the EDS"
     if found.faults:
         return required, f"line {found.faults[0].line}: {found.faults[0].text}"
     if found.bits != bits:
@@ -112,27 +112,27 @@ def _writes(requirement: Requirement) -> bool:
     return requirement.write and requirement.value is not None
 
 
-def _pdo_findings(sheet: ElectronicDataSheet, pdo: PdoMapping) -> Iterator[SheetFinding]:
+def _pdo_findings(eds: ElectronicDataSheet, pdo: PdoMapping) -> Iterator[EdsFinding]:
     title = f"{pdo.direction.upper()} {pdo.number}"
     sizes = {(write.index, write.subindex): len(write.data) for write in pdo.writes()}
     for (index, subindex), size in sizes.items():
         requirement = Requirement(index, subindex, size, f"{title} configuration", 0)
-        found = sheet.get(index, subindex)
+        found = eds.get(index, subindex)
         lack = _lack(requirement, found)
         if lack is not None:
             yield _finding(requirement, *lack, found)
     for item in pdo.objects:
-        yield from _mapped_findings(sheet, pdo, item, title)
+        yield from _mapped_findings(eds, pdo, item, title)
 
 
 def _mapped_findings(
-    sheet: ElectronicDataSheet, pdo: PdoMapping, item: MappedObject, title: str
-) -> Iterator[SheetFinding]:
-    found = sheet.get(item.index, item.subindex)
+    eds: ElectronicDataSheet, pdo: PdoMapping, item: MappedObject, title: str
+) -> Iterator[EdsFinding]:
+    found = eds.get(item.index, item.subindex)
     required = f"{item.bits} bit, mappable"
     requirement = Requirement(item.index, item.subindex, item.bits // 8, f"in {title}")
     if found is None:
-        yield _finding(requirement, required, "not in the sheet", None)
+        yield _finding(requirement, required, "not in the EDS", None)
     elif found.faults:
         said = f"line {found.faults[0].line}: {found.faults[0].text}"
         yield _finding(requirement, required, said, found)
@@ -151,13 +151,13 @@ def _finding(
     said: str,
     found: EdsObject | None,
     verdict: Verdict = "red",
-) -> SheetFinding:
+) -> EdsFinding:
     name = requirement.name
     if found is not None and found.name:
         name = f"{name} ({printable(found.name, 40)})"
     line = 0 if found is None else found.line
     address = object_name(requirement.index, requirement.subindex)
-    return SheetFinding(address, name, required, said, line, verdict)
+    return EdsFinding(address, name, required, said, line, verdict)
 
 
 def _type_words(found: EdsObject) -> str:

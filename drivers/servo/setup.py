@@ -139,7 +139,7 @@ class DriveSetup:
         )
 
     def _is_expected(self) -> bool:
-        """Read 1018h; return whether it is as the cell file, or the drive's sheet, says."""
+        """Read 1018h; return whether it is as the cell file, or the drive's EDS, says."""
         wanted = self._axis.identity or DeviceIdentity()
         begun = len(self._settings)
         for subindex, text, value in (

@@ -209,8 +209,8 @@ def _line_distance(
     along_first = _share(b * f - c * e, a * e - b * b)
     along_second = _share(b * along_first + f, e)
     along_first = _share(b * along_second - c, a)
-    apart = r + along_first[:, np.newaxis] * half_first - along_second[:, np.newaxis] * half_second
-    return np.asarray(np.linalg.norm(apart, axis=1))
+    offset = r + along_first[:, np.newaxis] * half_first - along_second[:, np.newaxis] * half_second
+    return np.asarray(np.linalg.norm(offset, axis=1))
 
 
 def _share(numerator: FloatArray, denominator: FloatArray) -> FloatArray:

@@ -98,12 +98,12 @@ def pull_back(
                 for i in range(joints - 1, k - 1, -1):
                     if i >= first_link:
                         of_link = link_weights[one, :, k, 10 * (i - first_link) :]
-                        a, b = _weigh_link(of_link, samples, i, screws, moves, gains)
+                        a, b = _contract_link(of_link, samples, i, screws, moves, gains)
                         turning_gain, sliding_gain = add(turning_gain, a), add(sliding_gain, b)
                     for r in range(len(rotor_link)):
                         if rotor_link[r] == i + 1:
                             weight = gather(rotor_weights[one, :, k], samples, r)
-                            a = _weigh_rotor(
+                            a = _contract_rotor(
                                 weight,
                                 _axis(rotor_axis, r),
                                 rotor_ratio[r],
@@ -129,7 +129,7 @@ def pull_back(
                             by_position,
                         )
             for r in range(len(rotor_link)):
-                _weigh_own(
+                _contract_own(
                     rotor_weights[one],
                     own_torque,
                     r,
@@ -200,7 +200,7 @@ def _carry_screw(prismatic: BoolArray, k: int, frames: FloatArray, screws: Float
 
 
 @kernel
-def _weigh_link(
+def _contract_link(
     weights: FloatArray,
     samples: Samples,
     i: int,
@@ -232,7 +232,7 @@ def _weigh_link(
 
 
 @kernel
-def _weigh_rotor(
+def _contract_rotor(
     weight: Lanes,
     axis: Vector,
     ratio: float,
@@ -257,7 +257,7 @@ def _weigh_rotor(
 
 
 @kernel
-def _weigh_own(
+def _contract_own(
     weights: FloatArray,
     own_torque: FloatArray,
     r: int,

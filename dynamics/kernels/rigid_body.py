@@ -7,7 +7,7 @@ appears in a row with its virtual power on that row's screw. This is the modifie
 Newton-Euler method (appendix B) with the backward recursion replaced by its transpose.
 
 Eight samples are computed at once, `first` to `last` - 1 of the motion. Numba's cache on disk
-notices a change in a kernel's own file only: after a change in `lanes` or `vectors`, touch the
+notices a change in a kernel's own file only: after a change in `simd` or `vectors`, touch the
 kernels' files.
 """
 

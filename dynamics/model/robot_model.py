@@ -81,7 +81,7 @@ class RobotModel:
         Raises
         ------
         ConfigError
-            Where the description's spring cannot be meant.
+            Where the description's spring is invalid.
         EstimationError
             Where `sign_smoothing_rad_s` is negative.
         """

@@ -129,10 +129,10 @@ def joint_motions(
     motions = []
     for moved in (*((j,) for j in range(len(names))), *combinations(range(len(names)), 2)):
         who = " and ".join(names[j] for j in moved)
-        together = " together" if len(moved) > 1 else ""
+        joined = " together" if len(moved) > 1 else ""
         for fast, how in ((False, "through their range"), (True, "with large accelerations")):
-            how = how if together else how.replace("their", "its")
-            motions.append((f"moving {who}{together} {how}", _swing(robot, moved, fast)))
+            how = how if joined else how.replace("their", "its")
+            motions.append((f"moving {who}{joined} {how}", _swing(robot, moved, fast)))
     return motions
 
 

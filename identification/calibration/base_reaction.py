@@ -106,7 +106,7 @@ def base_load(
     EstimationError
         The estimate is of the internal model.
     """
-    values, covariance, known = weighed(estimate, mass_kg)
+    values, covariance, known = with_known_mass(estimate, mass_kg)
     wrench, sigma = np.empty((len(q), 6)), np.empty((len(q), 6))
     for start in range(0, len(q), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
@@ -125,7 +125,7 @@ def base_load(
     )
 
 
-def weighed(
+def with_known_mass(
     estimate: Estimate, mass_kg: float | None = None
 ) -> tuple[FloatArray, FloatArray, bool]:
     """Return an estimate's values and covariance with the weight from elsewhere.

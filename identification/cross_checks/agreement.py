@@ -132,7 +132,7 @@ def check(method: Method, estimate: Estimate, runs: tuple[TimeRun, ...]) -> Cros
         nothing = np.zeros(0)
         return CrossCheck(method, nothing, nothing, nothing, "", str(error))
     sigma = np.sqrt(np.diagonal(covariance))
-    together = np.sqrt(sigma**2 + estimate.sigma**2)
-    difference = (values - estimate.values) / np.maximum(together, 1e-300)
+    combined = np.sqrt(sigma**2 + estimate.sigma**2)
+    difference = (values - estimate.values) / np.maximum(combined, 1e-300)
     worst = estimate.base.expressions[int(np.argmax(np.abs(difference)))]
     return CrossCheck(method, values, sigma, difference, worst)

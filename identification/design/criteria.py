@@ -1,8 +1,8 @@
 """What makes an excitation good: functions of the information about the base parameters.
 
 The information is the inverse of the covariance that an estimate would have, for one sample of
-noise one. Each criterion gives its worth, the smaller the better, and a smooth stand-in with its
-exact gradient for the search.
+noise one. Each criterion gives its objective, the smaller the better, and a smooth stand-in with
+its exact gradient for the search.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Criterion(Protocol):
     """What a search makes small."""
 
     @abstractmethod
-    def worth(self, information: FloatArray) -> float:
+    def objective(self, information: FloatArray) -> float:
         """Return the criterion itself of an information matrix (b, b)."""
 
     @abstractmethod
@@ -33,7 +33,7 @@ class Criterion(Protocol):
         """Return what stands for it in the search, and the derivatives by the elements."""
 
     @abstractmethod
-    def words(self, worth: float) -> str:
+    def describe(self, objective: float) -> str:
         """Say what the criterion's value means."""
 
 
@@ -44,7 +44,7 @@ class DOptimal:
     The volume of the confidence ellipsoid, whatever the parameters' units.
     """
 
-    def worth(self, information: FloatArray) -> float:
+    def objective(self, information: FloatArray) -> float:
         """Return the criterion itself of an information matrix (b, b)."""
         return self.smooth(information)[0]
 
@@ -53,9 +53,9 @@ class DOptimal:
         log_det, inverse = _log_det(information)
         return -log_det / len(information), -inverse / len(information)
 
-    def words(self, worth: float) -> str:
+    def describe(self, objective: float) -> str:
         """Say what the criterion's value means."""
-        return f"log determinant {-worth:.4g} per parameter"
+        return f"log determinant {-objective:.4g} per parameter"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class Condition:
 
     parameter_size: FloatArray | None = None
 
-    def worth(self, information: FloatArray) -> float:
+    def objective(self, information: FloatArray) -> float:
         """Return the condition number for an information matrix (b, b)."""
         eigenvalues, _ = _eigen(information, self._size(information))
         return math.sqrt(float(eigenvalues[-1] / eigenvalues[0]))
@@ -80,8 +80,8 @@ class Condition:
         eigenvalues, vectors = _eigen(information, size)
         high = (eigenvalues / eigenvalues[-1]) ** NORM_POWER
         low = (eigenvalues[0] / eigenvalues) ** NORM_POWER
-        worth = 0.5 * math.log(eigenvalues[-1] / eigenvalues[0])
-        worth += 0.5 / NORM_POWER * (math.log(high.sum()) + math.log(low.sum()))
+        objective = 0.5 * math.log(eigenvalues[-1] / eigenvalues[0])
+        objective += 0.5 / NORM_POWER * (math.log(high.sum()) + math.log(low.sum()))
         slope = 0.5 * (high / high.sum() - low / low.sum()) / eigenvalues
         inner = (vectors * slope) @ vectors.T
         gradient = inner / np.outer(size, size)
@@ -89,13 +89,13 @@ class Condition:
             scaled = information / np.outer(size, size)
             gradient -= np.diag(np.sum(inner * scaled, axis=1) / size**2)
             log_det, inverse = _log_det(information)
-            worth -= INFORMATION_SHARE * log_det / len(size)
+            objective -= INFORMATION_SHARE * log_det / len(size)
             gradient -= INFORMATION_SHARE * inverse / len(size)
-        return worth, gradient
+        return objective, gradient
 
-    def words(self, worth: float) -> str:
+    def describe(self, objective: float) -> str:
         """Say what the criterion's value means."""
-        return f"condition number {worth:.4g}"
+        return f"condition number {objective:.4g}"
 
     def _size(self, information: FloatArray) -> FloatArray:
         if self.parameter_size is None:
@@ -112,7 +112,7 @@ class Goals:
 
     wanted: FloatArray
 
-    def worth(self, information: FloatArray) -> float:
+    def objective(self, information: FloatArray) -> float:
         """Return the criterion itself of an information matrix (b, b)."""
         return self.smooth(information)[0]
 
@@ -121,13 +121,13 @@ class Goals:
         _, inverse = _log_det(information)
         spread = self.wanted @ inverse
         variance = np.einsum("kb,kb->k", spread, self.wanted)
-        worth = 0.5 * float(np.mean(np.log(variance)))
+        objective = 0.5 * float(np.mean(np.log(variance)))
         gradient = -0.5 * (spread / variance[:, np.newaxis]).T @ spread / len(variance)
-        return worth, gradient
+        return objective, gradient
 
-    def words(self, worth: float) -> str:
+    def describe(self, objective: float) -> str:
         """Say what the criterion's value means."""
-        return f"mean log deviation {worth:.4g}"
+        return f"mean log deviation {objective:.4g}"
 
 
 def column_sizes(information: FloatArray) -> FloatArray:

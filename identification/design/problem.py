@@ -233,7 +233,7 @@ class ExcitationProblem:
         Raises
         ------
         ConfigError
-            No such pose is found: bodies or workspace cannot be meant.
+            No such pose is found: bodies or workspace are invalid.
         """
         random = np.random.default_rng(seed)
         x = START_AMPLITUDE * random.normal(size=self._scales.shape)
@@ -269,7 +269,7 @@ class ExcitationProblem:
         q, v, a = self.motion(x, self._coarse)
         phi = regressor(self._smooth_model, q, v, a)
         rows = self.weighted_rows(phi)
-        worth, by_information = self.criterion.smooth(self.information(rows))
+        objective, by_information = self.criterion.smooth(self.information(rows))
         weights = np.zeros_like(phi)
         by_rows = 2.0 / len(rows) * rows @ by_information
         weights[:, :, list(self.base.kept)] = by_rows / self.expected_noise_nm[:, np.newaxis]
@@ -280,22 +280,22 @@ class ExcitationProblem:
         if self._to_motors is not None:
             over_motor = over_more.pop(0)
             share = penalty / len(fine[1])
-            worth += share * float(np.sum(over_motor**2))
+            objective += share * float(np.sum(over_motor**2))
             slope = 2.0 * share * (over_motor[0] - over_motor[1]) / self._sizes[1]
             gradient += (slope @ self._to_motors).T @ self._fine[1]
         for basis, excess, size in zip(
             self._fine, (over_q, over_v, over_a), self._sizes, strict=True
         ):
             share = penalty / len(basis)
-            worth += share * float(np.sum(excess**2))
+            objective += share * float(np.sum(excess**2))
             gradient += 2.0 * share * ((excess[0] - excess[1]) / size).T @ basis
         share = penalty / len(q)
-        worth += share * float(np.sum(over_torque**2))
+        objective += share * float(np.sum(over_torque**2))
         slope = 2.0 * share * (over_torque[0] - over_torque[1]) / self._torques
         weights += slope[:, :, np.newaxis] * self._prior
         by_motion = np.array(regressor_gradient(self._smooth_model, q, v, a, weights))
         for excess in over_more:
-            worth += share * float(np.sum(excess**2))
+            objective += share * float(np.sum(excess**2))
             slope = 2.0 * share * (excess[0] - excess[1]) / self.base_limits
             if slope.any():
                 by_motion += base_wrench_gradient(self.model, q, v, a, self._prior, slope)
@@ -304,9 +304,9 @@ class ExcitationProblem:
         if len(self.clearances):
             squares, by_q = self.clearances.shortfall(fine[0])
             share = penalty / (len(fine[0]) * CLEARANCE_SCALE_M**2)
-            worth += share * squares
+            objective += share * squares
             gradient += share * by_q.T @ self._fine[0]
-        return worth, np.asarray((gradient * self._scales).ravel())
+        return objective, np.asarray((gradient * self._scales).ravel())
 
     def no_shifts(self) -> Shifts:
         """Return shifts of zero, to start with."""

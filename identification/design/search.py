@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from acquisition.motion.kinds.fourier import FourierMotion
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.process.termination import termination_held
+from config.process.termination import signals_blocked
 from identification.design.problem import ExcitationProblem
 from identification.design.verification import MotionCheck, check_motion
 
@@ -148,7 +148,7 @@ def backend(scheduler: str | None, jobs: int) -> Iterator[None]:
     if scheduler is None:
         # One thread a process: rounding must not depend on how many cores share a sum.
         with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
-            with termination_held():
+            with signals_blocked():
                 joblib.Parallel(n_jobs=jobs)([joblib.delayed(int)()])
             yield
         return

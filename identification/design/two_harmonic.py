@@ -60,7 +60,7 @@ def design_two_harmonic(
     Raises
     ------
     ConfigError
-        The arguments cannot be meant, or the motion does not pass the verification.
+        The arguments are invalid, or the motion does not pass the verification.
     """
     if highest_harmonic < 2 or tries < 1 or not 0.0 < limit_fraction <= 1.0:
         raise ConfigError(

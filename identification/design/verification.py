@@ -1,4 +1,4 @@
-"""`MotionCheck`: what a periodic motion is worth, and every limit held against it densely."""
+"""`MotionCheck`: the objective of a periodic motion, and every limit held against it densely."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class MotionCheck:
 
     Attributes
     ----------
-    worth : float
+    objective : float
         The criterion, the smaller the better.
     condition_number : float
         Of the model with its hard sign (2.25, 2.26), columns scaled, rows over the expected noise.
@@ -67,7 +67,7 @@ class MotionCheck:
         What the motion breaks, in words; empty where it may be driven.
     """
 
-    worth: float
+    objective: float
     condition_number: float
     log_det: float
     uses: tuple[LimitUse, ...]
@@ -122,9 +122,9 @@ def check_motion(
     information = problem.information(problem.weighted_rows(regressor(problem.model, *period)))
     known = bool((np.diagonal(information) > 0.0).all())
     return MotionCheck(
-        worth=problem.criterion.worth(information) if known else math.inf,
-        condition_number=Condition().worth(information) if known else math.inf,
-        log_det=-DOptimal().worth(information) if known else -math.inf,
+        objective=problem.criterion.objective(information) if known else math.inf,
+        condition_number=Condition().objective(information) if known else math.inf,
+        log_det=-DOptimal().objective(information) if known else -math.inf,
         uses=uses,
         broken=tuple(broken),
     )

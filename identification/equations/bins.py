@@ -21,10 +21,10 @@ from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
-from identification.equations.reaction import (
-    ReactionEquations,
+from identification.equations.base_wrench import (
+    BaseWrenchEquations,
+    base_wrench_equations,
     both_parts,
-    reaction_equations,
     real_rows,
     smoothed,
 )
@@ -63,7 +63,7 @@ class BinEquations:
         Standard deviation of each row by the torque noise between periods [N m or N].
     position_sigma : ndarray, shape (n, H + 1)
         The same of the mean position's bins [rad or m].
-    reaction : ReactionEquations or None
+    reaction : BaseWrenchEquations or None
         The equations of a force plate, where there was one.
     """
 
@@ -75,7 +75,7 @@ class BinEquations:
     left_out_fraction: FloatArray
     torque_sigma: FloatArray
     position_sigma: FloatArray
-    reaction: ReactionEquations | None = None
+    reaction: BaseWrenchEquations | None = None
 
     def to_time(self, rows: FloatArray, samples: int) -> FloatArray:
         """Return one period of (samples, n) values from rows of shape (n, 2 H + 1)."""
@@ -171,7 +171,7 @@ def bin_equations(
         reaction=(
             None
             if measured is None
-            else reaction_equations(
+            else base_wrench_equations(
                 measured, average.periods_kept, average.sample_period_s, wrench_matrix
             )
         ),

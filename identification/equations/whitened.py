@@ -9,8 +9,8 @@ from itertools import zip_longest
 import numpy as np
 
 from config.arrays import FloatArray
+from identification.equations.base_wrench import BaseWrenchEquations, both_parts
 from identification.equations.bins import BinEquations
-from identification.equations.reaction import ReactionEquations, both_parts
 from identification.regression.intervals import Cluster
 
 NEGLIGIBLE_SIGMAS = 0.1
@@ -91,10 +91,10 @@ def whiten(
     return tuple(white)
 
 
-def whiten_reaction(
-    reaction: ReactionEquations, *, uniform: bool = False
+def whiten_base_wrench(
+    reaction: BaseWrenchEquations, *, uniform: bool = False
 ) -> tuple[WhitenedEquations, ...]:
-    """Return a plate's equations over their noise, as outputs that do not hang together.
+    """Return a plate's equations over their noise, as mutually uncorrelated outputs.
 
     With `uniform` the noise is taken for white; N and N m still need its size to be compared.
     """

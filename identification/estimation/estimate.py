@@ -205,7 +205,7 @@ def predict(
     return torque
 
 
-def predict_reaction(
+def predict_base_wrench(
     estimate: Estimate,
     q: FloatArray,
     v: FloatArray,

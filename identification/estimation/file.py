@@ -198,10 +198,10 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
     options = ModelOptions(**document.model.model_dump(), nonlinear=nonlinear or None)
     model = options.build(document.robot)
     expected = model.parameter_names
-    strangers = [name for name in names if name not in expected]
-    if strangers or document.standard_parameters != expected:
+    unknown = [name for name in names if name not in expected]
+    if unknown or document.standard_parameters != expected:
         raise EstimationError(
-            f"the parameters {', '.join(strangers or names)} are not those of the robot in the file"
+            f"the parameters {', '.join(unknown or names)} are not those of the robot in the file"
         )
     base = BaseParameters(
         names=names,

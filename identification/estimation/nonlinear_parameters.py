@@ -75,7 +75,7 @@ def fit_nonlinear(model: RobotModel, base: BaseParameters, solve: Solve) -> Nonl
 def step_prior(model: RobotModel, b: int, width: int | None = None) -> Triangle:
     """Return equations that hold the steps of nonlinear parameters to the size of their ranges.
 
-    They weigh nothing where the data speak, and keep a step small where they say nothing: the
+    They add nothing where the data speak, and keep a step small where they say nothing: the
     speed of a Stribeck term whose coefficient comes out as zero. They stand behind `b` base
     parameters, of `width` unknowns in all.
     """

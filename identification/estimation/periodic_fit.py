@@ -15,7 +15,7 @@ from identification.equations.whitened import (
     WhitenedEquations,
     bin_clusters,
     whiten,
-    whiten_reaction,
+    whiten_base_wrench,
 )
 from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.options import Weighting
@@ -216,7 +216,7 @@ class PeriodicProblem:
             matrix = np.concatenate([reaction.matrix, columns], axis=2)
             reaction = replace(reaction, matrix=matrix)
         reaction = reaction.with_motion_noise(equations.position_sigma, self.base_inertia[run])
-        return whiten_reaction(reaction, uniform=self.weighting == "ls")
+        return whiten_base_wrench(reaction, uniform=self.weighting == "ls")
 
     def jackknife_covariance(self, fit: PeriodicFit) -> FloatArray:
         """Return the covariance of the solution that coloured residuals leave."""

@@ -241,10 +241,10 @@ def robot_prior(layout: Layout, robot: Estimate) -> FloatArray:
     """
     model = layout.model
     wanted = [model.base.expressions[j] for j in model.links]
-    strangers = [each for each in wanted if each not in robot.base.expressions]
-    if strangers:
+    unknown = [each for each in wanted if each not in robot.base.expressions]
+    if unknown:
         raise EstimationError(
-            f"the model of the unloaded robot does not know {strangers[0]}: it is of another robot,"
+            f"the model of the unloaded robot does not know {unknown[0]}: it is of another robot,"
             " or was identified with other terms"
         )
     places = [robot.base.expressions.index(each) for each in wanted]

@@ -188,7 +188,7 @@ class PayloadSearch:
             -(s * w**2) @ sine.T - (c * w**2) @ cosine.T,
         )
 
-    def worth(self, coefficients: FloatArray) -> float:
+    def objective(self, coefficients: FloatArray) -> float:
         """Return how uncertain payloads will be; smaller is better, infinite where one is not seen.
 
         Six payloads stand for all, each 0.3 m away along one of the flange's axes. Of each, the
@@ -239,16 +239,16 @@ class PayloadSearch:
         random = np.random.default_rng(seed)
         falling = np.arange(1, self.harmonics + 1) ** -1.5
         decay = np.concatenate([[1.0], falling, falling])
-        best, size = self.worth(coefficients), FIRST_STEP
+        best, size = self.objective(coefficients), FIRST_STEP
         for _ in range(steps):
             j = int(random.integers(len(coefficients)))
             step = size * self._ranges[1, j] * decay * random.standard_normal(len(decay))
             tried = coefficients.copy()
             tried[j] += np.where(random.random(len(decay)) < CHANGED_SHARE, step, 0.0)
             tried = self.within(tried)
-            worth = self.worth(tried)
-            if worth < best and self.is_clear(self.path(tried)[0]):
-                coefficients, best = tried, worth
+            objective = self.objective(tried)
+            if objective < best and self.is_clear(self.path(tried)[0]):
+                coefficients, best = tried, objective
                 size = min(1.0, 1.3 * size)
             else:
                 size = max(LAST_STEP, 0.99 * size)
@@ -297,8 +297,8 @@ def design_payload_motion(
         periods=periods,
     )
     starts = [(motion, search.coefficients_of(motion)) for motion in itertools.islice(drawn, draws)]
-    for motion, coefficients in sorted(starts, key=lambda start: search.worth(start[1])):
-        if not math.isfinite(search.worth(coefficients)):
+    for motion, coefficients in sorted(starts, key=lambda start: search.objective(start[1])):
+        if not math.isfinite(search.objective(coefficients)):
             break
         if not search.is_clear(search.path(coefficients)[0]):
             continue

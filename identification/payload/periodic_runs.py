@@ -12,8 +12,8 @@ from acquisition.processing.periods import PeriodAverage
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
+from identification.equations.base_wrench import both_parts
 from identification.equations.bins import BinEquations, bin_equations
-from identification.equations.reaction import both_parts
 from identification.equations.whitened import WhitenedEquations, whiten
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
@@ -204,12 +204,12 @@ def _difference(runs: PeriodicRuns, binned: Sequence[BinEquations]) -> BinEquati
             f"the runs have periods of {a.period_s:g} s and {b.period_s:g} s: torques are"
             " subtracted between runs of one motion; use the procedure `together`"
         )
-    apart = np.sqrt(np.mean((a.position - b.position) ** 2, axis=0))
+    difference = np.sqrt(np.mean((a.position - b.position) ** 2, axis=0))
     moved = np.maximum(a.position.std(axis=0), 1e-12)
-    worst = int(np.argmax(apart / np.maximum(moved, apart.max() + 1e-12)))
-    if apart[worst] > SAME_MOTION_SHARE * a.position.std(axis=0).max():
+    worst = int(np.argmax(difference / np.maximum(moved, difference.max() + 1e-12)))
+    if difference[worst] > SAME_MOTION_SHARE * a.position.std(axis=0).max():
         raise EstimationError(
-            f"{a.joint_names[worst]} moved {apart[worst]:.3g} rad (RMS) differently with the"
+            f"{a.joint_names[worst]} moved {difference[worst]:.3g} rad (RMS) differently with the"
             " payload than without it: their torques cannot be subtracted; use the procedure"
             " `together`"
         )

@@ -53,7 +53,7 @@ class PayloadOptions:
     torque_constant_sigma: float = 0.0
 
 
-def weigh(
+def identify_payload(
     robot: RobotDescription,
     runs: MeasuredRuns,
     how: PayloadOptions | None = None,
@@ -93,7 +93,7 @@ def weigh(
 def equations_of(
     robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions
 ) -> PayloadEquations:
-    """Return the equations of a procedure; arguments and errors as in `weigh`."""
+    """Return the equations of a procedure; arguments and errors as in `identify_payload`."""
     if not any(runs.loaded):
         raise EstimationError("no run carried the payload: name those that did")
     match how.procedure:
@@ -150,10 +150,10 @@ def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> 
             )
         return runs.part(chosen).estimate(robot, options, [False] * len(chosen))
 
-    return equations_apart(identified(True), how.robot or identified(False))
+    return equations_of_two_robots(identified(True), how.robot or identified(False))
 
 
-def equations_apart(with_payload: Estimate, alone: Estimate) -> PayloadEquations:
+def equations_of_two_robots(with_payload: Estimate, alone: Estimate) -> PayloadEquations:
     """Return the equations of a payload out of two estimates of one robot.
 
     Their friction is each its own. A base parameter's difference is a cluster of its own.

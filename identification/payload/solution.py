@@ -197,7 +197,7 @@ def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> 
 
 
 def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> PayloadSolution:
-    """Weigh what was measured against what is known otherwise."""
+    """Return the estimate from what was measured and what is known otherwise."""
     ten = PARAMETERS_PER_LINK
     # theta = seen z + hidden h: the ten parameters, some of which only knowledge can tell.
     subspace, r = found.subspace, found.subspace.seen.shape[1]

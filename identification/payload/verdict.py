@@ -14,7 +14,7 @@ from identification.consistency.closest_robot import SMALLEST_P
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.findings import inertia_size
 from identification.payload.measured_runs import MeasuredRuns
-from identification.payload.procedures import PayloadOptions, weigh
+from identification.payload.procedures import PayloadOptions, identify_payload
 
 LARGEST_SCATTER: Final = 3.0
 
@@ -176,7 +176,7 @@ def repeated(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -
     if len(loaded) < 2:
         return None
     others = [i for i, carried in enumerate(runs.loaded) if not carried]
-    found = [weigh(robot, runs.part([*others, run]), how) for run in loaded]
+    found = [identify_payload(robot, runs.part([*others, run]), how) for run in loaded]
     return Repeats(
         np.array([estimate.reported for estimate in found]),
         np.array([estimate.sigma for estimate in found]),

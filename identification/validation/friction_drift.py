@@ -79,7 +79,7 @@ def friction_drift(recording: Recording) -> tuple[FrictionDrift, ...]:
     period = (index - index[0]) // samples
     velocity = np.gradient(recording.position[main], recording.sample_period_s, axis=0)
     work = np.sign(velocity) * recording.torque_nm[main]
-    # A period that misses rows would weigh another part of the path: it does not count.
+    # A period that misses rows would show another part of the path: it does not count.
     whole = [p for p in range(int(period[-1]) + 1) if np.sum(period == p) == samples]
     if len(whole) < FEWEST_PERIODS:
         return ()

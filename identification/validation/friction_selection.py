@@ -89,14 +89,14 @@ class Comparison:
         One a candidate, in the order of complexity.
     chosen : tuple of tuple of str
         Each joint's friction terms.
-    together : Trial
+    combined : Trial
         The model with each joint's own terms.
     """
 
     joint_names: tuple[str, ...]
     trials: tuple[Trial, ...]
     chosen: tuple[tuple[FrictionTerm, ...], ...]
-    together: Trial
+    combined: Trial
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen friction terms."""
@@ -151,7 +151,7 @@ def choose_friction(
     chosen = [candidates[number] for number in best]
     # What one joint lacks bends the others' errors while all have the same terms. With each at its
     # own, a joint may turn out to need less.
-    together = _trial(with_friction(robot, chosen), parts, options, standstill_rad_s, ())
+    combined = _trial(with_friction(robot, chosen), parts, options, standstill_rad_s, ())
     for j, terms in enumerate(chosen):
         for fewer in (c for c in candidates if set(c) < set(terms)):
             if watch is not None:
@@ -159,14 +159,14 @@ def choose_friction(
                 watch(len(candidates), len(candidates) + 1, f"{name} with {', '.join(fewer)}")
             tried = [*chosen[:j], fewer, *chosen[j + 1 :]]
             trial = _trial(with_friction(robot, tried), parts, options, standstill_rad_s, ())
-            if _simplest((trial, together), j) == 0:
-                chosen, together = tried, trial
+            if _simplest((trial, combined), j) == 0:
+                chosen, combined = tried, trial
                 break
     return Comparison(
         joint_names=robot.joint_names,
         trials=tuple(trials),
         chosen=tuple(chosen),
-        together=together,
+        combined=combined,
     )
 
 

@@ -144,7 +144,7 @@ class BusFaults:
     ----------
     bus_off, unplugged : bool
         Set when the adapter goes bus-off or is pulled out; whoever acts on it clears it.
-    deaf_until_ns, unplugged_until_ns : int
+    cut_off_until_ns, unplugged_until_ns : int
         Until when the adapter hears nothing, or is not there [ns].
     """
 
@@ -171,7 +171,7 @@ class BusFaults:
         self._held_up = 0
         self.bus_off = False
         self.unplugged = False
-        self.deaf_until_ns = 0
+        self.cut_off_until_ns = 0
         self.unplugged_until_ns = 0
 
     def take(
@@ -243,5 +243,5 @@ class BusFaults:
             self.unplugged_until_ns = until_ns
             return
         self.bus_off = self.bus_off or fault.kind == "bus_off"
-        self.deaf_until_ns = self._mute_until_ns = until_ns
+        self.cut_off_until_ns = self._mute_until_ns = until_ns
         self._room = fault.queue if fault.kind == "no_acknowledge" else 0

@@ -225,10 +225,10 @@ class CanHub:
     def _deliver(self, delivery: Delivery) -> None:
         (key, _), frame = delivery
         record = FRAME.pack(*frame)
-        deaf = self._faults is not None and frame.time_ns < self._faults.deaf_until_ns
+        cut_off = self._faults is not None and frame.time_ns < self._faults.cut_off_until_ns
         for client in self._clients.values():
             if client.key != key and client.role is not None:
-                if deaf and client.role == Role.MASTER:
+                if cut_off and client.role == Role.MASTER:
                     continue
                 client.inbox.append(record)
                 if frame.can_id in client.urgent:
@@ -340,14 +340,14 @@ class CanHub:
             self._wire.queue(each, spoiled, now_ns)
         if faults.bus_off:
             faults.bus_off = False
-            self._tell_masters(WireFrame(now_ns, _BUS_OFF, 8, 0, bytes(8)))
+            self._send_to_masters(WireFrame(now_ns, _BUS_OFF, 8, 0, bytes(8)))
         if faults.unplugged:
             faults.unplugged = False
             for each_client in [*self._clients.values()]:
                 if each_client.role == Role.MASTER:
                     self._drop(each_client)
 
-    def _tell_masters(self, frame: WireFrame) -> None:
+    def _send_to_masters(self, frame: WireFrame) -> None:
         """Give every master a frame of its own adapter, at once."""
         for client in self._clients.values():
             if client.role == Role.MASTER:

@@ -44,7 +44,7 @@ def drive_eds(identity: DriveIdentity, file_name: str, created: datetime) -> str
     """Return the data sheet of a simulated drive (CiA 306-1), with every object that it has.
 
     Identifiers are counted from the node id, so that drives that differ in it alone have the same
-    sheet; rated torque, encoder and gear are the drive's own.
+    EDS; rated torque, encoder and gear are the drive's own.
 
     Parameters
     ----------

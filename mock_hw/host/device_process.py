@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from config.errors import TransportError
-from config.process.termination import SUSPENSION, termination_held
+from config.process.termination import SUSPENSION, signals_blocked
 
 SCHEDULER_PRIORITY = 10
 """Below the cyclic task's own."""
@@ -48,7 +48,7 @@ class DeviceProcess:
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(*arguments, theirs), daemon=True)
         try:
-            with termination_held(apart=True):
+            with signals_blocked(suspension=True):
                 self._process.start()
         except BaseException:
             self.end()

@@ -9,7 +9,7 @@ import typer
 from acquisition.runs.catalogue import find_run
 from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.average import AverageSection
-from rid_daq.runs.run_data import RunData, Unfinished, result_of, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, report_lacks, result_of
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
@@ -28,7 +28,7 @@ def average(
     """
     console = Console(as_json)
     data = RunData.load(find_run(runs, run), unfinished=unfinished)
-    notes = tell_lacks(console, [data])
+    notes = report_lacks(console, [data])
     section = AverageSection.of(data.average, data.robot)
     path = write_result(data.folder, result_of(data, notes).updated(average=section))
     console.document(

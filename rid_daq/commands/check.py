@@ -34,15 +34,15 @@ def check(
     trip_watchdog_with_power, which switches the drives on at rest. A force plate's amplifier is set
     as the cell file says and read back; it is not zeroed. Where the cell has a drive monitor, every
     motor's temperature and torque constant are read too. Where axes name data sheets (EDS), those
-    are looked at first: no drive is asked anything where one lacks an object by its sheet, and
-    nothing is written to a drive that is another than its sheet says. Exit code 3 where a line is
+    are looked at first: no drive is asked anything where one lacks an object by its EDS, and
+    nothing is written to a drive that is another than its EDS says. Exit code 3 where a line is
     red.
     """
     console = Console(as_json)
     loaded = load_cell(cell)
     if loaded.config.drive_safety.trip_watchdog_with_power:
         require_cleared(loaded.config, cleared)
-    with reachable_cell(loaded, any_sheets=True) as reachable:
+    with reachable_cell(loaded, any_eds=True) as reachable:
         lines, problem = preflight(loaded, reachable, runs, seconds)
     red = [line for line in lines if line.verdict == "red"]
     passed = not red and problem is None

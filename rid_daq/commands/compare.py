@@ -18,7 +18,7 @@ from identification.validation.torque_prediction import validate
 from rid_daq.report.formats import number
 from rid_daq.report.sections.section import Section, finite
 from rid_daq.report.sections.verdict import Check, Verdict
-from rid_daq.runs.run_data import RunData, Unfinished, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, report_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -92,7 +92,7 @@ def compare(
     judged = [each.data for each in sides if each.data is not None]
     if on is not None:
         judged = [RunData.load(find_run(runs, on), unfinished=unfinished)]
-    notes = tell_lacks(console, judged)
+    notes = report_lacks(console, judged)
     predictions = [_prediction(sides, data) for data in judged]
     worst = difference.worst
     line = Check.of(

@@ -209,7 +209,7 @@ def design(
         origin = (
             f"start {found.best.seed} was the best of {len(found.trials)} from seed {seed} for"
             f" {', '.join(names) or criterion.value}:"
-            f" {problem.criterion.words(found.best.check.worth)}."
+            f" {problem.criterion.describe(found.best.check.objective)}."
         )
     else:
         motion = design_two_harmonic(
@@ -302,7 +302,7 @@ def _write(
 def _say_search(console: Console, loaded: LoadedCell, found: Search) -> None:
     """Say how the search went, and what the motion's torques and distances are."""
     curve = "; ".join(
-        f"{found.criterion.words(trial.worth)} after {trial.elapsed_s:.1f} s"
+        f"{found.criterion.describe(trial.objective)} after {trial.elapsed_s:.1f} s"
         for trial in found.curve
     )
     broken = sum(bool(trial.broken) for trial in found.trials)

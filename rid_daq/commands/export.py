@@ -22,7 +22,7 @@ from identification.export.description import pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
-from rid_daq.runs.run_data import RunData, Unfinished, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, report_lacks
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
@@ -154,7 +154,7 @@ def _recorded(folder: RunFolder, to: Format, unfinished: bool) -> RunData:
 
 
 def _export_recording(console: Console, data: RunData, to: Format, output: Path) -> None:
-    notes = tell_lacks(console, [data])
+    notes = report_lacks(console, [data])
     table = recording_table(data.recording, data.robot)
     write_whole(output, recording_bytes(table, RecordingFormat(to.value)))
     console.document(

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rid_daq.jobs.mock_job import MockRequest, ServedCell, serve_cell, write_sheets
+from rid_daq.jobs.mock_job import MockRequest, ServedCell, serve_cell, write_eds_files
 from rid_daq.terminal.console import AsJson, Console
 
 
@@ -48,7 +48,7 @@ def mock(
     """
     console = Console(as_json)
     if eds is not None:
-        name, files = write_sheets(cell, eds)
+        name, files = write_eds_files(cell, eds)
         console.document({"cell": name, "folder": str(eds), "files": files})
         console.say(f"{eds}: wrote {', '.join(files)}.")
         console.say("Name each in its axis of the cell file (eds), by its path from there.")

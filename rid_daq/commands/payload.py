@@ -1,4 +1,4 @@
-"""`rid-daq payload`: weigh what a robot carries, and tell its controller."""
+"""`rid-daq payload`: identify what a robot carries; load data for its controller."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ group = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
     no_args_is_help=True,
-    help="Weigh what a robot carries: mass, centre of gravity and inertia, from recordings with and"
-    " without it; and write them as its controller wants them.",
+    help="Identify what a robot carries: mass, centre of gravity and inertia, from recordings with"
+    " and without it; and write them as its controller wants them.",
 )
 group.command("identify")(identify)
 group.command("export")(export)

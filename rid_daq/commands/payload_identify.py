@@ -18,11 +18,11 @@ from identification.payload.equations import Procedure
 from identification.payload.file import write_payload
 from identification.payload.procedures import PayloadOptions
 from identification.payload.verdict import PayloadLimits
-from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, known_quantity, weigh_runs
+from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, known_quantity, payload_from_runs
 from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.runs.flange import compared
-from rid_daq.runs.run_data import RunData, Unfinished, note_output, result_of, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, note_output, report_lacks, result_of
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -112,7 +112,7 @@ def identify(
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
-    """Weigh a payload: mass, centre of gravity and inertia, from runs with and without it.
+    """Identify a payload: mass, centre of gravity and inertia, from runs with and without it.
 
     Friction is free in every run. Exit code 1 where the payload is less sure than the limits ask
     for; what the motion does not show is named, with the motion that would.
@@ -121,7 +121,7 @@ def identify(
     refuse_output(output, overwrite)
     names = [*(unloaded or []), *loaded]
     data = [RunData.load(folder, unfinished=unfinished) for folder in find_runs(runs, names)]
-    notes = tell_lacks(console, data)
+    notes = report_lacks(console, data)
     flags = [False] * (len(names) - len(loaded)) + [True] * len(loaded)
     robot = None if model is None else read_estimate(model)
     if procedure is None:
@@ -130,7 +130,7 @@ def identify(
         raise ConfigError("--procedure model needs the robot without payload: --model MODEL")
     if procedure in (How.TOGETHER, How.DIFFERENCE) and robot is not None:
         raise ConfigError(f"--procedure {procedure.value} takes no --model: leave one of them out")
-    weighing = PayloadRequest(
+    payload_request = PayloadRequest(
         how=PayloadOptions(
             procedure=_PROCEDURES[procedure.value],
             options=ModelOptions(rotors=rotors),
@@ -142,7 +142,7 @@ def identify(
         band_hz=band_hz,
         standstill_rad_s=standstill_rad_s,
     )
-    payload, repeats = weigh_runs(data, flags, weighing)
+    payload, repeats = payload_from_runs(data, flags, payload_request)
     first = data[flags.index(True)]
     output = output or first.folder.file(PAYLOAD)
     write_payload(output, payload)

@@ -51,13 +51,13 @@ def read_back(
         found = read_load_data(text, form)
     except ConfigError as error:
         raise ConfigError(f"{file}: {error}") from None
-    apart = 100.0 * deviation(body, found, form)
-    line = Check.of("largest difference", apart, "≤", tolerance_percent, "%")
+    difference = 100.0 * deviation(body, found, form)
+    line = Check.of("largest difference", difference, "≤", tolerance_percent, "%")
     passed = line.passed
     headline = (
         f"Passed: {file} holds the payload"
         if passed
-        else f"Failed: {file} differs from the payload by {number(apart, 3)} %"
+        else f"Failed: {file} differs from the payload by {number(difference, 3)} %"
     )
     console.document(
         {

@@ -11,7 +11,7 @@ from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload_job import known_quantity
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
-from rid_daq.recording.payload_session_job import PayloadWeighed, weigh_payload
+from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payload_session
 from rid_daq.recording.payload_steps import PayloadSessionRequest, StepFailed
 from rid_daq.recording.recorded_run import stop_document
 from rid_daq.session.cells import CellName
@@ -84,7 +84,7 @@ def session(
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
-    """Lead through a payload session: check, rehearse, warm up, run, attach, run, weigh.
+    """Lead through a payload session: check, rehearse, warm up, run, attach, run, identify.
 
     An interrupted session goes on with --resume: what was recorded counts.
     """
@@ -109,7 +109,7 @@ def session(
         seed=seed,
         live=LiveOptions(live, listen, token, certificate),
     )
-    ended = weigh_payload(request, console)
+    ended = run_payload_session(request, console)
     if isinstance(ended, StepFailed):
         _print_failed(console, ended)
         raise typer.Exit(ended.run.exit_code)
@@ -129,25 +129,25 @@ def _print_failed(console: Console, failed: StepFailed) -> None:
     elif run.quality is not None:
         console.document(told | {"quality": run.quality.to_dict()})
         trouble = run.quality.trouble
-        console.verdict(False, f"Step {name} is not good enough to weigh by: {trouble}")
+        console.verdict(False, f"Step {name} is not good enough to identify the payload: {trouble}")
         console.say(f"Drive it again with: {resume}")
 
 
-def _print(console: Console, weighed: PayloadWeighed) -> None:
-    state, result = weighed.state, weighed.result
+def _print(console: Console, ended: PayloadSessionResult) -> None:
+    state, result = ended.state, ended.result
     console.document(
         {
             "session": state.folder.run_id,
-            "file": str(weighed.file),
+            "file": str(ended.file),
             "payload": result.payload,
             "verdict": result.verdict,
             "done": state.done,
             "facts": state.facts,
-            "report": str(weighed.report),
+            "report": str(ended.report),
         }
     )
     if result.payload is not None:
         result.payload.print(console)
-    console.verdict(weighed.judged.passed, result.verdict.headline)
-    console.say(f"Payload: {weighed.file}")
-    console.say(f"Report: {weighed.report}")
+    console.verdict(ended.judged.passed, result.verdict.headline)
+    console.say(f"Payload: {ended.file}")
+    console.say(f"Report: {ended.report}")

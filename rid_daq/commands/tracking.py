@@ -12,7 +12,7 @@ from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.tracking import ErrorSize, FollowedMotion, TrackingSection
 from rid_daq.runs.followed_motion import followed
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
-from rid_daq.runs.run_data import Unfinished, result_of, tell_lacks
+from rid_daq.runs.run_data import Unfinished, report_lacks, result_of
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
@@ -41,7 +41,7 @@ def tracking(
     others = [
         read_motion_run(folder, unfinished=unfinished) for folder in find_runs(runs, against or ())
     ]
-    notes = tell_lacks(console, [one.data for one in (*driven, *others)])
+    notes = report_lacks(console, [one.data for one in (*driven, *others)])
     robot = driven[0].data.robot
     for one in (*driven, *others):
         if one.data.robot != robot:

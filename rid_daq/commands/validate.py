@@ -18,8 +18,8 @@ from identification.calibration.base_reaction import base_load
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.validation.base_wrench_validation import validate_base_wrench
 from identification.validation.diagnosis import diagnose
-from identification.validation.reaction_prediction import validate_reaction
 from identification.validation.torque_prediction import validate as compare
 from rid_daq.jobs.motion_load import is_motion_file, limits_of, motion_load
 from rid_daq.report.formats import number
@@ -30,7 +30,7 @@ from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.reaction import ReactionSection
 from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict
-from rid_daq.runs.run_data import RunData, Unfinished, result_of, tell_lacks
+from rid_daq.runs.run_data import RunData, Unfinished, report_lacks, result_of
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -94,7 +94,7 @@ def validate(
     if estimate.options.kind == "external":
         refuse_inapplicable(context, {"limits"}, "with an external model, which knows no friction")
     data = RunData.load(find_run(runs, run), unfinished=unfinished)
-    notes = tell_lacks(console, [data])
+    notes = report_lacks(console, [data])
     validation = compare(
         estimate,
         data.recording,
@@ -119,7 +119,7 @@ def validate(
     reaction = load = None
     if data.recording.reaction is not None and estimate.options.kind != "internal":
         try:
-            compared = validate_reaction(estimate, data.recording, cutoff_hz=band_hz)
+            compared = validate_base_wrench(estimate, data.recording, cutoff_hz=band_hz)
             reaction = ReactionSection.of(compared)
         except DataQualityError as error:
             console.say(f"The reaction on the base is not compared: {error}")

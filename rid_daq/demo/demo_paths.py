@@ -108,7 +108,7 @@ class PathMotions:
 
 
 @dataclass(frozen=True)
-class PathsTold:
+class PathChapter:
     """What the chapter adds to a result: how closely paths were followed, and its runs."""
 
     tracking: TrackingSection
@@ -116,14 +116,14 @@ class PathsTold:
     run_ids: tuple[str, ...]
 
 
-def tell_paths(
+def run_path_chapter(
     record: Record,
     motions: PathMotions,
     robot: RobotDescription,
     cell: CellConfig,
     estimate: Estimate,
     root: RunFolder,
-) -> PathsTold:
+) -> PathChapter:
     """Run the chapter on the robot that has just been identified; return its sections.
 
     The loops come from a multisine, scale and delay from the plain circle. The path was never used
@@ -159,7 +159,7 @@ def tell_paths(
         pairs.append((read_motion_run(after.folder), read_motion_run(plain.folder)))
     assert tuning is not None
     more = f" {_loop_sentence(loops, tuning)}"
-    return PathsTold(
+    return PathChapter(
         tracking=TrackingSection.of([followed(*pair) for pair in pairs], robot, more),
         runs=tuple(
             RunSection.of(role, motion.describe(), run.recording, robot)

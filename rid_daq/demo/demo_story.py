@@ -22,7 +22,7 @@ from identification.validation.period_comparison import compare_period
 from identification.validation.torque_prediction import validate
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
-from rid_daq.demo.demo_paths import PathMotions, tell_paths
+from rid_daq.demo.demo_paths import PathMotions, run_path_chapter
 from rid_daq.jobs.truth import true_parameters
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession
@@ -66,7 +66,7 @@ class Story:
     run_ids: tuple[str, ...]
 
 
-def tell_story(
+def run_story(
     folder: RunFolder, motions: Motions, seed: int, unmodelled: bool, show: Show
 ) -> Story:
     """Run the story on one simulated robot; return the sections of its result.
@@ -118,7 +118,7 @@ def tell_story(
         write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
         chapter = None
         if unmodelled and motions.paths is not None:
-            chapter = tell_paths(record, motions.paths, robot, cell, estimate, folder)
+            chapter = run_path_chapter(record, motions.paths, robot, cell, estimate, folder)
     truth = estimate.base.from_standard(true_parameters(estimate.model, robot, plant))
     noise_nm = np.sqrt(average.torque_variance)
     validation = validate(estimate, validated.recording, noise_nm=noise_nm)

@@ -15,8 +15,8 @@ from acquisition.runs.folder import RunFolder
 from config import errors
 from config.errors import DriverError, RidDaqError
 from config.process.shortage import as_named
-from config.process.termination import TERMINATION, termination_held
-from rid_daq.demo.demo_story import Motions, Story, tell_story
+from config.process.termination import TERMINATION, signals_blocked
+from rid_daq.demo.demo_story import Motions, Story, run_story
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -46,7 +46,7 @@ def run_stories(
     Returns
     -------
     dict
-        What `rid_daq.demo.demo_story.tell_story` gives, by whether those effects were on.
+        What `rid_daq.demo.demo_story.run_story` gives, by whether those effects were on.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def run_stories(
                 target=_serve, args=(folder, motions, seed, unmodelled, theirs), name="rid-daq demo"
             )
             lines[stack.enter_context(ours)] = unmodelled
-            with _environment(_ONE_THREAD), termination_held():
+            with _environment(_ONE_THREAD), signals_blocked():
                 process.start()
                 stack.push(_Ending(process))
             theirs.close()
@@ -116,7 +116,7 @@ def _serve(
     # Where the program is gone, everything has been stopped on the way here.
     with contextlib.suppress(BrokenPipeError):
         try:
-            line.send(tell_story(folder, motions, seed, unmodelled, show))
+            line.send(run_story(folder, motions, seed, unmodelled, show))
         except Exception as caught:
             error = as_named(caught)
             kind = getattr(errors, type(error).__name__, DriverError)

@@ -1,4 +1,4 @@
-"""What commands do with files, without their options: identify, weigh, design, recover.
+"""What commands do with files, without their options: identify, design, recover.
 
 No options and no command line, and nothing moves. Begin with `identification_job.py`.
 """

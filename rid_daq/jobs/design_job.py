@@ -16,11 +16,11 @@ from acquisition.supervision.stop_reason import StopCode
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
-from config.process.termination import termination_calls
+from config.process.termination import signals_handled
 from config.robot.robot import RobotDescription
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import RobotModel, regressor
-from identification.calibration.base_reaction import base_limits, weighed
+from identification.calibration.base_reaction import base_limits, with_known_mass
 from identification.design.criteria import Condition, Criterion, DOptimal, Goals
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
@@ -43,7 +43,7 @@ class Trial:
 
     elapsed_s: float
     seed: int
-    worth: float
+    objective: float
     broken: tuple[str, ...]
 
 
@@ -61,7 +61,7 @@ class Search:
         """The trials that were the best so far when they were ready."""
         best: list[Trial] = []
         for trial in self.trials:
-            if not trial.broken and (not best or trial.worth < best[-1].worth):
+            if not trial.broken and (not best or trial.objective < best[-1].objective):
                 best.append(trial)
         return tuple(best)
 
@@ -196,7 +196,7 @@ def search(
     seeds = range(SEEDS_APART * seed, SEEDS_APART * seed + starts)
     stream = candidates(problem, seeds, cell.cycle_time_s, periods=periods, scheduler=scheduler)
     with (
-        termination_calls(_leave_once()) as interruption,
+        signals_handled(_leave_once()) as interruption,
         console.progress("Designing", float(starts), "starts") as shown,
         closing(stream),
         suppress(KeyboardInterrupt),
@@ -204,12 +204,12 @@ def search(
         for candidate in stream:
             elapsed_s = time.monotonic() - began_s
             check = candidate.check
-            trials.append(Trial(elapsed_s, candidate.seed, check.worth, check.broken))
+            trials.append(Trial(elapsed_s, candidate.seed, check.objective, check.broken))
             if not check.broken and (best is None or _key(candidate) < _key(best)):
                 best = candidate
             line = "none holds every limit yet"
             if best is not None:
-                line = f"best {problem.criterion.words(best.check.worth)}"
+                line = f"best {problem.criterion.describe(best.check.objective)}"
             shown.update(float(len(trials)), line)
             if budget_s is not None and elapsed_s >= budget_s:
                 break
@@ -241,7 +241,7 @@ def _leave_once() -> Callable[[], None]:
 
 def _key(candidate: Candidate) -> tuple[float, int]:
     """Order candidates, so that the order in which they arrive does not matter."""
-    return (candidate.check.worth, candidate.seed)
+    return (candidate.check.objective, candidate.seed)
 
 
 def _predictions(robot: RobotDescription, model: RobotModel, base: BaseParameters) -> FloatArray:
@@ -260,7 +260,7 @@ def _standard_values(planned: RobotModel, estimate: Estimate) -> FloatArray:
     """Return an estimate's parameters in the order of the planned model, 0 where it has none."""
     standard = estimate.standard_values
     if estimate.options.kind != "internal":
-        standard = estimate.base.to_standard(weighed(estimate)[0])
+        standard = estimate.base.to_standard(with_known_mass(estimate)[0])
     found = dict(zip(estimate.base.standard_names, standard, strict=True))
     return np.array([found.get(name, 0.0) for name in planned.parameter_names])
 

@@ -33,7 +33,7 @@ from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.plate import PlateSection
-from rid_daq.runs.run_data import RunData, note_output, result_of, tell_lacks
+from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
 from rid_daq.terminal.console import Console
 
 MODEL = "model.json"
@@ -123,7 +123,7 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     """
     found = find_runs(request.runs, list(request.names))
     data = tuple(RunData.load(folder, unfinished=request.unfinished) for folder in found)
-    notes = tell_lacks(console, data)
+    notes = report_lacks(console, data)
     how = replace(request.how, loaded=_loaded(request, data))
     if request.load_mass_kg is not None and not how.loaded:
         raise ConfigError(

@@ -155,7 +155,7 @@ def serve_cell(request: MockRequest) -> Iterator[ServedCell]:
         yield ServedCell(loaded, simulated.cell, simulated.channel, simulated.address)
 
 
-def write_sheets(cell: str, folder: Path) -> tuple[str, list[str]]:
+def write_eds_files(cell: str, folder: Path) -> tuple[str, list[str]]:
     """Write the data sheet of every simulated drive of a cell; nothing is overwritten.
 
     Returns
@@ -172,14 +172,14 @@ def write_sheets(cell: str, folder: Path) -> tuple[str, list[str]]:
     """
     loaded, plant = _simulated(cell)
     created = datetime.now()
-    sheets = {}
+    eds_files = {}
     for axis, joint, simulated in zip(
         loaded.config.axes, loaded.robot.joints, plant.axes, strict=True
     ):
         name = f"node{axis.node_id}.eds"
         identity = DriveIdentity.of_axis(axis, joint, simulated)
-        sheets[name] = drive_eds(identity, name, created).encode("ascii")
-    present = [name for name in sheets if (folder / name).exists()]
+        eds_files[name] = drive_eds(identity, name, created).encode("ascii")
+    present = [name for name in eds_files if (folder / name).exists()]
     if present:
         raise ConfigError(
             f"{folder}: {', '.join(present)} is already there; nothing was written. Give another"
@@ -189,9 +189,9 @@ def write_sheets(cell: str, folder: Path) -> tuple[str, list[str]]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(f"{folder}: cannot make the folder: {error.strerror}") from None
-    for name, content in sheets.items():
+    for name, content in eds_files.items():
         write_whole(folder / name, content)
-    return loaded.config.name, [*sheets]
+    return loaded.config.name, [*eds_files]
 
 
 def _simulated(cell: str) -> tuple[LoadedCell, PlantConfig]:

@@ -12,7 +12,7 @@ from identification.equations.deconvolution import without_torque_filter
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import PayloadOptions, weigh
+from identification.payload.procedures import PayloadOptions, identify_payload
 from identification.payload.smoothed_runs import SmoothedRuns
 from identification.payload.solution import Known
 from identification.payload.verdict import PayloadLimits, PayloadResult, Repeats, checks, repeated
@@ -64,8 +64,8 @@ def payload_runs(
     return SmoothedRuns(signals, tuple(loaded), standstill_rad_s)
 
 
-def weigh_runs(
-    data: Sequence[RunData], loaded: Sequence[bool], weighing: PayloadRequest
+def payload_from_runs(
+    data: Sequence[RunData], loaded: Sequence[bool], payload_request: PayloadRequest
 ) -> tuple[PayloadResult, Repeats | None]:
     """Estimate a payload from runs, judge it, and estimate it from each loaded run alone.
 
@@ -75,7 +75,7 @@ def weigh_runs(
         The runs.
     loaded : sequence of bool
         Which of them carried the payload.
-    weighing : PayloadRequest
+    payload_request : PayloadRequest
         How.
 
     Raises
@@ -85,19 +85,19 @@ def weigh_runs(
     DataQualityError, EstimationError
         The data do not show a payload.
     """
-    runs = payload_runs(data, loaded, weighing.band_hz, weighing.standstill_rad_s)
+    runs = payload_runs(data, loaded, payload_request.band_hz, payload_request.standstill_rad_s)
     robot = data[0].robot
-    estimate = weigh(
+    estimate = identify_payload(
         robot,
         runs,
-        weighing.how,
+        payload_request.how,
         cell_name=data[0].recording.cell_name,
         run_ids=tuple(item.folder.run_id for item in data),
     )
     repeats = None
-    if weighing.how.procedure != "difference" and estimate.rank == len(estimate.values):
-        repeats = repeated(robot, runs, weighing.how)
-    return PayloadResult(estimate, checks(estimate, weighing.limits, repeats)), repeats
+    if payload_request.how.procedure != "difference" and estimate.rank == len(estimate.values):
+        repeats = repeated(robot, runs, payload_request.how)
+    return PayloadResult(estimate, checks(estimate, payload_request.limits, repeats)), repeats
 
 
 def known_quantity(text: str) -> Known:

@@ -1,8 +1,8 @@
 """`Access`: from where, under which name and with which secret the live page may be asked.
 
-A browser on this machine also runs pages of strangers. They can send requests to 127.0.0.1, but not
-choose their Host, Origin and Sec-Fetch-Site headers, nor send a header of their own without asking
-first; so those are what is checked (DNS rebinding, cross-site requests).
+A browser on this machine also runs pages from unknown sites. They can send requests to 127.0.0.1,
+but not choose their Host, Origin and Sec-Fetch-Site headers, nor send a header of their own without
+asking first; so those are what is checked (DNS rebinding, cross-site requests).
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ def run_live_page(
     leave_terminal()
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(MOST_DESCRIPTORS, most), most))
-    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # strangers' doings are no news
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # failed requests of others are no news
     picture = MotionPicture(motion, ring, control)
     asyncio.run(_serve(access, listener, picture, control, parent))
 

@@ -60,9 +60,9 @@ def bus_lines(cell: CellConfig) -> list[CheckLine]:
 
 
 def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
-    """Return who else sends on the bus: with a drive's identifier, or with one of nobody's.
+    """Return who else sends on the bus: with a drive's identifier, or with an unknown one.
 
-    A frame of nobody now and then is told; more than one a cycle loads the bus.
+    An unknown frame now and then is reported; more than one a cycle loads the bus.
     """
     axes, limit = opened.axes, opened.config.supervision.second_answers_limit
     counts = zip(

@@ -15,7 +15,7 @@ from pathlib import Path
 from acquisition.session.record import FREE_BYTES
 from acquisition.task.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY, become_realtime
 from config.errors import RecordingError
-from config.process.termination import ignore_termination, termination_held
+from config.process.termination import ignore_termination, signals_blocked
 from drivers.ports.clock import MonotonicClock
 from rid_daq.preflight.bus_check import CheckLine
 
@@ -117,7 +117,7 @@ def _lateness() -> str:
     pipe, theirs = context.Pipe()
     process = context.Process(target=sleep_like_the_task, args=(theirs,), daemon=True)
     try:
-        with termination_held():
+        with signals_blocked():
             process.start()
         theirs.close()
         late_s: list[float] = pipe.recv()

@@ -13,7 +13,7 @@ from rid_daq.preflight.bus_check import CheckLine, sender_lines, watch_lines
 
 _NEXT: dict[str, str] = {
     "1018": "this is another drive than the data sheet (eds) or identity of the axis says: see that"
-    " the right drive has this node id, or name the sheet of this drive and firmware; where that is"
+    " the right drive has this node id, or name the EDS of this drive and firmware; where that is"
     " known to do, identity says what the drive may answer",
     "1016": "this drive would not stop when this computer dies: set 1016h in the drive's own tool,"
     " or name its node in drive_safety.allow_drive_without_watchdog",

@@ -11,23 +11,23 @@ from config.load import LoadedCell
 from rid_daq.preflight.bus_check import CheckLine, bus_lines, load_line
 from rid_daq.preflight.computer_check import computer_lines
 from rid_daq.preflight.drives_check import DriveTrouble, check_drives
+from rid_daq.preflight.eds_check import eds_lines
 from rid_daq.preflight.monitor_check import monitor_lines
 from rid_daq.preflight.plate_check import PlateCheck
-from rid_daq.preflight.sheet_check import sheet_lines
 
 
 def preflight(
     loaded: LoadedCell, reachable: CellConfig, runs: Path, seconds: float
 ) -> tuple[list[CheckLine], RidDaqError | None]:
     """Return the lines of the preflight of a reachable cell, and what ended it early."""
-    sheets = sheet_lines(loaded)
-    lines = [load_line(loaded.config), *bus_lines(reachable), *computer_lines(runs), *sheets]
+    eds_files = eds_lines(loaded)
+    lines = [load_line(loaded.config), *bus_lines(reachable), *computer_lines(runs), *eds_files]
     plate = PlateCheck(reachable, loaded.amplifier_profile)
     problem = _attempt(plate.before)
     lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
     drives: list[CheckLine] = []
     position: list[float] = []
-    fit = all(line.verdict != "red" for line in sheets)
+    fit = all(line.verdict != "red" for line in eds_files)
     try:
         if fit:
             drives, position = check_drives(reachable, loaded.robot, seconds)

@@ -51,7 +51,7 @@ class AccuracyWatch:
     Raises
     ------
     ConfigError
-        A goal cannot be meant, or the motion is not periodic.
+        A goal is invalid, or the motion is not periodic.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""A guided payload session: check, rehearse, warm up, run, attach, run, weigh."""
+"""A guided payload session: check, rehearse, warm up, run, attach, run, identify."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import PayloadOptions
 from identification.payload.verdict import PayloadResult
 from rid_daq.jobs.cell_files import motion_for
-from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, weigh_runs
+from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
 from rid_daq.recording.payload_state import UNLOADED, SessionState
 from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
 from rid_daq.recording.run_session import open_session
@@ -39,7 +39,7 @@ PERIOD_S: Final = 7.2
 
 
 @dataclass(frozen=True)
-class PayloadWeighed:
+class PayloadSessionResult:
     """A session that came to its end.
 
     Attributes
@@ -61,7 +61,9 @@ class PayloadWeighed:
     report: Path
 
 
-def weigh_payload(request: PayloadSessionRequest, console: Console) -> PayloadWeighed | StepFailed:
+def run_payload_session(
+    request: PayloadSessionRequest, console: Console
+) -> PayloadSessionResult | StepFailed:
     """Lead through a session, or go on with an interrupted one.
 
     Raises
@@ -69,10 +71,10 @@ def weigh_payload(request: PayloadSessionRequest, console: Console) -> PayloadWe
     ConfigError, PreflightError
         It was refused before anything moved, or a person said no.
     RidDaqError
-        As `RunSession.recording` and `weigh_runs`.
+        As `RunSession.recording` and `payload_from_runs`.
     """
     loaded = load_cell(request.cell)
-    weighing = PayloadRequest(
+    payload_request = PayloadRequest(
         how=PayloadOptions(
             procedure="together" if request.model is None else "model",
             robot=None if request.model is None else read_estimate(request.model),
@@ -92,11 +94,11 @@ def weigh_payload(request: PayloadSessionRequest, console: Console) -> PayloadWe
             unfinished(state.folder),
             open_session(loaded, request.runs, console, simulation, request.live) as session,
         ):
-            guide = PayloadGuide(request, session, state, motion, weighing, console)
+            guide = PayloadGuide(request, session, state, motion, payload_request, console)
             failed = guide.lead()
         if failed is not None:
             return failed
-    return _weighed(state, loaded, weighing, motion)
+    return _result(state, loaded, payload_request, motion)
 
 
 def _begun(
@@ -144,13 +146,13 @@ def _periodic(motion: AnyMotion) -> FourierMotion:
     return FourierMotion.require(motion, "a payload session needs a periodic (fourier) motion")
 
 
-def _weighed(
-    state: SessionState, loaded: LoadedCell, weighing: PayloadRequest, motion: FourierMotion
-) -> PayloadWeighed:
-    """Weigh the payload from the session's runs, judge it, and write the report."""
+def _result(
+    state: SessionState, loaded: LoadedCell, payload_request: PayloadRequest, motion: FourierMotion
+) -> PayloadSessionResult:
+    """Identify the payload from the session's runs, judge it, and write the report."""
     data = state.runs()
-    carried = [name != UNLOADED for name in state.weighed]
-    judged, repeats = weigh_runs(data, carried, weighing)
+    carried = [name != UNLOADED for name in state.measurements]
+    judged, repeats = payload_from_runs(data, carried, payload_request)
     file = state.folder.file(PAYLOAD)
     write_payload(file, judged)
     state.folder.write(PAYLOAD, file.read_bytes())
@@ -164,7 +166,7 @@ def _weighed(
         payload=PayloadSection.of(judged, repeats, findings),
         runs=tuple(
             RunSection.of(name, motion.describe(), item.recording, item.robot)
-            for name, item in zip(state.weighed, data, strict=True)
+            for name, item in zip(state.measurements, data, strict=True)
         ),
         verdict=payload_verdict(judged),
         timing=Timing(
@@ -174,7 +176,7 @@ def _weighed(
     report = write_result(state.folder, result)
     word = "passed" if judged.passed else "failed"
     state.folder.finish(RunStatus.COMPLETE, {"robot": loaded.robot.name, "verdict": word})
-    return PayloadWeighed(state, judged, result, file, report)
+    return PayloadSessionResult(state, judged, result, file, report)
 
 
 def _warm_up_finding(warm: Any) -> list[str]:

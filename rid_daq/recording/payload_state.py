@@ -52,9 +52,9 @@ class SessionState:
     facts: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def weighed(self) -> tuple[str, ...]:
+    def measurements(self) -> tuple[str, ...]:
         """The steps that are done and that the payload is estimated from."""
-        return tuple(name for name in self.done if is_weighed(name))
+        return tuple(name for name in self.done if is_measurement(name))
 
     def runs(self) -> list[RunData]:
         """Return the runs of those steps.
@@ -65,7 +65,7 @@ class SessionState:
             One of them cannot be used.
         """
         root = self.folder.path.parent
-        return [RunData.load(find_run(root, self.done[name])) for name in self.weighed]
+        return [RunData.load(find_run(root, self.done[name])) for name in self.measurements]
 
     def note_step(self, name: str, run_id: str) -> None:
         """Keep that a step is done, and by which run."""
@@ -115,6 +115,6 @@ class SessionState:
         return cls(folder, document.cell, document.done, document.facts)
 
 
-def is_weighed(step: str) -> bool:
+def is_measurement(step: str) -> bool:
     """Return whether the payload is estimated from a step."""
     return step.startswith((UNLOADED, LOADED))

@@ -20,7 +20,7 @@ from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload_job import PayloadRequest
 from rid_daq.live.live_page import LiveOptions
 from rid_daq.preflight.preflight import preflight
-from rid_daq.recording.payload_state import LOADED, UNLOADED, SessionState, is_weighed
+from rid_daq.recording.payload_state import LOADED, UNLOADED, SessionState, is_measurement
 from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession, Watch
@@ -130,8 +130,8 @@ class PayloadGuide:
     state : SessionState
         What is done.
     motion : FourierMotion
-        What the payload is weighed by.
-    weighing : PayloadRequest
+        What is asked about the payload.
+    payload_request : PayloadRequest
         How it will be estimated.
     console : Console
         Where it is told, and a person asked.
@@ -141,7 +141,7 @@ class PayloadGuide:
     session: RunSession
     state: SessionState
     motion: FourierMotion
-    weighing: PayloadRequest
+    payload_request: PayloadRequest
     console: Console
 
     def lead(self) -> StepFailed | None:
@@ -158,11 +158,11 @@ class PayloadGuide:
         require_yes(self.console, clear, request.yes or config.simulated)
         for step in self._steps():
             run = self._recorded(step)
-            weighed = is_weighed(step.name)
-            if weighed and run.quality is not None:
+            measurement = is_measurement(step.name)
+            if measurement and run.quality is not None:
                 for sentence in run.quality.sentences():
                     self.console.say(f"{step.name}: {sentence}")
-            if run.outcome.stop is not None or (weighed and run.exit_code):
+            if run.outcome.stop is not None or (measurement and run.exit_code):
                 return StepFailed(step.name, run, self.state.folder.run_id)
             self.state.note_step(step.name, run.folder.run_id)
         return None
@@ -197,7 +197,7 @@ class PayloadGuide:
             if name not in done:
                 before, goal_kg = self._averages(), request.until_mass_kg
                 robot = self.session.loaded.robot
-                watch = MassWatch(robot, before, self.weighing, goal_kg)
+                watch = MassWatch(robot, before, self.payload_request, goal_kg)
                 yield Step(name, self.motion, watch)
 
     def _warm_up(self) -> Iterator[Step]:
@@ -240,13 +240,13 @@ class PayloadGuide:
 
     def _averages(self) -> PeriodicRuns | None:
         """Return the runs so far that the payload is estimated from."""
-        if not self.state.weighed:
+        if not self.state.measurements:
             return None
         return PeriodicRuns(
             tuple(average_periods(item.recording) for item in self.state.runs()),
-            tuple(name != UNLOADED for name in self.state.weighed),
-            self.weighing.band_hz,
-            self.weighing.standstill_rad_s,
+            tuple(name != UNLOADED for name in self.state.measurements),
+            self.payload_request.band_hz,
+            self.payload_request.standstill_rad_s,
         )
 
 

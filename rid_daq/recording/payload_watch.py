@@ -17,7 +17,7 @@ from config.errors import DataQualityError, EstimationError
 from config.robot.robot import RobotDescription
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import weigh
+from identification.payload.procedures import identify_payload
 from rid_daq.jobs.payload_job import PayloadRequest
 
 FEWEST_PERIODS = 4
@@ -102,7 +102,7 @@ class MassWatch:
         The robot.
     before : PeriodicRuns or None
         The runs recorded until now.
-    weighing : PayloadRequest
+    payload_request : PayloadRequest
         How it will be estimated.
     goal_kg : float or None
         2 sigma that are enough; None follows only.
@@ -112,11 +112,11 @@ class MassWatch:
         self,
         robot: RobotDescription,
         before: PeriodicRuns | None,
-        weighing: PayloadRequest,
+        payload_request: PayloadRequest,
         goal_kg: float | None,
     ) -> None:
         self._robot, self._before = robot, before
-        self._weighing, self._goal_kg = weighing, goal_kg
+        self._payload_request, self._goal_kg = payload_request, goal_kg
         self._said = ""
         self._parts: list[Recording] = []
 
@@ -127,7 +127,7 @@ class MassWatch:
             raw = joined(self._parts)
             recording, _ = with_temperature_compensation(raw, new.folder, self._robot)
             runs = self._runs(average_periods(recording))
-            estimate = weigh(self._robot, runs, self._weighing.how)
+            estimate = identify_payload(self._robot, runs, self._payload_request.how)
         except (DataQualityError, EstimationError) as error:
             self._said = str(error)
             return False
@@ -145,8 +145,10 @@ class MassWatch:
 
     def _runs(self, average: PeriodAverage) -> MeasuredRuns:
         if self._before is None:
-            weighing = self._weighing
-            return PeriodicRuns((average,), (True,), weighing.band_hz, weighing.standstill_rad_s)
+            payload_request = self._payload_request
+            return PeriodicRuns(
+                (average,), (True,), payload_request.band_hz, payload_request.standstill_rad_s
+            )
         return replace(
             self._before,
             averages=(*self._before.averages, average),

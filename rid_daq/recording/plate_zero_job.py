@@ -167,8 +167,10 @@ def _approach(session: RunSession, turn: ZeroTurn, console: Console) -> Recorded
     bare = session.cell.model_copy(update={"plate": None})
     there = rest_samples(session.loaded.robot, turn.first, STAND_S, bare.cycle_time_s)
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as place:
-        apart = replace(session, cell=bare, runs=Path(place))
-        return apart.record(RunRequest("approach", "To the first pose.", there, role="approach"))
+        elsewhere = replace(session, cell=bare, runs=Path(place))
+        return elsewhere.record(
+            RunRequest("approach", "To the first pose.", there, role="approach")
+        )
 
 
 def _offset(

@@ -247,7 +247,7 @@ def lacks(runs: Sequence[RunData]) -> list[str]:
     return said
 
 
-def tell_lacks(console: Console, runs: Sequence[RunData]) -> list[str]:
+def report_lacks(console: Console, runs: Sequence[RunData]) -> list[str]:
     """Say what runs lack, and return it."""
     said = lacks(runs)
     for note in said:

@@ -13,7 +13,7 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell
 from config.simulation.faults import NO_SCRIPT, FaultScript
-from rid_daq.preflight.sheet_check import refuse_unfit_sheets
+from rid_daq.preflight.eds_check import refuse_unfit_eds
 from rid_daq.session.session import hold_cell
 
 if TYPE_CHECKING:
@@ -60,15 +60,15 @@ class Simulation:
 
 
 @contextlib.contextmanager
-def reachable_cell(loaded: LoadedCell, *, any_sheets: bool = False) -> Iterator[CellConfig]:
+def reachable_cell(loaded: LoadedCell, *, any_eds: bool = False) -> Iterator[CellConfig]:
     """Yield the cell with devices behind its bus; parameters and errors as `mountable_cell`."""
-    with mountable_cell(loaded, any_sheets=any_sheets) as (cell, _):
+    with mountable_cell(loaded, any_eds=any_eds) as (cell, _):
         yield cell
 
 
 @contextlib.contextmanager
 def mountable_cell(
-    loaded: LoadedCell, simulation: Simulation | None = None, *, any_sheets: bool = False
+    loaded: LoadedCell, simulation: Simulation | None = None, *, any_eds: bool = False
 ) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
     """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
 
@@ -82,7 +82,7 @@ def mountable_cell(
         The cell file and what it names.
     simulation : Simulation, optional
         How mock hardware that is started here is.
-    any_sheets : bool
+    any_eds : bool
         Whether the caller itself says what the drives' data sheets lack.
 
     Raises
@@ -101,8 +101,8 @@ def mountable_cell(
     payload, faults = simulation.payload, simulation.faults
     cell = loaded.config
     refuse_one_process(cell)
-    if not any_sheets:
-        refuse_unfit_sheets(loaded)
+    if not any_eds:
+        refuse_unfit_eds(loaded)
     if not cell.simulated or is_served(cell):
         if payload is not None:
             raise ConfigError(

@@ -19,7 +19,7 @@ from identification.payload.body import PARAMETERS, REPORTED, PayloadBody
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import PayloadOptions, weigh
+from identification.payload.procedures import PayloadOptions, identify_payload
 from identification.payload.solution import Known
 
 OPTIONS = ModelOptions(rotors=False)
@@ -77,7 +77,7 @@ def test_every_procedure_recovers_the_payload_within_its_intervals(
 ) -> None:
     given = runs((loaded, True)) if procedure == "model" else both
     how = PayloadOptions(procedure, OPTIONS, alone if procedure == "model" else None)
-    found = weigh(robot, given, how)
+    found = identify_payload(robot, given, how)
     assert found.rank == 10
     assert abs(found.reported[0] - lab.medium.mass_kg) < 0.02
     assert np.max(np.abs(found.reported[1:4] - lab.medium.centre_m)) < 0.001
@@ -96,7 +96,11 @@ def test_two_sigma_intervals_hold_in_at_least_nine_of_ten_cases(
             (lab.averaged(robot, motion, None, seed=100 + seed, friction=1.2), False),
             (lab.averaged(robot, motion, lab.medium, seed=200 + seed), True),
         )
-        off.append(sigmas_off(weigh(robot, pair, PayloadOptions("together", OPTIONS)), lab.medium))
+        off.append(
+            sigmas_off(
+                identify_payload(robot, pair, PayloadOptions("together", OPTIONS)), lab.medium
+            )
+        )
     inside = np.abs(np.array(off)) < 2.0
     assert inside.mean() >= 0.9
     # Neither are they wide for safety's sake: scatter over quoted sigma, all parameters together.
@@ -107,7 +111,9 @@ def test_friction_belongs_to_its_run_and_not_to_the_payload(
     lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion, loaded: PeriodAverage
 ) -> None:
     warm = lab.averaged(robot, motion, None, seed=1, friction=0.6)
-    found = weigh(robot, runs((warm, False), (loaded, True)), PayloadOptions("difference", OPTIONS))
+    found = identify_payload(
+        robot, runs((warm, False), (loaded, True)), PayloadOptions("difference", OPTIONS)
+    )
     # The friction that differs by 40 % is worth more than the payload on the wrist's axes.
     assert 0.4 * lab.coulomb_nm[3] > 3.0
     assert np.max(np.abs(sigmas_off(found, lab.medium))) < 3.0
@@ -116,14 +122,14 @@ def test_friction_belongs_to_its_run_and_not_to_the_payload(
 def test_a_known_mass_is_held_and_makes_the_rest_sharper(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
-    free = weigh(robot, both, PayloadOptions("together", OPTIONS))
+    free = identify_payload(robot, both, PayloadOptions("together", OPTIONS))
     exact = PayloadOptions("together", OPTIONS, known=(Known("m", 9.579, 0.0),))
-    held = weigh(robot, both, exact)
+    held = identify_payload(robot, both, exact)
     assert held.reported[0] == pytest.approx(9.579, abs=1e-5)
     assert held.sigma[0] < 1e-4
     assert np.all(held.sigma[1:4] <= 1.1 * free.sigma[1:4])
     by_scales = PayloadOptions("together", OPTIONS, known=(Known("m", 9.6, 0.002),))
-    weighed = weigh(robot, both, by_scales)
+    weighed = identify_payload(robot, both, by_scales)
     # Between both, nearer to the surer one.
     assert free.reported[0] < weighed.reported[0] < 9.6
     assert weighed.sigma[0] < min(0.002, free.sigma[0])
@@ -133,7 +139,7 @@ def test_a_centre_and_an_inertia_about_it_can_be_known_too(
     lab: SimpleNamespace, robot: RobotDescription, both: PeriodicRuns
 ) -> None:
     known = (Known("cz", -0.202, 0.0), Known("Ixx", 0.612, 0.0))
-    found = weigh(robot, both, PayloadOptions("together", OPTIONS, known=known))
+    found = identify_payload(robot, both, PayloadOptions("together", OPTIONS, known=known))
     assert found.reported[3] == pytest.approx(-0.202, abs=1e-6)
     assert found.reported[4] == pytest.approx(0.612, abs=1e-4)
     assert np.max(np.abs(sigmas_off(found, lab.medium)[[0, 1, 2, 5, 6, 7, 8, 9]])) < 3.0
@@ -160,7 +166,7 @@ def test_axes_that_stand_still_leave_parameters_unseen_which_are_named(
         (lab.averaged(robot, still, None, seed=1), False),
         (lab.averaged(robot, still, lab.medium, seed=2), True),
     )
-    found = weigh(robot, pair, PayloadOptions("difference", OPTIONS))
+    found = identify_payload(robot, pair, PayloadOptions("difference", OPTIONS))
     assert found.rank < 10
     assert not all(found.seen)
     assert np.all(np.isnan(found.reported[~np.array(found.seen)]))
@@ -178,7 +184,7 @@ def test_the_four_wrist_side_axes_show_all_ten(
         (lab.averaged(robot, wrist, None, seed=1), False),
         (lab.averaged(robot, wrist, lab.medium, seed=2), True),
     )
-    found = weigh(robot, pair, PayloadOptions("difference", OPTIONS))
+    found = identify_payload(robot, pair, PayloadOptions("difference", OPTIONS))
     assert found.rank == 10
     assert np.max(np.abs(sigmas_off(found, lab.medium))) < 3.0
 
@@ -187,10 +193,10 @@ def test_a_wrong_torque_constant_shows_as_the_gain_effects_say(
     lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion, both: PeriodicRuns
 ) -> None:
     how = PayloadOptions("difference", OPTIONS)
-    right = weigh(robot, both, how)
+    right = identify_payload(robot, both, how)
     gain = np.ones(6)
     gain[2] = 1.02
-    wrong = weigh(
+    wrong = identify_payload(
         robot,
         runs(
             (lab.averaged(robot, motion, None, seed=1, friction=1.1, gain=gain), False),
@@ -202,7 +208,9 @@ def test_a_wrong_torque_constant_shows_as_the_gain_effects_say(
     assert np.allclose(change, 0.02 * right.gain_slopes[:, 2], atol=0.1 * np.abs(change).max())
     # All constants off by one share is a payload off by that share.
     assert right.gain_effects[0].sum() == pytest.approx(right.reported[0], rel=0.02)
-    wide = weigh(robot, both, PayloadOptions("difference", OPTIONS, torque_constant_sigma=0.02))
+    wide = identify_payload(
+        robot, both, PayloadOptions("difference", OPTIONS, torque_constant_sigma=0.02)
+    )
     assert wide.sigma[0] > 2.0 * right.sigma[0]
 
 
@@ -211,13 +219,13 @@ def test_a_payload_on_an_unloaded_robot_is_refused_in_words(
 ) -> None:
     swapped = runs((unloaded, True), (loaded, False))
     with pytest.raises(EstimationError, match="did the runs that are named as loaded carry it"):
-        weigh(robot, swapped, PayloadOptions("difference", OPTIONS))
+        identify_payload(robot, swapped, PayloadOptions("difference", OPTIONS))
     with pytest.raises(EstimationError, match="cannot be told from the robot"):
-        weigh(robot, runs((loaded, True)), PayloadOptions("together", OPTIONS))
+        identify_payload(robot, runs((loaded, True)), PayloadOptions("together", OPTIONS))
     with pytest.raises(EstimationError, match="no run carried the payload"):
-        weigh(robot, runs((loaded, False)), PayloadOptions("together", OPTIONS))
+        identify_payload(robot, runs((loaded, False)), PayloadOptions("together", OPTIONS))
     with pytest.raises(EstimationError, match="needs a model of the robot alone"):
-        weigh(robot, runs((loaded, True)), PayloadOptions("model", OPTIONS))
+        identify_payload(robot, runs((loaded, True)), PayloadOptions("model", OPTIONS))
 
 
 def test_torques_of_different_motions_are_not_subtracted(
@@ -226,8 +234,8 @@ def test_torques_of_different_motions_are_not_subtracted(
     other = lab.averaged(robot, lab.motion_of(robot, seed=3), None, seed=1)
     pair = runs((other, False), (loaded, True))
     with pytest.raises(EstimationError, match="use the procedure `together`"):
-        weigh(robot, pair, PayloadOptions("difference", OPTIONS))
-    together = weigh(robot, pair, PayloadOptions("together", OPTIONS))
+        identify_payload(robot, pair, PayloadOptions("difference", OPTIONS))
+    together = identify_payload(robot, pair, PayloadOptions("together", OPTIONS))
     assert np.max(np.abs(sigmas_off(together, lab.medium))) < 3.5
 
 
@@ -242,7 +250,7 @@ def test_an_estimate_that_no_body_can_have_is_moved_to_the_closest_one_that_can(
         (lab.averaged(robot, motion, None, seed=5, noise_nm=12.0), False),
         (lab.averaged(robot, motion, plate, seed=6, noise_nm=12.0), True),
     )
-    found = weigh(robot, pair, PayloadOptions("together", OPTIONS))
+    found = identify_payload(robot, pair, PayloadOptions("together", OPTIONS))
     raw = PayloadBody.of_parameters(found.values)
     assert not raw.can_exist
     assert found.body.can_exist

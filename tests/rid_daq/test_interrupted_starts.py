@@ -40,7 +40,7 @@ def record_frames(folder: Path) -> None:
     FrameRecorder(CanBusConfig(interface="rid_sim", channel="nobody"), folder / "frames.blf")
 
 
-def tell_stories(folder: Path) -> None:
+def start_stories(folder: Path) -> None:
     run_stories(RunFolder.create(folder, "demo"), cast(Any, None), 1.0, 1, Console())
 
 
@@ -72,7 +72,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
         record_frames,
         serve_points,
         computer_lines,
-        tell_stories,
+        start_stories,
     ],
     ids=["device", "frames", "points", "check", "demo"],
 )

@@ -131,7 +131,7 @@ class PathMotion(Motion):
             yield way
 
     def _limits(self, way: _Way, robot: RobotDescription) -> SpeedLimits:
-        """Return the speed limits of a section; refuse those that cannot be meant."""
+        """Return the speed limits of a section; refuse invalid ones."""
         section, grid, joints = way.section, way.grid, way.on_grid
         number = section.piece_at(grid)
         asked = np.array([piece.speed_m_s for piece in section.pieces])[number]

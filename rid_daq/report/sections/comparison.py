@@ -65,7 +65,7 @@ class ComparisonSection(Section):
                     aic=trial.aic,
                     bic=trial.bic,
                 )
-                for trial in (*comparison.trials, comparison.together)
+                for trial in (*comparison.trials, comparison.combined)
             ),
         )
 

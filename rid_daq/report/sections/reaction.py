@@ -10,7 +10,7 @@ from rid_daq.report.sections.section import Numbers, Section, rounded, thinned
 from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
-    from identification.validation.reaction_prediction import ReactionValidation
+    from identification.validation.base_wrench_validation import BaseWrenchValidation
 
 
 class WrenchError(Section):
@@ -60,7 +60,7 @@ class ReactionSection(Section):
     time_s: Numbers
 
     @classmethod
-    def of(cls, validation: ReactionValidation) -> ReactionSection:
+    def of(cls, validation: BaseWrenchValidation) -> ReactionSection:
         """Return the errors of a predicted base wrench."""
         rows = thinned(len(validation.time_s))
         return cls(

@@ -276,7 +276,7 @@ class TestOutOfFamily:
 
 class TestRefusals:
     def test_one_period_has_no_noise(self) -> None:
-        with pytest.raises(DataQualityError, match="one period, whose noise nobody can tell"):
+        with pytest.raises(DataQualityError, match="noise cannot be estimated from one period"):
             average_periods(record(periods=1))
 
     def test_a_recording_that_is_not_periodic(self) -> None:

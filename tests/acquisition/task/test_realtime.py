@@ -23,7 +23,7 @@ def test_a_kernel_without_the_wish_is_not_worth_a_word(tmp_path: Path) -> None:
 def test_a_refusal_says_what_it_means_and_what_to_do(tmp_path: Path) -> None:
     told = keep_processors_awake(tmp_path)
     assert told == (
-        f"processors may doze between cycles ({tmp_path}: Is a directory);"
+        f"processors may enter deep idle states between cycles ({tmp_path}: Is a directory);"
         " let this user write to it"
     )
 

@@ -29,7 +29,7 @@ def cell(folder: Path, *axes: str) -> str:
 
 def test_a_cell_without_sheets_is_what_it_was() -> None:
     loaded = load_cell("ir361")
-    assert loaded.sheets == (None, None, None)
+    assert loaded.eds_files == (None, None, None)
     assert {axis.identity for axis in loaded.config.axes} == {None}
     assert not any(name.endswith((".eds", ".dcf")) for name in loaded.files)
 
@@ -43,7 +43,7 @@ def test_sheets_are_found_from_the_cell_file_and_say_who_the_drives_are(
     (tmp_path / "sheets" / "two.DCF").write_text(SHEET.replace("=7", "="))
     path = cell(tmp_path, ", eds: sheets/one.eds", "", f", eds: {tmp_path}/sheets/two.DCF")
     loaded = load_cell(path)
-    first, second, third = loaded.sheets
+    first, second, third = loaded.eds_files
     assert first is not None
     assert second is None
     assert third is not None
@@ -61,14 +61,14 @@ def test_one_sheet_for_all_drives_is_kept_once(tmp_path: Path) -> None:
     (tmp_path / "drive.eds").write_text(SHEET)
     loaded = load_cell(cell(tmp_path, *[", eds: drive.eds"] * 3))
     assert [name for name in loaded.files if "drive" in name] == ["drive1.eds"]
-    assert len({id(sheet) for sheet in loaded.sheets}) == 1
+    assert len({id(sheet) for sheet in loaded.eds_files}) == 1
 
 
 def test_the_cell_file_has_the_last_word_on_who_a_drive_is(tmp_path: Path) -> None:
     (tmp_path / "drive.eds").write_text(SHEET)
     loaded = load_cell(cell(tmp_path, ", eds: drive.eds, identity: {vendor: 251}"))
     assert loaded.config.axes[0].identity == DeviceIdentity(vendor=251)
-    assert loaded.sheets[0] is not None
+    assert loaded.eds_files[0] is not None
 
 
 def test_a_kept_cell_is_loaded_with_the_files_kept_beside_it(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_a_kept_cell_is_loaded_with_the_files_kept_beside_it(tmp_path: Path) -> 
     assert again.files == first.files | {"robot.yaml": robot}
     assert again.robot.name == "kept"
     assert again.config == first.config
-    assert [s and s.sha256 for s in again.sheets] == [s and s.sha256 for s in first.sheets]
+    assert [s and s.sha256 for s in again.eds_files] == [s and s.sha256 for s in first.eds_files]
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from config.process.termination import TERMINATION, termination_calls, termination_held
+from config.process.termination import TERMINATION, signals_blocked, signals_handled
 
 
 @pytest.mark.parametrize("number", TERMINATION)
 def test_five_signals_are_five_requests_and_no_exception(number: signal.Signals) -> None:
     calls: list[int] = []
     before = signal.getsignal(number)
-    with termination_calls(lambda: calls.append(1)) as interruption:
+    with signals_handled(lambda: calls.append(1)) as interruption:
         for _ in range(5):
             os.kill(os.getpid(), number)
     assert len(calls) == 5
@@ -25,17 +25,17 @@ def test_five_signals_are_five_requests_and_no_exception(number: signal.Signals)
 
 
 def test_signals_stay_ignored_where_something_is_left_to_be_written() -> None:
-    with termination_calls(lambda: None, then_ignored=True):
+    with signals_handled(lambda: None, then_ignored=True):
         pass
     assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN, "none came"
-    with termination_calls(lambda: None, then_ignored=True):
+    with signals_handled(lambda: None, then_ignored=True):
         os.kill(os.getpid(), signal.SIGTERM)
     assert {signal.getsignal(number) for number in TERMINATION} == {signal.SIG_IGN}
 
 
 def test_a_process_started_meanwhile_is_deaf_from_its_first_instruction() -> None:
     script = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
-    with termination_held():
+    with signals_blocked():
         child = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
     assert child.stdout == b"alive\n"
 
@@ -45,12 +45,12 @@ def test_so_is_the_first_process_of_a_program(tmp_path: Path) -> None:
     script.write_text(
         "import os, signal\n"
         "from multiprocessing import get_context\n"
-        "from config.process.termination import termination_held\n"
+        "from config.process.termination import signals_blocked\n"
         "if __name__ == '__mp_main__':\n"
         "    os.kill(os.getpid(), signal.SIGINT)\n"
         "elif __name__ == '__main__':\n"
         "    process = get_context('spawn').Process(target=print, args=('alive',))\n"
-        "    with termination_held():\n"
+        "    with signals_blocked():\n"
         "        process.start()\n"
         "    process.join()\n"
     )
@@ -64,7 +64,7 @@ def test_what_is_started_is_noted_before_a_signal_is_heard(by_another_thread: bo
     signal.signal(signal.SIGHUP, lambda number, _frame: told.append(number))
 
     def start_something() -> None:
-        with termination_held():
+        with signals_blocked():
             for number in (signal.SIGINT, signal.SIGHUP):
                 if by_another_thread:
                     other.submit(signal.raise_signal, number).result()
@@ -83,7 +83,7 @@ def test_what_is_started_is_noted_before_a_signal_is_heard(by_another_thread: bo
 
 def test_outside_the_main_thread_which_alone_has_handlers_they_wait_too() -> None:
     def started_there() -> bool:
-        with termination_held():
+        with signals_blocked():
             return set(TERMINATION) <= signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
     with ThreadPoolExecutor(1) as other:

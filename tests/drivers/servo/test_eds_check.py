@@ -6,7 +6,7 @@ import pytest
 
 from config.cell.cell import CellConfig
 from config.formats.eds import parse_eds
-from drivers.servo.eds_check import SheetFinding, sheet_findings
+from drivers.servo.eds_check import EdsFinding, eds_findings
 
 COMMUNICATION = {
     "1000": "7 ro 0", "1001": "5 ro 1", "1005": "7 rw 0", "1017": "6 rw 0", "1016sub1": "7 rw 0",
@@ -30,7 +30,7 @@ def found(
     cell: CellConfig,
     objects: dict[str, str | None] | None = None,
     more: str = "",
-) -> tuple[SheetFinding, ...]:
+) -> tuple[EdsFinding, ...]:
     """Return the findings on a small sheet that has what is needed, with some objects changed."""
     lines = ["[DeviceInfo]", "VendorNumber=1"]
     for title, said in (COMMUNICATION | PROFILE | (objects or {})).items():
@@ -43,7 +43,7 @@ def found(
                 for key, text in zip(("LowLimit", "HighLimit"), limits, strict=False)
             ]
     sheet = parse_eds(f"{chr(10).join(lines)}\n{more}".encode(), "drive.eds")
-    return sheet_findings(sheet, cell, cell.axes[0])
+    return eds_findings(sheet, cell, cell.axes[0])
 
 
 def test_a_sheet_that_has_everything_is_told_nothing_of(cell: CellConfig) -> None:
@@ -58,21 +58,21 @@ def test_objects_that_a_drive_may_lack_may_be_missing(cell: CellConfig) -> None:
 @pytest.mark.parametrize(
     ("title", "said", "address", "name", "required", "is_found"),
     [
-        ("6077", None, "6077h:00", "in TPDO 1", "16 bit, mappable", "not in the sheet"),
+        ("6077", None, "6077h:00", "in TPDO 1", "16 bit, mappable", "not in the EDS"),
         ("6077", "3 ro 0", "6077h:00", "in TPDO 1", "16 bit, mappable", "PDOMapping 0"),
         ("6077", "4 ro 1", "6077h:00", "in TPDO 1", "16 bit, mappable", "INTEGER32"),
         ("6077", "0x40 ro 1", "6077h:00", "in TPDO 1", "16 bit, mappable", "DataType 0x0040"),
         ("6077", "3 wo 1", "6077h:00", "in TPDO 1", "16 bit, mappable", "AccessType wo"),
         ("60FF", "4 ro 1", "60FFh:00", "in RPDO 1", "32 bit, mappable", "AccessType ro"),
         ("60FF", "4 rwr 1", "60FFh:00", "in RPDO 1", "32 bit, mappable", "AccessType rwr"),
-        ("60B2", None, "60B2h:00", "in RPDO 1", "16 bit, mappable", "not in the sheet"),
-        ("1016sub1", None, "1016h:01", "watch on this", "32 bit, writable", "not in the sheet"),
+        ("60B2", None, "60B2h:00", "in RPDO 1", "16 bit, mappable", "not in the EDS"),
+        ("1016sub1", None, "1016h:01", "watch on this", "32 bit, writable", "not in the EDS"),
         ("6007", "3 ro 0", "6007h:00", "abort connection", "16 bit, writable", "AccessType ro"),
         ("6072", "7 rw 0", "6072h:00", "torque limit", "16 bit, writable", "UNSIGNED32"),
         ("1029sub1", "5 ro 0", "1029h:01", "reaction to", "8 bit, writable", "AccessType ro"),
-        ("6502", None, "6502h:00", "supported modes", "32 bit", "not in the sheet"),
+        ("6502", None, "6502h:00", "supported modes", "32 bit", "not in the EDS"),
         ("1400sub1", "7 ro 0", "1400h:01", "RPDO 1 conf", "32 bit, writable", "AccessType ro"),
-        ("1A00sub3", None, "1A00h:03", "TPDO 1 conf", "32 bit, writable", "not in the sheet"),
+        ("1A00sub3", None, "1A00h:03", "TPDO 1 conf", "32 bit, writable", "not in the EDS"),
         ("6077", "3 ro 1 low", "6077h:00", "in TPDO 1", "16 bit, mappable", "line LINE: LowLimit"),
         ("6072", "6 rw 0 low", "6072h:00", "torque", "16 bit, writable", "line LINE: LowLimit"),
         ("6065", "6 rw 0", "6065h:00", "following-error", "32 bit, writable", "UNSIGNED16"),

@@ -117,7 +117,7 @@ class TestDesign:
         assert held.check.broken == ()
         uses = {use.what: use for use in held.check.uses}
         assert uses["Mz on the base"].used <= 60.0
-        assert held.check.worth < 3.0 * free.check.worth
+        assert held.check.objective < 3.0 * free.check.objective
 
     def test_has_an_exact_gradient(self, problem: ExcitationProblem) -> None:
         limited = replace(problem, base_limits=LIMITS / 10.0)

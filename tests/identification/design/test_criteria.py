@@ -46,7 +46,7 @@ def test_the_gradient_is_that_of_central_differences(criterion: Criterion, seed:
 def test_d_optimality_is_the_log_determinant(seed: int) -> None:
     rows = rows_of(seed)
     expected = -np.linalg.slogdet(rows.T @ rows)[1] / B
-    assert DOptimal().worth(rows.T @ rows) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    assert DOptimal().objective(rows.T @ rows) == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
 @given(seed=st.integers(0, 2**31))
@@ -54,16 +54,16 @@ def test_d_optimality_is_the_log_determinant(seed: int) -> None:
 def test_the_condition_number_is_the_ratio_of_singular_values(seed: int) -> None:
     rows = rows_of(seed)
     scaled = rows / np.linalg.norm(rows, axis=0)
-    assert Condition().worth(rows.T @ rows) == pytest.approx(np.linalg.cond(scaled), rel=1e-6)
-    plain = Condition(np.ones(B)).worth(scaled.T @ scaled)
+    assert Condition().objective(rows.T @ rows) == pytest.approx(np.linalg.cond(scaled), rel=1e-6)
+    plain = Condition(np.ones(B)).objective(scaled.T @ scaled)
     assert plain == pytest.approx(np.linalg.cond(scaled), rel=1e-6)
 
 
 def test_scaled_columns_make_the_condition_number_free_of_units() -> None:
     rows = rows_of(1)
     other_units = rows * np.array([1e3, 1.0, 1e-3, 57.3, 1.0])
-    assert Condition().worth(rows.T @ rows) == pytest.approx(
-        Condition().worth(other_units.T @ other_units)
+    assert Condition().objective(rows.T @ rows) == pytest.approx(
+        Condition().objective(other_units.T @ other_units)
     )
 
 
@@ -71,21 +71,21 @@ def test_goals_are_the_deviations_of_an_estimate() -> None:
     rows = rows_of(2)
     covariance = np.linalg.inv(rows.T @ rows)
     one = Goals(np.eye(B)[[3]])
-    assert np.exp(one.worth(rows.T @ rows)) == pytest.approx(np.sqrt(covariance[3, 3]))
+    assert np.exp(one.objective(rows.T @ rows)) == pytest.approx(np.sqrt(covariance[3, 3]))
     two = Goals(np.eye(B)[[1, 3]])
     product = covariance[1, 1] * covariance[3, 3]
-    assert np.exp(4.0 * two.worth(rows.T @ rows)) == pytest.approx(product)
+    assert np.exp(4.0 * two.objective(rows.T @ rows)) == pytest.approx(product)
 
 
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda each: type(each).__name__)
 def test_what_is_not_seen_at_all_is_bad_but_finite(criterion: Criterion) -> None:
     rows = rows_of(3)
     rows[:, 2] = 0.0
-    worth, gradient = criterion.smooth(rows.T @ rows)
+    objective, gradient = criterion.smooth(rows.T @ rows)
     full = rows_of(3)
-    assert np.isfinite(worth)
+    assert np.isfinite(objective)
     assert np.isfinite(gradient).all()
-    assert worth > criterion.smooth(full.T @ full)[0]
+    assert objective > criterion.smooth(full.T @ full)[0]
 
 
 @pytest.mark.parametrize(
@@ -97,4 +97,4 @@ def test_what_is_not_seen_at_all_is_bad_but_finite(criterion: Criterion) -> None
     ],
 )
 def test_a_worth_is_told_in_words(criterion: Criterion, words: str) -> None:
-    assert criterion.words(1.5) == words
+    assert criterion.describe(1.5) == words

@@ -70,7 +70,7 @@ def test_one_axis_and_one_harmonic_reach_the_closed_form(acceleration: float) ->
         return float(-np.mean(np.log(information)))
 
     assert found.check.broken == ()
-    assert worth(0.95) < found.check.worth < worth(0.9) + 1e-3
+    assert worth(0.95) < found.check.objective < worth(0.9) + 1e-3
 
 
 def test_it_holds_every_limit_and_beats_the_heuristic(problem, refined) -> None:
@@ -153,7 +153,7 @@ def test_the_next_experiment_serves_what_is_known_least(problem) -> None:
     plain = refine(dopt, 1, CYCLE_S)
     judge = replace(problem, criterion=Goals(np.eye(len(known))[weak]), given=np.diag(known))
     deviations = [
-        np.exp(check_motion(judge, each.motion, CYCLE_S).worth) for each in (served, plain)
+        np.exp(check_motion(judge, each.motion, CYCLE_S).objective) for each in (served, plain)
     ]
     assert deviations[0] < 0.95 * deviations[1]
 
@@ -164,5 +164,5 @@ def test_a_design_for_one_parameter_knows_it_better(problem) -> None:
     plain = refine(replace(problem, criterion=DOptimal()), 1, CYCLE_S)
     served = refine(task, 1, CYCLE_S)
     assert served.check.broken == ()
-    deviation = np.exp(served.check.worth - check_motion(task, plain.motion, CYCLE_S).worth)
+    deviation = np.exp(served.check.objective - check_motion(task, plain.motion, CYCLE_S).objective)
     assert deviation < 0.9

@@ -118,7 +118,7 @@ def test_torque_without_a_prior_is_not_judged(problem, motion) -> None:
 
 def test_the_condition_number_is_that_of_the_motion(problem, motion) -> None:
     check = check_motion(problem, motion, CYCLE_S)
-    assert check.worth == check.condition_number
+    assert check.objective == check.condition_number
     assert check.condition_number == pytest.approx(
         condition_number(problem.robot, motion), rel=0.05
     )
@@ -127,4 +127,4 @@ def test_the_condition_number_is_that_of_the_motion(problem, motion) -> None:
 def test_a_joint_at_rest_makes_a_motion_worthless(problem, motion) -> None:
     still = motion.joints[0].model_copy(update={"sine": (0.0, 0.0), "cosine": (0.0, 0.0)})
     stopped = motion.model_copy(update={"joints": (still, *motion.joints[1:])})
-    assert check_motion(problem, stopped, CYCLE_S).worth == np.inf
+    assert check_motion(problem, stopped, CYCLE_S).objective == np.inf

@@ -18,7 +18,7 @@ from config.errors import EstimationError
 from identification.accuracy.plate_benefit import improvement
 from identification.calibration.torque_scale import torque_consistency
 from identification.equations.segments import period_signals
-from identification.estimation.estimate import Estimate, predict_reaction
+from identification.estimation.estimate import Estimate, predict_base_wrench
 from identification.estimation.estimators import estimate_periodic, estimate_smoothed
 from identification.estimation.file import read_estimate, write_estimate
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic, model_of
@@ -156,9 +156,9 @@ class TestEstimate:
     ) -> None:
         random = np.random.default_rng(0)
         motion = random.normal(size=(3, 20, 3))
-        found = predict_reaction(combined[0], *motion)
+        found = predict_base_wrench(combined[0], *motion)
         truth = replace(combined[0], values=truth_of("combined", cell, arm))
-        error = found - predict_reaction(truth, *motion)
+        error = found - predict_base_wrench(truth, *motion)
         assert np.abs(error - error[0])[:, 2].max() < 0.1  # the weight aside
 
     def test_the_internal_model_does_not_know_the_reaction(
@@ -167,7 +167,7 @@ class TestEstimate:
         internal = identify(arm, weigh(0), "internal")
         assert internal.plate is None
         with pytest.raises(EstimationError, match="combined model"):
-            predict_reaction(internal, *np.zeros((3, 1, 3)))
+            predict_base_wrench(internal, *np.zeros((3, 1, 3)))
 
     @pytest.mark.parametrize("weighting", ["ls", "huber"])
     def test_other_weightings_find_the_same_robot(

@@ -33,7 +33,7 @@ from identification.estimation.estimators import estimate_periodic
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
-from identification.validation.reaction_prediction import validate_reaction
+from identification.validation.base_wrench_validation import validate_base_wrench
 from mock_hw.amplifier.analog import AmplifierSettings, ChargeAmplifier
 from mock_hw.amplifier.sensors import PlateSensors
 from rid_daq.jobs.truth import true_parameters
@@ -232,8 +232,8 @@ def test_the_reaction_of_another_motion_is_predicted_within_its_floor(
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=8, seed=3)
     recording = robot.run(motion.plan(cell.robot, CYCLE_S), 99)
     estimate = fits[0].estimate()
-    found = validate_reaction(estimate, recording)
-    floor = validate_reaction(replace(estimate, values=truth_of(estimate, cell)), recording)
+    found = validate_base_wrench(estimate, recording)
+    floor = validate_base_wrench(replace(estimate, values=truth_of(estimate, cell)), recording)
     assert (found.rms <= 1.3 * floor.rms).all()
     assert found.noise is not None
     assert (found.rms <= 1.3 * found.noise).all()

@@ -18,7 +18,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
 from identification.model.options import ModelOptions
-from identification.payload.procedures import weigh
+from identification.payload.procedures import identify_payload
 from identification.payload.smoothed_runs import SmoothedRuns
 from identification.validation.friction_selection import with_friction
 
@@ -92,7 +92,7 @@ def test_a_payload_as_part_of_the_model(ur10e: RobotDescription, read: Read) -> 
 
 def test_a_payload_weighed(ur10e: RobotDescription, read: Read) -> None:
     runs = SmoothedRuns((read(UNLOADED), read(LOADED)), (False, True), STANDSTILL_RAD_S)
-    found = weigh(ur10e, runs)
+    found = identify_payload(ur10e, runs)
     keeps(
         "weighed",
         values=found.values,

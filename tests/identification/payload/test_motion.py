@@ -30,7 +30,7 @@ def found(search: PayloadSearch) -> FourierMotion:
 
 
 def worth(search: PayloadSearch, motion: FourierMotion) -> float:
-    return search.worth(search.coefficients_of(motion))
+    return search.objective(search.coefficients_of(motion))
 
 
 def test_it_shows_payloads_much_better_than_a_motion_made_for_the_robot(

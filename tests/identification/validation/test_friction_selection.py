@@ -66,12 +66,12 @@ def test_each_joint_gets_the_terms_that_it_has(comparison: Comparison) -> None:
 
 
 def test_the_error_on_parts_left_out_is_the_noise(comparison: Comparison) -> None:
-    np.testing.assert_allclose(comparison.together.error_nm, 1.0, atol=0.05)
+    np.testing.assert_allclose(comparison.combined.error_nm, 1.0, atol=0.05)
     assert comparison.trials[0].error_nm[1] > 1.2
 
 
 def test_the_criteria_prefer_each_joint_s_own(comparison: Comparison) -> None:
-    assert comparison.together.bic == min(t.bic for t in (*comparison.trials, comparison.together))
+    assert comparison.combined.bic == min(t.bic for t in (*comparison.trials, comparison.combined))
 
 
 def test_the_robot_carries_the_choice(comparison: Comparison) -> None:

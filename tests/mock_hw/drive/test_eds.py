@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from config.formats.eds import ElectronicDataSheet, parse_eds
 from config.formats.eds_object import INTEGER_BITS, Access, DataType, EdsObject, EdsValue
 from config.load import load_cell
-from drivers.servo.eds_check import sheet_findings
+from drivers.servo.eds_check import eds_findings
 from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.object_dictionary import ObjectDictionary
 from mock_hw.drive.objects import DriveIdentity, drive_entries
@@ -121,9 +121,9 @@ def test_every_object_of_a_simulated_drive_is_in_its_sheet_and_canopen_agrees(ce
                 said = item.default.of_node(axis.node_id)
                 held = entry.default
                 assert said == (held.decode() if isinstance(held, bytes) else held)
-        assert sheet_findings(sheet, loaded.config, axis) == ()
+        assert eds_findings(sheet, loaded.config, axis) == ()
         exchange = loaded.config.model_copy(update={"exchange": "trimmed"})
-        assert sheet_findings(sheet, exchange, axis) == ()
+        assert eds_findings(sheet, exchange, axis) == ()
 
 
 @settings(deadline=None, max_examples=20)

@@ -16,7 +16,7 @@ from acquisition.runs.catalogue import find_run
 from acquisition.runs.folder import RunFolder
 from config.load import load_cell
 from rid_daq.app import run
-from rid_daq.preflight.sheet_check import refuse_unfit_sheets, sheet_lines
+from rid_daq.preflight.eds_check import eds_lines, refuse_unfit_eds
 from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
@@ -105,8 +105,8 @@ def test_the_preflight_shows_sheets_that_fit(
 
 def test_the_preflight_of_a_cell_without_sheets_says_nothing_of_them() -> None:
     loaded = load_cell("ir361")
-    assert sheet_lines(loaded) == []
-    refuse_unfit_sheets(loaded)
+    assert eds_lines(loaded) == []
+    refuse_unfit_eds(loaded)
 
 
 def test_another_drive_than_the_sheets_is_red_and_nothing_is_written_to_it(
@@ -118,7 +118,7 @@ def test_another_drive_than_the_sheets_is_red_and_nothing_is_written_to_it(
     assert (red["where"], red["what"]) == ("axis2, node 2", "1018h:01 vendor")
     assert (red["required"], red["found"]) == ("FBh", "0h")
     assert "another drive than the data sheet" in red["next_action"]
-    assert "name the sheet of this drive" in red["next_action"]
+    assert "name the EDS of this drive" in red["next_action"]
     of_second = [line["what"][:5] for line in lines if line["where"] == "axis2, node 2"]
     assert "1016h" not in of_second
     assert "1600h" not in of_second
@@ -133,7 +133,7 @@ def test_a_sheet_that_lacks_an_object_is_told_before_a_drive_is_asked(
     reds = [line for line in lines if line["verdict"] == "red"]
     assert [(line["where"], line["what"], line["found"]) for line in reds] == [
         ("axis2, node 2", "data sheet (EDS)", "lacks 1 of it"),
-        ("axis2, node 2", "data sheet: 6077h:00 in TPDO 1", "not in the sheet"),
+        ("axis2, node 2", "data sheet: 6077h:00 in TPDO 1", "not in the EDS"),
     ]
     assert not [line for line in lines if line["what"][:5] in ("1000h", "1018h", "1016h")]
     capsys.readouterr()
@@ -141,7 +141,7 @@ def test_a_sheet_that_lacks_an_object_is_told_before_a_drive_is_asked(
     assert run(["record", path, motion, "--runs", str(tmp_path / "runs")]) == 3
     said = capsys.readouterr().err
     assert "axis2, node 2" in said
-    assert "6077h:00 in TPDO 1 is not in the sheet, required: 16 bit, mappable" in said
+    assert "6077h:00 in TPDO 1 is not in the EDS, required: 16 bit, mappable" in said
     assert "Nothing was asked of the drives" in said
     assert not (tmp_path / "runs").exists()
 

@@ -183,7 +183,7 @@ def test_the_next_experiment_serves_what_earlier_runs_know_least(cell: LoadedCel
         judge = replace(next_one, criterion=criterion)
         served, plain = (
             min(
-                check_motion(judge, refine(task, seed, cycle_s).motion, cycle_s).worth
+                check_motion(judge, refine(task, seed, cycle_s).motion, cycle_s).objective
                 for seed in range(8)
             )
             for task in (judge, alone)

@@ -115,7 +115,7 @@ def test_a_run_that_lost_too_much_is_not_weighed_and_is_driven_again(
         ]  # fmt: skip
         assert run(words) == 6
     said = capsys.readouterr().out
-    assert "Step unloaded is not good enough to weigh by: joint 'axis2': " in said
+    assert "Step unloaded is not good enough to identify the payload: joint 'axis2': " in said
     (state_file,) = runs.glob("*/session.json")
     assert f"--resume {state_file.parent.name}" in said
     assert json.loads(state_file.read_text(encoding="utf-8"))["done"] == {}

@@ -86,11 +86,13 @@ def test_the_mass_that_is_followed_is_the_one_that_is_reported(
     weighed: tuple[Path, dict[str, Any], int],
 ) -> None:
     runs, document, _ = weighed
-    weighing = PayloadRequest()
+    payload_request = PayloadRequest()
     unloaded = RunData.load(RunFolder.open(runs / document["done"]["unloaded"]))
-    before = payload_runs([unloaded], [False], weighing.band_hz, weighing.standstill_rad_s)
+    before = payload_runs(
+        [unloaded], [False], payload_request.band_hz, payload_request.standstill_rad_s
+    )
     assert isinstance(before, PeriodicRuns)
-    watch = MassWatch(unloaded.robot, before, weighing, None)
+    watch = MassWatch(unloaded.robot, before, payload_request, None)
     assert not watch.enough(periods_of(runs / document["done"]["loaded 1"], 0, 3))
     mass = document["payload"]["parameters"][0]["value"]
     assert watch.line().startswith(f"3 periods: {mass:.3f} \u00b1 ")

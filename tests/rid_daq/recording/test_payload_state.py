@@ -11,7 +11,7 @@ from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from config.load import load_cell
 from identification.design.two_harmonic import design_two_harmonic
-from rid_daq.recording.payload_state import SessionState, is_weighed
+from rid_daq.recording.payload_state import SessionState, is_measurement
 from rid_daq.recording.payload_steps import rehearsal_of
 
 
@@ -28,7 +28,7 @@ def test_every_step_is_written_as_soon_as_it_is_done(folder: RunFolder) -> None:
     state.note_step("loaded 1", "RUN3")
     again = SessionState.read(folder)
     assert (again.cell, again.done, again.facts) == ("kr15", state.done, state.facts)
-    assert again.weighed == ("unloaded", "loaded 1")
+    assert again.measurements == ("unloaded", "loaded 1")
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,7 @@ def test_every_step_is_written_as_soon_as_it_is_done(folder: RunFolder) -> None:
     [("unloaded", True), ("loaded 12", True), ("rehearsal", False), ("warm-up", False)],
 )
 def test_rehearsal_and_warm_up_are_not_weighed(step: str, weighed: bool) -> None:
-    assert is_weighed(step) is weighed
+    assert is_measurement(step) is weighed
 
 
 def test_a_folder_without_a_session_is_named(folder: RunFolder) -> None:

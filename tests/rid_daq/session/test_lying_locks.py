@@ -74,7 +74,7 @@ def lies(innocent: int) -> dict[str, tuple[str, str]]:
     return kinds | {name: ("file", text) for name, text in told.items()}
 
 
-def tell_lies(people: People, locks: Path, innocent: int) -> list[subprocess.Popen[str]]:
+def hold_lies(people: People, locks: Path, innocent: int) -> list[subprocess.Popen[str]]:
     """Hold every lie as the lock of a bus and as what a session signs."""
     liars = [
         people.start(LIAR, locks / file, kind, text.encode("latin-1").hex())
@@ -93,7 +93,7 @@ def test_no_lie_leads_to_a_stranger_or_keeps_a_session_from_being_stopped(
     measured: Callable[[str], None],
 ) -> None:
     innocent = people.start(STRANGER)
-    liars = tell_lies(people, locks, innocent.pid)
+    liars = hold_lies(people, locks, innocent.pid)
     (locks / "rid-daq-left-over.0.session").write_text("process 1: rid-daq\ncell x\n")
     session = people.session()
     assert run(["stop", "--json"]) == 4, "what holds a lock and is no session is told"

@@ -11,12 +11,12 @@ from config.formats.eds import ElectronicDataSheet, parse_eds
 from config.formats.eds_text import MAX_BYTES
 from config.formats.yaml_tree import YamlTree
 
-Sheets = tuple[ElectronicDataSheet | None, ...]
+EdsFiles = tuple[ElectronicDataSheet | None, ...]
 
 
-def read_sheets(
+def read_eds_files(
     tree: YamlTree, cell: CellConfig, folder: Path | None, kept: Path | None
-) -> tuple[Sheets, dict[str, bytes]]:
+) -> tuple[EdsFiles, dict[str, bytes]]:
     """Read the data sheets of a cell's axes, each file once.
 
     Parameters
@@ -26,12 +26,12 @@ def read_sheets(
     folder : Path or None
         Where it lies: relative paths begin there.
     kept : Path or None
-        The same folder where it is a run's, with copies of the sheets by the names returned here.
+        The same folder where it is a run's, with copies of the files by the names returned here.
 
     Returns
     -------
     tuple
-        One sheet an axis, None where it names none; and the files' bytes by the names that a run
+        One EDS an axis, None where it names none; and the files' bytes by the names that a run
         folder keeps them under.
 
     Raises
@@ -39,12 +39,12 @@ def read_sheets(
     ConfigError
         A file cannot be read, or is no data sheet; the message has file and line.
     """
-    sheets: list[ElectronicDataSheet | None] = []
+    eds_files: list[ElectronicDataSheet | None] = []
     known: dict[str, ElectronicDataSheet] = {}
     files: dict[str, bytes] = {}
     for number, axis in enumerate(cell.axes):
         if axis.eds is None:
-            sheets.append(None)
+            eds_files.append(None)
             continue
         if axis.eds not in known:
             suffix = ".dcf" if axis.eds.lower().endswith(".dcf") else ".eds"
@@ -56,26 +56,24 @@ def read_sheets(
                 path = kept / name
             files[name] = _bytes(path, f"{tree.where(('axes', number, 'eds'))}: axes.{number}.eds")
             known[axis.eds] = parse_eds(files[name], str(path))
-        sheets.append(known[axis.eds])
-    return tuple(sheets), files
+        eds_files.append(known[axis.eds])
+    return tuple(eds_files), files
 
 
-def with_identities(cell: CellConfig, sheets: Sheets) -> CellConfig:
-    """Return the cell with what the sheets say of each drive's identity, where it says nothing."""
+def with_identities(cell: CellConfig, eds_files: EdsFiles) -> CellConfig:
+    """Return the cell with each drive's identity by its EDS, where it says nothing of it."""
     axes = []
-    for axis, sheet in zip(cell.axes, sheets, strict=True):
-        if sheet is None or axis.identity is not None:
+    for axis, eds in zip(cell.axes, eds_files, strict=True):
+        if eds is None or axis.identity is not None:
             axes.append(axis)
             continue
-        identity = DeviceIdentity(
-            vendor=sheet.vendor, product=sheet.product, revision=sheet.revision
-        )
+        identity = DeviceIdentity(vendor=eds.vendor, product=eds.product, revision=eds.revision)
         axes.append(axis.model_copy(update={"identity": identity}))
     return cell.model_copy(update={"axes": tuple(axes)})
 
 
 def _bytes(path: Path, where: str) -> bytes:
-    """Return a sheet's bytes."""
+    """Return an EDS's bytes."""
     try:
         return read_file(path, MAX_BYTES)
     except OSError as error:

@@ -16,7 +16,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
-from identification.validation.reaction_prediction import validate_reaction
+from identification.validation.base_wrench_validation import validate_base_wrench
 from rid_daq.jobs.truth import true_parameters
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ def test_the_reaction_is_predicted_as_well_as_the_truth_can(
     cell: Any, estimate: Estimate, other: Recording
 ) -> None:
     """Within 1.3 times the floor (issue 4), for the noise and for the true parameters."""
-    found = validate_reaction(estimate, other)
+    found = validate_base_wrench(estimate, other)
     truth = estimate.base.from_standard(true_parameters(estimate.model, cell.robot, cell.plant))
-    floor = validate_reaction(replace(estimate, values=truth), other)
+    floor = validate_base_wrench(replace(estimate, values=truth), other)
     assert (found.rms <= 1.3 * floor.rms).all()
     assert found.noise is not None
     assert (found.rms <= 1.3 * found.noise).all()
@@ -62,8 +62,8 @@ def test_the_reaction_is_predicted_as_well_as_the_truth_can(
 def test_a_wrong_model_is_seen(estimate: Estimate, other: Recording) -> None:
     wrong = estimate.values.copy()
     wrong[estimate.base.names.index("sx2")] *= 1.05
-    found = validate_reaction(replace(estimate, values=wrong), other)
-    right = validate_reaction(estimate, other)
+    found = validate_base_wrench(replace(estimate, values=wrong), other)
+    right = validate_base_wrench(estimate, other)
     assert found.rms[4] > 3.0 * right.rms[4]
 
 
@@ -73,8 +73,8 @@ def test_overloads_do_not_count(estimate: Estimate, other: Recording) -> None:
     valid, channels = reaction.valid.copy(), reaction.channels_n.copy()
     valid[1000:1100, 2], channels[1000:1100, 2] = False, 9999.0
     holed = replace(reaction, valid=valid, channels_n=channels)
-    found = validate_reaction(estimate, replace(other, reaction=holed))
-    plain = validate_reaction(estimate, other)
+    found = validate_base_wrench(estimate, replace(other, reaction=holed))
+    plain = validate_base_wrench(estimate, other)
     assert 0.8 < found.counted.mean() < 1.0
     np.testing.assert_allclose(found.rms, plain.rms, rtol=0.1)
 
@@ -87,14 +87,14 @@ def test_a_plate_that_was_mostly_in_overload_is_refused(
     valid = reaction.valid.copy()
     valid[:, 5] = False
     with pytest.raises(DataQualityError, match="channel fz2"):
-        validate_reaction(estimate, replace(other, reaction=replace(reaction, valid=valid)))
+        validate_base_wrench(estimate, replace(other, reaction=replace(reaction, valid=valid)))
 
 
 def test_needs_a_plate_and_a_model_that_knows_it(
     arm: KnownArm, estimate: Estimate, other: Recording
 ) -> None:
     with pytest.raises(DataQualityError, match="nothing of a force plate"):
-        validate_reaction(estimate, replace(other, reaction=None))
+        validate_base_wrench(estimate, replace(other, reaction=None))
     internal = estimate_periodic(arm.robot, [average_periods(other)])
     with pytest.raises(EstimationError, match="combined model"):
-        validate_reaction(internal, other)
+        validate_base_wrench(internal, other)

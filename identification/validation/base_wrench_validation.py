@@ -1,4 +1,4 @@
-"""`ReactionValidation`: measured against predicted base wrench on a run not seen before.
+"""`BaseWrenchValidation`: measured against predicted base wrench on a run not seen before.
 
 A plate's offset and slow drift say nothing about the robot, and the delay of its signals belongs
 to the line; all three are found on the run itself and taken out, as they are when a model is
@@ -19,7 +19,7 @@ from config.arrays import BoolArray, FloatArray, read_only
 from config.errors import DataQualityError, EstimationError
 from dynamics.terms.conditions import Conditions
 from identification.equations.deconvolution import without_filter
-from identification.estimation.estimate import Estimate, predict_reaction
+from identification.estimation.estimate import Estimate, predict_base_wrench
 from identification.estimation.options import BAND_HZ
 
 STEPS = 4
@@ -29,7 +29,7 @@ EDGE_CUTOFFS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class ReactionValidation:
+class BaseWrenchValidation:
     """Errors of the predicted base wrench, component by component.
 
     Attributes
@@ -80,9 +80,9 @@ class ReactionValidation:
         )
 
 
-def validate_reaction(
+def validate_base_wrench(
     estimate: Estimate, recording: Recording, *, cutoff_hz: float = BAND_HZ
-) -> ReactionValidation:
+) -> BaseWrenchValidation:
     """Predict the base wrench of a recording and compare.
 
     Parameters
@@ -112,7 +112,7 @@ def validate_reaction(
     signals = smooth_nonperiodic(recording, motion_hz)
     curve, counted = _measured(recording, signals, cutoff_hz)
     conditions = Conditions(temperature_k=signals.temperature_k)
-    predicted = predict_reaction(
+    predicted = predict_base_wrench(
         estimate, signals.position, signals.velocity, signals.acceleration, conditions
     )
     slope = np.zeros_like(predicted)
@@ -129,7 +129,7 @@ def validate_reaction(
     if estimate.plate is not None:
         periods = estimate.periods / max(len(estimate.plate.left_out), 1)
         noise = estimate.plate.noise * np.sqrt(periods * cutoff_hz / estimate.band_hz)
-    return ReactionValidation(
+    return BaseWrenchValidation(
         time_s=signals.time_s,
         measured=measured,
         predicted=predicted,

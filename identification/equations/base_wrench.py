@@ -1,6 +1,6 @@
-"""`ReactionEquations`: the base wrench of one mean period as equations on its DFT bins.
+"""`BaseWrenchEquations`: the base wrench of one mean period as equations on its DFT bins.
 
-They stand beside the joints' in `BinEquations`. The noise of the six components hangs together,
+They stand beside the joints' in `BinEquations`. The noise of the six components is correlated,
 since every channel of the plate shows in several of them; it is measured as a covariance a bin. A
 channel that is left out takes what it alone can tell with it: of the six components, combinations
 remain that the other channels give.
@@ -25,7 +25,7 @@ OFFSET_SIGMA = 1e4
 
 
 @dataclass(frozen=True, eq=False)
-class ReactionEquations:
+class BaseWrenchEquations:
     """Equations rhs = matrix beta + noise of the r combinations of the base wrench that are known.
 
     Attributes
@@ -53,14 +53,14 @@ class ReactionEquations:
         """The highest bin, H."""
         return len(self.covariance) - 1
 
-    def delayed(self, delay_s: float) -> ReactionEquations:
+    def delayed(self, delay_s: float) -> BaseWrenchEquations:
         """Return the equations where the plate's signals are late by `delay_s`, made up for."""
         turn = np.exp(1j * self._omega * delay_s)
         return replace(self, rhs=real_rows((_bins(self.rhs) * turn).T).T)
 
     def with_motion_noise(
         self, position_sigma: FloatArray, inertia_squares: FloatArray
-    ) -> ReactionEquations:
+    ) -> BaseWrenchEquations:
         """Return the equations with the wrench that the positions' noise makes counted as noise.
 
         Parameters
@@ -83,9 +83,9 @@ class ReactionEquations:
         return 2.0 * math.pi / self.period_s * np.arange(self.harmonics + 1, dtype=np.float64)
 
 
-def reaction_equations(
+def base_wrench_equations(
     reaction: ReactionAverage, periods: int, sample_period_s: float, matrix: FloatArray
-) -> ReactionEquations:
+) -> BaseWrenchEquations:
     """Set up the equations of a plate's mean period.
 
     Parameters
@@ -123,7 +123,7 @@ def reaction_equations(
     covariance = _smooth_covariance(covariance)[: harmonics + 1] / periods
     covariance /= np.abs(response[:, np.newaxis, np.newaxis]) ** 2
     covariance[0] += OFFSET_SIGMA**2 * np.eye(len(components))
-    return ReactionEquations(
+    return BaseWrenchEquations(
         period_s=period_s,
         matrix=np.tensordot(components, matrix, axes=1),
         rhs=real_rows(bins).T,
