@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from types import TracebackType
 
 from config.cell.cell import CellConfig
 from config.errors import DeviceFaultError, DriverError, RidDaqError
@@ -39,12 +38,7 @@ class Cell:
         """Return the cell itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, *_: object) -> None:
         """Quick stop, disable voltage, NMT pre-operational, close the bus: each one in any case.
 
         What goes wrong on the way is added as a note to the error that is under way; it is raised

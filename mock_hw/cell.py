@@ -16,12 +16,7 @@ from mock_hw.bus.served_bus import ONE_PROCESS
 from mock_hw.drives_process import DrivesSettings, serve_drives, serve_until
 from mock_hw.host.device_process import DeviceProcess, wait_until_ready
 from mock_hw.host.program_faults import ProgramFaults
-from mock_hw.host.runtime_directory import (
-    plate_path,
-    private_folder,
-    registers_path,
-    socket_path,
-)
+from mock_hw.host.runtime_directory import plate_path, private_folder, registers_path, socket_path
 from mock_hw.plant.snapshot import AxisSnapshot, SnapshotReader
 from mock_hw.registers.server import RegisterSettings
 from mock_hw.simulation import CellSimulation, on_pseudo_terminal, with_address

@@ -10,7 +10,6 @@ import fcntl
 import os
 from io import FileIO
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Self, cast
 
 from mcap.writer import CompressionType, Writer
@@ -225,12 +224,7 @@ class JournalFile:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
             self.close()
         else:

@@ -10,7 +10,6 @@ import contextlib
 import multiprocessing
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from acquisition.session.helper_process import HelperProcess, start_all
@@ -80,12 +79,7 @@ class FrameRecorder:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let it write what has come, and close the file."""
         self._end()
 

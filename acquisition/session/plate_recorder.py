@@ -15,21 +15,11 @@ import numpy as np
 
 from acquisition.journal.mcap_writer import FLUSH_PERIOD_S, SYNC_PERIOD_S
 from acquisition.journal.plate import PlateJournalWriter
-from acquisition.journal.plate_row import (
-    LINE_LOST,
-    LINE_RESTORED,
-    PlateHeader,
-    overloaded,
-)
+from acquisition.journal.plate_row import LINE_LOST, LINE_RESTORED, PlateHeader, overloaded
 from acquisition.session.plate_block import PlateBlock, PlateState
 from config.cell.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
 from config.cell.plate import AmplifierConfig, PlateConfig
-from config.errors import (
-    DeviceFaultError,
-    DriverError,
-    RecordingError,
-    TransportError,
-)
+from config.errors import DeviceFaultError, DriverError, RecordingError, TransportError
 from config.process.shortage import as_named
 from config.process.termination import leave_terminal
 from drivers.amplifier.amplifier import SerialAmplifier, open_amplifier

@@ -36,10 +36,7 @@ from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
-from config.process.termination import (
-    signals_handled,
-    suspension_refused,
-)
+from config.process.termination import signals_handled, suspension_refused
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 

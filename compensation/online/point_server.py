@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from compensation.online.point_codec import PointDecoder, farewell, greeting
@@ -115,12 +114,7 @@ class PointServer:
         if self.dead:
             self._ring.fail(PointsFailed.LOST, "the process that takes the points has died")
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, *_: object) -> None:
         self._end("the session has ended" if error is None else str(error))
 
     def _end(self, why: str) -> None:

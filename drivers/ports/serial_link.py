@@ -8,7 +8,6 @@ import os
 import select
 import socket
 import termios
-from types import TracebackType
 
 import serial
 
@@ -114,12 +113,7 @@ class SerialLink:
         """Return the link itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the port."""
         self.close()
 

@@ -6,12 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from config.cell.cell import CellConfig, DriveAxis
-from config.errors import (
-    ConfigError,
-    DeviceTimeoutError,
-    PreflightError,
-    ProtocolError,
-)
+from config.errors import ConfigError, DeviceTimeoutError, PreflightError, ProtocolError
 from config.robot.robot import RobotDescription
 from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
 from drivers.canopen.nmt import NmtCommand, nmt_frame

@@ -17,12 +17,7 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.closest_robot import SMALLEST_BODY, SMALLEST_P
 from identification.consistency.programme import ConsistencyProgramme
 from identification.consistency.pseudo_inertia import pseudo_inertia
-from identification.payload.body import (
-    PARAMETERS,
-    PayloadBody,
-    reported,
-    reported_slopes,
-)
+from identification.payload.body import PARAMETERS, PayloadBody, reported, reported_slopes
 from identification.payload.equations import PayloadEquations, Procedure
 from identification.payload.solution import Known, PayloadSolution, solve_payload
 

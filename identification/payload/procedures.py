@@ -15,12 +15,7 @@ from identification.consistency.closest_robot import full_rank_covariance
 from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS
-from identification.payload.equations import (
-    PayloadEquations,
-    PayloadModel,
-    Procedure,
-    condense,
-)
+from identification.payload.equations import PayloadEquations, PayloadModel, Procedure, condense
 from identification.payload.estimate import PayloadEstimate, estimate_payload
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.solution import Known, solve_payload

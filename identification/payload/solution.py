@@ -12,11 +12,7 @@ from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.payload.body import REPORTED, reported, reported_slopes
-from identification.payload.equations import (
-    Layout,
-    PayloadEquations,
-    independent,
-)
+from identification.payload.equations import Layout, PayloadEquations, independent
 from identification.regression.intervals import Cluster, jackknife
 from identification.regression.least_squares import triangular_factor
 

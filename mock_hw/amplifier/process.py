@@ -14,7 +14,6 @@ import signal
 import time
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,12 +81,7 @@ class ServedAmplifier:
             raise
         return str(self._settings.path)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the process."""
         self._end()
 

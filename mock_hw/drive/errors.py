@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from drivers.canopen.emcy import Emergency
 from mock_hw.drive.object_dictionary import ObjectDictionary
-from mock_hw.drive.objects import (
-    ERROR_CODE,
-    ERROR_HISTORY,
-    ERROR_HISTORY_LENGTH,
-    ERROR_REGISTER,
-)
+from mock_hw.drive.objects import ERROR_CODE, ERROR_HISTORY, ERROR_HISTORY_LENGTH, ERROR_REGISTER
 
 HEARTBEAT_LOST = 0x8130
 PDO_LENGTH = 0x8210

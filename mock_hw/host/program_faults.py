@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from types import TracebackType
 
 from config.errors import ConfigError, RidDaqError
 from config.process.process_name import ProcessName
@@ -66,12 +65,7 @@ class ProgramFaults:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, *_: object) -> None:
         """End, and undo what lasts."""
         self._ending.send(None)
         self._thread.join()

@@ -136,7 +136,7 @@ class _Ending:
     def __enter__(self) -> _Ending:
         return self
 
-    def __exit__(self, kind: object, error: object, traceback: object) -> None:
+    def __exit__(self, kind: object, *_: object) -> None:
         process = self._process
         if kind is not None and process.is_alive():
             process.terminate()

@@ -12,15 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
-from rid_daq.report.figures.curves import (
-    FAINT,
-    MEASURED,
-    PREDICTED,
-    STYLE,
-    WRONG,
-    as_label,
-    as_svg,
-)
+from rid_daq.report.figures.curves import FAINT, MEASURED, PREDICTED, STYLE, WRONG, as_label, as_svg
 from rid_daq.report.sections.loop_curves import CascadeCurves, LoopMargins
 from rid_daq.report.sections.velocity_loops import AxisLoop
 

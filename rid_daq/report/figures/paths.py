@@ -11,15 +11,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rid_daq.report.figures.curves import (
-    FAINT,
-    MEASURED,
-    PREDICTED,
-    STYLE,
-    WRONG,
-    as_label,
-    as_svg,
-)
+from rid_daq.report.figures.curves import FAINT, MEASURED, PREDICTED, STYLE, WRONG, as_label, as_svg
 from rid_daq.report.sections.tracking import DrawnPaths, JointUnit, PathCurves
 
 DRAWN_SHARE = 0.12
