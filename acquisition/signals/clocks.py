@@ -72,10 +72,6 @@ class DeviceClock:
         """Return SYNC times of device times [s]."""
         return np.asarray(self.sync_s + self.rate * (np.asarray(device_s) - self.device_s))
 
-    def to_device(self, sync_s: FloatArray) -> FloatArray:
-        """Return device times of SYNC times [s]."""
-        return np.asarray(self.device_s + (np.asarray(sync_s) - self.sync_s) / self.rate)
-
     def sigma_s(self, device_s: FloatArray) -> FloatArray:
         """Return the standard deviation of `to_sync` at some device times [s]."""
         since = np.asarray(device_s) - self.device_s

@@ -109,11 +109,6 @@ class FrequencyResponse:
             object.__setattr__(self, name, values)
 
     @property
-    def variance_distortion(self) -> FloatArray:
-        """Variance of one realisation's response by nonlinear distortion, shape (lines,)."""
-        return np.asarray(self.realisations * (self.variance - self.variance_noise))
-
-    @property
     def noise_freedom(self) -> int:
         """Complex degrees of freedom of each line's variance by noise."""
         return self.realisations * (self.periods - 1)

@@ -222,10 +222,6 @@ class AxisUnits:
         """Return 6064h of a joint position, rounded to the nearest increment."""
         return round(position * self.counts_per_rad) + self.zero_counts
 
-    def velocity_units(self, velocity: float) -> int:
-        """Return 60FFh of a joint velocity [rad/s], rounded to the nearest unit."""
-        return round(velocity * self.velocity_units_per_rad_s)
-
     def velocity(self, units: int) -> float:
         """Return the joint velocity of 60FFh or 606Ch [rad/s]."""
         return units / self.velocity_units_per_rad_s

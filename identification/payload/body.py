@@ -14,7 +14,7 @@ from config.formats.urdf import rotation_of_rpy
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.consistency.pseudo_inertia import BASIS, pseudo_inertia
+from identification.consistency.pseudo_inertia import BASIS
 
 PARAMETERS: Final = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 """The ten parameters that the torque is linear in (5.6), inertia about the flange's origin."""
@@ -104,11 +104,6 @@ class PayloadBody:
             self.mass_kg > 0.0 and moments[0] > 0.0 and moments[0] + moments[1] > moments[2]
         )
 
-    def turned(self, rotation: FloatArray) -> PayloadBody:
-        """Return the body in other axes of the same origin; the columns are those axes in ours."""
-        inertia = rotation.T @ self.inertia_kg_m2 @ rotation
-        return PayloadBody(self.mass_kg, rotation.T @ self.centre_m, (inertia + inertia.T) / 2.0)
-
 
 def reported(parameters: FloatArray | ComplexArray) -> FloatArray:
     """Return the ten values of `REPORTED` of ten `PARAMETERS`, which may be complex."""
@@ -163,11 +158,6 @@ def to_link(pose: FloatArray) -> FloatArray:
         inertia = np.trace(second) * np.eye(3) - second
         matrix[:, column] = [moved[3, 3], *moved[:3, 3], *inertia[np.triu_indices(3)]]
     return matrix
-
-
-def is_positive(parameters: FloatArray) -> bool:
-    """Whether a body of positive mass has these parameters (pseudo-inertia positive definite)."""
-    return bool(np.linalg.eigvalsh(pseudo_inertia(parameters))[0] > 0.0)
 
 
 def _least_turned(moments: FloatArray, axes: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -134,11 +134,6 @@ class PayloadEstimate:
         return np.where(self.seen_parameters, sigma, np.inf)
 
     @property
-    def reported_covariance(self) -> FloatArray:
-        """Covariance of `reported`, shape (10, 10), of what is seen."""
-        return np.asarray(self._slopes @ self.covariance @ self._slopes.T)
-
-    @property
     def gain_effects(self) -> FloatArray:
         """How `reported` changes with a relative error of each joint's torque, shape (10, n)."""
         return np.asarray(self._slopes @ self.gain_slopes)

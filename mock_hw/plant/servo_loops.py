@@ -58,7 +58,6 @@ TORQUE_LIMIT = 4
 COMMAND_ROWS = 5
 
 # Entries of `spring`: joint (-1: none), stiffness k, free length, lever arms l and r.
-SPRING_ENTRIES = 5
 
 _SWEEPS = 60
 _NEGLIGIBLE_TORQUE = 1e-12
@@ -120,7 +119,7 @@ class Actuators(NamedTuple):
     ----------
     axes, command : ndarray, shape (AXES_ROWS, n) and (COMMAND_ROWS, n)
         Rows as named above.
-    spring : ndarray, shape (SPRING_ENTRIES,)
+    spring : ndarray, shape (5,)
         The gravity spring.
     """
 

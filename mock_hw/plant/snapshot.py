@@ -26,8 +26,6 @@ _ROWS = 5
 _PATIENCE_S = 2.0
 """A writer may lose the processor in the middle of a snapshot; after this it is taken for dead."""
 
-FILE_NAME = "axes.bin"
-
 
 @dataclass(frozen=True)
 class AxisSnapshot:

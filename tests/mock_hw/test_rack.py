@@ -101,7 +101,7 @@ def test_a_drives_numbers_mean_the_joints_motion(
         )
         for axis, joint, simulated in zip(axes, loaded.robot.joints, loaded.plant.axes, strict=True)
     ]
-    answers = Master(rack, cell).run([unit.velocity_units(0.2) for unit in units])
+    answers = Master(rack, cell).run([round(0.2 * unit.velocity_units_per_rad_s) for unit in units])
     with SnapshotReader(snapshot) as reader:
         truth = reader.read()
     assert truth.time_s == rack.time_s

@@ -132,8 +132,8 @@ def test_rated_torque_at_the_joint() -> None:
     [("increments_per_s", 65190), ("rpm", 955), ("0.1rpm", 9549)],
 )
 def test_one_radian_per_second_in_the_vendors_unit(unit: str, value: int) -> None:
-    assert units(velocity_unit=unit).velocity_units(1.0) == value
-    assert units(velocity_unit=unit, direction=-1).velocity_units(1.0) == -value
+    assert round(units(velocity_unit=unit).velocity_units_per_rad_s) == value
+    assert round(units(velocity_unit=unit, direction=-1).velocity_units_per_rad_s) == -value
 
 
 def test_a_negative_gear_ratio_does_not_turn_the_axis_twice() -> None:

@@ -22,42 +22,25 @@ PROGRAM = """
 import multiprocessing, signal, sys
 from pathlib import Path
 from config.load import load_cell
-from drivers.amplifier.amplifier import open_amplifier
 from drivers.cell import open_cell
-from mock_hw.amplifier.port import PlateSettings
-from mock_hw.amplifier.process import ServedAmplifier
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 
-loaded, folder = load_cell("ir361"), Path(sys.argv[2])
-cell, robot, plant, profile = loaded.config, loaded.robot, loaded.plant, loaded.amplifier_profile
-
-def wait_for_the_signal():
+loaded, folder = load_cell("ir361"), Path(sys.argv[1])
+cell, robot, plant = loaded.config, loaded.robot, loaded.plant
+simulation = CellSimulation(cell, robot, plant, realtime=False, seed=1, directory=folder)
+with SimulatedCell(simulation) as simulated:
     ending = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     signal.pthread_sigmask(signal.SIG_BLOCK, ending)
     print("served", flush=True)
     signal.sigwait(ending)
+    with open_cell(simulated.cell, robot) as opened:
+        opened.axes.bring_up()
 
-def use_the_cell():
-    simulation = CellSimulation(cell, robot, plant, realtime=False, seed=1, directory=folder)
-    with SimulatedCell(simulation) as simulated:
-        wait_for_the_signal()
-        with open_cell(simulated.cell, robot) as opened:
-            opened.axes.bring_up()
-
-def use_the_amplifier():
-    settings = PlateSettings(cell.plate, profile, plant.plate, folder / "amplifier")
-    with ServedAmplifier(settings) as address:
-        wait_for_the_signal()
-        config = cell.plate.amplifier.model_copy(update={"address": address})
-        with open_amplifier(config, profile) as amplifier:
-            amplifier.connect()
-
-{"cell": use_the_cell, "amplifier": use_the_amplifier}[sys.argv[1]]()
 print("wound up,", len(multiprocessing.active_children()), "left", flush=True)
 """
 
-Start = Callable[[str], subprocess.Popen[str]]
+Start = Callable[[], subprocess.Popen[str]]
 
 
 @pytest.fixture
@@ -65,9 +48,9 @@ def start(tmp_path: Path) -> Iterator[Start]:
     """Start a program that leads a process group, and return once its hardware is served."""
     programs: list[subprocess.Popen[str]] = []
 
-    def begin(what: str) -> subprocess.Popen[str]:
+    def begin() -> subprocess.Popen[str]:
         program = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, what, str(tmp_path)],
+            [sys.executable, "-c", PROGRAM, str(tmp_path)],
             stdout=subprocess.PIPE,
             text=True,
             start_new_session=True,
@@ -83,11 +66,10 @@ def start(tmp_path: Path) -> Iterator[Start]:
             program.kill()
 
 
-@pytest.mark.parametrize("what", ["cell", "amplifier"])
 def test_signals_to_the_whole_group_leave_the_hardware_to_the_program(
-    start: Start, tmp_path: Path, what: str
+    start: Start, tmp_path: Path
 ) -> None:
-    program = start(what)
+    program = start()
     for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
         os.killpg(program.pid, number)
     said, _ = program.communicate(timeout=120.0)
@@ -96,11 +78,8 @@ def test_signals_to_the_whole_group_leave_the_hardware_to_the_program(
     assert [*tmp_path.iterdir()] == []
 
 
-@pytest.mark.parametrize("what", ["cell", "amplifier"])
-def test_a_killed_group_takes_the_hardware_with_it_in_the_end(
-    start: Start, tmp_path: Path, what: str
-) -> None:
-    program = start(what)
+def test_a_killed_group_takes_the_hardware_with_it_in_the_end(start: Start, tmp_path: Path) -> None:
+    program = start()
     assert [*tmp_path.iterdir()] != []
     os.killpg(program.pid, signal.SIGKILL)
     assert program.wait(120.0) == -signal.SIGKILL
