@@ -73,25 +73,18 @@ class AverageSection(Section):
     def of(cls, average: PeriodAverage, robot: RobotDescription) -> AverageSection:
         """Return what is said of averaged periods."""
         recorded = average.periods_kept + len(average.rejected)
-        return cls(
+        return cls.taken(
+            average,
             sentence=f"{average.periods_kept} of {recorded} periods averaged,"
             f" {average.samples_per_period} samples each; {average.missing_samples} single rows"
             f" without a valid answer were left out of the mean.{_plate_sentence(average)}",
-            periods_kept=average.periods_kept,
-            samples_per_period=average.samples_per_period,
-            missing_samples=average.missing_samples,
-            rejected=tuple(
-                RejectedPeriod(index=p.index, reason=p.reason) for p in average.rejected
-            ),
-            axes=tuple(
-                AxisNoise(
-                    joint=joint.name,
-                    unit=units(joint)[0],
-                    torque_unit=units(joint)[1],
-                    torque_noise=float(np.sqrt(average.torque_variance[column])),
-                    position_noise=float(np.sqrt(average.position_variance[column])),
-                )
-                for column, joint in enumerate(robot.joints)
+            rejected=tuple(RejectedPeriod.taken(period) for period in average.rejected),
+            axes=AxisNoise.rows(
+                joint=robot.joint_names,
+                unit=[units(joint)[0] for joint in robot.joints],
+                torque_unit=[units(joint)[1] for joint in robot.joints],
+                torque_noise=np.sqrt(average.torque_variance),
+                position_noise=np.sqrt(average.position_variance),
             ),
         )
 

@@ -61,17 +61,14 @@ class BaseLoadSection(Section):
         return cls(
             sentence=load.sentence + more,
             weight_known=load.weight_known,
-            components=tuple(
-                LoadComponent(
-                    name=name,
-                    unit=unit,
-                    peak=float(load.peak[k]),
-                    std=float(load.sigma[k]),
-                    at_s=float(load.at_s[k]),
-                    limit=float(load.limit[k]),
-                    held=load.held[k],
-                )
-                for k, (name, unit) in enumerate(zip(WRENCH_NAMES, WRENCH_UNITS, strict=True))
+            components=LoadComponent.rows(
+                name=WRENCH_NAMES,
+                unit=WRENCH_UNITS,
+                peak=load.peak,
+                std=load.sigma,
+                at_s=load.at_s,
+                limit=load.limit,
+                held=load.held,
             ),
         )
 

@@ -58,13 +58,7 @@ class ComparisonSection(Section):
             joints=comparison.joint_names,
             chosen=dict(zip(comparison.joint_names, comparison.chosen, strict=True)),
             trials=tuple(
-                FrictionTrial(
-                    terms=trial.terms,
-                    error=tuple(float(error) for error in trial.error_nm),
-                    parameters=trial.parameters,
-                    aic=trial.aic,
-                    bic=trial.bic,
-                )
+                FrictionTrial.taken(trial, error=trial.error_nm.tolist())
                 for trial in (*comparison.trials, comparison.combined)
             ),
         )

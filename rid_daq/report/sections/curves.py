@@ -140,14 +140,11 @@ class SpectrumCurves(Section):
             " (standstill included), and what the noise between periods leaves there"
             f" ({periods} averaged). Anti-alias filter divided out.",
             frequency_hz=rounded(comparison.frequency_hz[1:], 7),
-            axes=tuple(
-                SpectrumCurve(
-                    joint=joint.name,
-                    measured_nm=rounded(comparison.measured_spectrum_nm[1:, i]),
-                    residual_nm=rounded(comparison.residual_spectrum_nm[1:, i]),
-                    noise_nm=rounded(comparison.noise_spectrum_nm[1:, i]),
-                )
-                for i, joint in enumerate(robot.joints)
+            axes=SpectrumCurve.rows(
+                joint=robot.joint_names,
+                measured_nm=map(rounded, comparison.measured_spectrum_nm[1:].T),
+                residual_nm=map(rounded, comparison.residual_spectrum_nm[1:].T),
+                noise_nm=map(rounded, comparison.noise_spectrum_nm[1:].T),
             ),
         )
 

@@ -128,26 +128,20 @@ class EstimateSection(Section):
         findings : sequence of str, optional
             What a person should know of it.
         """
-        return cls(
+        joints = estimate.robot.joints
+        return cls.taken(
+            estimate,
             sentence=_sentence(estimate),
-            method=estimate.method,
             condition_number=float(estimate.condition_number),
-            equations=estimate.equations,
-            band_hz=estimate.band_hz,
-            periods=estimate.periods,
-            weighting=estimate.weighting,
             unseen=estimate.base.unseen,
             has_truth=truth is not None,
             parameters=(*_base_parameters(estimate, truth), *_nonlinear_parameters(estimate)),
-            axes=tuple(
-                AxisResidual(
-                    joint=joint.name,
-                    unit=units(joint)[1],
-                    residual=float(estimate.residual_nm[i]),
-                    noise=None if estimate.noise_nm is None else float(estimate.noise_nm[i]),
-                    left_out_fraction=float(estimate.left_out_fraction[i]),
-                )
-                for i, joint in enumerate(estimate.robot.joints)
+            axes=AxisResidual.rows(
+                joint=estimate.robot.joint_names,
+                unit=[units(joint)[1] for joint in joints],
+                residual=estimate.residual_nm,
+                noise=[None] * len(joints) if estimate.noise_nm is None else estimate.noise_nm,
+                left_out_fraction=estimate.left_out_fraction,
             ),
             findings=None if findings is None else tuple(findings),
         )
@@ -200,26 +194,17 @@ def _base_parameters(
     return entries
 
 
-def _nonlinear_parameters(estimate: Estimate) -> list[ParameterEntry]:
-    model = estimate.model
-    return [
-        ParameterEntry(
-            name=name,
-            words=name,
-            unit=unit,
-            value=float(value),
-            std=float(sigma),
-            std_noise=None,
-            std_residual=None,
-        )
-        for name, unit, value, sigma in zip(
-            model.nonlinear_names,
-            model.nonlinear_units,
-            model.nonlinear_values,
-            estimate.nonlinear_sigma,
-            strict=True,
-        )
-    ]
+def _nonlinear_parameters(estimate: Estimate) -> tuple[ParameterEntry, ...]:
+    model, unknown = estimate.model, [None] * len(estimate.model.nonlinear_names)
+    return ParameterEntry.rows(
+        name=model.nonlinear_names,
+        words=model.nonlinear_names,
+        unit=model.nonlinear_units,
+        value=model.nonlinear_values,
+        std=estimate.nonlinear_sigma,
+        std_noise=unknown,
+        std_residual=unknown,
+    )
 
 
 _OUTPUTS = {

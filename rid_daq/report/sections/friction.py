@@ -95,19 +95,10 @@ class FrictionModel(Section):
     @classmethod
     def of(cls, fit: FrictionFit) -> FrictionModel:
         """Return a fitted model."""
-        return cls(
-            name=fit.name,
-            terms=fit.terms,
-            rms=fit.rms_nm,
-            misfit=fit.misfit,
-            criterion=fit.criterion,
-            parameters=tuple(
-                FrictionCoefficient(name=name, value=float(value), std=float(std), unit=unit)
-                for name, value, std, unit in zip(
-                    fit.parameter_names, fit.values, fit.sigmas, fit.parameter_units, strict=True
-                )
-            ),
+        coefficients = FrictionCoefficient.rows(
+            name=fit.parameter_names, value=fit.values, std=fit.sigmas, unit=fit.parameter_units
         )
+        return cls.taken(fit, rms=fit.rms_nm, parameters=coefficients)
 
 
 class FrictionLines(Section):

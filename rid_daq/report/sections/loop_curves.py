@@ -10,7 +10,7 @@ from config.arrays import FloatArray
 from rid_daq.report.sections.section import Numbers, Section, rounded
 
 if TYPE_CHECKING:
-    from compensation.loops.cascade import Cascade, Margins
+    from compensation.loops.cascade import Cascade
     from compensation.loops.frequency_response import Distortion, FrequencyResponse
     from compensation.loops.velocity_loop import VelocityLoop
 
@@ -53,12 +53,7 @@ class DistortionSection(Section):
     @classmethod
     def of(cls, found: Distortion) -> DistortionSection:
         """Return the distortion of one kind of lines."""
-        return cls(
-            frequency_hz=rounded(found.frequency_hz),
-            output=rounded(found.output),
-            level=rounded(found.level),
-            noise=rounded(found.noise),
-        )
+        return cls(**{name: rounded(getattr(found, name)) for name in cls.model_fields})
 
 
 class ControllerResponse(Polar):
@@ -129,17 +124,6 @@ class LoopMargins(Section):
     phase_crossover_hz: float | None
     gain_db: float | None
 
-    @classmethod
-    def of(cls, found: Margins) -> LoopMargins:
-        """Return the margins of a loop."""
-        return cls(
-            gain=found.gain,
-            phase_deg=found.phase_deg,
-            crossover_hz=found.crossover_hz,
-            phase_crossover_hz=found.phase_crossover_hz,
-            gain_db=found.gain_db,
-        )
-
     @property
     def words(self) -> tuple[str, str]:
         """Phase and gain margin."""
@@ -188,10 +172,10 @@ class CascadeCurves(Section):
         return cls(
             frequency_hz=rounded(grid),
             velocity=OpenLoop.of(
-                cascade.velocity_loop(grid), LoopMargins.of(cascade.velocity_margins)
+                cascade.velocity_loop(grid), LoopMargins.taken(cascade.velocity_margins)
             ),
             position=OpenLoop.of(
-                cascade.position_loop(grid), LoopMargins.of(cascade.position_margins)
+                cascade.position_loop(grid), LoopMargins.taken(cascade.position_margins)
             ),
             measured=Polar(
                 frequency_hz=rounded(f[shown]), magnitude=magnitude, phase_deg=phase_deg

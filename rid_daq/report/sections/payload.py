@@ -149,31 +149,23 @@ class PayloadSection(Section):
         estimate = payload.estimate
         whole = estimate.rank == len(estimate.values)
         own = (f"{finding.sentence}." for finding in payload_findings(estimate))
-        return cls(
+        return cls.taken(
+            estimate,
             sentence=_sentence(estimate),
-            procedure=estimate.procedure,
-            equations=estimate.equations,
-            condition_number=estimate.condition_number,
-            rank=estimate.rank,
             parameters=_parameters(estimate, whole),
             principal=_principal(estimate) if whole else None,
             repeats=None
             if repeats is None
-            else PayloadRepeats(
-                runs=len(repeats.values),
-                ratio=repeats.ratio,
-                scatter=tuple(float(x) for x in repeats.scatter),
+            else PayloadRepeats.taken(
+                repeats, runs=len(repeats.values), scatter=repeats.scatter.tolist()
             ),
             findings=(*own, *findings),
-            axes=tuple(
-                PayloadAxis(
-                    joint=joint.name,
-                    unit=units(joint)[1],
-                    payload=float(estimate.payload_nm[j]),
-                    residual=float(estimate.residual_nm[j]),
-                    mass_per_percent=0.01 * float(estimate.gain_effects[0, j]),
-                )
-                for j, joint in enumerate(estimate.robot.joints)
+            axes=PayloadAxis.rows(
+                joint=estimate.robot.joint_names,
+                unit=[units(joint)[1] for joint in estimate.robot.joints],
+                payload=estimate.payload_nm,
+                residual=estimate.residual_nm,
+                mass_per_percent=0.01 * estimate.gain_effects[0],
             ),
             existence=_existence(estimate) if whole else None,
         )
@@ -268,10 +260,7 @@ def _parameters(estimate: PayloadEstimate, whole: bool) -> tuple[PayloadParamete
 
 def _principal(estimate: PayloadEstimate) -> tuple[PrincipalMoment, ...]:
     moments, axes = estimate.body.principal
-    return tuple(
-        PrincipalMoment(moment=float(moment), axis=tuple(float(x) for x in axis))
-        for moment, axis in zip(moments, axes.T, strict=True)
-    )
+    return PrincipalMoment.rows(moment=moments, axis=axes.T)
 
 
 def _existence(estimate: PayloadEstimate) -> str:

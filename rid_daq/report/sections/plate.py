@@ -67,14 +67,12 @@ class ImprovementSection(Section):
     @classmethod
     def of(cls, improved: Improvement) -> ImprovementSection:
         """Return what the combined model says of the plate's gain."""
-        return cls(
-            determinant_ratio=improved.determinant_ratio,
-            shared=improved.shared,
+        return cls.taken(
+            improved,
             parameters=tuple(
-                ImprovedParameter(
+                ImprovedParameter.taken(
+                    each,
                     words=each.expression,
-                    unit=each.unit,
-                    value=each.value,
                     std_internal=each.sigma_internal,
                     std_external=each.sigma_external,
                     std_combined=each.sigma_combined,
@@ -123,19 +121,8 @@ class TorqueConstants(Section):
     @classmethod
     def of(cls, torques: TorqueConsistency) -> TorqueConstants:
         """Return how torque constants compare with the plate."""
-        return cls(
-            p_value=torques.p_value,
-            axes=tuple(
-                AxisTorqueScale(
-                    joint=axis.joint,
-                    ratio=axis.ratio,
-                    std=axis.sigma,
-                    p_value=axis.p_value,
-                    wrong=axis.wrong,
-                )
-                for axis in torques.axes
-            ),
-        )
+        axes = tuple(AxisTorqueScale.taken(axis, std=axis.sigma) for axis in torques.axes)
+        return cls(p_value=torques.p_value, axes=axes)
 
 
 class PlateSection(Section):
@@ -192,14 +179,8 @@ class PlateSection(Section):
         sentences += [] if torques is None else [torques.sentence]
         return cls(
             sentences=tuple(sentences),
-            components=tuple(
-                WrenchResidual(
-                    name=name,
-                    unit=unit,
-                    residual=float(plate.residual[k]),
-                    noise=float(plate.noise[k]),
-                )
-                for k, (name, unit) in enumerate(zip(WRENCH_NAMES, WRENCH_UNITS, strict=True))
+            components=WrenchResidual.rows(
+                name=WRENCH_NAMES, unit=WRENCH_UNITS, residual=plate.residual, noise=plate.noise
             ),
             delay_s=tuple(plate.delay_s.tolist()),
             delay_std_s=tuple(plate.delay_sigma_s.tolist()),

@@ -82,24 +82,15 @@ class PlateZeroSection(Section):
             first_pose=tuple(turn.first.tolist()),
             second_pose=tuple(turn.second.tolist()),
             seconds=found.seconds,
-            channels=tuple(
-                ChannelZero(
-                    name=name,
-                    offset_n=float(found.offset_n[k]),
-                    offset_std_n=float(found.offset_sigma_n[k]),
-                    drift_n_s=float(found.drift_n_s[k]),
-                    drift_std_n_s=float(found.drift_sigma_n_s[k]),
-                )
-                for k, name in enumerate(CHANNEL_NAMES)
+            channels=ChannelZero.rows(
+                name=CHANNEL_NAMES,
+                offset_n=found.offset_n,
+                offset_std_n=found.offset_sigma_n,
+                drift_n_s=found.drift_n_s,
+                drift_std_n_s=found.drift_sigma_n_s,
             ),
-            gravity=tuple(
-                GravityComponent(
-                    name=name,
-                    unit=unit,
-                    value=float(found.gravity[k]),
-                    std=float(found.gravity_sigma[k]),
-                )
-                for k, (name, unit) in enumerate(zip(WRENCH_NAMES, WRENCH_UNITS, strict=True))
+            gravity=GravityComponent.rows(
+                name=WRENCH_NAMES, unit=WRENCH_UNITS, value=found.gravity, std=found.gravity_sigma
             ),
         )
 

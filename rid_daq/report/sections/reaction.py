@@ -63,20 +63,16 @@ class ReactionSection(Section):
     def of(cls, validation: BaseWrenchValidation) -> ReactionSection:
         """Return the errors of a predicted base wrench."""
         rows = thinned(len(validation.time_s))
-        return cls(
-            sentence=validation.sentence,
-            delay_s=validation.delay_s,
-            components=tuple(
-                WrenchError(
-                    name=name,
-                    unit=unit,
-                    rms_error=float(validation.rms[k]),
-                    relative_error_percent=float(validation.relative_percent[k]),
-                    noise=None if validation.noise is None else float(validation.noise[k]),
-                    measured=rounded(validation.measured[rows, k]),
-                    predicted=rounded(validation.predicted[rows, k]),
-                )
-                for k, (name, unit) in enumerate(zip(WRENCH_NAMES, WRENCH_UNITS, strict=True))
+        return cls.taken(
+            validation,
+            components=WrenchError.rows(
+                name=WRENCH_NAMES,
+                unit=WRENCH_UNITS,
+                rms_error=validation.rms,
+                relative_error_percent=validation.relative_percent,
+                noise=[None] * 6 if validation.noise is None else validation.noise,
+                measured=map(rounded, validation.measured[rows].T),
+                predicted=map(rounded, validation.predicted[rows].T),
             ),
             time_s=rounded(validation.time_s[rows] - validation.time_s[0], 7),
         )

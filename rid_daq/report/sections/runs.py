@@ -38,12 +38,7 @@ class CellSection(Section):
     @classmethod
     def of(cls, cell: CellConfig) -> CellSection:
         """Return what the report says of a cell."""
-        return cls(
-            name=cell.name,
-            simulated=cell.simulated,
-            cycle_time_ms=cell.cycle_time_ms,
-            bus=f"{cell.can.interface}:{cell.can.channel}",
-        )
+        return cls.taken(cell, bus=f"{cell.can.interface}:{cell.can.channel}")
 
 
 class AxisExtremes(Section):
@@ -176,21 +171,15 @@ def _extremes(recording: Recording, robot: RobotDescription) -> tuple[AxisExtrem
         moving = good & (recording.phase != Phase.APPROACH)
         error = np.abs(recording.target_position - recording.position)[moving]
         following = [float(worst) for worst in error.max(axis=0, initial=0.0)]
-    axes = []
-    for column, joint in enumerate(robot.joints):
-        unit, torque_unit = units(joint)
-        largest = float(np.abs(torque[:, column]).max())
-        axes.append(
-            AxisExtremes(
-                joint=joint.name,
-                unit=unit,
-                torque_unit=torque_unit,
-                position_min=float(position[:, column].min()),
-                position_max=float(position[:, column].max()),
-                max_velocity=float(speed[column]),
-                max_torque=largest,
-                max_torque_percent=100.0 * largest / joint.limits.torque,
-                max_following_error=following[column],
-            )
-        )
-    return tuple(axes)
+    largest, limit = np.abs(torque).max(axis=0), [joint.limits.torque for joint in robot.joints]
+    return AxisExtremes.rows(
+        joint=robot.joint_names,
+        unit=[units(joint)[0] for joint in robot.joints],
+        torque_unit=[units(joint)[1] for joint in robot.joints],
+        position_min=position.min(axis=0),
+        position_max=position.max(axis=0),
+        max_velocity=speed,
+        max_torque=largest,
+        max_torque_percent=100.0 * largest / limit,
+        max_following_error=following,
+    )

@@ -59,9 +59,7 @@ class ErrorSize(Section):
     @classmethod
     def of(cls, error: TrackingError) -> ErrorSize:
         """Return the size of a run's errors."""
-        return cls(
-            mean_m=error.mean_m, max_m=error.max_m, joint_peak=tuple(error.joint_peak.tolist())
-        )
+        return cls.taken(error, joint_peak=error.joint_peak.tolist())
 
 
 class PathCurves(Section):
@@ -189,8 +187,8 @@ class TrackingSection(Section):
         return cls(
             sentence="Distance between the tool point wanted and reached at the same instant, by"
             " the robot file's kinematics; joint errors are wanted minus reached." + more,
-            joints=tuple(
-                JointUnit(joint=joint.name, unit=units(joint)[0]) for joint in robot.joints
+            joints=JointUnit.rows(
+                joint=robot.joint_names, unit=[units(joint)[0] for joint in robot.joints]
             ),
             motions=tuple(motions),
         )

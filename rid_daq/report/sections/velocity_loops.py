@@ -110,28 +110,20 @@ class AxisLoop(Section):
         loop, axis = cascade.loop, cascade.mechanics
         position_unit, torque_unit = units(robot.joints[robot.joint_names.index(loop.joint_name)])
         sigma = np.sqrt(np.diagonal(axis.covariance))
-        return cls(
+        return cls.taken(
+            loop,
             joint=loop.joint_name,
             unit=f"{torque_unit} s/{position_unit}",
-            gain=loop.gain,
-            integral_time_s=loop.integral_time_s,
-            delay_s=loop.delay_s,
-            lag_s=loop.lag_s,
             std=loop.sigma,
             covariance=tuple(tuple(row) for row in loop.covariance.tolist()),
-            p_value=loop.p_value,
-            whiteness=loop.whiteness,
-            trials=tuple(
-                LoopTrialSection(extras=t.extras, cost=t.cost, aic=t.aic, mdl=t.mdl)
-                for t in loop.trials
-            ),
+            trials=tuple(LoopTrialSection.taken(trial) for trial in loop.trials),
             inertia=axis.inertia,
             inertia_unit="kg m^2" if position_unit == "rad" else "kg",
             damping=axis.damping,
             mechanics_std=MechanicsStd(inertia=float(sigma[0]), damping=float(sigma[1])),
             mechanics_misfit=axis.misfit,
-            velocity_margins=LoopMargins.of(cascade.velocity_margins),
-            position_margins=LoopMargins.of(cascade.position_margins),
+            velocity_margins=LoopMargins.taken(cascade.velocity_margins),
+            position_margins=LoopMargins.taken(cascade.position_margins),
             position_peak=cascade.peak,
             largest_position_gain_per_s=finite(cascade.largest_position_gain_per_s),
             response=ControllerResponse.of(controller, loop),
