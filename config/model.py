@@ -1,11 +1,51 @@
-"""What every configuration model has in common."""
+"""What every configuration model, file and section of a result has in common."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+import numpy as np
 from pydantic import BaseModel, ConfigDict
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+D = TypeVar("D", bound="DataclassInstance")
 
 
 class ConfigModel(BaseModel):
     """A frozen model that refuses unknown keys, non-finite numbers and silent conversions."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @classmethod
+    def taken(cls, source: object, **others: object) -> Self:
+        """Return a model of a source's attributes by the fields' names, but for `others`.
+
+        Arrays become tuples.
+        """
+        names = [name for name in cls.model_fields if name not in others and hasattr(source, name)]
+        values = {name: getattr(source, name) for name in names} | others
+        return cls.model_validate({name: _plain(value) for name, value in values.items()})
+
+    @classmethod
+    def for_each(cls, **columns: Iterable[object]) -> tuple[Self, ...]:
+        """Return a model for each row of columns of one length, which have the fields' names."""
+        rows = zip(*map(_plain, columns.values()), strict=True)
+        return tuple(cls.model_validate(dict(zip(columns, row, strict=True))) for row in rows)
+
+    def into(self, kind: type[D], **others: object) -> D:
+        """Return a dataclass of the fields of its fields' names, but for `others`."""
+        names = {field.name for field in dataclasses.fields(kind)} - others.keys()
+        return kind(
+            **{name: getattr(self, name) for name in names if hasattr(self, name)}, **others
+        )
+
+
+def _plain(value: Any) -> Any:
+    """Return arrays, and what they hold, as tuples of numbers."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    return tuple(map(_plain, value)) if isinstance(value, list) else value

@@ -42,16 +42,12 @@ class TuningEntry(ConfigModel):
     @classmethod
     def of(cls, found: Tuning, run: str, same_motion: bool) -> TuningEntry:
         """Return the entry of a tuning by a run, of the same motion or another."""
-        return cls(
+        return cls.taken(
+            found,
             run=run,
             same_motion=same_motion,
-            scale=tuple(found.scale.tolist()),
-            scale_std=tuple(found.scale_std.tolist()),
-            delay_s=tuple(found.delay_s.tolist()),
-            delay_std_s=tuple(found.delay_std_s.tolist()),
-            used=found.used,
-            applied_scale=tuple(found.tuning.scale.tolist()),
-            applied_delay_s=tuple(found.tuning.delay_s.tolist()),
+            applied_scale=found.tuning.scale,
+            applied_delay_s=found.tuning.delay_s,
         )
 
     def as_tuning(self) -> FeedforwardTuning:

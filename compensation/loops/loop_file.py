@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
-import numpy as np
 from pydantic import Field
 
 from compensation.loops.velocity_loop import VelocityLoop
@@ -44,20 +43,7 @@ class LoopFile(ConfigModel):
 
 def write_loops(path: Path, loops: Sequence[VelocityLoop], robot: str, run: str) -> None:
     """Write loops into a file, whole or not at all."""
-    entries = [
-        LoopEntry(
-            joint=loop.joint_name,
-            gain=loop.gain,
-            integral_time_s=loop.integral_time_s,
-            delay_s=loop.delay_s,
-            lag_s=loop.lag_s,
-            fitted=loop.names,
-            covariance=tuple(map(tuple, loop.covariance.tolist())),
-            p_value=loop.p_value,
-            whiteness=loop.whiteness,
-        )
-        for loop in loops
-    ]
+    entries = [LoopEntry.taken(loop, joint=loop.joint_name, fitted=loop.names) for loop in loops]
     file = LoopFile(format=FORMAT, robot=robot, run=run, loops=tuple(entries))
     write_whole(path, (file.model_dump_json(indent=1) + "\n").encode())
 
@@ -73,18 +59,7 @@ def read_loops(path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
     what = "a file of velocity loops as `rid-daq loop` writes it"
     file = read_json_file(path, LoopFile, LARGEST_FILE_BYTES, what)
     loops = tuple(
-        VelocityLoop(
-            joint_name=entry.joint,
-            gain=entry.gain,
-            integral_time_s=entry.integral_time_s,
-            delay_s=entry.delay_s,
-            lag_s=entry.lag_s,
-            names=entry.fitted,
-            covariance=np.array(entry.covariance, dtype=float),
-            p_value=entry.p_value,
-            whiteness=entry.whiteness,
-            trials=(),
-        )
+        entry.into(VelocityLoop, joint_name=entry.joint, names=entry.fitted, trials=())
         for entry in file.loops
     )
     return file.robot, loops

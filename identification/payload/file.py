@@ -108,56 +108,27 @@ def payload_document(payload: PayloadResult) -> PayloadDocument:
     estimate = payload.estimate
     whole = estimate.rank == len(PARAMETERS)
     moments, axes = estimate.body.principal if whole else (None, None)
-    return PayloadDocument(
+    seen = np.array(estimate.seen)
+    return PayloadDocument.taken(
+        estimate,
         kind="rid-daq payload",
         format=1,
         software=f"rid-daq {version('rid-daq')}",
         cell=estimate.cell_name,
         runs=estimate.run_ids,
-        procedure=estimate.procedure,
         frame="flange: the tool frame of the robot below",
-        about_centre_of_gravity=tuple(
-            _Quantity(
-                name=name,
-                unit=unit,
-                value=float(value) if seen else None,
-                sigma=float(sigma) if seen else None,
-            )
-            for name, unit, value, sigma, seen in zip(
-                REPORTED,
-                REPORTED_UNITS,
-                estimate.reported,
-                estimate.sigma,
-                estimate.seen,
-                strict=True,
-            )
+        about_centre_of_gravity=_Quantity.rows(
+            name=REPORTED,
+            unit=REPORTED_UNITS,
+            value=np.where(seen, estimate.reported, None),
+            sigma=np.where(seen, estimate.sigma, None),
         ),
-        principal_moments_kg_m2=None if moments is None else _row(moments),
-        principal_axes=None if axes is None else _matrix(axes),
-        known=tuple(_Known(name=k.name, value=k.value, sigma=k.sigma) for k in estimate.known),
+        principal_moments_kg_m2=moments,
+        principal_axes=axes,
+        known=tuple(_Known.taken(known) for known in estimate.known),
         parameters=PARAMETERS,
-        values=_row(estimate.values),
-        covariance=_matrix(estimate.covariance),
-        covariance_noise=_matrix(estimate.covariance_noise),
-        gain_slopes=_matrix(estimate.gain_slopes),
-        unseen=_matrix(estimate.unseen),
-        condition_number=estimate.condition_number,
-        residual_nm=_row(estimate.residual_nm),
-        payload_nm=_row(estimate.payload_nm),
-        equations=estimate.equations,
         passed=payload.passed,
-        checks=tuple(
-            _Check(
-                text=line.text,
-                value=line.value,
-                relation="≤" if line.relation == "≤" else "≥",
-                limit=line.limit,
-                unit=line.unit,
-                passed=line.passed,
-            )
-            for line in payload.checks
-        ),
-        robot=estimate.robot,
+        checks=tuple(_Check.taken(line) for line in payload.checks),
     )
 
 
@@ -165,25 +136,16 @@ def _to_payload(document: PayloadDocument) -> PayloadResult:
     """Return the payload that stands in a file."""
     if document.parameters != PARAMETERS:
         raise EstimationError(f"the parameters must be {', '.join(PARAMETERS)}")
-    estimate = PayloadEstimate(
-        robot=document.robot,
-        procedure=document.procedure,
-        values=np.array(document.values),
-        covariance=np.array(document.covariance),
-        covariance_noise=np.array(document.covariance_noise),
-        gain_slopes=np.array(document.gain_slopes),
+    estimate = document.into(
+        PayloadEstimate,
         unseen=np.array(document.unseen).reshape(
             len(PARAMETERS), len(document.unseen[0]) if document.unseen else 0
         ),
-        condition_number=document.condition_number,
-        known=tuple(Known(k.name, k.value, k.sigma) for k in document.known),
-        residual_nm=np.array(document.residual_nm),
-        payload_nm=np.array(document.payload_nm),
-        equations=document.equations,
+        known=tuple(known.into(Known) for known in document.known),
         cell_name=document.cell,
         run_ids=document.runs,
     )
-    lines = tuple(Check(c.text, c.value, c.relation, c.limit, c.unit) for c in document.checks)
+    lines = tuple(line.into(Check) for line in document.checks)
     payload = PayloadResult(estimate, lines)
     if payload.passed is not document.passed:
         raise EstimationError("the verdict does not follow from its checks: was the file edited?")
@@ -193,11 +155,3 @@ def _to_payload(document: PayloadDocument) -> PayloadResult:
                 f"{quantity.name} does not follow from the parameters: was the file edited?"
             )
     return payload
-
-
-def _row(values: np.ndarray) -> Row:
-    return tuple(float(value) for value in values)
-
-
-def _matrix(values: np.ndarray) -> Matrix:
-    return tuple(_row(row) for row in values)

@@ -79,7 +79,7 @@ class AverageSection(Section):
             f" {average.samples_per_period} samples each; {average.missing_samples} single rows"
             f" without a valid answer were left out of the mean.{_plate_sentence(average)}",
             rejected=tuple(RejectedPeriod.taken(period) for period in average.rejected),
-            axes=AxisNoise.rows(
+            axes=AxisNoise.for_each(
                 joint=robot.joint_names,
                 unit=[units(joint)[0] for joint in robot.joints],
                 torque_unit=[units(joint)[1] for joint in robot.joints],

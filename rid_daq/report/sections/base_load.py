@@ -61,7 +61,7 @@ class BaseLoadSection(Section):
         return cls(
             sentence=load.sentence + more,
             weight_known=load.weight_known,
-            components=LoadComponent.rows(
+            components=LoadComponent.for_each(
                 name=WRENCH_NAMES,
                 unit=WRENCH_UNITS,
                 peak=load.peak,

@@ -140,7 +140,7 @@ class SpectrumCurves(Section):
             " (standstill included), and what the noise between periods leaves there"
             f" ({periods} averaged). Anti-alias filter divided out.",
             frequency_hz=rounded(comparison.frequency_hz[1:], 7),
-            axes=SpectrumCurve.rows(
+            axes=SpectrumCurve.for_each(
                 joint=robot.joint_names,
                 measured_nm=map(rounded, comparison.measured_spectrum_nm[1:].T),
                 residual_nm=map(rounded, comparison.residual_spectrum_nm[1:].T),

@@ -136,7 +136,7 @@ class EstimateSection(Section):
             unseen=estimate.base.unseen,
             has_truth=truth is not None,
             parameters=(*_base_parameters(estimate, truth), *_nonlinear_parameters(estimate)),
-            axes=AxisResidual.rows(
+            axes=AxisResidual.for_each(
                 joint=estimate.robot.joint_names,
                 unit=[units(joint)[1] for joint in joints],
                 residual=estimate.residual_nm,
@@ -196,7 +196,7 @@ def _base_parameters(
 
 def _nonlinear_parameters(estimate: Estimate) -> tuple[ParameterEntry, ...]:
     model, unknown = estimate.model, [None] * len(estimate.model.nonlinear_names)
-    return ParameterEntry.rows(
+    return ParameterEntry.for_each(
         name=model.nonlinear_names,
         words=model.nonlinear_names,
         unit=model.nonlinear_units,

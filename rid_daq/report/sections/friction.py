@@ -95,7 +95,7 @@ class FrictionModel(Section):
     @classmethod
     def of(cls, fit: FrictionFit) -> FrictionModel:
         """Return a fitted model."""
-        coefficients = FrictionCoefficient.rows(
+        coefficients = FrictionCoefficient.for_each(
             name=fit.parameter_names, value=fit.values, std=fit.sigmas, unit=fit.parameter_units
         )
         return cls.taken(fit, rms=fit.rms_nm, parameters=coefficients)

@@ -160,7 +160,7 @@ class PayloadSection(Section):
                 repeats, runs=len(repeats.values), scatter=repeats.scatter.tolist()
             ),
             findings=(*own, *findings),
-            axes=PayloadAxis.rows(
+            axes=PayloadAxis.for_each(
                 joint=estimate.robot.joint_names,
                 unit=[units(joint)[1] for joint in estimate.robot.joints],
                 payload=estimate.payload_nm,
@@ -260,7 +260,7 @@ def _parameters(estimate: PayloadEstimate, whole: bool) -> tuple[PayloadParamete
 
 def _principal(estimate: PayloadEstimate) -> tuple[PrincipalMoment, ...]:
     moments, axes = estimate.body.principal
-    return PrincipalMoment.rows(moment=moments, axis=axes.T)
+    return PrincipalMoment.for_each(moment=moments, axis=axes.T)
 
 
 def _existence(estimate: PayloadEstimate) -> str:

@@ -179,7 +179,7 @@ class PlateSection(Section):
         sentences += [] if torques is None else [torques.sentence]
         return cls(
             sentences=tuple(sentences),
-            components=WrenchResidual.rows(
+            components=WrenchResidual.for_each(
                 name=WRENCH_NAMES, unit=WRENCH_UNITS, residual=plate.residual, noise=plate.noise
             ),
             delay_s=tuple(plate.delay_s.tolist()),

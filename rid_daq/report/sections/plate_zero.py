@@ -82,14 +82,14 @@ class PlateZeroSection(Section):
             first_pose=tuple(turn.first.tolist()),
             second_pose=tuple(turn.second.tolist()),
             seconds=found.seconds,
-            channels=ChannelZero.rows(
+            channels=ChannelZero.for_each(
                 name=CHANNEL_NAMES,
                 offset_n=found.offset_n,
                 offset_std_n=found.offset_sigma_n,
                 drift_n_s=found.drift_n_s,
                 drift_std_n_s=found.drift_sigma_n_s,
             ),
-            gravity=GravityComponent.rows(
+            gravity=GravityComponent.for_each(
                 name=WRENCH_NAMES, unit=WRENCH_UNITS, value=found.gravity, std=found.gravity_sigma
             ),
         )

@@ -65,7 +65,7 @@ class ReactionSection(Section):
         rows = thinned(len(validation.time_s))
         return cls.taken(
             validation,
-            components=WrenchError.rows(
+            components=WrenchError.for_each(
                 name=WRENCH_NAMES,
                 unit=WRENCH_UNITS,
                 rms_error=validation.rms,

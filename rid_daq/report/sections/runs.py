@@ -172,7 +172,7 @@ def _extremes(recording: Recording, robot: RobotDescription) -> tuple[AxisExtrem
         error = np.abs(recording.target_position - recording.position)[moving]
         following = [float(worst) for worst in error.max(axis=0, initial=0.0)]
     largest, limit = np.abs(torque).max(axis=0), [joint.limits.torque for joint in robot.joints]
-    return AxisExtremes.rows(
+    return AxisExtremes.for_each(
         joint=robot.joint_names,
         unit=[units(joint)[0] for joint in robot.joints],
         torque_unit=[units(joint)[1] for joint in robot.joints],

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Annotated, Self
+from typing import Annotated
 
-import numpy as np
 from pydantic import SerializerFunctionWrapHandler, Strict, model_serializer
 
 from config.model import ConfigModel
@@ -27,19 +26,6 @@ class Section(ConfigModel):
     A field without a default is always written, as null where there is nothing; a field whose
     default is null is left out of the file where there is nothing.
     """
-
-    @classmethod
-    def taken(cls, source: object, **others: object) -> Self:
-        """Return a section of a source's attributes by the fields' names, but for `others`."""
-        names = [name for name in cls.model_fields if name not in others and hasattr(source, name)]
-        return cls.model_validate({name: getattr(source, name) for name in names} | others)
-
-    @classmethod
-    def rows(cls, **columns: Iterable[object]) -> tuple[Self, ...]:
-        """Return a section for each row of columns of one length, which have the fields' names."""
-        values = [x.tolist() if isinstance(x, np.ndarray) else x for x in columns.values()]
-        rows = (dict(zip(columns, row, strict=True)) for row in zip(*values, strict=True))
-        return tuple(cls.model_validate(row) for row in rows)
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:

@@ -187,7 +187,7 @@ class TrackingSection(Section):
         return cls(
             sentence="Distance between the tool point wanted and reached at the same instant, by"
             " the robot file's kinematics; joint errors are wanted minus reached." + more,
-            joints=JointUnit.rows(
+            joints=JointUnit.for_each(
                 joint=robot.joint_names, unit=[units(joint)[0] for joint in robot.joints]
             ),
             motions=tuple(motions),
