@@ -58,7 +58,7 @@ class ComparisonSection(Section):
             joints=comparison.joint_names,
             chosen=dict(zip(comparison.joint_names, comparison.chosen, strict=True)),
             trials=tuple(
-                FrictionTrial.taken(trial, error=trial.error_nm.tolist())
+                FrictionTrial.taken(trial, error=trial.error_nm)
                 for trial in (*comparison.trials, comparison.combined)
             ),
         )

@@ -43,18 +43,7 @@ class MeasuredFriction(Section):
     @classmethod
     def of(cls, curve: FrictionCurve) -> MeasuredFriction:
         """Return what was measured."""
-
-        def listed(values: FloatArray | None) -> Numbers | None:
-            return None if values is None else tuple(values.tolist())
-
-        return cls(
-            speed=curve.speed.tolist(),
-            odd=curve.odd.tolist(),
-            odd_std=curve.odd_sigma.tolist(),
-            forward=listed(curve.forward),
-            backward=listed(curve.backward),
-            direction_std=listed(curve.direction_sigma),
-        )
+        return cls.taken(curve, odd_std=curve.odd_sigma, direction_std=curve.direction_sigma)
 
 
 class FrictionCoefficient(Section):

@@ -156,9 +156,7 @@ class PayloadSection(Section):
             principal=_principal(estimate) if whole else None,
             repeats=None
             if repeats is None
-            else PayloadRepeats.taken(
-                repeats, runs=len(repeats.values), scatter=repeats.scatter.tolist()
-            ),
+            else PayloadRepeats.taken(repeats, runs=len(repeats.values), scatter=repeats.scatter),
             findings=(*own, *findings),
             axes=PayloadAxis.for_each(
                 joint=estimate.robot.joint_names,

@@ -177,15 +177,13 @@ class PlateSection(Section):
         sentences = [_fit_sentence(plate, weight)]
         sentences += [] if improved is None else [improved.sentence]
         sentences += [] if torques is None else [torques.sentence]
-        return cls(
-            sentences=tuple(sentences),
+        return cls.taken(
+            plate,
+            sentences=sentences,
             components=WrenchResidual.for_each(
                 name=WRENCH_NAMES, unit=WRENCH_UNITS, residual=plate.residual, noise=plate.noise
             ),
-            delay_s=tuple(plate.delay_s.tolist()),
-            delay_std_s=tuple(plate.delay_sigma_s.tolist()),
-            left_out=plate.left_out,
-            drift_n_s=plate.drift_n_s.tolist(),
+            delay_std_s=plate.delay_sigma_s,
             improvement=None if improved is None else ImprovementSection.of(improved),
             torque_constants=None if torques is None else TorqueConstants.of(torques),
         )

@@ -59,7 +59,7 @@ class ErrorSize(Section):
     @classmethod
     def of(cls, error: TrackingError) -> ErrorSize:
         """Return the size of a run's errors."""
-        return cls.taken(error, joint_peak=error.joint_peak.tolist())
+        return cls.taken(error)
 
 
 class PathCurves(Section):

@@ -115,7 +115,6 @@ class AxisLoop(Section):
             joint=loop.joint_name,
             unit=f"{torque_unit} s/{position_unit}",
             std=loop.sigma,
-            covariance=tuple(tuple(row) for row in loop.covariance.tolist()),
             trials=tuple(LoopTrialSection.taken(trial) for trial in loop.trials),
             inertia=axis.inertia,
             inertia_unit="kg m^2" if position_unit == "rad" else "kg",
