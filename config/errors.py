@@ -6,6 +6,9 @@ says what is wrong, where, and what to do about it.
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from collections.abc import Iterator
+
 
 class RidDaqError(Exception):
     """Root of every error that a user may see."""
@@ -65,3 +68,12 @@ class DataQualityError(RidDaqError):
 
 class EstimationError(RidDaqError):
     """An estimate cannot be computed from what was given."""
+
+
+@contextmanager
+def system_errors(kind: type[RidDaqError], what: str) -> Iterator[None]:
+    """Raise what the operating system refuses as an error of a kind: `what`, and its reason."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{what}: {error.strerror}") from error

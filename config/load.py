@@ -18,7 +18,7 @@ from config.cell.cell import CellConfig
 from config.cell.drive_eds_files import read_eds_files, with_identities
 from config.cell.drive_profile import DriveProfile
 from config.cell.plate import PlateConfig
-from config.errors import ConfigError
+from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.eds import ElectronicDataSheet
 from config.formats.json_file import parse_json
@@ -204,10 +204,8 @@ def read_named(
         meant = f" Did you mean {hint[0]}?" if hint else ""
         known = f" Bundled {kind}: {', '.join(names)}." if names else ""
         raise ConfigError(f"no file and no bundled {kind[:-1]} {reference!r}.{meant}{known}")
-    try:
+    with system_errors(ConfigError, f"{path}: cannot read"):
         return read_file(path, MAX_BYTES), str(path), path.parent
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
 
 
 def bundled_names(kind: str) -> tuple[str, ...]:

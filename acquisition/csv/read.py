@@ -20,7 +20,7 @@ from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import GAP_STEPS, resample_periods
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, IntArray
-from config.errors import ConfigError, DataQualityError
+from config.errors import ConfigError, DataQualityError, system_errors
 from config.formats.bounded_file import read_file
 from config.robot.robot import RobotDescription
 
@@ -214,10 +214,8 @@ def _read(
 
 
 def _lines(path: Path) -> list[str]:
-    try:
+    with system_errors(ConfigError, f"cannot read {path}"):
         data = read_file(path, LARGEST_FILE_BYTES)
-    except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}") from error
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     text = data.decode(encoding, errors="replace")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")

@@ -8,7 +8,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from config.errors import RecordingError
+from config.errors import RecordingError, system_errors
 
 RESERVE_BYTES = 16 << 20
 """More than the ring and a journal's summary together."""
@@ -36,11 +36,9 @@ class DiskReserve:
         self._descriptor: int | None = None
         if not size_bytes:
             return
-        try:
+        with system_errors(RecordingError, f"{folder}: cannot be written"):
             descriptor, name = tempfile.mkstemp(".tmp", "reserve", folder)
             os.unlink(name)
-        except OSError as error:
-            raise RecordingError(f"{folder}: cannot be written: {error.strerror}") from error
         try:
             os.posix_fallocate(descriptor, 0, size_bytes)
         except OSError as error:

@@ -29,7 +29,7 @@ from acquisition.journal.mcap_records import (
     metadata_pairs,
     records_of,
 )
-from config.errors import RecordingError
+from config.errors import RecordingError, system_errors
 from config.formats.bounded_file import open_file
 
 PIECE_BYTES = 1 << 20
@@ -335,8 +335,8 @@ def messages_written(path: Path) -> int | None:
     RecordingError
         The file cannot be read.
     """
-    try:
-        with open_file(path, MAX_FILE_BYTES) as file:
-            return count_written(file)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    with (
+        system_errors(RecordingError, f"{path}: cannot be read"),
+        open_file(path, MAX_FILE_BYTES) as file,
+    ):
+        return count_written(file)

@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 from acquisition.journal.cycle_row import CDR_LITTLE_ENDIAN
 from acquisition.journal.disk_reserve import FULL, DiskReserve
 from acquisition.journal.mcap_records import METADATA_NAME
-from config.errors import RecordingError
+from config.errors import RecordingError, system_errors
 from config.process.file_locks import lock_holder
 
 CHUNK_BYTES = 8 * 1024  # what a single damage costs at most
@@ -43,10 +43,8 @@ def being_written(path: Path) -> bool:
     RecordingError
         The file cannot be read.
     """
-    try:
+    with system_errors(RecordingError, f"{path}: cannot be read"):
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
     try:
         return lock_holder(descriptor) is not None
     finally:

@@ -30,7 +30,7 @@ from acquisition.runs.manifest import (
     require_label,
 )
 from acquisition.runs.run_id import RUN_ID, after_others, new_run_id
-from config.errors import ConfigError, RecordingError
+from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
 
@@ -90,13 +90,11 @@ class RunFolder:
         """
         require_label(label)
         created_ns = time.time_ns() if now_ns is None else now_ns
-        try:
+        with system_errors(RecordingError, f"{root}: no run folder can be made"):
             root.mkdir(parents=True, exist_ok=True)
             run_id = new_run_id(after_others(root, created_ns))
             path = root.resolve() / run_id
             path.mkdir()
-        except OSError as error:
-            raise RecordingError(f"{root}: no run folder can be made: {error.strerror}") from error
         folder = cls(path, run_id)
         folder._save(
             Manifest(
@@ -181,10 +179,8 @@ class RunFolder:
             It cannot be read, is a link, or is not what was written.
         """
         path = self.file(name)
-        try:
+        with system_errors(RecordingError, f"{path}: cannot be read"):
             data = read_file(path, _READ_BYTES, follow_link=False)
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
         entry = self.manifest().files.get(name)
         if entry is not None and entry.sha256 != hashlib.sha256(data).hexdigest():
             raise RecordingError(
@@ -368,10 +364,8 @@ class RunFolder:
         self._write(self.path / MANIFEST, manifest.model_dump_json(indent=2).encode() + b"\n")
 
     def _write(self, path: Path, data: bytes) -> None:
-        try:
+        with system_errors(RecordingError, f"{path.parent}: cannot be made"):
             path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RecordingError(f"{path.parent}: cannot be made: {error.strerror}") from error
         write_whole(path, data)
 
 
@@ -390,10 +384,8 @@ def _refuse_link(path: Path) -> None:
 
 
 def _is_link(path: Path) -> bool:
-    try:
+    with system_errors(RecordingError, f"{path}: cannot be read"):
         return path.is_symlink()
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def _utc(time_ns: int) -> str:

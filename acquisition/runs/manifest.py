@@ -11,7 +11,7 @@ from pathlib import Path
 from pydantic import Field, JsonValue
 
 from acquisition.journal.mcap_reader import messages_written
-from config.errors import ConfigError, RecordingError
+from config.errors import ConfigError, RecordingError, system_errors
 from config.model import ConfigModel
 
 LATEST = "latest"
@@ -93,11 +93,11 @@ def digest_of(path: Path) -> tuple[str, int]:
     """
     digest = hashlib.sha256()
     size = 0
-    try:
-        with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
-                size += len(block)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    with (
+        system_errors(RecordingError, f"{path}: cannot be read"),
+        open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file,
+    ):
+        while block := file.read(1 << 20):
+            digest.update(block)
+            size += len(block)
     return digest.hexdigest(), size

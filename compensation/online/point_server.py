@@ -23,7 +23,7 @@ from compensation.online.point_codec import PointDecoder, farewell, greeting
 from compensation.online.point_feed import PAUSE_S, PointGate, feed
 from compensation.online.point_ring import PointRing, PointsFailed
 from config.arrays import FloatArray
-from config.errors import LockedError, TransportError
+from config.errors import LockedError, TransportError, system_errors
 from config.process.file_locks import file_holder, held_file
 from config.process.termination import leave_terminal, signals_blocked
 from config.robot.bodies import Workspace
@@ -173,10 +173,8 @@ def _refuse_unfit(path: Path) -> None:
             f"{path}: longer than the {_LONGEST_PATH} bytes of a socket's path; choose a shorter"
             " folder"
         )
-    try:
+    with system_errors(TransportError, f"{path}: no socket can be made there"):
         folder = path.parent.lstat()
-    except OSError as error:
-        raise TransportError(f"{path}: no socket can be made there: {error.strerror}") from error
     if folder.st_uid != os.getuid() or stat.S_IMODE(folder.st_mode) & 0o077:
         raise TransportError(
             f"{path.parent}: is open to other users, and a socket there would be too: give one"
@@ -245,7 +243,7 @@ def _points(
     """
     names = service.robot.joint_names
     decoder = PointDecoder(len(names))
-    try:
+    with system_errors(TransportError, "the client's connection was lost"):
         client.sendall(greeting(names, service.cycle_time_s, service.buffer))
         heard_s = time.monotonic()
         while not decoder.ended:
@@ -265,8 +263,6 @@ def _points(
             if len(points):
                 yield points
             heard_s = time.monotonic()
-    except OSError as error:
-        raise TransportError(f"the client's connection was lost: {error.strerror}") from error
 
 
 def _accept(listener: socket.socket, over: Callable[[], bool]) -> socket.socket | None:

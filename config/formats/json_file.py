@@ -14,7 +14,7 @@ from typing import Any, NoReturn, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from config.errors import ConfigError
+from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 
 M = TypeVar("M", bound=BaseModel)
@@ -69,10 +69,8 @@ def read_json_file(path: Path, model: type[M], most_bytes: int, what: str) -> M:
     ConfigError
         The file cannot be read, or is none; the message has the file and the key.
     """
-    try:
+    with system_errors(ConfigError, f"{path}: cannot be read"):
         data = read_file(path, most_bytes)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     try:
         parse_json(data)
         return model.model_validate_json(data)

@@ -7,7 +7,7 @@ import errno
 import os
 from pathlib import Path
 
-from config.errors import RecordingError
+from config.errors import RecordingError, system_errors
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -21,7 +21,7 @@ def write_whole(path: Path, data: bytes) -> None:
     RecordingError
         The file cannot be written, or reads back otherwise; what was there before is untouched.
     """
-    try:
+    with system_errors(RecordingError, f"{path}: cannot be written"):
         target = path.resolve() if path.is_symlink() else path
         if not target.name or (target.exists() and not target.is_file()):
             raise RecordingError(f"{path}: cannot be written: is no file; choose another name")
@@ -45,5 +45,3 @@ def write_whole(path: Path, data: bytes) -> None:
             os.fsync(folder)
         finally:
             os.close(folder)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error

@@ -8,7 +8,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from config.errors import ConfigError
+from config.errors import ConfigError, system_errors
 from mock_hw.host.runtime_directory import runtime_directory
 
 LARGEST_BYTES = 4 << 30
@@ -63,11 +63,9 @@ class FullDisk:
 
     def __init__(self, folder: Path, leave_bytes: int = 0) -> None:
         refuse_shared_disk(folder)
-        try:
+        with system_errors(ConfigError, f"{folder}: cannot be filled"):
             self._descriptor, name = tempfile.mkstemp(".tmp", "filled", folder)
             os.unlink(name)
-        except OSError as error:
-            raise ConfigError(f"{folder}: cannot be filled: {error.strerror}") from error
         try:
             self._fill(leave_bytes)
         except OSError as error:

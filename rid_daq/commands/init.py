@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from config.errors import ConfigError, RecordingError
+from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.whole_file import write_whole
 from rid_daq.terminal.console import AsJson, Console, as_command
 
@@ -53,10 +53,8 @@ def init(
             f"{folder}: {', '.join(present)} is already there; nothing was written."
             " Give another folder, or move the files away."
         )
-    try:
+    with system_errors(RecordingError, f"{folder}: cannot make the folder"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot make the folder: {error.strerror}") from None
     for name, text in files.items():
         write_whole(folder / name, text.encode())
     console.document({"folder": str(folder), "files": list(files), "notes": list(notes)})

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from acquisition.session.record import FREE_BYTES
 from acquisition.task.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY, become_realtime
-from config.errors import RecordingError
+from config.errors import RecordingError, system_errors
 from config.process.termination import ignore_termination, signals_blocked
 from drivers.ports.clock import MonotonicClock
 from rid_daq.preflight.bus_check import CheckLine
@@ -75,17 +75,17 @@ def write_seconds(folder: Path, size: int) -> float:
     RecordingError
         They cannot be written there.
     """
-    try:
-        with tempfile.NamedTemporaryFile(dir=folder, prefix=".rid-daq-speed-") as file:
-            block = os.urandom(1 << 16)
-            began_s = time.monotonic()
-            for _ in range(size // len(block)):
-                file.write(block)
-            file.flush()
-            os.fsync(file.fileno())
-            return max(time.monotonic() - began_s, 1e-6)
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot be written to: {error.strerror}") from None
+    with (
+        system_errors(RecordingError, f"{folder}: cannot be written to"),
+        tempfile.NamedTemporaryFile(dir=folder, prefix=".rid-daq-speed-") as file,
+    ):
+        block = os.urandom(1 << 16)
+        began_s = time.monotonic()
+        for _ in range(size // len(block)):
+            file.write(block)
+        file.flush()
+        os.fsync(file.fileno())
+        return max(time.monotonic() - began_s, 1e-6)
 
 
 def _clock() -> list[CheckLine]:

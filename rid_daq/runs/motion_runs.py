@@ -11,7 +11,7 @@ from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from compensation.feedforward.file import LARGEST_FILE_BYTES, FeedforwardFile, read_feedforward
 from config.cell.cell import CellConfig
-from config.errors import ConfigError, DataQualityError
+from config.errors import ConfigError, DataQualityError, system_errors
 from config.formats.bounded_file import read_file
 from config.load import load_bundled_or_path
 from rid_daq.runs.run_data import CELL, FEEDFORWARD, MOTION, RunData
@@ -94,7 +94,5 @@ def sha256_of(path: Path) -> str:
     ConfigError
         It cannot be read.
     """
-    try:
+    with system_errors(ConfigError, f"{path}: cannot be read"):
         return hashlib.sha256(read_file(path, LARGEST_FILE_BYTES)).hexdigest()
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
