@@ -6,8 +6,8 @@ says what is wrong, where, and what to do about it.
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class RidDaqError(Exception):
