@@ -67,8 +67,7 @@ def with_identities(cell: CellConfig, eds_files: EdsFiles) -> CellConfig:
         if eds is None or axis.identity is not None:
             axes.append(axis)
             continue
-        identity = DeviceIdentity(vendor=eds.vendor, product=eds.product, revision=eds.revision)
-        axes.append(axis.model_copy(update={"identity": identity}))
+        axes.append(axis.model_copy(update={"identity": DeviceIdentity.taken(eds)}))
     return cell.model_copy(update={"axes": tuple(axes)})
 
 

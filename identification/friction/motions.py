@@ -90,15 +90,7 @@ def constant_velocity_motion(
 
 def reversed_motion(there: FourierMotion) -> ReversedMotion:
     """Return a periodic motion followed by itself backwards in time."""
-    return ReversedMotion(
-        kind="reversed",
-        robot=there.robot,
-        period_s=there.period_s,
-        periods=max(2, there.periods),
-        transient_periods=there.transient_periods,
-        ramp_s=there.ramp_s,
-        joints=there.joints,
-    )
+    return ReversedMotion.taken(there, kind="reversed", periods=max(2, there.periods))
 
 
 def _fastest(stretch: float, joint: Joint) -> float:

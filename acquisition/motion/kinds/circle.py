@@ -38,7 +38,6 @@ class CircleMotion(Motion):
     """
 
     kind: Literal["circle"]
-    robot: str
     centre_m: Vector3
     radius_m: Positive
     normal: Vector3 = (0.0, 0.0, 1.0)
@@ -114,23 +113,10 @@ class CircleMotion(Motion):
                 " smaller"
             )
         kept = 2.0 * bins[1 : harmonics + 1]
-        return FourierMotion(
-            kind="fourier",
-            robot=self.robot,
-            period_s=period_s,
-            periods=self.periods,
-            transient_periods=self.transient_periods,
-            ramp_s=self.ramp_s,
-            joints=tuple(
-                FourierJoint(
-                    joint=joint.name,
-                    offset=float(bins[0, j].real),
-                    sine=tuple((-kept[:, j].imag).tolist()),
-                    cosine=tuple(kept[:, j].real.tolist()),
-                )
-                for j, joint in enumerate(robot.joints)
-            ),
+        joints = FourierJoint.for_each(
+            joint=robot.joint_names, offset=bins[0].real, sine=-kept.imag.T, cosine=kept.real.T
         )
+        return FourierMotion.taken(self, kind="fourier", period_s=period_s, joints=joints)
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         refuse_endless(self.transient_periods + self.periods, self.period_s, self.ramp_s)

@@ -75,7 +75,6 @@ class ConstantVelocityMotion(Motion):
     """
 
     kind: Literal["constant_velocity"]
-    robot: str
     pose: tuple[float, ...] = Field(min_length=1)
     joints: tuple[SpeedRuns, ...] = Field(min_length=1)
     acceleration_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5

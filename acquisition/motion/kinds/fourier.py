@@ -57,7 +57,6 @@ class FourierMotion(Motion):
     """Periodic excitation: `transient_periods` to settle, then `periods` that count."""
 
     kind: Literal["fourier"]
-    robot: str
     period_s: Positive
     periods: Annotated[int, Field(ge=1, le=10_000)] = 16
     transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1

@@ -31,7 +31,6 @@ class JointPathMotion(Motion):
     """
 
     kind: Literal["joint_path"]
-    robot: str
     points: tuple[tuple[float, ...], ...] = Field(min_length=2, max_length=10_000)
     speed_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
     jerk_time_s: Positive = 0.1

@@ -35,7 +35,6 @@ class JointTableMotion(Motion):
     """
 
     kind: Literal["joint_table"]
-    robot: str
     file: str | None = None
     joints: tuple[str, ...] = ()
     time_s: tuple[float, ...] = Field(default=(), max_length=1_000_000)
@@ -87,13 +86,8 @@ class JointTableMotion(Motion):
         path = folder / Path(self.file).expanduser()
         joints, time_s, position = _read_table(path)
         try:
-            return JointTableMotion(
-                kind="joint_table",
-                robot=self.robot,
-                joints=joints,
-                time_s=time_s,
-                position=position,
-                dwell_s=self.dwell_s,
+            return JointTableMotion.taken(
+                self, file=None, joints=joints, time_s=time_s, position=position
             )
         except ValidationError as error:
             raise ConfigError(f"{path}: {error.errors()[0]['msg']}") from None

@@ -25,7 +25,6 @@ class MultipointMotion(Motion):
     """
 
     kind: Literal["multipoint"]
-    robot: str
     points: Annotated[int, Field(ge=2, le=1000)] = 20
     seed: Annotated[int, Field(ge=0)]
     range_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.8

@@ -64,7 +64,6 @@ class MultisineMotion(Motion):
     """
 
     kind: Literal["multisine"]
-    robot: str
     period_s: Positive
     lowest_hz: Positive
     highest_hz: Positive
@@ -194,25 +193,8 @@ class MultisineMotion(Motion):
                 place[lines[k]] = phasors[k][number] / (1j * omega * lines[k])
                 sine, cosine = -place.imag[1:], place.real[1:]
                 sine[0] += shares[number, k] * settings.slow_amplitude
-                joints.append(
-                    FourierJoint(
-                        joint=settings.joint,
-                        offset=settings.offset,
-                        sine=tuple(sine.tolist()),
-                        cosine=tuple(cosine.tolist()),
-                    )
-                )
-            found.append(
-                FourierMotion(
-                    kind="fourier",
-                    robot=self.robot,
-                    period_s=self.period_s,
-                    periods=self.periods,
-                    transient_periods=self.transient_periods,
-                    ramp_s=self.ramp_s,
-                    joints=tuple(joints),
-                )
-            )
+                joints.append(FourierJoint.taken(settings, sine=sine, cosine=cosine))
+            found.append(FourierMotion.taken(self, kind="fourier", joints=tuple(joints)))
         return tuple(found)
 
     def _in_order(self, robot: RobotDescription) -> list[int]:

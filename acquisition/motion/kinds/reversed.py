@@ -21,7 +21,6 @@ class ReversedMotion(Motion):
     """
 
     kind: Literal["reversed"]
-    robot: str
     period_s: Positive
     periods: Annotated[int, Field(ge=2, le=5000)] = 8
     transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
@@ -39,15 +38,7 @@ class ReversedMotion(Motion):
 
     def forward(self) -> FourierMotion:
         """Return the periodic motion q(t)."""
-        return FourierMotion(
-            kind="fourier",
-            robot=self.robot,
-            period_s=self.period_s,
-            periods=self.periods,
-            transient_periods=self.transient_periods,
-            ramp_s=self.ramp_s,
-            joints=self.joints,
-        )
+        return FourierMotion.taken(self, kind="fourier")
 
     def reversed(self) -> FourierMotion:
         """Return the periodic motion q(-t): its sines have the other sign."""

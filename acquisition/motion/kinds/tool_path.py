@@ -56,7 +56,6 @@ class PathMotion(Motion):
     """
 
     kind: Literal["path"]
-    robot: str
     start_m: Vector3
     near: tuple[float, ...] = Field(min_length=1)
     speed_m_s: Positive
