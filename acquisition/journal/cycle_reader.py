@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.journal.cycle_row import CDR_LITTLE_ENDIAN, joints_of_row, row_dtype
+from acquisition.journal.cycle_row import joints_of_row, row_dtype
 from acquisition.journal.header import JournalHeader, first_header
 from acquisition.journal.mcap_reader import JournalDamage, JournalReader
+from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN
 from acquisition.recording.recording import Recording
 from config.errors import RecordingError
 

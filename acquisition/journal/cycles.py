@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.journal.cycle_reader import CycleReader, recording_of
-from acquisition.journal.cycle_row import MESSAGE_NAME, message_definition, row_struct
+from acquisition.journal.cycle_row import FIELDS, MESSAGE_NAME, row_struct
 from acquisition.journal.disk_reserve import RESERVE_BYTES
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.mcap_reader import JournalDamage
 from acquisition.journal.mcap_writer import JournalFile
+from acquisition.journal.row_layout import message_text
 from acquisition.recording.recording import Recording
 
 TOPIC = "/cycle"
@@ -42,7 +43,7 @@ class JournalWriter(JournalFile):
         self._row_size = row_struct(joints).size
         pairs = header.to_metadata()
         super().__init__(path, pairs, reserve_bytes=RESERVE_BYTES)
-        self._channel = self.add_channel(TOPIC, MESSAGE_NAME, message_definition(joints), pairs)
+        self._channel = self.add_channel(TOPIC, MESSAGE_NAME, message_text(FIELDS, joints), pairs)
 
     def append(self, rows: bytes) -> None:
         """Write whole rows, as the ring gives them."""

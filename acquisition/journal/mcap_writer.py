@@ -14,9 +14,9 @@ from typing import IO, Self, cast
 
 from mcap.writer import CompressionType, Writer
 
-from acquisition.journal.cycle_row import CDR_LITTLE_ENDIAN
 from acquisition.journal.disk_reserve import FULL, DiskReserve
 from acquisition.journal.mcap_records import METADATA_NAME
+from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN
 from config.errors import RecordingError, system_errors
 from config.process.file_locks import lock_holder
 

@@ -2,30 +2,51 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from acquisition.journal.header import first_header
+from acquisition.journal.header import HeaderModel, first_header
 from acquisition.journal.mcap_reader import read_raw_journal
 from acquisition.journal.mcap_writer import JournalFile
-from acquisition.journal.monitor_row import (
-    MESSAGE_NAME,
-    MONITOR,
-    TOPIC,
-    MonitorHeader,
-    message_definition,
-    monitor_body,
-    monitor_dtype,
-)
+from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN, Fields, message_text, packed_dtype
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, read_only
 from config.errors import RecordingError
 from config.robot.robot import RobotDescription
 from drivers.interfaces.drive_monitor import MonitorReading
 
-_ENCAPSULATION_BYTES = 4
+MONITOR = "monitor.mcap"
+TOPIC = "/drive_monitor"
+MESSAGE_NAME = "rid_daq/msg/DriveMonitor"
+
+FIELDS: Fields = (
+    ("time_s", "f8", 1, "on the clock of the cycles [s]"),
+    ("temperature_k", "f8", None, "of the motors; NaN where a drive did not answer [K]"),
+    ("operating_time_s", "f8", None, "since the drives were switched on, by their own clocks [s]"),
+    ("valid", "u1", None, "1 where the drive answered"),
+)
+
+
+class MonitorHeader(HeaderModel):
+    """What a monitor's file says about itself."""
+
+    joint_names: tuple[str, ...]
+    period_s: float
+    cell_name: str = ""
+    robot_name: str = ""
+    run_id: str = ""
+
+
+def monitor_body(time_s: float, reading: MonitorReading) -> bytes:
+    """Return the bytes of a row; `time_s` is on the clock of the cycles [s]."""
+    n = len(reading.temperature_k)
+    valid = np.isfinite(reading.temperature_k).tolist()
+    return struct.pack(
+        f"<d{n}d{n}d{n}B", time_s, *reading.temperature_k, *reading.operating_time_s, *valid
+    )
 
 
 class MonitorWriter(JournalFile):
@@ -34,7 +55,7 @@ class MonitorWriter(JournalFile):
     def __init__(self, path: Path, header: MonitorHeader) -> None:
         pairs = header.to_metadata()
         super().__init__(path, pairs)
-        definition = message_definition(len(header.joint_names))
+        definition = message_text(FIELDS, len(header.joint_names))
         self._channel = self.add_channel(TOPIC, MESSAGE_NAME, definition, pairs)
 
     def append(self, time_s: float, reading: MonitorReading) -> None:
@@ -109,11 +130,11 @@ def read_monitor(path: Path) -> MonitorStream:
     header = first_header(MonitorHeader, raw.headers)
     if header is None or not raw.payloads:
         raise RecordingError(f"{path}: no readable round of a drive monitor in it")
-    dtype = monitor_dtype(len(header.joint_names))
-    size = _ENCAPSULATION_BYTES + dtype.itemsize
+    dtype = packed_dtype(FIELDS, len(header.joint_names))
+    size = len(CDR_LITTLE_ENDIAN) + dtype.itemsize
     if any(len(payload) != size for payload in raw.payloads):
         raise RecordingError(f"{path}: its rows are not those of a drive monitor of this version")
-    body = b"".join(payload[_ENCAPSULATION_BYTES:] for payload in raw.payloads)
+    body = b"".join(payload[len(CDR_LITTLE_ENDIAN) :] for payload in raw.payloads)
     rows = np.frombuffer(body, dtype)
     return MonitorStream(
         joint_names=header.joint_names,

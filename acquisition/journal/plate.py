@@ -1,33 +1,90 @@
-"""A force plate's journal, written and read, finished, torn or damaged: `PlateRows`."""
+"""A force plate's journal: its rows and events, written and read, finished, torn or damaged."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.journal.cycle_row import CDR_LITTLE_ENDIAN
-from acquisition.journal.header import first_header
+from acquisition.journal.header import HeaderModel, first_header
 from acquisition.journal.mcap_reader import JournalDamage, read_raw_journal
 from acquisition.journal.mcap_writer import JournalFile
-from acquisition.journal.plate_row import (
-    EVENT_DEFINITION,
-    EVENT_DTYPE,
-    EVENT_NAME,
-    EVENT_TOPIC,
-    ROW_DEFINITION,
-    ROW_DTYPE,
-    ROW_NAME,
-    ROW_TOPIC,
-    PlateHeader,
-    overloaded,
-)
+from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN, Fields, message_text, packed_dtype
 from config.arrays import BoolArray, FloatArray, IntArray
+from config.cell.amplifier_profile import AmplifierProfile
+from config.cell.plate import CHANNELS, PlateConfig
 from config.errors import RecordingError
 from drivers.interfaces.force_plate import PlateRead
+
+ROW_TOPIC: Final = "/plate"
+ROW_NAME: Final = "rid_daq/msg/Plate"
+EVENT_TOPIC: Final = "/plate_event"
+EVENT_NAME: Final = "rid_daq/msg/PlateEvent"
+
+SATURATION: Final = 0.95
+"""Share of its range from which a channel counts as overloaded (faults: row 28)."""
+
+LINE_LOST: Final = 0x100
+LINE_RESTORED: Final = 0x101
+"""Events of this computer; the amplifier's own have one byte."""
+
+_ROW: Fields = (
+    ("arrival_s", "f8", 1, "when it was here, on the clock of SYNC [s]"),
+    ("device_s", "f8", 1, "when it was measured, on the amplifier's clock [s]"),
+    ("sequence", "i8", 1, "number of the row; a gap is a loss"),
+    ("force_n", "f4", CHANNELS, "fx12 fx34 fy14 fy23 fz1 fz2 fz3 fz4 [N]"),
+    ("stream", "u4", 1, "grows where the amplifier's clock began anew"),
+    ("status", "u2", 1, "bits 0 to 7 overload of a channel, others as the profile says"),
+    ("counts", "i2", CHANNELS, "as received"),
+)
+_EVENT: Fields = (
+    ("arrival_s", "f8", 1, "when it was here, on the computer's monotonic clock [s]"),
+    ("asked_s", "f8", 1, "when a mark was asked for, on the same clock [s]; NaN otherwise"),
+    ("device_s", "f8", 1, "when it happened, on the amplifier's clock [s]"),
+    ("sequence", "i8", 1, "the row before which it came"),
+    ("stream", "u4", 1, "as in the rows"),
+    ("kind", "u2", 1, "number in the profile; 256 the line was lost, 257 it is back"),
+    ("detail", "u2", 1, "what the profile says of it"),
+)
+
+
+class PlateHeader(HeaderModel):
+    """Everything needed to read the rows, even without the run folder.
+
+    `identity` is what the amplifier said about itself, escaped. `simulated_time` is true where
+    arrivals are a simulated cell's time and not the computer's.
+    """
+
+    plate: PlateConfig
+    profile: AmplifierProfile
+    identity: str = ""
+    simulated_time: bool = False
+    cell_name: str = ""
+    run_id: str = ""
+
+
+def overloaded(rows: NDArray[Any], full_scale_counts: int) -> NDArray[np.bool_]:
+    """Return which channels are not to be believed, (rows, 8).
+
+    Parameters
+    ----------
+    rows : ndarray with `status` and `counts`, shape (rows,)
+        As received, or as written.
+    full_scale_counts : int
+        Counts that stand for the range.
+    """
+    flagged = (rows["status"][:, np.newaxis] >> np.arange(CHANNELS)) & 1 == 1
+    high = np.abs(rows["counts"].astype(np.int64)) >= SATURATION * full_scale_counts
+    return np.asarray(flagged | high)
+
+
+ROW_DTYPE: Final = packed_dtype(_ROW)
+EVENT_DTYPE: Final = packed_dtype(_EVENT)
+ROW_DEFINITION: Final = message_text(_ROW)
+EVENT_DEFINITION: Final = message_text(_EVENT)
 
 PLATE_RECORDING = "plate.mcap"
 ROW_CHANNEL, EVENT_CHANNEL = 1, 2
@@ -139,9 +196,9 @@ class PlateRows:
     ----------
     header : PlateHeader
         Plate, amplifier, profile, provenance.
-    rows : ndarray of `plate_row.ROW_DTYPE`, shape (rows,)
+    rows : ndarray of `ROW_DTYPE`, shape (rows,)
         In the order received.
-    events : ndarray of `plate_row.EVENT_DTYPE`, shape (events,)
+    events : ndarray of `EVENT_DTYPE`, shape (events,)
         In the order received.
     damage : JournalDamage
         What the file has lost; its rows and events are numbered together.

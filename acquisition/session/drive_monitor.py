@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.journal.monitor import MonitorWriter
-from acquisition.journal.monitor_row import MonitorHeader
+from acquisition.journal.monitor import MonitorHeader, MonitorWriter
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import MonitorState, Pace
 from config.cell.drive_profile import DriveProfile

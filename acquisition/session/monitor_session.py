@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from acquisition.journal.monitor_row import MONITOR, MonitorHeader
+from acquisition.journal.monitor import MONITOR, MonitorHeader
 from acquisition.runs.folder import RunFolder
 from acquisition.session.drive_monitor import run_monitor
 from acquisition.session.helper_process import HelperProcess

@@ -14,8 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.journal.mcap_writer import FLUSH_PERIOD_S, SYNC_PERIOD_S
-from acquisition.journal.plate import PlateJournalWriter
-from acquisition.journal.plate_row import LINE_LOST, LINE_RESTORED, PlateHeader, overloaded
+from acquisition.journal.plate import (
+    LINE_LOST,
+    LINE_RESTORED,
+    PlateHeader,
+    PlateJournalWriter,
+    overloaded,
+)
 from acquisition.session.plate_block import PlateBlock, PlateState
 from config.cell.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
 from config.cell.plate import AmplifierConfig, PlateConfig

@@ -11,10 +11,8 @@ from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader, first_header
 from acquisition.journal.mcap_reader import JournalDamage, RawJournal, read_raw_journal
 from acquisition.journal.mcap_writer import MOST_LOST_S, JournalFile
-from acquisition.journal.monitor import MonitorWriter, read_monitor
-from acquisition.journal.monitor_row import MonitorHeader
-from acquisition.journal.plate import PlateJournalWriter, read_plate_journal
-from acquisition.journal.plate_row import PlateHeader
+from acquisition.journal.monitor import MonitorHeader, MonitorWriter, read_monitor
+from acquisition.journal.plate import PlateHeader, PlateJournalWriter, read_plate_journal
 from config.errors import RecordingError
 
 _Header = JournalHeader | PlateHeader | MonitorHeader

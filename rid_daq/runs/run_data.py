@@ -21,8 +21,7 @@ from acquisition.csv.report import ImportReport
 from acquisition.journal.cycle_reader import CycleReader
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.mcap_writer import being_written
-from acquisition.journal.monitor import with_temperature_compensation
-from acquisition.journal.monitor_row import MONITOR
+from acquisition.journal.monitor import MONITOR, with_temperature_compensation
 from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
 from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.processing.plate_alignment import with_plate

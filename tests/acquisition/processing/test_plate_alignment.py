@@ -8,8 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from acquisition.journal.mcap_reader import JournalDamage
-from acquisition.journal.plate import PlateRows
-from acquisition.journal.plate_row import EVENT_DTYPE, ROW_DTYPE, PlateHeader
+from acquisition.journal.plate import EVENT_DTYPE, ROW_DTYPE, PlateHeader, PlateRows
 from acquisition.motion.samples import Phase
 from acquisition.processing.plate_alignment import stream_clock, with_plate
 from acquisition.recording.recording import Recording

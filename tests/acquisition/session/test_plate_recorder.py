@@ -13,13 +13,15 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from acquisition.journal.plate import PlateJournalWriter, PlateRows, read_plate_journal
-from acquisition.journal.plate_row import (
+from acquisition.journal.plate import (
     EVENT_DTYPE,
     LINE_LOST,
     LINE_RESTORED,
     ROW_DTYPE,
     PlateHeader,
+    PlateJournalWriter,
+    PlateRows,
+    read_plate_journal,
 )
 from acquisition.session.plate_block import PlateBlock, PlateState
 from acquisition.session.plate_recorder import PlateTask, run_plate_recorder

@@ -18,8 +18,7 @@ from mcap.reader import make_reader
 from acquisition.journal.cycle_row import row_struct
 from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.mcap_writer import being_written
-from acquisition.journal.monitor import MonitorWriter, read_monitor
-from acquisition.journal.monitor_row import MonitorHeader
+from acquisition.journal.monitor import MonitorHeader, MonitorWriter, read_monitor
 from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.repair import examine_journal, repair_journal
 from acquisition.task.control_block import ControlBlock

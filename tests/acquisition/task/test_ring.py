@@ -8,12 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.journal.cycle_row import (
-    joints_of_row,
-    message_definition,
-    row_dtype,
-    row_struct,
-)
+from acquisition.journal.cycle_row import FIELDS, joints_of_row, row_dtype, row_struct
+from acquisition.journal.row_layout import message_text
 from acquisition.task.ring import Ring
 from config.errors import RecordingError
 
@@ -39,7 +35,7 @@ def test_a_row_has_one_layout_for_struct_numpy_and_the_ros_message(joints: int) 
     # CDR: every primitive aligned to its own size, fixed arrays without a length
     sizes = {"float64": 8, "int32": 4, "uint32": 4, "int16": 2, "uint16": 2, "uint8": 1}
     offset = 0
-    for line in message_definition(joints).splitlines():
+    for line in message_text(FIELDS, joints).splitlines():
         kind, name = line.split("#")[0].split()
         size = sizes[kind.split("[")[0]]
         offset += -offset % size

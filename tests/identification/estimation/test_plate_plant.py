@@ -14,8 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from acquisition.journal.mcap_reader import JournalDamage
-from acquisition.journal.plate import PlateRows
-from acquisition.journal.plate_row import EVENT_DTYPE, ROW_DTYPE, PlateHeader
+from acquisition.journal.plate import EVENT_DTYPE, ROW_DTYPE, PlateHeader, PlateRows
 from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.processing.periods import average_periods

@@ -18,12 +18,12 @@ import pytest
 
 from acquisition.journal.cycles import read_journal
 from acquisition.journal.monitor import (
+    MONITOR,
     MonitorStream,
     read_monitor,
     with_temperatures,
     with_warm_torque_constants,
 )
-from acquisition.journal.monitor_row import MONITOR
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods

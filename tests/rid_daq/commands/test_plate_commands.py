@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from acquisition.journal.cycles import read_journal
-from acquisition.journal.plate import PlateJournalWriter
-from acquisition.journal.plate_row import PlateHeader
+from acquisition.journal.plate import PlateHeader, PlateJournalWriter
 from acquisition.processing.smoothing import low_pass
 from acquisition.recording.plate_geometry import PlateGeometry
 from acquisition.runs.catalogue import find_run
