@@ -108,7 +108,6 @@ def payload_document(payload: PayloadResult) -> PayloadDocument:
     estimate = payload.estimate
     whole = estimate.rank == len(PARAMETERS)
     moments, axes = estimate.body.principal if whole else (None, None)
-    seen = np.array(estimate.seen)
     return PayloadDocument.taken(
         estimate,
         kind="rid-daq payload",
@@ -117,11 +116,11 @@ def payload_document(payload: PayloadResult) -> PayloadDocument:
         cell=estimate.cell_name,
         runs=estimate.run_ids,
         frame="flange: the tool frame of the robot below",
-        about_centre_of_gravity=_Quantity.rows(
+        about_centre_of_gravity=_Quantity.for_each(
             name=REPORTED,
             unit=REPORTED_UNITS,
-            value=np.where(seen, estimate.reported, None),
-            sigma=np.where(seen, estimate.sigma, None),
+            value=_where(estimate.reported, estimate.seen),
+            sigma=_where(estimate.sigma, estimate.seen),
         ),
         principal_moments_kg_m2=moments,
         principal_axes=axes,
@@ -155,3 +154,7 @@ def _to_payload(document: PayloadDocument) -> PayloadResult:
                 f"{quantity.name} does not follow from the parameters: was the file edited?"
             )
     return payload
+
+
+def _where(values: np.ndarray, seen: tuple[bool, ...]) -> list[float | None]:
+    return [x if shown else None for x, shown in zip(values.tolist(), seen, strict=True)]
