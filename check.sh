@@ -7,12 +7,19 @@ rid_daq_environment
 unset PYTHONDONTWRITEBYTECODE # the tests start hundreds of processes; compiled once, they start fast
 bin=.venv/bin
 step() { printf '\n== %s\n' "$*"; "$@"; }
+tests() { step $bin/python -m pytest -q -m "not slow and not alone and not long" "$@"; }
 step $bin/ruff format --check .
 step $bin/ruff check .
 step $bin/lint-imports --no-cache
-step $bin/pyright & # both take one core
+step $bin/pyright & # each takes one core
 pyright=$!
-step $bin/mypy
+step $bin/mypy &
+mypy=$!
+if [ $# = 0 ]; then
+    kernels=(tests/dynamics tests/compensation/online)
+    tests "${kernels[@]}" # by one process: three would each compile what the others compile too
+    set -- --durations 20 "${kernels[@]/#/--ignore=}"
+fi
 wait $pyright
-step $bin/python -m pytest -q -m "not slow and not alone and not long" -n 3 \
-    --dist loadfile --no-loadscope-reorder --durations 20 "$@"
+wait $mypy
+tests -n 3 --dist loadfile --no-loadscope-reorder "$@"
