@@ -23,7 +23,7 @@ from acquisition.processing.periods import PeriodAverage
 from config.arrays import FloatArray
 from config.load import load_robot
 from dynamics.model.robot_model import RobotModel, regressor
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimators import estimate_periodic
 from identification.model.base_parameters import base_parameters
 
@@ -51,7 +51,7 @@ class Coverage:
 def coverage(experiments: int) -> Coverage:
     """Simulate and identify many experiments, and count."""
     robot = load_robot("ir361")
-    motion = design_two_harmonic(robot, PERIOD_S, CYCLE_S, tries=50)
+    motion = design_two_harmonic(robot, TwoHarmonicOptions(PERIOD_S, tries=50), CYCLE_S)
     trajectory = motion.trajectory(robot, CYCLE_S)
     samples = round(PERIOD_S / CYCLE_S)
     times = np.arange(samples * OVERSAMPLING) * CYCLE_S / OVERSAMPLING

@@ -31,7 +31,7 @@ from identification.design.criteria import Condition
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
 from identification.design.search import Candidate, candidates
-from identification.design.two_harmonic import two_harmonic_draws
+from identification.design.two_harmonic import TwoHarmonicOptions, two_harmonic_draws
 
 BUDGET_S = 30.0
 QUICK_BUDGET_S = 12.0
@@ -78,7 +78,9 @@ def best_draw(problem: ExcitationProblem, seed: int, budget_s: float) -> tuple[f
     """Return the heuristic's best condition number within a time, and the number of draws."""
     until_s = time.monotonic() + budget_s
     best, count = np.inf, 0
-    for motion in two_harmonic_draws(problem.robot, PERIOD_S, limit_fraction=0.9, seed=seed):
+    for motion in two_harmonic_draws(
+        problem.robot, TwoHarmonicOptions(PERIOD_S, limit_fraction=0.9, seed=seed)
+    ):
         best = min(best, condition(problem, motion))
         count += 1
         if time.monotonic() > until_s:

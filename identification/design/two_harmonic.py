@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,17 +26,50 @@ POINTS_PER_HIGHEST_HARMONIC = 8
 DECIMALS = 6
 
 
+@dataclass(frozen=True)
+class TwoHarmonicOptions:
+    """What is drawn, and how often.
+
+    Attributes
+    ----------
+    period_s : float
+        The period [s], a whole number of the cell's cycles.
+    highest_harmonic : int
+        The highest harmonic of the period that may be used, at least 2.
+    limit_fraction : float
+        Share of the position, velocity and acceleration limits that the motion may use.
+    tries, seed : int
+        How many draws are compared, and the seed they come from.
+    periods : int
+        Periods of the motion that count.
+
+    Raises
+    ------
+    ConfigError
+        They are invalid.
+    """
+
+    period_s: float
+    highest_harmonic: int = 8
+    limit_fraction: float = 0.85
+    tries: int = 200
+    seed: int = 0
+    periods: int = 16
+
+    def __post_init__(self) -> None:
+        if self.highest_harmonic < 2 or self.tries < 1 or not 0.0 < self.limit_fraction <= 1.0:
+            raise ConfigError(
+                f"two-harmonic design: highest_harmonic {self.highest_harmonic} must be at least 2,"
+                f" tries {self.tries} at least 1, limit_fraction {self.limit_fraction:g} above 0"
+                " and at most 1"
+            )
+
+
 def design_two_harmonic(
     robot: RobotDescription,
-    period_s: float,
+    options: TwoHarmonicOptions,
     sample_period_s: float,
     *,
-    highest_harmonic: int = 8,
-    limit_fraction: float = 0.85,
-    tries: int = 200,
-    seed: int = 0,
-    periods: int = 16,
-    transient_periods: int = 1,
     workspace: Workspace | None = None,
 ) -> FourierMotion:
     """Design a periodic excitation and verify it, ramps included.
@@ -44,42 +78,22 @@ def design_two_harmonic(
     ----------
     robot : RobotDescription
         The robot with its limits.
-    period_s, sample_period_s : float
-        The period and the cell's cycle time [s]; the period must hold a whole number of cycles.
-    highest_harmonic : int
-        The highest harmonic of the period that may be used, at least 2.
-    limit_fraction : float
-        Share of the position, velocity and acceleration limits that the motion may use.
-    tries, seed : int
-        How many draws are compared, and the seed they come from.
-    periods, transient_periods : int
-        Periods of the motion that count, and that settle.
+    options : TwoHarmonicOptions
+        What is drawn.
+    sample_period_s : float
+        The cell's cycle time [s].
     workspace : Workspace, optional
         What is around the robot; its own bodies are in its description.
 
     Raises
     ------
     ConfigError
-        The arguments are invalid, or the motion does not pass the verification.
+        The period is no whole number of cycles, or no draw passes the verification.
     """
-    if highest_harmonic < 2 or tries < 1 or not 0.0 < limit_fraction <= 1.0:
-        raise ConfigError(
-            f"two-harmonic design: highest_harmonic {highest_harmonic} must be at least 2, tries"
-            f" {tries} at least 1, limit_fraction {limit_fraction:g} above 0 and at most 1"
-        )
     model = RobotModel.from_description(robot)
     base = base_parameters(model)
-    draws = two_harmonic_draws(
-        robot,
-        period_s,
-        highest_harmonic=highest_harmonic,
-        limit_fraction=limit_fraction,
-        seed=seed,
-        periods=periods,
-        transient_periods=transient_periods,
-    )
     drawn = sorted(
-        itertools.islice(draws, tries),
+        itertools.islice(two_harmonic_draws(robot, options), options.tries),
         key=lambda motion: _condition_number(robot, model, base, motion),
     )
     clearances = Clearances.of(robot, workspace)
@@ -88,34 +102,23 @@ def design_two_harmonic(
         if (clearances.nearest(samples.position) >= clearances.margin_m).all():
             return motion
     raise ConfigError(
-        f"none of {tries} draws keeps clear of the robot's own bodies and of the workspace: take"
-        " more --tries, or the method `optimal`, which goes around them"
+        f"none of {options.tries} draws keeps clear of the robot's own bodies and of the workspace:"
+        " take more --tries, or the method `optimal`, which goes around them"
     )
 
 
 def two_harmonic_draws(
-    robot: RobotDescription,
-    period_s: float,
-    *,
-    highest_harmonic: int = 8,
-    limit_fraction: float = 0.85,
-    seed: int = 0,
-    periods: int = 16,
-    transient_periods: int = 1,
+    robot: RobotDescription, options: TwoHarmonicOptions
 ) -> Iterator[FourierMotion]:
-    """Draw motions without end; the arguments are those of `design_two_harmonic`."""
-    random = np.random.default_rng(seed)
+    """Draw motions without end; `options.tries` has no say."""
+    random = np.random.default_rng(options.seed)
     while True:
         yield FourierMotion(
             kind="fourier",
             robot=robot.name,
-            period_s=period_s,
-            periods=periods,
-            transient_periods=transient_periods,
-            joints=tuple(
-                _draw(joint, period_s, highest_harmonic, limit_fraction, random)
-                for joint in robot.joints
-            ),
+            period_s=options.period_s,
+            periods=options.periods,
+            joints=tuple(_draw(joint, options, random) for joint in robot.joints),
         )
 
 
@@ -152,15 +155,10 @@ def _condition_number(
     return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else math.inf
 
 
-def _draw(
-    joint: Joint,
-    period_s: float,
-    highest_harmonic: int,
-    limit_fraction: float,
-    random: np.random.Generator,
-) -> FourierJoint:
+def _draw(joint: Joint, options: TwoHarmonicOptions, random: np.random.Generator) -> FourierJoint:
     """Draw one joint's motion: each harmonic takes its share of every limit, so both fit."""
-    limits = joint.limits
+    limits, limit_fraction = joint.limits, options.limit_fraction
+    highest_harmonic = options.highest_harmonic
     half_range = (limits.position_max - limits.position_min) / 2.0
     low = int(random.integers(1, max(1, highest_harmonic // 4) + 1))
     high = int(random.integers(max(low, highest_harmonic // 2) + 1, highest_harmonic + 1))
@@ -168,7 +166,7 @@ def _draw(
     sine, cosine = np.zeros(high), np.zeros(high)
     total = 0.0
     for harmonic, part in ((low, share), (high, 1.0 - share)):
-        omega = 2.0 * math.pi * harmonic / period_s
+        omega = 2.0 * math.pi * harmonic / options.period_s
         largest = min(half_range, limits.velocity / omega, limits.acceleration / omega**2)
         amplitude = limit_fraction * part * largest
         phase = random.uniform(0.0, 2.0 * math.pi)

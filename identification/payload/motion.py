@@ -25,7 +25,7 @@ from dynamics.geometry.clearances import Clearances
 from dynamics.model.cad import cad_parameters
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.design.two_harmonic import two_harmonic_draws
+from identification.design.two_harmonic import TwoHarmonicOptions, two_harmonic_draws
 from identification.model.options import ModelOptions
 from identification.model.torque_columns import torque_columns
 from identification.payload.equations import PayloadModel
@@ -290,11 +290,13 @@ def design_payload_motion(
     """
     drawn = two_harmonic_draws(
         search.robot,
-        search.period_s,
-        highest_harmonic=search.harmonics,
-        limit_fraction=min(search.position_share, search.speed_share),
-        seed=seed,
-        periods=periods,
+        TwoHarmonicOptions(
+            search.period_s,
+            highest_harmonic=search.harmonics,
+            limit_fraction=min(search.position_share, search.speed_share),
+            seed=seed,
+            periods=periods,
+        ),
     )
     starts = [(motion, search.coefficients_of(motion)) for motion in itertools.islice(drawn, draws)]
     for motion, coefficients in sorted(starts, key=lambda start: search.objective(start[1])):

@@ -17,7 +17,11 @@ from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
-from identification.design.two_harmonic import condition_number, design_two_harmonic
+from identification.design.two_harmonic import (
+    TwoHarmonicOptions,
+    condition_number,
+    design_two_harmonic,
+)
 from identification.estimation.file import read_estimate
 from identification.friction.motions import constant_velocity_motion, reversed_motion
 from rid_daq.jobs.design_job import Search, chosen_criterion, excitation_problem, search
@@ -214,12 +218,14 @@ def design(
     else:
         motion = design_two_harmonic(
             robot,
-            period_s,
+            TwoHarmonicOptions(
+                period_s,
+                highest_harmonic=highest_harmonic or 8,
+                tries=tries,
+                seed=seed,
+                periods=periods,
+            ),
             loaded.config.cycle_time_s,
-            highest_harmonic=highest_harmonic or 8,
-            tries=tries,
-            seed=seed,
-            periods=periods,
             workspace=loaded.config.workspace,
         )
         origin = f"the best of {tries} draws of two harmonics from seed {seed}."

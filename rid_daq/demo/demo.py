@@ -10,7 +10,7 @@ from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.load import load_cell, to_yaml
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from rid_daq.demo.demo_paths import PathMotions
 from rid_daq.demo.demo_story import DEMO_CELL, Motions
 from rid_daq.demo.parallel import run_stories
@@ -80,10 +80,8 @@ def run_demo(request: DemoRequest, console: Console) -> Demo:
     with unfinished(folder):
         excitation = design_two_harmonic(
             loaded.robot,
-            PERIOD_S,
+            TwoHarmonicOptions(PERIOD_S, seed=request.seed, periods=request.periods),
             loaded.config.cycle_time_s,
-            seed=request.seed,
-            periods=request.periods,
         )
         validation = MultipointMotion(
             kind="multipoint", robot=loaded.robot.name, points=request.points, seed=request.seed

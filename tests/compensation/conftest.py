@@ -14,7 +14,7 @@ from benchmarks.closed_loop import closed_loop
 from compensation.loops.frequency_response import frequency_responses
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
 from config.load import LoadedCell, load_cell
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 
@@ -56,6 +56,8 @@ def loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
 
 @pytest.fixture(scope="session")
 def model(cell: LoadedCell, drive: Drive) -> Estimate:
-    motion = design_two_harmonic(cell.robot, 10.0, cell.config.cycle_time_s, tries=100, periods=8)
+    motion = design_two_harmonic(
+        cell.robot, TwoHarmonicOptions(10.0, tries=100, periods=8), cell.config.cycle_time_s
+    )
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     return estimate_periodic(cell.robot, [average_periods(drive(samples, 2))])

@@ -27,7 +27,7 @@ from config.load import LoadedCell, load_cell, load_robot
 from config.robot.bodies import Capsule
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.model.base_parameters import base_parameters
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.jobs.truth import true_parameters
@@ -61,7 +61,7 @@ def arm(cell: LoadedCell) -> KnownArm:
         robot=cell.robot,
         model=model,
         motion=design_two_harmonic(
-            cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=50, periods=8
+            cell.robot, TwoHarmonicOptions(5.0, highest_harmonic=6, tries=50, periods=8), CYCLE_S
         ),
         standard=standard,
         base=base_parameters(model).from_standard(standard),

@@ -16,7 +16,7 @@ from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from config.load import load_robot
 from config.robot.robot import RobotDescription
-from identification.design.two_harmonic import two_harmonic_draws
+from identification.design.two_harmonic import TwoHarmonicOptions, two_harmonic_draws
 from identification.payload.body import PayloadBody
 
 CYCLE_S = 0.01
@@ -104,7 +104,8 @@ def motion_of(
 ) -> FourierMotion:
     """Return two harmonics an axis; axes that are not named stand still."""
     draws = two_harmonic_draws(
-        robot, PERIOD_S, highest_harmonic=10, limit_fraction=0.5, seed=seed, periods=4
+        robot,
+        TwoHarmonicOptions(PERIOD_S, highest_harmonic=10, limit_fraction=0.5, seed=seed, periods=4),
     )
     motion = next(draws)
     if axes is None:

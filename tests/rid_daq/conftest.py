@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from config.load import load_cell, to_yaml
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from tests.builders.invented import whole_result
 
 
@@ -19,13 +19,10 @@ def six_axis_motion(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int],
         cell = load_cell("kr15")
         asked = design_two_harmonic(
             cell.robot,
-            4.8,
+            TwoHarmonicOptions(
+                4.8, highest_harmonic=4, limit_fraction=0.35, tries=8, seed=3, periods=periods
+            ),
             cell.config.cycle_time_s,
-            highest_harmonic=4,
-            limit_fraction=0.35,
-            tries=8,
-            seed=3,
-            periods=periods,
         )
         path = tmp_path_factory.mktemp("motion") / "motion.yaml"
         path.write_text(to_yaml(asked), encoding="utf-8")

@@ -17,7 +17,11 @@ from identification.design.criteria import Condition, DOptimal, Goals
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
 from identification.design.search import candidates, refine
-from identification.design.two_harmonic import condition_number, design_two_harmonic
+from identification.design.two_harmonic import (
+    TwoHarmonicOptions,
+    condition_number,
+    design_two_harmonic,
+)
 from identification.design.verification import check_motion
 
 CYCLE_S = 0.008
@@ -75,7 +79,9 @@ def test_one_axis_and_one_harmonic_reach_the_closed_form(acceleration: float) ->
 
 def test_it_holds_every_limit_and_beats_the_heuristic(problem, refined) -> None:
     assert refined.check.broken == ()
-    heuristic = design_two_harmonic(problem.robot, 10.0, CYCLE_S, highest_harmonic=5, tries=200)
+    heuristic = design_two_harmonic(
+        problem.robot, TwoHarmonicOptions(10.0, highest_harmonic=5, tries=200), CYCLE_S
+    )
     assert condition_number(problem.robot, refined.motion) < 0.9 * condition_number(
         problem.robot, heuristic
     )

@@ -9,7 +9,11 @@ from config.load import load_robot
 from config.robot.bodies import Plane, Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
-from identification.design.two_harmonic import condition_number, design_two_harmonic
+from identification.design.two_harmonic import (
+    TwoHarmonicOptions,
+    condition_number,
+    design_two_harmonic,
+)
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +22,9 @@ def robot() -> RobotDescription:
 
 
 def designed(robot: RobotDescription, *, tries: int = 20, seed: int = 0) -> FourierMotion:
-    return design_two_harmonic(robot, 10.0, 0.008, highest_harmonic=8, tries=tries, seed=seed)
+    return design_two_harmonic(
+        robot, TwoHarmonicOptions(10.0, highest_harmonic=8, tries=tries, seed=seed), 0.008
+    )
 
 
 def test_each_axis_has_one_low_and_one_high_harmonic(robot: RobotDescription) -> None:
@@ -61,23 +67,27 @@ def test_more_tries_never_make_it_worse(robot: RobotDescription) -> None:
 
 def test_six_axes_are_designed_as_well() -> None:
     robot = load_robot("ur10e").model_copy(update={"bodies": ()})
-    motion = design_two_harmonic(robot, 20.0, 0.01, highest_harmonic=10, tries=10)
+    motion = design_two_harmonic(
+        robot, TwoHarmonicOptions(20.0, highest_harmonic=10, tries=10), 0.01
+    )
     assert condition_number(robot, motion) < 15.0
 
 
 def test_draws_that_hit_the_robot_itself_are_left_out() -> None:
     robot = load_robot("ur10e")
     with pytest.raises(ConfigError, match="keeps clear of the robot's own bodies"):
-        design_two_harmonic(robot, 20.0, 0.01, tries=3)
+        design_two_harmonic(robot, TwoHarmonicOptions(20.0, tries=3), 0.01)
 
 
 def test_the_best_draw_that_keeps_clear_is_taken(robot: RobotDescription) -> None:
     wall = Plane(name="wall", normal=(0.0, 0.0, -1.0), offset_m=0.5)
     workspace = Workspace(planes=(wall,), clearance_m=0.02)
-    motion = design_two_harmonic(robot, 10.0, 0.008, tries=50, workspace=workspace)
+    motion = design_two_harmonic(
+        robot, TwoHarmonicOptions(10.0, tries=50), 0.008, workspace=workspace
+    )
     samples = motion.plan(robot, 0.008)
     assert Clearances.of(robot, workspace).nearest(samples.position).min() >= 0.02
-    free = design_two_harmonic(robot, 10.0, 0.008, tries=50)
+    free = design_two_harmonic(robot, TwoHarmonicOptions(10.0, tries=50), 0.008)
     path = free.plan(robot, 0.008).position
     assert Clearances.of(robot, workspace).nearest(path).min() < 0.02
 
@@ -91,7 +101,7 @@ def test_an_axis_at_rest_has_no_finite_condition_number(robot: RobotDescription)
 
 def test_a_period_that_is_no_whole_number_of_cycles_is_refused(robot: RobotDescription) -> None:
     with pytest.raises(ConfigError, match="nearest"):
-        design_two_harmonic(robot, 10.001, 0.008, tries=1)
+        design_two_harmonic(robot, TwoHarmonicOptions(10.001, tries=1), 0.008)
 
 
 @pytest.mark.parametrize(
@@ -101,4 +111,4 @@ def test_arguments_that_cannot_be_meant_are_refused(
     robot: RobotDescription, arguments: dict[str, float]
 ) -> None:
     with pytest.raises(ConfigError, match="two-harmonic design"):
-        design_two_harmonic(robot, 10.0, 0.008, **arguments)  # type: ignore[arg-type]
+        design_two_harmonic(robot, TwoHarmonicOptions(10.0, **arguments), 0.008)  # type: ignore[arg-type]

@@ -17,7 +17,7 @@ from acquisition.recording.recording import Recording
 from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
 from dynamics.model.robot_model import torque
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.equations import time_domain as time_equations
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_periodic, estimate_smoothed
@@ -92,7 +92,9 @@ class TestPeriodic:
     ) -> None:
         """The simulated robot with its servo loops: Pinocchio's equations, stiction, encoders."""
         motion = design_two_harmonic(
-            arm.robot, 5.0, 0.008, highest_harmonic=6, tries=50, seed=3, periods=8
+            arm.robot,
+            TwoHarmonicOptions(5.0, highest_harmonic=6, tries=50, seed=3, periods=8),
+            0.008,
         )
         samples = motion.plan(arm.robot, 0.008)
         estimates = [

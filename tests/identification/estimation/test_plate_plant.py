@@ -26,7 +26,7 @@ from config.cell.amplifier_profile import AmplifierProfile
 from config.load import LoadedCell, load_bundled_or_path
 from identification.accuracy.plate_benefit import improvement
 from identification.calibration.torque_scale import torque_consistency
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic
@@ -141,7 +141,9 @@ def robot(cell: LoadedCell) -> RobotOnPlate:
 @pytest.fixture(scope="module")
 def samples(cell: LoadedCell) -> MotionSamples:
     motion = design_two_harmonic(
-        cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=50, seed=3, periods=16
+        cell.robot,
+        TwoHarmonicOptions(5.0, highest_harmonic=6, tries=50, seed=3, periods=16),
+        CYCLE_S,
     )
     return motion.plan(cell.robot, CYCLE_S)
 

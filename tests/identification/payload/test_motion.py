@@ -12,7 +12,7 @@ from config.robot.bodies import Plane, Workspace
 from dynamics.geometry.clearances import Clearances
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import torque
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.payload.motion import LASTING_SHARE, PayloadSearch, design_payload_motion
 
 CYCLE_S = 0.012
@@ -37,7 +37,9 @@ def test_it_shows_payloads_much_better_than_a_motion_made_for_the_robot(
     search: PayloadSearch, found: FourierMotion
 ) -> None:
     general = design_two_harmonic(
-        search.robot, PERIOD_S, CYCLE_S, highest_harmonic=6, limit_fraction=0.4, tries=20, seed=1
+        search.robot,
+        TwoHarmonicOptions(PERIOD_S, highest_harmonic=6, limit_fraction=0.4, tries=20, seed=1),
+        CYCLE_S,
     )
     # The worth is the log of a variance: a tenth of it is a third of the deviation.
     assert worth(search, found) < worth(search, general) - 1.0

@@ -11,7 +11,7 @@ from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from config.cell.cell import ButterworthFilter
 from config.errors import DataQualityError, EstimationError
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.options import EstimationOptions
@@ -38,7 +38,7 @@ def estimate(arm: KnownArm, weigh: Weigh) -> Estimate:
 def other(arm: KnownArm, weigh: Weigh) -> Recording:
     """Another motion on a plate with offset, drift and a delay."""
     motion = design_two_harmonic(
-        arm.robot, 7.0, 0.008, highest_harmonic=5, tries=50, seed=5, periods=4
+        arm.robot, TwoHarmonicOptions(7.0, highest_harmonic=5, tries=50, seed=5, periods=4), 0.008
     )
     plate = {"offset_n": 20.0, "drift_n_s": 0.05, "delay_s": 0.002}
     return weigh(3, torque_filter=FILTER, periods=4, motion=motion, plate=plate)

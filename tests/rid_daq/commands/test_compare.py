@@ -20,7 +20,7 @@ from acquisition.runs.manifest import RunStatus
 from config.errors import EstimationError
 from config.load import load_cell, load_robot
 from dynamics.model.robot_model import RobotModel, torque
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
@@ -46,7 +46,7 @@ def measure(root: Path) -> Measure:
     cell = load_cell("ir361")
     model = RobotModel.from_description(cell.robot)
     motion = design_two_harmonic(
-        cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=20, periods=PERIODS
+        cell.robot, TwoHarmonicOptions(5.0, highest_harmonic=6, tries=20, periods=PERIODS), CYCLE_S
     )
     path = motion.trajectory(cell.robot, CYCLE_S)
     times = path.sample_times_s

@@ -23,7 +23,7 @@ from acquisition.recording.recording import Recording
 from config.load import load_cell
 from dynamics.model.robot_model import RobotModel, torque
 from identification.consistency.closest_robot import consistent
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
@@ -40,7 +40,9 @@ def estimate() -> Estimate:
     cell = load_cell("ir361")
     assert cell.plant is not None
     model = RobotModel.from_description(cell.robot)
-    motion = design_two_harmonic(cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=20, periods=3)
+    motion = design_two_harmonic(
+        cell.robot, TwoHarmonicOptions(5.0, highest_harmonic=6, tries=20, periods=3), CYCLE_S
+    )
     path = motion.trajectory(cell.robot, CYCLE_S)
     times = path.sample_times_s
     q, v, a = path.position(times), path.velocity(times), path.acceleration(times)

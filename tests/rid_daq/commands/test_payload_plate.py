@@ -9,7 +9,7 @@ import pytest
 from acquisition.journal.plate import PLATE_RECORDING
 from acquisition.runs.folder import RunFolder
 from config.load import load_cell, to_yaml
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
 from tests.builders.told import document
@@ -22,7 +22,9 @@ def test_every_run_of_a_payload_session_records_the_force_plate(
     cell = load_cell("ir361")
     assert cell.config.plate is not None
     asked = design_two_harmonic(
-        cell.robot, 2.0, cell.config.cycle_time_s, highest_harmonic=4, tries=8, seed=1, periods=2
+        cell.robot,
+        TwoHarmonicOptions(2.0, highest_harmonic=4, tries=8, seed=1, periods=2),
+        cell.config.cycle_time_s,
     )
     motion = tmp_path / "motion.yaml"
     motion.write_text(to_yaml(asked))

@@ -20,7 +20,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
 from config.load import load_cell, to_yaml
 from dynamics.model.robot_model import RobotModel, torque
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
 from rid_daq.app import run
@@ -62,7 +62,9 @@ def make(workshop: Path) -> Made:
 
     def made(label: str, seed: int, status: RunStatus | None = RunStatus.COMPLETE) -> RunFolder:
         motion = design_two_harmonic(
-            cell.robot, 5.0, CYCLE_S, highest_harmonic=6, tries=5, periods=PERIODS, seed=seed
+            cell.robot,
+            TwoHarmonicOptions(5.0, highest_harmonic=6, tries=5, periods=PERIODS, seed=seed),
+            CYCLE_S,
         )
         path = motion.trajectory(cell.robot, CYCLE_S)
         times = path.sample_times_s

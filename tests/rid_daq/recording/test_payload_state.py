@@ -10,7 +10,7 @@ import pytest
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from config.load import load_cell
-from identification.design.two_harmonic import design_two_harmonic
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from rid_daq.recording.payload_state import SessionState, is_measurement
 from rid_daq.recording.payload_steps import rehearsal_of
 
@@ -57,7 +57,9 @@ def test_a_rehearsal_is_one_period_of_whole_cycles_no_faster_than_was_asked() ->
     cell = load_cell("ir361")
     cycle_s = cell.config.cycle_time_s
     motion = design_two_harmonic(
-        cell.robot, 4.0, cycle_s, highest_harmonic=4, tries=1, limit_fraction=0.3, seed=1
+        cell.robot,
+        TwoHarmonicOptions(4.0, highest_harmonic=4, tries=1, limit_fraction=0.3, seed=1),
+        cycle_s,
     )
     slow = rehearsal_of(motion, 0.3, cycle_s)
     assert (slow.periods, slow.transient_periods) == (1, 0)
