@@ -2,67 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from acquisition.runs.catalogue import find_run
-from config.errors import ConfigError
-from identification.estimation.estimate import Estimate
-from identification.estimation.file import read_estimate
-from identification.validation.estimate_difference import EstimateDifference, compare_estimates
-from identification.validation.torque_prediction import validate
+from identification.validation.estimate_difference import EstimateDifference
+from rid_daq.jobs.compare_job import Compared, CompareRequest, RunPrediction, compare_models
 from rid_daq.report.formats import number
-from rid_daq.report.sections.section import Section, finite
+from rid_daq.report.sections.section import finite
 from rid_daq.report.sections.verdict import Check, Verdict
-from rid_daq.runs.run_data import RunData, Unfinished, report_lacks
+from rid_daq.runs.run_data import Unfinished
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
-
-MODEL = "model.json"
-
-
-class AxisPrediction(Section):
-    """Relative torque errors [%] of an axis by both models; None where it did not move."""
-
-    joint: str
-    first_percent: float | None
-    second_percent: float | None
-
-
-class RunPrediction(Section):
-    """Both models' torque errors on one run, and whether each was identified from it."""
-
-    run: str
-    label: str
-    first_has_seen_it: bool
-    second_has_seen_it: bool
-    axes: tuple[AxisPrediction, ...]
-
-
-class ParameterDifference(Section):
-    """A parameter by both models with standard deviations, in `unit`, and how far they differ."""
-
-    name: str
-    unit: str
-    first: float
-    first_std: float
-    second: float
-    second_std: float
-    sigmas: float
-
-
-@dataclass(frozen=True)
-class _Side:
-    """One of the two: its name, its estimate, and its recording where a run was named."""
-
-    name: str
-    estimate: Estimate
-    data: RunData | None
 
 
 def compare(
@@ -87,13 +40,14 @@ def compare(
     explains: the robot, its load or its surroundings have changed, or a model lacks something.
     """
     console = Console(as_json)
-    sides = [_side(each, runs, unfinished) for each in (first, second)]
-    difference = compare_estimates(sides[0].estimate, sides[1].estimate)
-    judged = [each.data for each in sides if each.data is not None]
-    if on is not None:
-        judged = [RunData.load(find_run(runs, on), unfinished=unfinished)]
-    notes = report_lacks(console, judged)
-    predictions = [_prediction(sides, data) for data in judged]
+    request = CompareRequest(first, second, runs, on, unfinished)
+    compared = compare_models(request, console)
+    _print(console, compared, _verdict(compared.difference))
+    if not compared.difference.agree:
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _verdict(difference: EstimateDifference) -> Verdict:
     worst = difference.worst
     line = Check.of(
         f"largest difference ({difference.names[worst]})",
@@ -108,61 +62,7 @@ def compare(
         else f"They differ: {difference.names[worst]} by {number(line.value, 3)} sigmas, noise"
         f" explains {number(difference.limit_sigmas, 3)}"
     )
-    console.document(
-        {
-            "first": sides[0].name,
-            "second": sides[1].name,
-            "verdict": Verdict.of([line], headline, _sentence(difference)),
-            "parameters": _parameters(difference),
-            "only_first": list(difference.only_first),
-            "only_second": list(difference.only_second),
-            "shared_runs": list(difference.shared_runs),
-            "predictions": predictions,
-            "notes": notes,
-        }
-    )
-    _print(console, sides, difference, predictions)
-    console.verdict(difference.agree, headline)
-    if not difference.agree:
-        raise typer.Exit(ExitCode.VERDICT_FAILED)
-
-
-def _side(what: str, runs: Path, unfinished: bool) -> _Side:
-    """Return what is meant: a model file, or a run with the model identified from it."""
-    path = Path(what)
-    if path.is_file() or (path.suffix == ".json" and not path.is_dir()):
-        return _Side(path.name, read_estimate(path), None)
-    folder = find_run(runs, what)
-    if not folder.file(MODEL).exists():
-        raise ConfigError(
-            f"run {what!r} has no {MODEL}: identify it first: rid-daq identify {folder.path}"
-        )
-    data = RunData.load(folder, unfinished=unfinished)
-    folder.read(MODEL)  # as it was written there, or refused
-    return _Side(folder.manifest().label, read_estimate(folder.file(MODEL)), data)
-
-
-def _prediction(sides: list[_Side], data: RunData) -> RunPrediction:
-    """Return both models' torque errors on one run."""
-    found = [
-        validate(side.estimate, data.recording, cutoff_hz=side.estimate.band_hz) for side in sides
-    ]
-    folder = data.folder
-    seen = [folder.run_id in side.estimate.run_ids for side in sides]
-    return RunPrediction(
-        run=folder.run_id,
-        label=folder.manifest().label,
-        first_has_seen_it=seen[0],
-        second_has_seen_it=seen[1],
-        axes=tuple(
-            AxisPrediction(
-                joint=name,
-                first_percent=finite(found[0].relative_percent[joint]),
-                second_percent=finite(found[1].relative_percent[joint]),
-            )
-            for joint, name in enumerate(data.recording.joint_names)
-        ),
-    )
+    return Verdict.of([line], headline, _sentence(difference))
 
 
 def _sentence(difference: EstimateDifference) -> str:
@@ -178,29 +78,36 @@ def _sentence(difference: EstimateDifference) -> str:
     return said
 
 
-def _parameters(difference: EstimateDifference) -> list[ParameterDifference]:
-    return [
-        ParameterDifference(
-            name=name,
-            unit=difference.units[i],
-            first=float(difference.first[i]),
-            first_std=float(difference.first_sigma[i]),
-            second=float(difference.second[i]),
-            second_std=float(difference.second_sigma[i]),
-            sigmas=float(difference.sigmas[i]),
-        )
+def _print(console: Console, compared: Compared, verdict: Verdict) -> None:
+    difference = compared.difference
+    parameters = [
+        {
+            "name": name,
+            "unit": difference.units[i],
+            "first": float(difference.first[i]),
+            "first_std": float(difference.first_sigma[i]),
+            "second": float(difference.second[i]),
+            "second_std": float(difference.second_sigma[i]),
+            "sigmas": float(difference.sigmas[i]),
+        }
         for i, name in enumerate(difference.names)
     ]
-
-
-def _print(
-    console: Console,
-    sides: list[_Side],
-    difference: EstimateDifference,
-    predictions: list[RunPrediction],
-) -> None:
+    console.document(
+        {
+            "first": compared.names[0],
+            "second": compared.names[1],
+            "verdict": verdict,
+            "parameters": parameters,
+            "only_first": list(difference.only_first),
+            "only_second": list(difference.only_second),
+            "shared_runs": list(difference.shared_runs),
+            "predictions": [_told(prediction) for prediction in compared.predictions],
+            "notes": compared.notes,
+        }
+    )
+    first, second = compared.names
     console.table(
-        ("parameter", sides[0].name, "±2σ", sides[1].name, "±2σ", "unit", "difference [σ]"),
+        ("parameter", first, "±2σ", second, "±2σ", "unit", "difference [σ]"),
         [
             (
                 name,
@@ -215,30 +122,43 @@ def _print(
         ],
         red=(np.abs(difference.sigmas) > difference.limit_sigmas).tolist(),
     )
-    for names, side in ((difference.only_first, 0), (difference.only_second, 1)):
+    for names, side in ((difference.only_first, first), (difference.only_second, second)):
         if names:
-            console.say(f"Only in {sides[side].name}: {', '.join(names)}")
-    for prediction in predictions:
+            console.say(f"Only in {side}: {', '.join(names)}")
+    for prediction in compared.predictions:
         console.say()
-        console.say(f"Torque errors on run {prediction.label!r}:")
+        console.say(f"Torque errors on run {prediction.data.folder.manifest().label!r}:")
+        heads = [
+            f"by {name} [%]" + (" (identified from it)" if seen else "")
+            for name, seen in zip(compared.names, prediction.seen, strict=True)
+        ]
+        joints = prediction.data.recording.joint_names
         console.table(
-            ("axis", *(_head(sides, prediction, side) for side in (0, 1))),
+            ("axis", *heads),
             [
-                (
-                    axis.joint,
-                    _percent(axis.first_percent),
-                    _percent(axis.second_percent),
-                )
-                for axis in prediction.axes
+                (joint, *(_percent(finite(value)) for value in values))
+                for joint, values in zip(joints, prediction.percent.T, strict=True)
             ],
         )
     console.say()
-    console.say(_sentence(difference))
+    console.say(verdict.sentence)
+    console.verdict(difference.agree, verdict.headline)
 
 
-def _head(sides: list[_Side], prediction: RunPrediction, side: int) -> str:
-    seen = prediction.second_has_seen_it if side else prediction.first_has_seen_it
-    return f"by {sides[side].name} [%]" + (" (identified from it)" if seen else "")
+def _told(prediction: RunPrediction) -> dict[str, object]:
+    data, (first, second) = prediction.data, prediction.seen
+    return {
+        "run": data.folder.run_id,
+        "label": data.folder.manifest().label,
+        "first_has_seen_it": first,
+        "second_has_seen_it": second,
+        "axes": [
+            {"joint": joint, "first_percent": finite(one), "second_percent": finite(other)}
+            for joint, (one, other) in zip(
+                data.recording.joint_names, prediction.percent.T, strict=True
+            )
+        ],
+    }
 
 
 def _percent(value: float | None) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -11,26 +10,19 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
+from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion
 from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.motion.samples import MotionSamples
+from compensation.loops.multisine_motion import MultisineOptions
 from config.errors import ConfigError
-from config.formats.whole_file import write_whole
-from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
-from identification.design.two_harmonic import (
-    TwoHarmonicOptions,
-    condition_number,
-    design_two_harmonic,
-)
-from identification.estimation.file import read_estimate
-from identification.friction.motions import constant_velocity_motion, reversed_motion
-from rid_daq.jobs.design_job import Search, chosen_criterion, excitation_problem, search
-from rid_daq.jobs.friction_motion import say_speeds, write_friction_motion
-from rid_daq.jobs.multisine_job import Grid, Phases, write_multisine
+from identification.design.two_harmonic import TwoHarmonicOptions
+from rid_daq.jobs.design_job import Designed, DesignRequest, Kind, design_motion
+from rid_daq.jobs.excitation_search import SearchOptions
 from rid_daq.report.sections.section import units
 from rid_daq.session.cells import CellName
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.inapplicable_options import is_given, refuse_inapplicable
 from rid_daq.terminal.output_file import Overwrite, refuse_output
 
@@ -38,13 +30,19 @@ DEFAULT_PERIOD_S = 10.0
 DEFAULT_PERIODS = 16
 
 
-class Kind(StrEnum):
-    """What the motion is for."""
+class Grid(StrEnum):
+    """Which lines of its band a multisine has."""
 
-    EXCITATION = "excitation"
-    CONSTANT_VELOCITY = "constant-velocity"
-    REVERSED = "reversed"
-    MULTISINE = "multisine"
+    ODD = "odd"
+    RANDOM_ODD = "random_odd"
+    FULL = "full"
+
+
+class Phases(StrEnum):
+    """Where the phases start before the crest factor is made small."""
+
+    RANDOM = "random"
+    SCHROEDER = "schroeder"
 
 
 class Method(StrEnum):
@@ -158,85 +156,54 @@ def design(
     """
     console = Console(as_json)
     _refuse_inapplicable(context, kind, method)
+    names = tuple(name.strip() for name in wanted.split(",") if name.strip())
+    if names and is_given(context, "criterion"):
+        raise ConfigError("--for takes the place of --criterion: leave one of them out")
     refuse_output(output, overwrite)
-    loaded = load_cell(cell)
-    robot = loaded.robot
-    if kind is Kind.CONSTANT_VELOCITY:
-        steady = constant_velocity_motion(robot, loaded.config.workspace, seed=seed)
-        write_friction_motion(console, loaded, steady, output)
-        say_speeds(console, steady)
-        console.next_step("record", cell, output)
-        return
-    if kind is Kind.MULTISINE:
-        write_multisine(
-            console,
-            loaded,
-            output,
-            band=band,
-            grid=grid,
-            phases=phases,
-            realisations=realisations,
+    excitation: SearchOptions | TwoHarmonicOptions = SearchOptions(
+        period_s=period_s or DEFAULT_PERIOD_S,
+        periods=periods or DEFAULT_PERIODS,
+        harmonics=highest_harmonic or 5,
+        criterion=criterion.value,
+        wanted=names,
+        starts=starts,
+        seed=seed,
+        budget_s=budget_s,
+        scheduler=scheduler,
+    )
+    if method is Method.TWO_HARMONIC:
+        excitation = TwoHarmonicOptions(
+            period_s=period_s or DEFAULT_PERIOD_S,
+            periods=periods or DEFAULT_PERIODS,
+            highest_harmonic=highest_harmonic or 8,
+            tries=tries,
+            seed=seed,
+        )
+    request = DesignRequest(
+        cell=cell,
+        output=output,
+        kind=kind,
+        excitation=excitation,
+        multisine=MultisineOptions(
+            band_hz=None if band is None else _band(band),
+            period_s=period_s,
+            periods=periods or 4,
+            realisations=realisations or (1 if phases is Phases.SCHROEDER else 4),
+            grid=grid.value,
+            phases=phases.value,
             slow=slow,
-            period_s=period_s,
-            periods=periods,
-            model=model,
             seed=seed,
-        )
-        console.next_step("record", cell, output, then=", then rid-daq loop latest")
-        return
-    found: Search | None = None
-    period_s, periods = period_s or DEFAULT_PERIOD_S, periods or DEFAULT_PERIODS
-    if method is Method.OPTIMAL:
-        names = [name.strip() for name in wanted.split(",") if name.strip()]
-        if names and is_given(context, "criterion"):
-            raise ConfigError("--for takes the place of --criterion: leave one of them out")
-        problem = excitation_problem(
-            loaded.config,
-            robot,
-            period_s=period_s,
-            harmonics=highest_harmonic or 5,
-            criterion=chosen_criterion(robot, criterion.value, names),
-            model=None if model is None else read_estimate(model),
-            given=[read_estimate(path) for path in given or ()],
-        )
-        found = search(
-            problem,
-            loaded.config,
-            console,
-            seed=seed,
-            starts=starts,
-            periods=periods,
-            budget_s=budget_s,
-            scheduler=scheduler,
-        )
-        motion = found.best.motion
-        origin = (
-            f"start {found.best.seed} was the best of {len(found.trials)} from seed {seed} for"
-            f" {', '.join(names) or criterion.value}:"
-            f" {problem.criterion.describe(found.best.check.objective)}."
-        )
-    else:
-        motion = design_two_harmonic(
-            robot,
-            TwoHarmonicOptions(
-                period_s,
-                highest_harmonic=highest_harmonic or 8,
-                tries=tries,
-                seed=seed,
-                periods=periods,
-            ),
-            loaded.config.cycle_time_s,
-            workspace=loaded.config.workspace,
-        )
-        origin = f"the best of {tries} draws of two harmonics from seed {seed}."
-    if kind is Kind.REVERSED:
-        write_friction_motion(console, loaded, reversed_motion(motion), output)
-    else:
-        _write(console, loaded, motion, output, origin, found)
-    console.next_step("record", cell, output)
-    if found is not None and found.interrupted_by is not None:
-        interrupted = found.interrupted_by is signal.SIGINT
-        raise typer.Exit(ExitCode.INTERRUPTED if interrupted else ExitCode.TERMINATED)
+        ),
+        model=model,
+        given=tuple(given or ()),
+        seed=seed,
+    )
+    designed = design_motion(request, console)
+    _print(console, designed, request)
+    then = ", then rid-daq loop latest" if kind is Kind.MULTISINE else ""
+    console.next_step("record", cell, output, then=then)
+    if designed.found is not None and designed.found.exit_code:
+        raise typer.Exit(designed.found.exit_code)
 
 
 def _refuse_inapplicable(context: typer.Context, kind: Kind, method: Method) -> None:
@@ -252,23 +219,115 @@ def _refuse_inapplicable(context: typer.Context, kind: Kind, method: Method) -> 
         refuse_inapplicable(context, others, f"with --method {method.value}")
 
 
-def _write(
-    console: Console,
-    loaded: LoadedCell,
-    motion: FourierMotion,
-    output: Path,
-    origin: str,
-    found: Search | None,
-) -> None:
-    """Write the motion file, and say what is in it."""
-    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
-    condition = condition_number(loaded.robot, motion)
-    axes = _use_of_limits(samples, loaded.robot)
-    comment = (
-        f"Excitation for robot {loaded.robot.name}, verified within its limits at"
-        f" {loaded.config.cycle_time_ms} ms.\nCondition number {condition:.4g}; {origin}"
+def _band(words: str) -> tuple[float, float]:
+    try:
+        lowest, highest = (float(part) for part in words.split(":"))
+    except ValueError:
+        raise ConfigError(
+            f"--band {words!r}: give the lowest and the highest frequency in Hz, as 0.5:20"
+        ) from None
+    return lowest, highest
+
+
+def _print(console: Console, designed: Designed, request: DesignRequest) -> None:
+    """Say what is in the motion file."""
+    motion, samples, output = designed.motion, designed.samples, request.output
+    if isinstance(motion, FourierMotion):
+        _print_excitation(console, designed, motion, output)
+        return
+    told = {"motion": str(output), "kind": motion.kind, "duration_s": samples.duration_s}
+    said = f"{output}: {motion.describe()} {samples.duration_s:.0f} s in all."
+    if isinstance(motion, MultisineMotion):
+        axes = _axes(designed, motion)
+        band = [motion.lowest_hz, motion.highest_hz]
+        console.document(told | {"band_hz": band, "axes": axes})
+        console.say(said)
+        _print_multisine(console, axes)
+        if not request.multisine.slow:
+            console.say(
+                "Without the slow sine friction sticks: inertia and margins come out wrong."
+            )
+        return
+    console.document(told)
+    console.say(said)
+    if isinstance(motion, ConstantVelocityMotion):
+        console.table(
+            ("axis", "from", "to", "speeds"),
+            [
+                (
+                    spec.joint,
+                    f"{spec.low:.3f}",
+                    f"{spec.high:.3f}",
+                    ", ".join(f"{speed:g}" for speed in spec.speeds),
+                )
+                for spec in motion.joints
+            ],
+        )
+
+
+def _axes(designed: Designed, motion: MultisineMotion) -> list[dict[str, Any]]:
+    """Return what each axis does in a multisine."""
+    robot = designed.cell.robot
+    assert designed.use is not None
+    return [
+        {
+            "joint": joint.name,
+            "unit": units(joint)[0],
+            "lines": len(own),
+            "rms_velocity": settings.velocity,
+            "crest_factor": crest,
+            "slow_amplitude": settings.slow_amplitude,
+            "velocity_percent": 100.0 * float(shares[0]),
+            "acceleration_percent": 100.0 * float(shares[1]),
+            "torque_percent": 100.0 * float(shares[2]) if shares[2] > 0.0 else None,
+        }
+        for joint, own, settings, crest, shares in zip(
+            robot.joints,
+            motion.excited_lines(robot),
+            motion.joints,
+            motion.crest_factors(robot),
+            designed.use,
+            strict=True,
+        )
+    ]
+
+
+def _print_multisine(console: Console, axes: list[dict[str, Any]]) -> None:
+    speed = "of limits: speed"
+    console.table(
+        (
+            "axis",
+            "lines",
+            "RMS speed",
+            "crest factor",
+            "slow sine",
+            speed,
+            "acceleration",
+            "torque",
+        ),
+        [
+            (
+                axis["joint"],
+                str(axis["lines"]),
+                f"{axis['rms_velocity']:.3g} {axis['unit']}/s",
+                f"{axis['crest_factor']:.2f}",
+                f"{axis['slow_amplitude']:.3g} {axis['unit']}",
+                f"{axis['velocity_percent']:.0f} %",
+                f"{axis['acceleration_percent']:.0f} %",
+                "not told" if axis["torque_percent"] is None else f"{axis['torque_percent']:.0f} %",
+            )
+            for axis in axes
+        ],
     )
-    write_whole(output, to_yaml(motion, comment).encode())
+    if any(axis["torque_percent"] is None for axis in axes):
+        console.say("Torque is told where the robot file has `cad`, or a --model is given.")
+
+
+def _print_excitation(
+    console: Console, designed: Designed, motion: FourierMotion, output: Path
+) -> None:
+    samples, condition, found = designed.samples, designed.condition, designed.found
+    axes = _use_of_limits(samples, designed.cell.robot)
     document: dict[str, object] = {
         "motion": str(output),
         "condition_number": condition,
@@ -277,7 +336,15 @@ def _write(
     }
     if found is not None:
         document["limits"] = [asdict(use) for use in found.best.check.uses]
-        document["trials"] = [asdict(trial) for trial in found.trials]
+        document["trials"] = [
+            {
+                "elapsed_s": trial.elapsed_s,
+                "seed": trial.seed,
+                "worth": trial.objective,
+                "broken": trial.broken,
+            }
+            for trial in found.trials
+        ]
         document["interrupted"] = found.interrupted_by is not None
     console.document(document)
     if found is not None and found.interrupted_by is not None:
@@ -302,46 +369,7 @@ def _write(
         ],
     )
     if found is not None:
-        _say_search(console, loaded, found)
-
-
-def _say_search(console: Console, loaded: LoadedCell, found: Search) -> None:
-    """Say how the search went, and what the motion's torques and distances are."""
-    curve = "; ".join(
-        f"{found.criterion.describe(trial.objective)} after {trial.elapsed_s:.1f} s"
-        for trial in found.curve
-    )
-    broken = sum(bool(trial.broken) for trial in found.trials)
-    console.say(f"{len(found.trials)} starts, {broken} of them in vain. The best so far: {curve}.")
-    uses = found.best.check.uses
-    torques = [use for use in uses if use.what.startswith("torque")]
-    shares = ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in torques)
-    console.say(
-        f"Largest torque expected, axis by axis: {shares} % of the limit."
-        if torques
-        else "Torque is not checked: the robot file has no `cad`, and no --model is given."
-    )
-    limits = None if loaded.config.plate is None else loaded.config.plate.limits
-    if limits is not None:
-        base = [use for use in uses if use.what.endswith("on the base")]
-        shares = ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in base)
-        console.say(
-            f"Largest reaction on the base expected, Fx to Mz: {shares} % of the limit."
-            if base
-            else "The reaction on the base is not checked: give a combined model by --model."
-        )
-    nearest = min(
-        (use for use in uses if use.unit == "m" and use.what.startswith("distance")),
-        key=lambda use: use.used,
-        default=None,
-    )
-    console.say(
-        f"Nearest approach: {1000.0 * nearest.used:.0f} mm, {nearest.what}."
-        if nearest is not None
-        else "Collisions are not checked: neither `bodies` nor a `workspace` is stated."
-    )
-    active = [use.what for use in uses if use.active]
-    console.say(f"What holds the motion back: {', '.join(active) or 'nothing'}.")
+        found.print(console, designed.cell.config)
 
 
 def _use_of_limits(samples: MotionSamples, robot: RobotDescription) -> list[dict[str, Any]]:

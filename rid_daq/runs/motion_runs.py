@@ -13,8 +13,7 @@ from compensation.feedforward.file import LARGEST_FILE_BYTES, FeedforwardFile, r
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, DataQualityError, system_errors
 from config.formats.bounded_file import read_file
-from config.load import load_bundled_or_path
-from rid_daq.runs.run_data import CELL, FEEDFORWARD, MOTION, RunData
+from rid_daq.runs.run_data import FEEDFORWARD, MOTION, RunData
 
 
 @dataclass(frozen=True)
@@ -71,8 +70,8 @@ def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun
         It has none, or cannot be read.
     """
     data = RunData.load(folder, unfinished=unfinished)
-    paths = [folder.file(name) for name in (CELL, MOTION)]
-    if not all(path.exists() for path in paths):
+    cell, motion = data.cell, folder.file(MOTION)
+    if cell is None or not motion.exists():
         raise DataQualityError(
             f"run {folder.run_id} says nothing of where the robot should have been: a run of this"
             " program's own is needed"
@@ -80,8 +79,8 @@ def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun
     ahead = folder.file(FEEDFORWARD)
     return MotionRun(
         data=data,
-        cell=load_bundled_or_path(str(paths[0]), "cells", CellConfig),
-        motion=load_motion(paths[1]),
+        cell=cell,
+        motion=load_motion(motion),
         file=read_feedforward(ahead) if ahead.exists() else None,
     )
 

@@ -29,6 +29,7 @@ from acquisition.recording.recording import Recording, joined
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
+from config.cell.cell import CellConfig
 from config.errors import ConfigError, DataQualityError, LockedError, RecordingError
 from config.load import load_bundled_or_path, load_robot
 from config.robot.robot import RobotDescription
@@ -130,6 +131,18 @@ class RunData:
         recording, cold = with_temperature_compensation(recording, folder.path, robot)
         recording, notes = _with_plate(folder, recording)
         return cls(folder, recording, robot, damage=(*damage.notes, *cold, *notes))
+
+    @cached_property
+    def cell(self) -> CellConfig | None:
+        """The cell as used; None of a recording from elsewhere.
+
+        Raises
+        ------
+        ConfigError
+            Its file is damaged.
+        """
+        path = self.folder.file(CELL)
+        return load_bundled_or_path(str(path), "cells", CellConfig) if path.exists() else None
 
     @cached_property
     def average(self) -> PeriodAverage:

@@ -207,6 +207,16 @@ class MultisineMotion(Motion):
             )
         return [given.index(name) for name in robot.joint_names]
 
+    def crest_factors(self, robot: RobotDescription) -> tuple[float, ...]:
+        """Return each joint's largest crest factor over the realisations, base to flange."""
+        found = []
+        for own, phasors in zip(self.excited_lines(robot), self.speed_phasors(robot), strict=True):
+            points = 16 * int(own[-1])
+            bins = np.zeros((len(phasors), points // 2 + 1), dtype=np.complex128)
+            bins[:, own] = phasors
+            found.append(max(crest_factor(signal) for signal in np.fft.irfft(bins, points)))
+        return tuple(found)
+
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         periods = self.transient_periods + self.periods
         refuse_endless(periods, self.period_s, self.ramp_s, parts=self.realisations)

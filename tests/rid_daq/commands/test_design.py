@@ -25,13 +25,13 @@ from identification.design.criteria import Condition, DOptimal, Goals
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
 from identification.design.search import refine
+from identification.design.task import chosen_criterion, excitation_problem
 from identification.design.verification import check_motion
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 from rid_daq.app import run
-from rid_daq.jobs.design_job import chosen_criterion, excitation_problem
 from rid_daq.jobs.truth import true_parameters
 from tests.builders.told import document
 

@@ -1,0 +1,179 @@
+"""`excitation_problem`: a design task, put together from a cell and what is known of its robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from acquisition.motion.fourier import samples_of_period
+from config.arrays import FloatArray
+from config.cell.cell import CellConfig
+from config.errors import ConfigError
+from config.robot.robot import RobotDescription
+from dynamics.model.cad import cad_parameters
+from dynamics.model.robot_model import RobotModel, regressor
+from identification.calibration.base_reaction import base_limits, with_known_mass
+from identification.design.criteria import Condition, Criterion, DOptimal, Goals
+from identification.design.model import design_model
+from identification.design.problem import ExcitationProblem
+from identification.estimation.estimate import Estimate
+from identification.model.base_parameters import BaseParameters, base_parameters
+
+EXPECTED_NOISE_SHARE: Final = 0.01
+LIMIT_FRACTION: Final = 0.95
+TORQUE: Final = "torque"
+TORQUE_POSES: Final = 50
+
+
+def chosen_criterion(robot: RobotDescription, name: str, wanted: Sequence[str]) -> Criterion:
+    """Return the criterion of a command's words.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    name : str
+        "condition" or "d-optimal", where nothing is wanted in particular.
+    wanted : sequence of str
+        Base parameters by name, or `torque` for what the model predicts all over the limits.
+
+    Raises
+    ------
+    ConfigError
+        A name is none of the base parameters.
+    """
+    if not wanted:
+        return Condition() if name == "condition" else DOptimal()
+    model = design_model(robot)
+    base = base_parameters(model)
+    rows: list[FloatArray] = []
+    for parameter in wanted:
+        if parameter == TORQUE:
+            rows += list(_predictions(robot, model, base))
+        elif parameter in base.names:
+            rows.append(np.eye(len(base))[base.names.index(parameter)])
+        else:
+            raise ConfigError(
+                f"--for {parameter}: is not one of the parameters that torques can tell, which are"
+                f" {TORQUE}, {', '.join(base.names)}"
+            )
+    return Goals(np.array(rows))
+
+
+def excitation_problem(
+    cell: CellConfig,
+    robot: RobotDescription,
+    *,
+    period_s: float,
+    harmonics: int,
+    criterion: Criterion,
+    model: Estimate | None = None,
+    given: Sequence[Estimate] = (),
+) -> ExcitationProblem:
+    """Put a design task together from a cell and what is known of its robot.
+
+    Torque limits are held by `model`, else by the robot file's `cad`, else not at all. The noise
+    to expect is what `model` or an earlier estimate left over, else a share of the torque limits.
+
+    Raises
+    ------
+    ConfigError
+        A model is of another robot or has other terms, or the period does not suit the cell.
+    """
+    samples = samples_of_period(period_s, cell.cycle_time_s)
+    if 2 * harmonics >= samples:
+        raise ConfigError(
+            f"harmonic {harmonics} of a period of {samples} cycles is beyond half the sampling"
+            " frequency: use fewer harmonics or a longer period"
+        )
+    planned = design_model(robot)
+    noise = EXPECTED_NOISE_SHARE * np.array([joint.limits.torque for joint in robot.joints])
+    known = [*given, *([model] if model is not None else [])]
+    for estimate in known:
+        if estimate.robot.joint_names != robot.joint_names:
+            raise ConfigError(
+                f"a model is of robot {estimate.robot.name!r}, the cell's is {robot.name!r}: give"
+                " models of this robot"
+            )
+    if known:
+        noise = np.maximum(known[-1].residual_nm, 1e-4 * noise)
+    parameters = None
+    if model is not None:
+        parameters = _standard_values(planned, model)
+    elif robot.cad is not None:
+        parameters = cad_parameters(planned, robot)[0]
+    return ExcitationProblem(
+        robot=robot,
+        period_s=period_s,
+        harmonics=harmonics,
+        criterion=criterion,
+        limit_fraction=LIMIT_FRACTION,
+        expected_noise_nm=noise,
+        parameters=parameters,
+        given=_information(base_parameters(planned), given) if given else None,
+        workspace=cell.workspace,
+        base_limits=_base_limits(cell, parameters, model),
+    )
+
+
+def _base_limits(
+    cell: CellConfig, parameters: FloatArray | None, model: Estimate | None
+) -> FloatArray | None:
+    """Return what the base may see, where the cell says so and a model can tell."""
+    if cell.plate is None or cell.plate.limits is None or parameters is None:
+        return None
+    if model is not None and model.options.kind == "internal":
+        return None
+    return base_limits(cell.plate.limits)
+
+
+def _predictions(robot: RobotDescription, model: RobotModel, base: BaseParameters) -> FloatArray:
+    """Return what predicts the torques of random motions within the limits, (rows, b)."""
+    random = np.random.default_rng(0)
+    limits = [joint.limits for joint in robot.joints]
+    shape = (TORQUE_POSES, len(limits))
+    low, high = ([getattr(x, f"position_{end}") for x in limits] for end in ("min", "max"))
+    q = random.uniform(low, high, shape)
+    v = random.uniform(-1.0, 1.0, shape) * [each.velocity for each in limits]
+    a = random.uniform(-1.0, 1.0, shape) * [each.acceleration for each in limits]
+    return base.columns(regressor(model, q, v, a)).reshape(-1, len(base))
+
+
+def _standard_values(planned: RobotModel, estimate: Estimate) -> FloatArray:
+    """Return an estimate's parameters in the order of the planned model, 0 where it has none."""
+    standard = estimate.standard_values
+    if estimate.options.kind != "internal":
+        standard = estimate.base.to_standard(with_known_mass(estimate)[0])
+    found = dict(zip(estimate.base.standard_names, standard, strict=True))
+    return np.array([found.get(name, 0.0) for name in planned.parameter_names])
+
+
+def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
+    """Return what earlier estimates know, for one sample of a run worth as many equations.
+
+    Friction is left out: it changes from day to day, and is estimated anew (theory: section 4).
+    """
+    information = np.zeros((len(base), len(base)))
+    for estimate in given:
+        carried = [k for k, rigid in enumerate(_carried(estimate)) if rigid]
+        words = [estimate.base.expressions[k] for k in carried]
+        missing = [text for text in words if text not in base.expressions]
+        if missing:
+            raise ConfigError(
+                f"the model of robot {estimate.robot.name!r} knows {missing[0]}, which this cell's"
+                " robot has not: give models of the same robot file with all its terms"
+            )
+        places = [base.expressions.index(text) for text in words]
+        covariance = estimate.covariance_residual[np.ix_(carried, carried)]
+        samples = estimate.equations / len(estimate.robot.joints)
+        information[np.ix_(places, places)] += np.linalg.inv(covariance) / samples
+    return information
+
+
+def _carried(estimate: Estimate) -> list[bool]:
+    """Return which base parameters are worth as much tomorrow: all but friction's."""
+    friction = estimate.model.parameter_groups.get("friction", slice(0, 0))
+    changing = set(range(*friction.indices(len(estimate.model.parameter_names))))
+    return [head not in changing for head in estimate.base.kept]

@@ -1,0 +1,132 @@
+"""`rid-daq compare`: two estimates of one robot, and how well both predict some runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.runs.catalogue import find_run
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from identification.estimation.estimate import Estimate
+from identification.estimation.file import read_estimate
+from identification.validation.estimate_difference import EstimateDifference, compare_estimates
+from identification.validation.torque_prediction import validate
+from rid_daq.jobs.identify_job import MODEL
+from rid_daq.runs.run_data import RunData, report_lacks
+from rid_daq.terminal.console import Console
+
+
+@dataclass(frozen=True)
+class CompareRequest:
+    """What `rid-daq compare` was asked for.
+
+    Attributes
+    ----------
+    first, second : str
+        Runs that were identified, or model files.
+    runs : Path
+        The folder of the run folders.
+    on : str or None
+        The run whose torques are predicted; those named if None.
+    unfinished : bool
+        Whether a run that was never finished will do.
+    """
+
+    first: str
+    second: str
+    runs: Path
+    on: str | None = None
+    unfinished: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class RunPrediction:
+    """How well both models predict one run.
+
+    Attributes
+    ----------
+    data : RunData
+        The run.
+    seen : (bool, bool)
+        Whether each was identified from it.
+    percent : ndarray, shape (2, n)
+        Relative torque errors [%]; not a number of an axis that did not move.
+    """
+
+    data: RunData
+    seen: tuple[bool, bool]
+    percent: FloatArray
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What came of it.
+
+    Attributes
+    ----------
+    names : (str, str)
+        What the two are called.
+    difference : EstimateDifference
+        How far their parameters differ.
+    predictions : list of RunPrediction
+        One a run.
+    notes : list of str
+        What the runs lack.
+    """
+
+    names: tuple[str, str]
+    difference: EstimateDifference
+    predictions: list[RunPrediction]
+    notes: list[str]
+
+
+def compare_models(request: CompareRequest, console: Console) -> Compared:
+    """Compare two estimates, and predict runs with both.
+
+    Raises
+    ------
+    ConfigError
+        A run was not identified, or the two are of different robots.
+    RidDaqError
+        A run or a model cannot be used.
+    """
+    first, one, own = _side(request, request.first)
+    second, other, others = _side(request, request.second)
+    difference = compare_estimates(one, other)
+    judged = [data for data in (own, others) if data is not None]
+    if request.on is not None:
+        folder = find_run(request.runs, request.on)
+        judged = [RunData.load(folder, unfinished=request.unfinished)]
+    notes = report_lacks(console, judged)
+    predictions = [_prediction(one, other, data) for data in judged]
+    return Compared((first, second), difference, predictions, notes)
+
+
+def _side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunData | None]:
+    """Return name and estimate of a model file, or of a run with the model identified from it."""
+    path = Path(what)
+    if path.is_file() or (path.suffix == ".json" and not path.is_dir()):
+        return path.name, read_estimate(path), None
+    folder = find_run(request.runs, what)
+    if not folder.file(MODEL).exists():
+        raise ConfigError(
+            f"run {what!r} has no {MODEL}: identify it first: rid-daq identify {folder.path}"
+        )
+    data = RunData.load(folder, unfinished=request.unfinished)
+    folder.read(MODEL)  # as it was written there, or refused
+    return folder.manifest().label, read_estimate(folder.file(MODEL)), data
+
+
+def _prediction(one: Estimate, other: Estimate, data: RunData) -> RunPrediction:
+    run_id, found = (
+        data.folder.run_id,
+        [validate(each, data.recording, cutoff_hz=each.band_hz) for each in (one, other)],
+    )
+    return RunPrediction(
+        data,
+        (run_id in one.run_ids, run_id in other.run_ids),
+        np.array([each.relative_percent for each in found]),
+    )

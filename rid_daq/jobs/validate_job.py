@@ -1,0 +1,241 @@
+"""`rid-daq validate`: another run's torques, or a motion's base reaction, predicted and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.runs.catalogue import find_run
+from config.arrays import FloatArray
+from config.errors import ConfigError, DataQualityError
+from identification.calibration.base_reaction import base_load
+from identification.estimation.file import read_estimate
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.validation.base_wrench_validation import validate_base_wrench
+from identification.validation.diagnosis import diagnose
+from identification.validation.torque_prediction import validate
+from rid_daq.jobs.motion_load import limits_of, motion_load
+from rid_daq.report.formats import number
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.base_load import BaseLoadSection
+from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
+from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.sections.reaction import ReactionSection
+from rid_daq.report.sections.validation import ValidationSection
+from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.runs.run_data import RunData, report_lacks, result_of
+from rid_daq.terminal.console import Console
+
+
+@dataclass(frozen=True)
+class ValidateRequest:
+    """What `rid-daq validate` was asked for.
+
+    Attributes
+    ----------
+    model : Path
+        A model by `identify`.
+    run : str
+        A run, or a motion file.
+    runs : Path
+        The folder of the run folders.
+    limits : str or None
+        Largest relative errors [%], separated by commas; the cell's if None.
+    band_hz, standstill_rad_s : float
+        Signals are compared up to here, and from this speed.
+    base : bool
+        Whether the reaction on the base is judged.
+    mass_kg : float or None
+        Mass of all that the base carries [kg].
+    cell : str or None
+        The cell that a motion file is for.
+    unfinished : bool
+        Whether a run that was never finished will do.
+    """
+
+    model: Path
+    run: str
+    runs: Path
+    limits: str | None = None
+    band_hz: float = BAND_HZ
+    standstill_rad_s: float = STANDSTILL_RAD_S
+    base: bool = False
+    mass_kg: float | None = None
+    cell: str | None = None
+    unfinished: bool = False
+
+
+@dataclass(frozen=True)
+class Validated:
+    """What was predicted, and the verdict on it.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        Whether the limits hold.
+    validation : ValidationSection or None
+        Torques; None of a motion file, which nobody has run.
+    reaction : ReactionSection or None
+        The reaction on the base against the plate's.
+    base_load : BaseLoadSection or None
+        The largest reaction on the base, where it is judged.
+    notes : list of str, or None
+        What the run lacks.
+    report : Path or None
+        The run's report.
+    """
+
+    verdict: Verdict
+    validation: ValidationSection | None = None
+    reaction: ReactionSection | None = None
+    base_load: BaseLoadSection | None = None
+    notes: list[str] | None = None
+    report: Path | None = None
+
+
+def validate_run(request: ValidateRequest, console: Console) -> Validated:
+    """Predict a run with a model, judge the error, and put it into the run's report.
+
+    Raises
+    ------
+    ConfigError
+        The limits cannot be meant, or are missing, or the model is of another robot.
+    RidDaqError
+        The run or the model cannot be used.
+    """
+    estimate = read_estimate(request.model)
+    external = estimate.options.kind == "external"
+    if external and request.limits is not None:
+        raise ConfigError(
+            "--limits: has no effect with an external model, which knows no friction; leave it out"
+        )
+    data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
+    notes = report_lacks(console, [data])
+    validation = validate(
+        estimate,
+        data.recording,
+        cutoff_hz=request.band_hz,
+        standstill_rad_s=request.standstill_rad_s,
+        limits_percent=None if external else _limits(request.limits, data),
+        noise_nm=_noise(data),
+    )
+    sentence = f"Run {data.folder.manifest().label!r} predicted by {request.model.name}."
+    if external:
+        sentence += " The external model knows no friction: torques are not judged."
+    if data.folder.run_id in estimate.run_ids:
+        sentence += " The model was identified from this very run: this is no validation."
+    section = ValidationSection.of(
+        validation,
+        data.robot,
+        sentence,
+        diagnosis=[found.sentence for found in diagnose(estimate, validation)],
+    )
+    reaction = load = None
+    if data.recording.reaction is not None and estimate.options.kind != "internal":
+        try:
+            compared = validate_base_wrench(estimate, data.recording, cutoff_hz=request.band_hz)
+            reaction = ReactionSection.of(compared)
+        except DataQualityError as error:
+            console.say(f"The reaction on the base is not compared: {error}")
+    if request.base:
+        limits = limits_of(data.cell, "the run's cell file")
+        motion = (validation.position, validation.velocity, validation.acceleration)
+        load = BaseLoadSection.of(
+            base_load(estimate, validation.time_s, *motion, limits, mass_kg=request.mass_kg)
+        )
+    verdict = _verdict(section, load, estimate.robot.name)
+    result = result_of(data, notes)
+    curves = result.curves or CurvesSection()
+    torque = TorqueCurves.of(validation, data.robot)
+    result = result.updated(
+        title=f"Validation of {estimate.robot.name}",
+        validation=section,
+        estimate=EstimateSection.of(estimate),
+        curves=curves.model_copy(update={"torque": torque}),
+        reaction=reaction,
+        base_load=load,
+        verdict=verdict,
+    )
+    report = write_result(data.folder, result)
+    return Validated(verdict, section, reaction, load, notes, report)
+
+
+def predict_motion(request: ValidateRequest) -> Validated:
+    """Predict the reaction of a motion that nobody has run, and judge it.
+
+    Raises
+    ------
+    ConfigError
+        The reaction was not asked for, or as `motion_load`.
+    EstimationError
+        The model is an internal one.
+    """
+    estimate, motion = read_estimate(request.model), Path(request.run)
+    if not request.base:
+        raise ConfigError(
+            f"{motion}: is a motion file: without a run only the reaction on the base can be judged"
+            " (--base-limits); record it to judge torques"
+        )
+    load = BaseLoadSection.of(
+        motion_load(estimate, motion, request.cell, request.mass_kg),
+        " That is the motion as commanded: overshoot of the drives comes on top.",
+    )
+    passed = f"Passed: {motion.name} keeps the limits of the base"
+    return Validated(_judged(load.checks, passed, load.sentence), base_load=load)
+
+
+def _noise(data: RunData) -> FloatArray | None:
+    """Return the noise of one torque sample as periods show it; None where there are none."""
+    if not data.is_periodic:
+        return None
+    try:
+        return np.asarray(np.sqrt(data.average.torque_variance))
+    except DataQualityError:
+        return None
+
+
+def _limits(text: str | None, data: RunData) -> tuple[float, ...] | None:
+    """Return the limit of every axis: those given, or the cell file's."""
+    if text is None:
+        return None if data.cell is None else data.cell.validation_limits_percent
+    count = len(data.robot.joints)
+    try:
+        values = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) not in (1, count) or not all(0.0 < value < 1e6 for value in values):
+        raise ConfigError(
+            f"--limits {text}: give one percentage, or {count} separated by commas, such as"
+            f" {','.join(['10'] * count)}"
+        )
+    return values * (count if len(values) == 1 else 1)
+
+
+def _verdict(section: ValidationSection, load: BaseLoadSection | None, robot: str) -> Verdict:
+    checks = [
+        Check.of(
+            f"relative torque error, {axis.joint}",
+            axis.relative_error_percent,
+            "≤",
+            axis.limit_percent,
+            "%",
+        )
+        for axis in section.axes
+        if axis.limit_percent is not None and axis.relative_error_percent is not None
+    ]
+    checks += [] if load is None else load.checks
+    errors = ", ".join(f"{number(axis.relative_error_percent, 3)}" for axis in section.axes)
+    sentence = f"Relative torque error, axis by axis: {errors} %."
+    if not checks:
+        return Verdict.of([], "Torques predicted; no limits were given", sentence)
+    return _judged(checks, f"Passed: the model of {robot} predicts this run", sentence)
+
+
+def _judged(checks: Sequence[Check], passed: str, sentence: str) -> Verdict:
+    """Return a verdict whose headline names what is beyond its limit."""
+    failed = [line.text.rsplit(" ", 1)[-1] for line in checks if not line.passed]
+    headline = f"Failed: {', '.join(failed)} beyond the limit" if failed else passed
+    return Verdict.of(checks, headline, sentence)
