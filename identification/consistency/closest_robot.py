@@ -87,6 +87,18 @@ class ConsistentEstimate:
         return (self.base_values - self.estimate.values) / self.estimate.sigma
 
     @property
+    def sentence(self) -> str:
+        """How far the robot that can exist is from what was identified, in words."""
+        moved = self.moved_sigmas
+        worst = int(np.argmax(np.abs(moved)))
+        explains = "explains" if self.can_exist else "DOES NOT explain"
+        return (
+            f"The nearest robot that can exist {explains} the data (p = {self.p_value:.2g}); the"
+            f" parameter moved most is {self.estimate.base.names[worst]}, by"
+            f" {abs(moved[worst]):.2g} standard deviations."
+        )
+
+    @property
     def links(self) -> tuple[LinkBody, ...]:
         """Mass, centre and inertia of every link, base to flange."""
         model = self.estimate.model

@@ -19,7 +19,9 @@ from dynamics.terms.payload import Payload
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK, RigidBodies
 from dynamics.terms.rotors import Rotors
 from dynamics.terms.spring import Spring
+from identification.consistency.closest_robot import ConsistentEstimate
 from identification.consistency.rigid_body import LinkBody
+from identification.estimation.estimate import Estimate
 from identification.friction.curve import friction_columns
 
 T = TypeVar("T")
@@ -74,6 +76,20 @@ class ExportModel:
                 f"the exports do not know the model's terms {', '.join(unknown)}: leave them out of"
                 " the model, or teach `identification/export` to write them"
             )
+
+    @classmethod
+    def identified(cls, estimate: Estimate) -> ExportModel:
+        """Return an estimate's own parameters, which no robot need have."""
+        line = "Parameters as identified: torques are those of the model file."
+        origin = _origin(estimate, line)
+        return cls(estimate.robot, estimate.model, estimate.standard_values, origin)
+
+    @classmethod
+    def consistent(cls, found: ConsistentEstimate) -> ExportModel:
+        """Return the closest parameters that a robot can have."""
+        estimate = found.estimate
+        origin = _origin(estimate, found.sentence)
+        return cls(estimate.robot, estimate.model, found.standard_values, origin)
 
     @cached_property
     def links(self) -> tuple[LinkBody, ...]:
@@ -244,6 +260,12 @@ class ExportModel:
 
 
 _CURVED = {"f3": "cubic", "fcr": "cube root", "fs": "Stribeck", "fcT": "temperature"}
+
+
+def _origin(estimate: Estimate, sentence: str) -> tuple[str, str]:
+    where = f", cell {estimate.cell_name}" if estimate.cell_name else ""
+    runs = ", ".join(estimate.run_ids) or "unnamed runs"
+    return f"Identified from {runs}{where}.", sentence
 
 
 def _turn_onto_z(up: FloatArray) -> FloatArray:

@@ -4,36 +4,21 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 
-from acquisition.motion.kinds.fourier import FourierMotion
-from acquisition.motion.motion_file import load_motion
-from config.arrays import FloatArray
-from config.errors import ConfigError
-from config.formats.whole_file import write_whole
-from config.load import LoadedCell, load_cell
-from dynamics.model.robot_model import RobotModel
-from identification.consistency.closest_robot import consistent
-from identification.estimation.file import read_estimate
-from identification.payload.body import REPORTED, REPORTED_UNITS, PayloadBody
-from identification.payload.file import read_payload
-from identification.sensitivity.cases import (
-    SensitivityRow,
-    sensitivity_row,
-    thesis_cases,
-    thesis_motion,
+from identification.payload.body import REPORTED, REPORTED_UNITS
+from identification.sensitivity.cases import SensitivityRow
+from identification.sensitivity.monte_carlo import PriorUncertainty
+from identification.sensitivity.problem import SensitivityProblem
+from rid_daq.jobs.sensitivity_job import (
+    DrawnPayloads,
+    SensitivityRequest,
+    draw_payloads,
+    sensitivity_table,
 )
-from identification.sensitivity.monte_carlo import Draws, PriorUncertainty, collected, monte_carlo
-from identification.sensitivity.problem import (
-    Comparison,
-    Excitation,
-    SensitivityProblem,
-    deviation_percent,
-)
-from rid_daq.jobs.truth import true_parameters
 from rid_daq.report.formats import number
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
@@ -121,21 +106,42 @@ def sensitivity(
     if not draws:
         doubts = {"doubt_torque_percent", "doubt_links_percent", "doubt_rotors_percent"}
         refuse_inapplicable(context, doubts | {"seed", "scheduler"}, "without draws")
-    problems = _problems(load_cell(cell), payload, model, motion)
-    how: Comparison | None = None
-    if against is not None:
-        how = "model" if against is Against.MODEL else "difference"
-    axes = len(problems["wrist"].robot.joints)
-    cases = thesis_cases(axes, share_percent / 100.0, bias_nm)
-    rows: list[SensitivityRow] = []
-    with console.progress("Sensitivity", float(len(cases)), "cases") as shown:
-        for done, case in enumerate(cases, start=1):
-            rows.append(sensitivity_row(case, problems, how))
-            shown.update(float(done), case.words)
+    request = SensitivityRequest(
+        cell=cell,
+        payload=payload,
+        against=None if against is None else against.value,
+        model=model,
+        motion=motion,
+        share=share_percent / 100.0,
+        bias_nm=bias_nm,
+        draws=draws,
+        seed=seed,
+        prior=PriorUncertainty(
+            torque_constants=doubt_torque_percent / 100.0,
+            links=doubt_links_percent / 100.0,
+            rotors=doubt_rotors_percent / 100.0,
+        ),
+        scheduler=scheduler,
+        output=output,
+    )
+    table = sensitivity_table(request, console)
+    problem = table.problem
+    _print_rows(console, table.rows)
+    if output is not None:
+        console.say(f"Table: {output}")
+    drawn = draw_payloads(request, problem, console) if draws else None
+    if drawn is not None:
+        _print_draws(console, drawn, problem)
+    console.document(_document(problem, table.rows, drawn))
+
+
+def _document(
+    problem: SensitivityProblem, rows: list[SensitivityRow], drawn: DrawnPayloads | None
+) -> dict[str, object]:
     document: dict[str, object] = {
-        "robot": problems["wrist"].robot.name,
+        "robot": problem.robot.name,
         "parameters": list(REPORTED),
-        "truth": [float(x) for x in problems["wrist"].payload.reported],
+        "truth": problem.payload.reported.tolist(),
         "rows": [
             {
                 "number": row.case.number,
@@ -146,86 +152,20 @@ def sensitivity(
             for row in rows
         ],
     }
-    _tell(console, rows)
-    if output is not None:
-        write_whole(output, _csv(rows).encode())
-        console.say(f"Table: {output}")
-    if draws:
-        prior = PriorUncertainty(
-            torque_constants=doubt_torque_percent / 100.0,
-            links=doubt_links_percent / 100.0,
-            rotors=doubt_rotors_percent / 100.0,
-        )
-        document["monte_carlo"] = _monte_carlo(
-            console, problems["wrist"], prior, how or "model", draws, seed, scheduler
-        )
-    console.document(document)
-
-
-def _problems(
-    cell: LoadedCell, payload: str, model: Path | None, motion: str | None
-) -> dict[Any, SensitivityProblem]:
-    robot = cell.robot
-    terms = RobotModel.from_description(robot)
-    n = len(robot.joints)
-    noise = np.ones(n)
-    if model is not None:
-        estimate = read_estimate(model)
-        if estimate.model.parameter_names != terms.parameter_names:
-            raise ConfigError(f"{model}: is of another robot than cell {cell.config.name}")
-        parameters = consistent(estimate).standard_values
-        noise = np.maximum(estimate.residual_nm, 1e-6)
-    elif cell.plant is not None:
-        parameters = true_parameters(terms, robot, cell.plant)
-        noise = np.array([max(axis.torque_noise_nm, 1e-3) for axis in cell.plant.axes])
-    else:
-        raise ConfigError(
-            f"cell {cell.config.name} is not simulated, so that its robot's true parameters are not"
-            " known: give a model that was identified (--model)"
-        )
-    body = _body(cell, payload)
-    wrist = list(range(2, n)) if n >= 6 else list(range(n))
-    if motion is not None:
-        given = _excitation(cell, motion)
-        motions = {"wrist": given, "all": given}
-    else:
-        motions = {
-            "wrist": thesis_motion(robot, wrist),
-            "all": thesis_motion(robot, range(n)),
+    if drawn is not None:
+        values = drawn.values
+        document["monte_carlo"] = {
+            "draws": len(values),
+            "mean": values.mean(axis=0).tolist(),
+            "std": values.std(axis=0, ddof=1).tolist(),
+            "percentiles": {
+                str(p): np.percentile(values, p, axis=0).tolist() for p in (2.5, 50, 97.5)
+            },
         }
-    return {
-        name: SensitivityProblem(robot, parameters, body, excitation, noise)
-        for name, excitation in motions.items()
-    }
+    return document
 
 
-def _body(cell: LoadedCell, payload: str) -> PayloadBody:
-    known = {} if cell.plant is None else cell.plant.payloads
-    if payload in known:
-        body = known[payload]
-        values = [body.mass_kg, *body.centre_m, *body.inertia_kg_m2]
-        return PayloadBody.of_reported(np.array(values))
-    if Path(payload).exists():
-        return read_payload(Path(payload)).estimate.body
-    names = ", ".join(known) or "none"
-    raise ConfigError(
-        f"--payload {payload}: neither a file nor a payload of cell {cell.config.name} ({names})"
-    )
-
-
-def _excitation(cell: LoadedCell, motion: str) -> Excitation:
-    loaded = FourierMotion.require(
-        load_motion(motion), f"--motion {motion}: sensitivity needs a periodic (fourier) motion"
-    )
-    trajectory = loaded.trajectory(cell.robot, cell.config.cycle_time_s)
-    samples = trajectory.samples_per_period
-    time_s: FloatArray = np.arange(samples, dtype=np.float64) * cell.config.cycle_time_s
-    return Excitation(
-        trajectory.position(time_s), trajectory.velocity(time_s), trajectory.acceleration(time_s)
-    )
-
-
-def _tell(console: Console, rows: list[SensitivityRow]) -> None:
+def _print_rows(console: Console, rows: list[SensitivityRow]) -> None:
     console.say(
         "Deviation in percent of the true value, inertia about the centre of gravity; less a model"
         " of the unloaded robot, or less a run (difference):"
@@ -244,34 +184,8 @@ def _tell(console: Console, rows: list[SensitivityRow]) -> None:
     )
 
 
-def _csv(rows: list[SensitivityRow]) -> str:
-    lines = [",".join(("row", "wrong", "less", *(f"{name}_percent" for name in REPORTED)))]
-    for row in rows:
-        cells = ("" if p is None else f"{p:.6g}" for p in row.percent)
-        lines.append(",".join((str(row.case.number), f'"{row.case.words}"', row.against, *cells)))
-    return "\n".join(lines) + "\n"
-
-
-def _monte_carlo(
-    console: Console,
-    problem: SensitivityProblem,
-    prior: PriorUncertainty,
-    how: Comparison,
-    draws: int,
-    seed: int,
-    scheduler: str | None,
-) -> dict[str, object]:
-    batches: list[Draws] = []
-    with console.progress("Monte Carlo", float(draws), "draws") as shown:
-        done = 0
-        for batch in monte_carlo(problem, prior, how, draws, seed=seed, scheduler=scheduler):
-            batches.append(batch)
-            done += len(batch.values)
-            shown.update(float(done), f"mass ± {2.0 * batch.values[:, 0].std():.2g} kg (2σ)")
-    values = collected(batches)
-    mean, sigma = values.mean(axis=0), values.std(axis=0, ddof=1)
-    bias = deviation_percent(problem, mean)
-    console.say(f"{draws} draws of noise and doubts:")
+def _print_draws(console: Console, drawn: DrawnPayloads, problem: SensitivityProblem) -> None:
+    console.say(f"{len(drawn.values)} draws of noise and doubts:")
     console.table(
         ("parameter", "true", "mean off by", "scatter (2σ)", "unit"),
         [
@@ -283,15 +197,12 @@ def _monte_carlo(
                 unit,
             )
             for name, unit, truth, percent, spread in zip(
-                REPORTED, REPORTED_UNITS, problem.payload.reported, bias, sigma, strict=True
+                REPORTED,
+                REPORTED_UNITS,
+                problem.payload.reported,
+                drawn.off_percent,
+                drawn.values.std(axis=0, ddof=1),
+                strict=True,
             )
         ],
     )
-    return {
-        "draws": draws,
-        "mean": [float(x) for x in mean],
-        "std": [float(x) for x in sigma],
-        "percentiles": {
-            str(p): [float(x) for x in np.percentile(values, p, axis=0)] for p in (2.5, 50, 97.5)
-        },
-    }

@@ -6,13 +6,9 @@ from typing import Annotated
 
 import typer
 
-from acquisition.runs.catalogue import find_runs
-from config.errors import ConfigError, DataQualityError
-from rid_daq.report.result_file import write_result
-from rid_daq.report.sections.tracking import ErrorSize, FollowedMotion, TrackingSection
-from rid_daq.runs.followed_motion import followed
-from rid_daq.runs.motion_runs import MotionRun, read_motion_run
-from rid_daq.runs.run_data import Unfinished, report_lacks, result_of
+from rid_daq.jobs.tracking_job import Tracked, TrackingRequest, track_runs
+from rid_daq.report.sections.tracking import ErrorSize, FollowedMotion
+from rid_daq.runs.run_data import Unfinished
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
@@ -37,32 +33,17 @@ def tracking(
     file.
     """
     console = Console(as_json)
-    driven = [read_motion_run(folder, unfinished=unfinished) for folder in find_runs(runs, run)]
-    others = [
-        read_motion_run(folder, unfinished=unfinished) for folder in find_runs(runs, against or ())
-    ]
-    notes = report_lacks(console, [one.data for one in (*driven, *others)])
-    robot = driven[0].data.robot
-    for one in (*driven, *others):
-        if one.data.robot != robot:
-            raise ConfigError(
-                f"run {one.run_id} is of robot {one.data.robot.name!r}, or of another state of its"
-                f" file, run {driven[0].run_id} of {robot.name!r}: compare runs of one"
-            )
-    pairs = [(one, _before(one, others)) for one in driven]
-    for other in others:
-        if all(other is not before for _, before in pairs):
-            raise ConfigError(
-                f"--against {other.run_id}: is of none of the motions given; compare runs of the"
-                " same motion"
-            )
-    section = TrackingSection.of([followed(*pair) for pair in pairs], robot)
-    result = result_of(driven[0].data, notes).updated(
-        title=f"Paths of {robot.name}", tracking=section, verdict=section.verdict
-    )
-    path = write_result(driven[0].data.folder, result)
+    request = TrackingRequest(run, against or (), runs, unfinished)
+    _print(console, track_runs(request, console))
+
+
+def _print(console: Console, tracked: Tracked) -> None:
     console.document(
-        _document(pairs, section, robot.joint_names) | {"notes": notes, "report": str(path)}
+        {
+            "motions": _motions(tracked),
+            "notes": tracked.notes,
+            "report": str(tracked.report),
+        }
     )
     console.table(
         (
@@ -82,50 +63,28 @@ def tracking(
                 *_row(motion, "mean_m", motion.mean_ratio),
                 *_row(motion, "max_m", motion.max_ratio),
             )
-            for (one, _), motion in zip(pairs, section.motions, strict=True)
+            for (one, _), motion in zip(tracked.pairs, tracked.section.motions, strict=True)
         ],
     )
-    console.verdict(None, section.verdict.headline)
-    console.say(f"Report: {path}")
+    console.verdict(None, tracked.section.verdict.headline)
+    console.say(f"Report: {tracked.report}")
 
 
-def _before(run: MotionRun, others: list[MotionRun]) -> MotionRun | None:
-    """Return the run to compare with: the one of the same motion.
-
-    Raises
-    ------
-    DataQualityError
-        There are several.
-    """
-    same = [other for other in others if other.motion == run.motion]
-    if len(same) > 1:
-        raise DataQualityError(
-            f"runs {same[0].run_id} and {same[1].run_id} are of the same motion: give --against"
-            " once for each"
-        )
-    return same[0] if same else None
-
-
-def _document(
-    pairs: list[tuple[MotionRun, MotionRun | None]],
-    section: TrackingSection,
-    joints: tuple[str, ...],
-) -> dict[str, object]:
-    return {
-        "motions": [
-            {
-                "run": one.run_id,
-                "use": motion.use,
-                **_sizes(motion.after, joints),
-                "against": None
-                if before is None or motion.before is None
-                else {"run": before.run_id, **_sizes(motion.before, joints)},
-                "mean_ratio": motion.mean_ratio,
-                "max_ratio": motion.max_ratio,
-            }
-            for (one, before), motion in zip(pairs, section.motions, strict=True)
-        ]
-    }
+def _motions(tracked: Tracked) -> list[dict[str, object]]:
+    joints = tracked.pairs[0][0].data.robot.joint_names
+    return [
+        {
+            "run": one.run_id,
+            "use": motion.use,
+            **_sizes(motion.after, joints),
+            "against": None
+            if before is None or motion.before is None
+            else {"run": before.run_id, **_sizes(motion.before, joints)},
+            "mean_ratio": motion.mean_ratio,
+            "max_ratio": motion.max_ratio,
+        }
+        for (one, before), motion in zip(tracked.pairs, tracked.section.motions, strict=True)
+    ]
 
 
 def _sizes(size: ErrorSize, joints: tuple[str, ...]) -> dict[str, object]:

@@ -1,0 +1,115 @@
+"""`rid-daq tracking`: how closely runs followed their motions, each beside the run before it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.runs.catalogue import find_runs
+from config.errors import ConfigError, DataQualityError
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.tracking import TrackingSection
+from rid_daq.runs.followed_motion import followed
+from rid_daq.runs.motion_runs import MotionRun, read_motion_run
+from rid_daq.runs.run_data import report_lacks, result_of
+from rid_daq.terminal.console import Console
+
+
+@dataclass(frozen=True)
+class TrackingRequest:
+    """What `rid-daq tracking` was asked for.
+
+    Attributes
+    ----------
+    run, against : sequence of str
+        Runs, and those of the same motions without compensation.
+    runs : Path
+        The folder of the run folders.
+    unfinished : bool
+        Whether runs that were never finished will do.
+    """
+
+    run: Sequence[str]
+    against: Sequence[str]
+    runs: Path
+    unfinished: bool = False
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """How closely motions were followed.
+
+    Attributes
+    ----------
+    pairs : list of (MotionRun, MotionRun or None)
+        Each run, with the one that it is compared with.
+    section : TrackingSection
+        How closely, in their order.
+    notes : list of str
+        What the runs lack.
+    report : Path
+        The first run's report.
+    """
+
+    pairs: list[tuple[MotionRun, MotionRun | None]]
+    section: TrackingSection
+    notes: list[str]
+    report: Path
+
+
+def track_runs(request: TrackingRequest, console: Console) -> Tracked:
+    """Compare positions reached with positions wanted, and put it into the first run's report.
+
+    Raises
+    ------
+    ConfigError
+        The runs are of several robots, or one of `against` is of another motion.
+    DataQualityError
+        Two of `against` are of one motion, or a run does not say where the robot should have been.
+    """
+    driven, others = (
+        [
+            read_motion_run(folder, unfinished=request.unfinished)
+            for folder in find_runs(request.runs, names)
+        ]
+        for names in (request.run, request.against)
+    )
+    first = driven[0]
+    robot = first.data.robot
+    notes = report_lacks(console, [one.data for one in (*driven, *others)])
+    for one in (*driven, *others):
+        if one.data.robot != robot:
+            raise ConfigError(
+                f"run {one.run_id} is of robot {one.data.robot.name!r}, or of another state of its"
+                f" file, run {first.run_id} of {robot.name!r}: compare runs of one"
+            )
+    pairs = [(one, _before(one, others)) for one in driven]
+    for other in others:
+        if all(other is not before for _, before in pairs):
+            raise ConfigError(
+                f"--against {other.run_id}: is of none of the motions given; compare runs of the"
+                " same motion"
+            )
+    section = TrackingSection.of([followed(*pair) for pair in pairs], robot)
+    result = result_of(first.data, notes).updated(
+        title=f"Paths of {robot.name}", tracking=section, verdict=section.verdict
+    )
+    return Tracked(pairs, section, notes, write_result(first.data.folder, result))
+
+
+def _before(run: MotionRun, others: list[MotionRun]) -> MotionRun | None:
+    """Return the run to compare with: the one of the same motion.
+
+    Raises
+    ------
+    DataQualityError
+        There are several.
+    """
+    same = [other for other in others if other.motion == run.motion]
+    if len(same) > 1:
+        raise DataQualityError(
+            f"runs {same[0].run_id} and {same[1].run_id} are of the same motion: give --against"
+            " once for each"
+        )
+    return same[0] if same else None
