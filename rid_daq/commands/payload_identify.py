@@ -4,25 +4,16 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Final, get_args
+from typing import Annotated
 
 import typer
 
-from acquisition.runs.catalogue import find_runs
-from config.errors import ConfigError
-from identification.estimation.file import read_estimate
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
-from identification.model.options import ModelOptions
 from identification.payload.body import REPORTED
-from identification.payload.equations import Procedure
-from identification.payload.file import write_payload
-from identification.payload.procedures import PayloadOptions
 from identification.payload.verdict import PayloadLimits
-from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, known_quantity, payload_from_runs
-from rid_daq.report.result_file import write_result
-from rid_daq.report.sections.payload import PayloadSection, payload_verdict
-from rid_daq.runs.flange import compared
-from rid_daq.runs.run_data import RunData, Unfinished, note_output, report_lacks, result_of
+from rid_daq.jobs.payload.identify_job import PayloadIdentifyRequest, identify_payload_runs
+from rid_daq.jobs.payload.payload_job import PAYLOAD, known_quantity
+from rid_daq.runs.run_data import Unfinished
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -36,9 +27,6 @@ class How(StrEnum):
     DIFFERENCE = "difference"
     MODEL = "model"
     APART = "apart"
-
-
-_PROCEDURES: Final[dict[str, Procedure]] = {name: name for name in get_args(Procedure)}
 
 
 def identify(
@@ -119,54 +107,36 @@ def identify(
     """
     console = Console(as_json)
     refuse_output(output, overwrite)
-    names = [*(unloaded or []), *loaded]
-    data = [RunData.load(folder, unfinished=unfinished) for folder in find_runs(runs, names)]
-    notes = report_lacks(console, data)
-    flags = [False] * (len(names) - len(loaded)) + [True] * len(loaded)
-    robot = None if model is None else read_estimate(model)
-    if procedure is None:
-        procedure = How.TOGETHER if model is None else How.MODEL
-    if procedure is How.MODEL and robot is None:
-        raise ConfigError("--procedure model needs the robot without payload: --model MODEL")
-    if procedure in (How.TOGETHER, How.DIFFERENCE) and robot is not None:
-        raise ConfigError(f"--procedure {procedure.value} takes no --model: leave one of them out")
-    payload_request = PayloadRequest(
-        how=PayloadOptions(
-            procedure=_PROCEDURES[procedure.value],
-            options=ModelOptions(rotors=rotors),
-            robot=robot,
-            known=tuple(known_quantity(text) for text in known or []),
-            torque_constant_sigma=torque_constant_sigma / 100.0,
-        ),
+    request = PayloadIdentifyRequest(
+        loaded=loaded,
+        unloaded=unloaded or (),
+        runs=runs,
+        model=model,
+        procedure=None if procedure is None else procedure.value,
+        known=tuple(known_quantity(text) for text in known or []),
+        torque_constant_sigma=torque_constant_sigma / 100.0,
         limits=PayloadLimits(mass_limit_percent, centre_limit_mm, inertia_limit_percent),
         band_hz=band_hz,
         standstill_rad_s=standstill_rad_s,
+        rotors=rotors,
+        unfinished=unfinished,
+        output=output,
     )
-    payload, repeats = payload_from_runs(data, flags, payload_request)
-    first = data[flags.index(True)]
-    output = output or first.folder.file(PAYLOAD)
-    write_payload(output, payload)
-    note_output(first.folder, output)
-    section = PayloadSection.of(payload, repeats, compared(data, flags, payload))
-    judged = payload_verdict(payload)
-    result = result_of(first, notes).updated(
-        title=f"Payload on {first.robot.name}", payload=section, verdict=judged
-    )
-    path = write_result(first.folder, result)
+    identified = identify_payload_runs(request, console)
+    section, verdict, file = identified.section, identified.verdict, identified.file
     console.document(
         {
-            "file": str(output),
+            "file": str(file),
             "payload": section,
-            "verdict": judged,
-            "notes": notes,
-            "report": str(path),
+            "verdict": verdict,
+            "notes": identified.notes,
+            "report": str(identified.report),
         }
     )
     section.print(console)
-    console.verdict(payload.passed, judged.headline)
-    console.say(f"Payload: {output}")
-    console.say(f"Report: {path}")
-    if payload.passed:
-        console.next_step("payload", "export", output, "--to", "FORMAT", "-o", "FILE")
-    else:
+    console.verdict(verdict.passed, verdict.headline)
+    console.say(f"Payload: {file}")
+    console.say(f"Report: {identified.report}")
+    if not verdict.passed:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
+    console.next_step("payload", "export", file, "--to", "FORMAT", "-o", "FILE")

@@ -7,17 +7,12 @@ from typing import Annotated
 
 import typer
 
-from config.errors import ConfigError
-from config.formats.bounded_file import read_file
 from identification.payload.body import REPORTED, REPORTED_UNITS
-from identification.payload.controllers.formats import LoadFormat, deviation, read_load_data
-from identification.payload.file import read_payload
+from identification.payload.controllers.formats import LoadFormat
+from rid_daq.jobs.payload.read_back_job import ReadBackRequest, read_back_payload
 from rid_daq.report.formats import number
-from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
-
-LARGEST_FILE_BYTES = 1_000_000
 
 
 def read_back(
@@ -42,29 +37,14 @@ def read_back(
     the inertia (as a share of its largest moment).
     """
     console = Console(as_json)
-    body = read_payload(payload).estimate.body
-    try:
-        text = read_file(file, LARGEST_FILE_BYTES).decode("utf-8", errors="replace")
-    except OSError as error:
-        raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
-    try:
-        found = read_load_data(text, form)
-    except ConfigError as error:
-        raise ConfigError(f"{file}: {error}") from None
-    difference = 100.0 * deviation(body, found, form)
-    line = Check.of("largest difference", difference, "≤", tolerance_percent, "%")
-    passed = line.passed
-    headline = (
-        f"Passed: {file} holds the payload"
-        if passed
-        else f"Failed: {file} differs from the payload by {number(difference, 3)} %"
-    )
+    found = read_back_payload(ReadBackRequest(payload, file, form, tolerance_percent))
+    measured, read, verdict = found.measured.reported, found.found.reported, found.verdict
     console.document(
         {
             "file": str(file),
             "format": form.value,
-            "verdict": Verdict.of([line], headline, "Compared with what was measured."),
-            "read": dict(zip(REPORTED, (float(x) for x in found.reported), strict=True)),
+            "verdict": verdict,
+            "read": dict(zip(REPORTED, read.tolist(), strict=True)),
         }
     )
     console.table(
@@ -72,10 +52,10 @@ def read_back(
         [
             (name, number(float(wanted), 6), number(float(held), 6), unit)
             for name, unit, wanted, held in zip(
-                REPORTED, REPORTED_UNITS, body.reported, found.reported, strict=True
+                REPORTED, REPORTED_UNITS, measured, read, strict=True
             )
         ],
     )
-    console.verdict(passed, headline)
-    if not passed:
+    console.verdict(verdict.passed, verdict.headline)
+    if not verdict.passed:
         raise typer.Exit(ExitCode.VERDICT_FAILED)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from identification.payload.verdict import PayloadLimits
-from rid_daq.jobs.payload_job import known_quantity
+from rid_daq.jobs.payload.payload_job import known_quantity
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
 from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payload_session

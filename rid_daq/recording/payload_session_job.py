@@ -19,7 +19,7 @@ from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import PayloadOptions
 from identification.payload.verdict import PayloadResult
 from rid_daq.jobs.cell_files import motion_for
-from rid_daq.jobs.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
+from rid_daq.jobs.payload.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
 from rid_daq.recording.payload_state import UNLOADED, SessionState
 from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
 from rid_daq.recording.run_session import open_session

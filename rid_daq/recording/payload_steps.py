@@ -17,7 +17,7 @@ from config.load import to_yaml
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.solution import Known
 from identification.payload.verdict import PayloadLimits
-from rid_daq.jobs.payload_job import PayloadRequest
+from rid_daq.jobs.payload.payload_job import PayloadRequest
 from rid_daq.live.live_page import LiveOptions
 from rid_daq.preflight.preflight import preflight
 from rid_daq.recording.payload_state import LOADED, UNLOADED, SessionState, is_measurement

@@ -18,7 +18,7 @@ from config.robot.robot import RobotDescription
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import identify_payload
-from rid_daq.jobs.payload_job import PayloadRequest
+from rid_daq.jobs.payload.payload_job import PayloadRequest
 
 FEWEST_PERIODS = 4
 FITTED_PERIODS = 6

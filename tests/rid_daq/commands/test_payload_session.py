@@ -20,7 +20,7 @@ from acquisition.runs.manifest import RECORDING
 from acquisition.session.early_stop import NewPeriods
 from identification.payload.periodic_runs import PeriodicRuns
 from rid_daq.app import run
-from rid_daq.jobs.payload_job import PayloadRequest, payload_runs
+from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_runs
 from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch, period_powers
 from rid_daq.runs.run_data import RunData
 

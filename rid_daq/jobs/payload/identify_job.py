@@ -1,0 +1,136 @@
+"""`rid-daq payload identify`: runs with and without a payload to its file and a report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from acquisition.runs.catalogue import find_runs
+from config.errors import ConfigError
+from identification.estimation.file import read_estimate
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.model.options import ModelOptions
+from identification.payload.equations import Procedure
+from identification.payload.file import write_payload
+from identification.payload.procedures import PayloadOptions
+from identification.payload.solution import Known
+from identification.payload.verdict import PayloadLimits
+from rid_daq.jobs.payload.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.payload import PayloadSection, payload_verdict
+from rid_daq.report.sections.verdict import Verdict
+from rid_daq.runs.flange import compared
+from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
+from rid_daq.terminal.console import Console
+
+
+@dataclass(frozen=True)
+class PayloadIdentifyRequest:
+    """What `rid-daq payload identify` was asked for.
+
+    Attributes
+    ----------
+    loaded, unloaded : sequence of str
+        Runs with the payload, and without it.
+    runs : Path
+        The folder of the run folders.
+    model : Path or None
+        The robot without payload.
+    procedure : Procedure or None
+        How robot and payload are told apart; by the model where there is one, else together.
+    known : tuple of Known
+        What is known otherwise.
+    torque_constant_sigma : float
+        What is not known of each torque constant, as a share.
+    limits : PayloadLimits
+        How sure the payload must be.
+    band_hz, standstill_rad_s : float
+        Highest frequency and lowest speed used.
+    rotors, unfinished : bool
+        Whether the model has rotors, and a run that was never finished will do.
+    output : Path or None
+        The payload file; that of the first loaded run if None.
+    """
+
+    loaded: Sequence[str]
+    unloaded: Sequence[str]
+    runs: Path
+    model: Path | None = None
+    procedure: Procedure | None = None
+    known: tuple[Known, ...] = ()
+    torque_constant_sigma: float = 0.0
+    limits: PayloadLimits = field(default_factory=PayloadLimits)
+    band_hz: float = BAND_HZ
+    standstill_rad_s: float = STANDSTILL_RAD_S
+    rotors: bool = True
+    unfinished: bool = False
+    output: Path | None = None
+
+
+@dataclass(frozen=True)
+class PayloadIdentified:
+    """What was found.
+
+    Attributes
+    ----------
+    section : PayloadSection
+        The payload.
+    verdict : Verdict
+        Whether it is as sure as was asked for.
+    file, report : Path
+        Where payload and report are.
+    notes : list of str
+        What the runs lack.
+    """
+
+    section: PayloadSection
+    verdict: Verdict
+    file: Path
+    report: Path
+    notes: list[str]
+
+
+def identify_payload_runs(request: PayloadIdentifyRequest, console: Console) -> PayloadIdentified:
+    """Identify a payload by runs; write its file and the first loaded run's report.
+
+    Raises
+    ------
+    ConfigError
+        The procedure does not go with the model, or the runs not together.
+    DataQualityError, EstimationError
+        The data do not show a payload.
+    RecordingError
+        A run cannot be read, or a file not be written.
+    """
+    names = [*request.unloaded, *request.loaded]
+    folders = find_runs(request.runs, names)
+    data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]
+    notes = report_lacks(console, data)
+    flags = [False] * len(request.unloaded) + [True] * len(request.loaded)
+    robot = None if request.model is None else read_estimate(request.model)
+    procedure = request.procedure or ("together" if robot is None else "model")
+    if procedure == "model" and robot is None:
+        raise ConfigError("--procedure model needs the robot without payload: --model MODEL")
+    if procedure in ("together", "difference") and robot is not None:
+        raise ConfigError(f"--procedure {procedure} takes no --model: leave one of them out")
+    how = PayloadOptions(
+        procedure=procedure,
+        options=ModelOptions(rotors=request.rotors),
+        robot=robot,
+        known=request.known,
+        torque_constant_sigma=request.torque_constant_sigma,
+    )
+    asked = PayloadRequest(how, request.limits, request.band_hz, request.standstill_rad_s)
+    payload, repeats = payload_from_runs(data, flags, asked)
+    first = data[flags.index(True)]
+    output = request.output or first.folder.file(PAYLOAD)
+    write_payload(output, payload)
+    note_output(first.folder, output)
+    section = PayloadSection.of(payload, repeats, compared(data, flags, payload))
+    verdict = payload_verdict(payload)
+    result = result_of(first, notes).updated(
+        title=f"Payload on {first.robot.name}", payload=section, verdict=verdict
+    )
+    report = write_result(first.folder, result)
+    return PayloadIdentified(section, verdict, output, report, notes)
