@@ -204,7 +204,7 @@ class ExcitationProblem:
         smaller[:, 1:] *= share
         return smaller.ravel()
 
-    def to_fourier(self, x: FloatArray, periods: int, transient_periods: int) -> FourierMotion:
+    def to_fourier(self, x: FloatArray, periods: int) -> FourierMotion:
         """Return variables as a motion file has them."""
         coefficients = np.round(self._coefficients(x), DECIMALS)
         n = self.harmonics
@@ -213,7 +213,6 @@ class ExcitationProblem:
             robot=self.robot.name,
             period_s=self.period_s,
             periods=periods,
-            transient_periods=transient_periods,
             joints=tuple(
                 FourierJoint(
                     joint=joint.name,

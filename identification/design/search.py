@@ -42,7 +42,6 @@ def refine(
     *,
     iterations: int = ITERATIONS,
     periods: int = 16,
-    transient_periods: int = 1,
 ) -> Candidate:
     """Refine one start by an augmented Lagrangian and L-BFGS, and check the result densely.
 
@@ -59,8 +58,8 @@ def refine(
         The cell's cycle time [s].
     iterations : int
         Most iterations of the first minimisation; the later ones have a share of it.
-    periods, transient_periods : int
-        Of the motion file.
+    periods : int
+        Periods of the motion file.
     """
     planned = problem.with_clearance(PLANNED_MARGIN_M)
     x = planned.start(seed)
@@ -83,7 +82,7 @@ def refine(
     x = problem.within(x)
 
     def candidate(x: FloatArray) -> Candidate:
-        motion = problem.to_fourier(x, periods, transient_periods)
+        motion = problem.to_fourier(x, periods)
         return Candidate(seed, motion, check_motion(problem, motion, sample_period_s))
 
     found = candidate(x)
@@ -101,7 +100,6 @@ def candidates(
     *,
     iterations: int = ITERATIONS,
     periods: int = 16,
-    transient_periods: int = 1,
     jobs: int = -1,
     scheduler: str | None = None,
 ) -> Generator[Candidate]:
@@ -109,7 +107,7 @@ def candidates(
 
     Parameters
     ----------
-    problem, sample_period_s, iterations, periods, transient_periods
+    problem, sample_period_s, iterations, periods
         As for `refine`.
     seeds : sequence of int
         One start each. All of them give the same set of candidates wherever they are computed.
@@ -125,14 +123,7 @@ def candidates(
     """
     work = joblib.delayed(refine)
     tasks = (
-        work(
-            problem,
-            seed,
-            sample_period_s,
-            iterations=iterations,
-            periods=periods,
-            transient_periods=transient_periods,
-        )
+        work(problem, seed, sample_period_s, iterations=iterations, periods=periods)
         for seed in seeds
     )
     with backend(scheduler, jobs), warnings.catch_warnings():

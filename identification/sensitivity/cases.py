@@ -61,9 +61,7 @@ class SensitivityRow:
     percent: tuple[float | None, ...]
 
 
-def thesis_motion(
-    robot: RobotDescription, axes: Sequence[int], seed: int = PHASES, samples: int = SAMPLES
-) -> Excitation:
+def thesis_motion(robot: RobotDescription, axes: Sequence[int]) -> Excitation:
     """Return a motion like those of chapter 5: harmonics 1 and 20 of 30 s, around mid-range.
 
     Parameters
@@ -72,14 +70,10 @@ def thesis_motion(
         The robot, for its limits.
     axes : sequence of int
         The axes that move, from 0.
-    seed : int
-        Of the phases.
-    samples : int
-        Samples of the period.
     """
-    random = np.random.default_rng(seed)
-    time_s = np.arange(samples) * (PERIOD_S / samples)
-    q, v, a = np.zeros((3, samples, len(robot.joints)))
+    random = np.random.default_rng(PHASES)
+    time_s = np.arange(SAMPLES) * (PERIOD_S / SAMPLES)
+    q, v, a = np.zeros((3, SAMPLES, len(robot.joints)))
     phases = random.uniform(0.0, 2.0 * np.pi, (len(robot.joints), 2))
     for j, joint in enumerate(robot.joints):
         limits = joint.limits

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from identification.payload.controllers.formats import LoadFormat
-from rid_daq.jobs.payload.export_job import PayloadExportRequest, export_payload
+from rid_daq.jobs.payload.load_data_job import PayloadExportRequest, export_payload
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.output_file import Overwrite, refuse_output
 

@@ -9,7 +9,7 @@ import typer
 
 from identification.payload.body import REPORTED, REPORTED_UNITS
 from identification.payload.controllers.formats import LoadFormat
-from rid_daq.jobs.payload.read_back_job import ReadBackRequest, read_back_payload
+from rid_daq.jobs.payload.load_data_job import ReadBackRequest, read_back_payload
 from rid_daq.report.formats import number
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
-from rid_daq.jobs.motion_load import is_motion_file
 from rid_daq.jobs.validate_job import Validated, ValidateRequest, predict_motion, validate_run
 from rid_daq.runs.run_data import Unfinished
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
@@ -74,7 +73,7 @@ def validate(
         cell=cell,
         unfinished=unfinished,
     )
-    if is_motion_file(run):
+    if request.is_motion_file:
         of_runs = {"limits", "band_hz", "standstill_rad_s", "unfinished"}
         refuse_inapplicable(context, of_runs, "with a motion file")
         validated = predict_motion(request)

@@ -8,16 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_run
 from config.arrays import FloatArray
+from config.cell.cell import CellConfig
+from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
+from config.load import load_cell
 from identification.calibration.base_reaction import base_load
 from identification.estimation.file import read_estimate
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.validation.base_wrench_validation import validate_base_wrench
 from identification.validation.diagnosis import diagnose
 from identification.validation.torque_prediction import validate
-from rid_daq.jobs.motion_load import limits_of, motion_load
 from rid_daq.report.formats import number
 from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.base_load import BaseLoadSection
@@ -66,6 +69,12 @@ class ValidateRequest:
     mass_kg: float | None = None
     cell: str | None = None
     unfinished: bool = False
+
+    @property
+    def is_motion_file(self) -> bool:
+        """Whether a YAML file was named, and no run."""
+        path = Path(self.run)
+        return path.suffix in (".yaml", ".yml") and path.is_file()
 
 
 @dataclass(frozen=True)
@@ -141,7 +150,7 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
         except DataQualityError as error:
             console.say(f"The reaction on the base is not compared: {error}")
     if request.base:
-        limits = limits_of(data.cell, "the run's cell file")
+        limits = _limits_of(data.cell, "the run's cell file")
         motion = (validation.position, validation.velocity, validation.acceleration)
         load = BaseLoadSection.of(
             base_load(estimate, validation.time_s, *motion, limits, mass_kg=request.mass_kg)
@@ -169,7 +178,8 @@ def predict_motion(request: ValidateRequest) -> Validated:
     Raises
     ------
     ConfigError
-        The reaction was not asked for, or as `motion_load`.
+        The reaction was not asked for, no cell is named or it has no limits, or the motion is for
+        another robot or cannot be run.
     EstimationError
         The model is an internal one.
     """
@@ -179,12 +189,37 @@ def predict_motion(request: ValidateRequest) -> Validated:
             f"{motion}: is a motion file: without a run only the reaction on the base can be judged"
             " (--base-limits); record it to judge torques"
         )
+    if request.cell is None:
+        raise ConfigError(
+            f"{motion}: a motion file needs --cell, which says the limits and the cycle time"
+        )
+    cell = load_cell(request.cell)
+    limits = _limits_of(cell.config, f"cell {cell.config.name}")
+    asked = load_motion(motion)
+    for what, robot in ((str(motion), asked.robot), ("the model", estimate.robot.name)):
+        if robot != cell.robot.name:
+            raise ConfigError(
+                f"{what}: is for robot {robot!r}, cell {cell.config.name} has {cell.robot.name!r}"
+            )
+    samples = asked.plan(cell.robot, cell.config.cycle_time_s)
+    time_s = np.arange(len(samples), dtype=np.float64) * samples.sample_period_s
+    moved = (samples.position, samples.velocity, samples.acceleration)
     load = BaseLoadSection.of(
-        motion_load(estimate, motion, request.cell, request.mass_kg),
+        base_load(estimate, time_s, *moved, limits, mass_kg=request.mass_kg),
         " That is the motion as commanded: overshoot of the drives comes on top.",
     )
     passed = f"Passed: {motion.name} keeps the limits of the base"
     return Validated(_judged(load.checks, passed, load.sentence), base_load=load)
+
+
+def _limits_of(cell: CellConfig | None, where: str) -> PlateLimits:
+    """Return what a cell file, named by `where`, says that the floor may see."""
+    limits = None if cell is None or cell.plate is None else cell.plate.limits
+    if limits is None:
+        raise ConfigError(
+            f"--base-limits: {where} has no `plate` with `limits`; add force_n and moment_nm there"
+        )
+    return limits
 
 
 def _noise(data: RunData) -> FloatArray | None:

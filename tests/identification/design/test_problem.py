@@ -120,7 +120,7 @@ def test_terms_that_no_motion_has_a_say_in_are_left_out() -> None:
 
 def test_a_motion_file_says_the_same_motion(problem) -> None:
     x = problem.start(4)
-    motion = problem.to_fourier(x, 16, 1)
+    motion = problem.to_fourier(x, 16)
     q = problem.motion(x, problem._coarse)[0]
     first = motion.joints[0]
     assert first.offset + sum(first.cosine) == pytest.approx(q[0, 0], abs=1e-5)

@@ -39,7 +39,7 @@ def problem() -> ExcitationProblem:
 
 @pytest.fixture(scope="module")
 def motion(problem) -> FourierMotion:
-    return problem.to_fourier(2.0 * problem.start(5), 16, 1)
+    return problem.to_fourier(2.0 * problem.start(5), 16)
 
 
 def values(motion: FourierMotion, derivative: int) -> np.ndarray:
