@@ -141,7 +141,11 @@ def multisine_motion(
     )
     swing *= float(options.slow)
     clearances = Clearances.of(robot, cell.workspace)
-    pose = _clear_pose(robot, clearances, seed)
+    low = np.array([each.position_min for each in limits])
+    high = np.array([each.position_max for each in limits])
+    middle = 0.5 * (low + high)
+    drawn = np.random.default_rng(seed).uniform(-0.3, 0.3, (POSES, len(low)))
+    pose = clearances.clear_pose(middle, middle + drawn * (high - low), robot.name)
     reason = ""
     for _ in range(ATTEMPTS):
         motion = MultisineMotion(
@@ -171,7 +175,7 @@ def multisine_motion(
             reason = str(error)
             speed, swing = SMALLER * speed, SMALLER * swing
             continue
-        if not _is_clear(clearances, samples.position[::PATH_STRIDE]):
+        if not clearances.is_clear(samples.position[::PATH_STRIDE]):
             reason = "the robot comes too near to itself or to the workspace"
             speed, swing = SMALLER * speed, SMALLER * swing
             continue
@@ -205,24 +209,3 @@ def limit_use(
     )
     used = [np.abs(values).max(axis=0) for values in (*moved[1:], torque_nm)]
     return np.asarray(np.array(used).T / limits)
-
-
-def _clear_pose(robot: RobotDescription, clearances: Clearances, seed: int) -> FloatArray:
-    """Return the middle of all ranges, or the first random pose near it that touches nothing."""
-    low = np.array([joint.limits.position_min for joint in robot.joints])
-    high = np.array([joint.limits.position_max for joint in robot.joints])
-    middle = 0.5 * (low + high)
-    drawn = np.random.default_rng(seed).uniform(-0.3, 0.3, (POSES, len(low)))
-    for pose in (middle, *(middle + drawn * (high - low))):
-        if _is_clear(clearances, pose[np.newaxis]):
-            return np.asarray(pose)
-    raise ConfigError(
-        f"robot {robot.name!r}: none of {POSES} poses keeps clear of itself and of the workspace:"
-        " check `bodies` in the robot file and `workspace` in the cell file"
-    )
-
-
-def _is_clear(clearances: Clearances, poses: FloatArray) -> bool:
-    if not len(clearances):
-        return True
-    return bool((clearances.nearest(poses) >= clearances.margin_m).all())

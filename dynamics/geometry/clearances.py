@@ -10,6 +10,7 @@ import coal  # pyright: ignore[reportMissingImports]
 import numpy as np
 
 from config.arrays import FloatArray, IntArray
+from config.errors import ConfigError
 from config.robot.bodies import Body, Box, Capsule, Plane, Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain, link_transforms, point_jacobian
@@ -109,6 +110,26 @@ class Clearances:
                 found = self._measure(links, rows, np.full(len(rows), column)).distance
                 nearest[column] = min(nearest[column], float(found.min()))
         return nearest
+
+    def is_clear(self, q: FloatArray) -> bool:
+        """Return whether every pair stays apart by the margin over poses q of (samples, n)."""
+        return not self.pairs or bool((self.nearest(q) >= self.margin_m).all())
+
+    def clear_pose(self, first: FloatArray, others: FloatArray, robot: str) -> FloatArray:
+        """Return a pose (n,) that is clear: the first, or one of the others (poses, n).
+
+        Raises
+        ------
+        ConfigError
+            None is; `robot` is named in the message.
+        """
+        for pose in (first, *others):
+            if self.is_clear(pose[np.newaxis]):
+                return np.asarray(pose)
+        raise ConfigError(
+            f"robot {robot!r}: none of {len(others)} poses keeps clear of itself and of the"
+            " workspace: check `bodies` in the robot file and `workspace` in the cell file"
+        )
 
     def shortfall(self, q: FloatArray) -> tuple[float, FloatArray]:
         """Return by how much bodies are too close, and how that changes with the joints.

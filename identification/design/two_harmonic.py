@@ -99,7 +99,7 @@ def design_two_harmonic(
     clearances = Clearances.of(robot, workspace)
     for motion in drawn:
         samples = motion.plan(robot, sample_period_s)
-        if (clearances.nearest(samples.position) >= clearances.margin_m).all():
+        if clearances.is_clear(samples.position):
             return motion
     raise ConfigError(
         f"none of {options.tries} draws keeps clear of the robot's own bodies and of the workspace:"

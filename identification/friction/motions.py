@@ -9,7 +9,7 @@ import numpy as np
 from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion, SpeedRuns
 from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.kinds.reversed import ReversedMotion
-from config.arrays import BoolArray, FloatArray
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.robot.bodies import Workspace
 from config.robot.robot import Joint, RobotDescription
@@ -108,13 +108,7 @@ def _clear_pose(robot: RobotDescription, clearances: Clearances, seed: int) -> F
     middle, half = 0.5 * (low + high), 0.5 * RANGE_SHARE * (high - low)
     first = np.where(np.abs(middle) < half, 0.0, middle)
     drawn = np.random.default_rng(seed).uniform(-1.0, 1.0, (POSES, len(low)))
-    for pose in (first, *(middle + half * drawn)):
-        if _clear(clearances, pose[np.newaxis])[0]:
-            return np.asarray(pose)
-    raise ConfigError(
-        f"robot {robot.name!r}: none of {POSES} poses keeps clear of itself and of the workspace:"
-        " check `bodies` in the robot file and `workspace` in the cell file"
-    )
+    return clearances.clear_pose(first, middle + half * drawn, robot.name)
 
 
 def _free_range(
@@ -131,17 +125,9 @@ def _free_range(
     places = np.linspace(low, high, PLACES)
     poses = np.tile(pose, (PLACES, 1))
     poses[:, j] = places
-    blocked = np.flatnonzero(~_clear(clearances, poses))
+    blocked = np.flatnonzero([not clearances.is_clear(each[np.newaxis]) for each in poses])
     below, above = blocked[places[blocked] < pose[j]], blocked[places[blocked] > pose[j]]
     return (
         float(places[below[-1] + 1]) if len(below) else float(low),
         float(places[above[0] - 1]) if len(above) else float(high),
     )
-
-
-def _clear(clearances: Clearances, poses: FloatArray) -> BoolArray:
-    """Return whether nothing comes too near, (poses,)."""
-    if not len(clearances):
-        return np.ones(len(poses), dtype=np.bool_)
-    margin = clearances.margin_m
-    return np.array([(clearances.nearest(pose[np.newaxis]) >= margin).all() for pose in poses])

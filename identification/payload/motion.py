@@ -247,16 +247,12 @@ class PayloadSearch:
             tried[j] += np.where(random.random(len(decay)) < CHANGED_SHARE, step, 0.0)
             tried = self.within(tried)
             objective = self.objective(tried)
-            if objective < best and self.is_clear(self.path(tried)[0]):
+            if objective < best and self.clearances.is_clear(self.path(tried)[0]):
                 coefficients, best = tried, objective
                 size = min(1.0, 1.3 * size)
             else:
                 size = max(LAST_STEP, 0.99 * size)
         return coefficients
-
-    def is_clear(self, position: FloatArray) -> bool:
-        """Return whether everything stays apart at some positions (samples, n)."""
-        return bool((self.clearances.nearest(position) >= self.clearances.margin_m).all())
 
 
 def design_payload_motion(
@@ -302,10 +298,10 @@ def design_payload_motion(
     for motion, coefficients in sorted(starts, key=lambda start: search.objective(start[1])):
         if not math.isfinite(search.objective(coefficients)):
             break
-        if not search.is_clear(search.path(coefficients)[0]):
+        if not search.clearances.is_clear(search.path(coefficients)[0]):
             continue
         found = search.motion_of(search.improved(coefficients, seed, steps), motion)
-        if search.is_clear(found.plan(search.robot, search.sample_period_s).position):
+        if search.clearances.is_clear(found.plan(search.robot, search.sample_period_s).position):
             return found
     raise ConfigError(
         f"none of {draws} motions shows a payload and keeps clear of the robot's own bodies and of"
