@@ -106,3 +106,17 @@ def test_no_command_imports_another() -> None:
         and not (node.module or "").startswith(f"rid_daq.commands.{path.stem}_")
     }
     assert found == set()
+
+
+def test_a_command_computes_nothing() -> None:
+    """It makes a request of its options, calls the job and prints: of science it takes types."""
+    science = ("compensation", "dynamics", "identification", "mock_hw")
+    found = {
+        f"{path.name}: {node.module}.{alias.name}"
+        for path in (ROOT / "rid_daq" / "commands").glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in science
+        for alias in node.names
+        if not alias.name[0].isupper()
+    }
+    assert found == set()
