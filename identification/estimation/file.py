@@ -127,67 +127,37 @@ def read_estimate(path: Path) -> Estimate:
 
 def estimate_document(estimate: Estimate) -> EstimateDocument:
     """Return an estimate as what stands in its file."""
-    base, model = estimate.base, estimate.model
+    base, model, plate = estimate.base, estimate.model, estimate.plate
     noise = estimate.sigma_noise
-    parameters = tuple(
-        _Parameter(
-            name=base.names[i],
-            words=base.expressions[i],
-            unit=base.units[i],
-            value=float(estimate.values[i]),
-            sigma=float(estimate.sigma[i]),
-            sigma_noise=None if noise is None else float(noise[i]),
-            sigma_residual=float(estimate.sigma_residual[i]),
-        )
-        for i in range(len(base))
-    )
-    return EstimateDocument(
+    return EstimateDocument.taken(
+        estimate,
         kind="rid-daq estimate",
         format=2,
         software=f"rid-daq {version('rid-daq')}",
         cell=estimate.cell_name,
         runs=estimate.run_ids,
-        method=estimate.method,
-        band_hz=estimate.band_hz,
-        standstill_rad_s=estimate.standstill_rad_s,
-        weighting=estimate.weighting,
-        periods=estimate.periods,
-        equations=estimate.equations,
-        condition_number=estimate.condition_number,
-        residual_nm=_row(estimate.residual_nm),
-        noise_nm=None if estimate.noise_nm is None else _row(estimate.noise_nm),
-        left_out_fraction=_row(estimate.left_out_fraction),
-        parameters=parameters,
-        shape_parameters=tuple(
-            _Shape(name=name, unit=unit, value=float(value), sigma=float(sigma))
-            for name, unit, value, sigma in zip(
-                model.nonlinear_names,
-                model.nonlinear_units,
-                model.nonlinear_values,
-                estimate.nonlinear_sigma,
-                strict=True,
-            )
+        parameters=_Parameter.for_each(
+            name=base.names,
+            words=base.expressions,
+            unit=base.units,
+            value=estimate.values,
+            sigma=estimate.sigma,
+            sigma_noise=[None] * len(base) if noise is None else noise,
+            sigma_residual=estimate.sigma_residual,
+        ),
+        shape_parameters=_Shape.for_each(
+            name=model.nonlinear_names,
+            unit=model.nonlinear_units,
+            value=model.nonlinear_values,
+            sigma=estimate.nonlinear_sigma,
         ),
         unseen=base.unseen,
         standard_parameters=base.standard_names,
-        combination=_matrix(base.combination),
-        covariance_noise=(
-            None if estimate.covariance_noise is None else _matrix(estimate.covariance_noise)
-        ),
-        covariance_residual=_matrix(estimate.covariance_residual),
-        covariance_honest=_matrix(estimate.covariance_jackknife),
-        shape_covariance=_matrix(estimate.nonlinear_covariance),
-        plate=None if estimate.plate is None else _plate(estimate.plate),
-        model=_Options(
-            kind=estimate.options.kind,
-            rotors=estimate.options.rotors,
-            friction=estimate.options.friction,
-            spring=estimate.options.spring,
-            sign_smoothing_rad_s=estimate.options.sign_smoothing_rad_s,
-            friction_terms=estimate.options.friction_terms,
-            payload=estimate.options.payload,
-        ),
-        robot=estimate.robot,
+        combination=base.combination,
+        covariance_honest=estimate.covariance_jackknife,
+        shape_covariance=estimate.nonlinear_covariance,
+        plate=None if plate is None else _Plate.taken(plate),
+        model=_Options.taken(estimate.options),
     )
 
 
@@ -212,60 +182,16 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         combination=np.array(document.combination),
         unseen=document.unseen,
     )
-    return Estimate(
-        robot=document.robot,
+    return document.into(
+        Estimate,
         options=options,
         base=base,
-        values=np.array([parameter.value for parameter in document.parameters]),
-        covariance_noise=(
-            None if document.covariance_noise is None else np.array(document.covariance_noise)
-        ),
-        covariance_residual=np.array(document.covariance_residual),
-        covariance_jackknife=np.array(document.covariance_honest or document.covariance_residual),
+        values=[parameter.value for parameter in document.parameters],
+        covariance_jackknife=document.covariance_honest or document.covariance_residual,
         nonlinear_covariance=np.array(document.shape_covariance).reshape(
             len(nonlinear), len(nonlinear)
         ),
-        plate=None if document.plate is None else _to_plate(document.plate),
-        condition_number=document.condition_number,
-        equations=document.equations,
-        residual_nm=np.array(document.residual_nm),
-        noise_nm=None if document.noise_nm is None else np.array(document.noise_nm),
-        left_out_fraction=np.array(document.left_out_fraction),
-        method=document.method,
-        band_hz=document.band_hz,
-        standstill_rad_s=document.standstill_rad_s,
-        weighting=document.weighting,
-        periods=document.periods,
+        plate=None if document.plate is None else document.plate.into(PlateFit),
         cell_name=document.cell,
         run_ids=document.runs,
     )
-
-
-def _plate(plate: PlateFit) -> _Plate:
-    return _Plate(
-        residual=_row(plate.residual),
-        noise=_row(plate.noise),
-        delay_s=_row(plate.delay_s),
-        delay_sigma_s=_row(plate.delay_sigma_s),
-        left_out=plate.left_out,
-        drift_n_s=_matrix(plate.drift_n_s),
-    )
-
-
-def _to_plate(document: _Plate) -> PlateFit:
-    return PlateFit(
-        residual=np.array(document.residual),
-        noise=np.array(document.noise),
-        delay_s=np.array(document.delay_s),
-        delay_sigma_s=np.array(document.delay_sigma_s),
-        left_out=document.left_out,
-        drift_n_s=np.array(document.drift_n_s),
-    )
-
-
-def _row(values: np.ndarray) -> Row:
-    return tuple(float(value) for value in values)
-
-
-def _matrix(values: np.ndarray) -> Matrix:
-    return tuple(_row(row) for row in values)

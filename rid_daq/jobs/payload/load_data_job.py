@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from config.errors import ConfigError, EstimationError
+from config.errors import ConfigError, EstimationError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
 from identification.payload.body import PayloadBody
@@ -113,10 +113,8 @@ def read_back_payload(request: ReadBackRequest) -> ReadBack:
     """
     file = request.file
     body = read_payload(request.payload).estimate.body
-    try:
+    with system_errors(ConfigError, f"{file}: cannot be read"):
         text = read_file(file, LARGEST_TEXT).decode("utf-8", errors="replace")
-    except OSError as error:
-        raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
     try:
         found = read_load_data(text, request.form)
     except ConfigError as error:
