@@ -33,6 +33,7 @@ def closed_loop(
     Speeds that are sent act from the next SYNC on; they are the motion's feedforward where it has
     one, else its velocity, and what the position loop adds.
     """
+    samples = samples.whole()
     joints, step_s = cell.robot.joints, samples.sample_period_s
     plant = plant_at(cell, truth, samples.position[0], seed)
     ratio = np.array([abs(joint.gear_ratio) for joint in joints])

@@ -54,6 +54,7 @@ def compensated_motion(
         Model or loops are of other joints.
     """
     ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
+    samples = samples.whole()
     torque = predict(estimate, samples.position, samples.velocity, samples.acceleration)
     return with_feedforward(samples, estimate.robot, ordered, torque, tuning)
 
@@ -150,6 +151,7 @@ def refuse_torque(
     LimitError
         It does; the text names joint, time and, of a path, the segment.
     """
+    samples = samples.whole()
     torque = np.abs(predict(estimate, samples.position, samples.velocity, samples.acceleration))
     for j, joint in enumerate(robot.joints):
         row = int(torque[:, j].argmax())

@@ -132,7 +132,8 @@ def verify_limits(
             f"the motion is for joints {', '.join(samples.joint_names)}, robot {robot.name!r} has"
             f" {', '.join(robot.joint_names)}"
         )
-    path = JointTrajectory(samples.position, samples.velocity, samples.acceleration)
+    brief = samples.whole(most_periods=2)  # with the step from one period to the next
+    path = JointTrajectory(brief.position, brief.velocity, brief.acceleration)
     refuse(violations(path, robot, samples.sample_period_s, oversampling), "the motion")
     if samples.feedforward is not None:
         fastest = np.abs(samples.feedforward).max(axis=0)

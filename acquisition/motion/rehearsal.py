@@ -52,7 +52,7 @@ def rehearsal(samples: MotionSamples, slower: float = SLOWER) -> MotionSamples:
 
 def _once(samples: MotionSamples) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Return the rows of a motion with one period of it: whole periods leave no gap."""
-    everything = np.arange(len(samples))
+    everything = np.arange(len(samples.position))
     if samples.samples_per_period is None:
         return everything
     periodic = np.flatnonzero(np.isin(samples.phase, (Phase.TRANSIENT, Phase.MAIN)))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,6 +54,9 @@ def join(pieces: list[JointTrajectory]) -> JointTrajectory:
 class MotionSamples:
     """A motion sampled at the cycle time; it starts and ends at rest.
 
+    A periodic one may hold its main period once: `place` says where each driven row is held, and
+    `whole` holds them all.
+
     Attributes
     ----------
     joint_names : tuple of str
@@ -66,7 +70,7 @@ class MotionSamples:
     samples_per_period : int or None
         Rows of one period where the motion is periodic.
     periods : int
-        Whole periods in the rows of `Phase.MAIN`; 0 where the motion is not periodic.
+        Whole periods that are driven in `Phase.MAIN`; 0 where the motion is not periodic.
     feedforward : ndarray, shape (samples, joints), or None
         Speeds that the position loop adds to its own, where they are not the motion's: those that
         pre-compensate the drives' velocity loops [rad/s or m/s].
@@ -104,14 +108,40 @@ class MotionSamples:
             ahead = read_only("motion feedforward", self.feedforward, float, shape, ConfigError)
             object.__setattr__(self, "feedforward", ahead)
         main = int(np.count_nonzero(phase == Phase.MAIN))
-        if self.samples_per_period is not None and main != self.periods * self.samples_per_period:
+        rows = self.samples_per_period
+        if rows is not None and main not in (rows * min(1, self.periods), rows * self.periods):
             raise ConfigError(
                 f"motion: {main} samples of the main phase are not {self.periods} periods of"
-                f" {self.samples_per_period} samples"
+                f" {rows} samples"
             )
 
     def __len__(self) -> int:
-        return len(self.position)
+        return len(self.position) + self._not_held
+
+    def place(self, row: int) -> int:
+        """Return where a row that is driven is held."""
+        if not self._not_held or row < self._main:
+            return row
+        rows = self.samples_per_period or 1
+        return row - min((row - self._main) // rows * rows, self._not_held)
+
+    def whole(self, most_periods: int | None = None) -> MotionSamples:
+        """Return the motion with every row held.
+
+        Parameters
+        ----------
+        most_periods : int, optional
+            Drive so many periods where it has more and holds but one.
+        """
+        if not self._not_held:
+            return self
+        shorter = replace(self, periods=min(self.periods, most_periods or self.periods))
+        places = np.array([shorter.place(row) for row in range(len(shorter))])
+        held = {name: getattr(self, name) for name in _COLUMNS}
+        columns: dict[str, Any] = {
+            name: rows[places] for name, rows in held.items() if rows is not None
+        }
+        return replace(shorter, **columns)
 
     @property
     def duration_s(self) -> float:
@@ -127,9 +157,22 @@ class MotionSamples:
         """
         if self.samples_per_period is None:
             return {}
-        begin = int(np.argmax(self.phase == Phase.MAIN))
         counts = range(1, self.periods + 1)
-        return {begin + count * self.samples_per_period: count for count in counts}
+        return {self._main + count * self.samples_per_period: count for count in counts}
+
+    @cached_property
+    def _main(self) -> int:
+        """The first row of the main phase."""
+        return int(np.argmax(self.phase == Phase.MAIN))
+
+    @cached_property
+    def _not_held(self) -> int:
+        """How many rows are driven that are held as one of an earlier period."""
+        driven = self.periods * (self.samples_per_period or 0)
+        return driven - int(np.count_nonzero(self.phase == Phase.MAIN)) if driven else 0
+
+
+_COLUMNS = ("position", "velocity", "acceleration", "phase", "feedforward")
 
 
 def phases_of(*counts: tuple[Phase, int]) -> PhaseArray:

@@ -121,7 +121,8 @@ class PlannedMotion:
         samples = self.samples
         if row >= len(samples):
             return None
-        velocity = samples.velocity[row].tolist()
-        ahead = velocity if samples.feedforward is None else samples.feedforward[row].tolist()
-        position = samples.position[row].tolist()
-        return SetPoint(position, velocity, ahead, row, int(samples.phase[row]))
+        at = samples.place(row)
+        velocity = samples.velocity[at].tolist()
+        ahead = velocity if samples.feedforward is None else samples.feedforward[at].tolist()
+        position = samples.position[at].tolist()
+        return SetPoint(position, velocity, ahead, row, int(samples.phase[at]))

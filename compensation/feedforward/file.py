@@ -100,7 +100,7 @@ class FeedforwardFile(ConfigModel):
         ConfigError
             It belongs to another motion, cycle time or robot.
         """
-        rows = np.array(self.feedforward, dtype=float)
+        rows, samples = np.array(self.feedforward, dtype=float), samples.whole()
         cycle_ms = round(1e3 * samples.sample_period_s)
         if (
             rows.shape != samples.position.shape

@@ -71,7 +71,7 @@ def stream_motion(
     RidDaqError
         As `record_motion`.
     """
-    options = options or StreamOptions()
+    options, samples = options or StreamOptions(), samples.whole()
     if samples.sample_period_s != cell.cycle_time_s:
         raise ConfigError(
             f"the motion is sampled every {samples.sample_period_s * 1e3:g} ms, the cell's cycle"

@@ -144,7 +144,7 @@ def run_path_chapter(
     tuning: Tuning | None = None
     reference = ""
     for name, motion in (("circle", motions.circle), ("path", motions.path)):
-        planned = motion.plan(robot, cell.cycle_time_s)
+        planned = motion.plan(robot, cell.cycle_time_s).whole()
         plain = record(f"{name}-plain", motion, planned)
         if tuning is None:
             measured = repeated_error(planned, [plain.recording])

@@ -201,7 +201,7 @@ def predict_motion(request: ValidateRequest) -> Validated:
             raise ConfigError(
                 f"{what}: is for robot {robot!r}, cell {cell.config.name} has {cell.robot.name!r}"
             )
-    samples = asked.plan(cell.robot, cell.config.cycle_time_s)
+    samples = asked.plan(cell.robot, cell.config.cycle_time_s).whole()
     time_s = np.arange(len(samples), dtype=np.float64) * samples.sample_period_s
     moved = (samples.position, samples.velocity, samples.acceleration)
     load = BaseLoadSection.of(

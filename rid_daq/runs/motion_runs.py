@@ -44,7 +44,7 @@ class MotionRun:
 
     def samples(self) -> MotionSamples:
         """Return the motion as it was planned, with its feedforward."""
-        planned = self.motion.plan(self.data.robot, self.cell.cycle_time_s)
+        planned = self.motion.plan(self.data.robot, self.cell.cycle_time_s).whole()
         return planned if self.file is None else self.file.onto(planned)
 
     @property

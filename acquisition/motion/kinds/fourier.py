@@ -144,7 +144,7 @@ def refuse_endless(periods: int, period_s: float, ramp_s: float, parts: int = 1)
 def periodic_samples(
     motion: FourierMotion, robot: RobotDescription, sample_period_s: float
 ) -> MotionSamples:
-    """Return a periodic motion with a run-in and a run-out along its own path.
+    """Return a periodic motion with a run-in and a run-out along its own path; holds a period once.
 
     They are lengthened beyond `ramp_s` where the limits ask for it.
 
@@ -172,8 +172,7 @@ def periodic_samples(
     first_row = JointTrajectory(*(values[:1] for values in period))
     refuse(violations(join([period, first_row]), robot, sample_period_s), "the periodic motion")
     start, end = _ramps(trajectory, motion.ramp_s, robot)
-    repeats = motion.transient_periods + motion.periods
-    path = join([start, *[period] * repeats, end])
+    path = join([start, *[period] * (motion.transient_periods + 1), end])
     return MotionSamples(
         robot.joint_names,
         sample_period_s,
@@ -181,7 +180,7 @@ def periodic_samples(
         phase=phases_of(
             (Phase.RUN_IN, len(start.position)),
             (Phase.TRANSIENT, motion.transient_periods * trajectory.samples_per_period),
-            (Phase.MAIN, motion.periods * trajectory.samples_per_period),
+            (Phase.MAIN, trajectory.samples_per_period),
             (Phase.RUN_OUT, len(end.position)),
         ),
         samples_per_period=trajectory.samples_per_period,
@@ -213,7 +212,7 @@ def in_turn(
     ConfigError
         As `periodic_samples`.
     """
-    planned = [periodic_samples(part, robot, sample_period_s) for part in parts]
+    planned = [periodic_samples(part, robot, sample_period_s).whole() for part in parts]
     paths: list[JointTrajectory] = []
     phases: list[PhaseArray] = []
     for number, part in enumerate(planned):
