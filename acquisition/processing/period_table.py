@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.motion.samples import Phase
+from acquisition.processing.block_file import BlockFile
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.cell.cell import ButterworthFilter
@@ -18,7 +19,7 @@ MISSING_FRACTION_LIMIT = 0.02
 
 @dataclass(frozen=True, eq=False)
 class PeriodTable:
-    """Positions and torques of every main period as they are.
+    """Positions and torques of every main period as they are; memory hardly grows with them.
 
     Attributes
     ----------
@@ -32,12 +33,11 @@ class PeriodTable:
         Whether joints have valid rows of their own.
     start : int
         Row of the motion at which the first period begins.
-    values : list of ndarray, shape (K, 2 n)
-        Positions, then torques, of each period; zero where a row is not there.
-    present : list of ndarray of bool, shape (K, n)
-        Which rows of which joints are there, of each period.
-    temperature_k : list of ndarray, shape (rows, n)
-        Temperatures of the drives in each period's valid rows [K]; empty where not measured.
+    blocks : BlockFile
+        A row of each period's rows: positions, torques, whether they are there, and the drives'
+        temperatures [K] where they were measured; zero where a row is not there.
+    present : ndarray of bool, shape (periods, K, n)
+        Which rows of which joints are there.
     """
 
     joint_names: tuple[str, ...]
@@ -45,14 +45,17 @@ class PeriodTable:
     torque_filter: ButterworthFilter | None
     each_joint: bool
     start: int
-    values: list[FloatArray]
-    present: list[BoolArray]
-    temperature_k: list[FloatArray]
+    blocks: BlockFile
+    present: BoolArray
 
     @property
     def samples(self) -> int:
         """Rows of a period, K."""
-        return len(self.values[0])
+        return int(self.present.shape[1])
+
+    def values(self, period: int) -> FloatArray:
+        """Return positions, then torques, of a period, (K, 2 n)."""
+        return self.blocks[period][:, : 2 * len(self.joint_names)]
 
     def of_joint(self, joint: int) -> str:
         """Return whose rows are spoken of, where joints have rows of their own."""
@@ -65,10 +68,12 @@ class PeriodTable:
 
     def mean_temperature(self, good: BoolArray) -> FloatArray | None:
         """Return the mean over the valid rows of the good periods, (n,) [K]."""
-        if not self.temperature_k:
-            return None
-        kept = [self.temperature_k[period] for period in np.flatnonzero(good)]
-        return np.asarray(np.concatenate(kept).mean(axis=0))
+        total, count = None, 0
+        for period in np.flatnonzero(good).tolist():
+            there = self.present[period].all(axis=1)
+            warm = self.blocks[period][there, 3 * len(self.joint_names) :]
+            total, count = running_sum(total, warm), count + len(warm)
+        return None if total is None or not len(total) else total / count
 
 
 class PeriodCutter:
@@ -77,9 +82,7 @@ class PeriodCutter:
     def __init__(self) -> None:
         self._first: Recording | None = None
         self._origin: int | None = None
-        self._values: dict[int, FloatArray] = {}
-        self._present: dict[int, BoolArray] = {}
-        self._temperature_k: dict[int, list[FloatArray]] = {}
+        self._blocks: BlockFile | None = None
         self._main: tuple[int, int] = (0, 0)
         self._before = -1
         self._after: int | None = None
@@ -110,18 +113,20 @@ class PeriodCutter:
         period, place = np.divmod(index[main] - self._origin, samples)
         valid, there = part.valid[main], part.valid_of_joints[main]
         position, torque_nm = part.position[main], part.torque_nm[main]
+        if self._blocks is None:
+            self._blocks = BlockFile((samples, 3 * n if part.temperature_k is None else 4 * n))
         for number in np.unique(period).tolist():
-            values = self._values.setdefault(number, np.zeros((samples, 2 * n)))
-            present = self._present.setdefault(number, np.zeros((samples, n), dtype=np.bool_))
+            block = self._blocks[number]
             own = np.flatnonzero(period == number)
             row, joint = np.nonzero(there[own])
             row = own[row]
-            values[place[row], joint] = position[row, joint]
-            values[place[row], n + joint] = torque_nm[row, joint]
-            present[place[row], joint] = True
+            block[place[row], joint] = position[row, joint]
+            block[place[row], n + joint] = torque_nm[row, joint]
+            block[place[row], 2 * n + joint] = 1.0
             if part.temperature_k is not None:
-                warm = part.temperature_k[main][own[valid[own]]]
-                self._temperature_k.setdefault(number, []).append(warm)
+                whole = own[valid[own]]
+                block[place[whole], 3 * n :] = part.temperature_k[main][whole]
+            self._blocks[number] = block
 
     @property
     def periods(self) -> int:
@@ -131,7 +136,7 @@ class PeriodCutter:
         return -(-(self._main[1] - self._main[0] + 1) // self._samples)
 
     def table(self, start: int | None = None) -> PeriodTable:
-        """Return the periods; what was cut goes over to the table.
+        """Return the periods so far.
 
         Parameters
         ----------
@@ -143,29 +148,27 @@ class PeriodCutter:
         DataQualityError
             More than 2 % of a joint's rows are missing, or where a period starts is not known.
         """
-        if self._first is None or self._origin is None:
+        if self._first is None or self._origin is None or self._blocks is None:
             raise DataQualityError(
                 "the recording holds no row of the main periods: it ended before"
             )
         if start is None:
             start = self._first_row()
         if start != self._origin:
-            self._move_to(start)
+            self._blocks = self._moved(self._blocks, self._origin - start)
+            self._origin = start
         samples, n = self._samples, len(self._first.joint_names)
         count = (self._main[1] - start) // samples + 1
-        empty = np.zeros((samples, 2 * n)), np.zeros((samples, n), dtype=np.bool_)
         table = PeriodTable(
             joint_names=self._first.joint_names,
             sample_period_s=float(self._first.sample_period_s or 0.0),
             torque_filter=self._first.torque_filter,
             each_joint=self._first.answered is not None,
             start=start,
-            values=[self._values.get(number, empty[0]) for number in range(count)],
-            present=[self._present.get(number, empty[1]) for number in range(count)],
-            temperature_k=[
-                np.concatenate(self._temperature_k.get(number, [np.zeros((0, n))]))
-                for number in range(count if self._temperature_k else 0)
-            ],
+            blocks=self._blocks,
+            present=np.stack(
+                [self._blocks[number][:, 2 * n : 3 * n] != 0.0 for number in range(count)]
+            ),
         )
         _refuse_gaps(table, self._main[1] - start + 1)
         return table
@@ -192,26 +195,22 @@ class PeriodCutter:
             )
         return latest
 
-    def _move_to(self, start: int) -> None:
-        """Cut again, the first period beginning at another row than the first one that came."""
-        assert self._origin is not None
+    def _moved(self, blocks: BlockFile, shift: int) -> BlockFile:
+        """Cut again, every row so many rows later."""
         samples = self._samples
-        shift = self._origin - start
-        for blocks in (self._values, self._present):
-            moved: dict[int, FloatArray | BoolArray] = {}
-            for number, block in blocks.items():
-                place = number * samples + shift
-                period, first = divmod(place, samples)
-                for target, rows, into in (
-                    (period, slice(None, samples - first), slice(first, None)),
-                    (period + 1, slice(samples - first, None), slice(None, first)),
-                ):
-                    part = block[rows]
-                    if part.any():
-                        moved.setdefault(target, np.zeros_like(block))[into] = part
-            blocks.clear()
-            blocks.update(moved)  # type: ignore[arg-type]
-        self._origin = start
+        moved = BlockFile(blocks.shape)
+        for number in blocks:
+            block = blocks[number]
+            period, first = divmod(number * samples + shift, samples)
+            for target, rows, into in (
+                (period, slice(None, samples - first), slice(first, None)),
+                (period + 1, slice(samples - first, None), slice(None, first)),
+            ):
+                if block[rows].any():
+                    whole = moved[target]
+                    whole[into] = block[rows]
+                    moved[target] = whole
+        return moved
 
 
 def cut_periods(recording: Recording, start: int | None = None) -> tuple[FloatArray, BoolArray]:
@@ -239,7 +238,7 @@ def cut_periods(recording: Recording, start: int | None = None) -> tuple[FloatAr
     cutter = PeriodCutter()
     cutter.add(recording)
     table = cutter.table(start)
-    return np.stack(table.values), np.stack(table.present)
+    return np.stack([table.values(number) for number in range(len(table.present))]), table.present
 
 
 def sum_of(arrays: Iterable[FloatArray]) -> FloatArray:
@@ -272,7 +271,7 @@ def _refuse_gaps(table: PeriodTable, reached: int) -> None:
         They are; the text names the joint and the periods.
     """
     samples = table.samples
-    there = np.array([present.sum(axis=0) for present in table.present])
+    there = table.present.sum(axis=1)
     missing = reached - there.sum(axis=0)
     worst = int(missing.argmax())
     if missing[worst] > MISSING_FRACTION_LIMIT * reached:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -180,9 +180,8 @@ def average_table(
         As `average_periods`.
     """
     n = len(table.joint_names)
-    there = np.stack(table.present)
-    rejected = _lost(there, table)
-    present: BoolArray = np.asarray(there.all(axis=2))
+    rejected = _lost(table)
+    present: BoolArray = np.asarray(table.present.all(axis=2))
     good = _without(rejected, len(present))
     channels = [
         f"{what} of joint {j!r}" for what in ("position", "torque") for j in table.joint_names
@@ -222,11 +221,11 @@ def average_table(
             " periods: record more periods"
         )
     # Periods are summed one after the other: memory does not grow with their number.
-    mean = sum_of(table.values[m] * present[m][:, np.newaxis] for m in used)
+    mean = sum_of(table.values(m) * present[m][:, np.newaxis] for m in used)
     mean /= count[:, np.newaxis]
     squares = power = None
     for m in used:
-        deviation = np.where(present[m][:, np.newaxis], table.values[m] - mean, 0.0)
+        deviation = np.where(present[m][:, np.newaxis], table.values(m) - mean, 0.0)
         squares = running_sum(squares, np.square(deviation))
         bins = np.square(np.abs(np.fft.rfft(deviation, axis=0) / table.samples))
         power = bins if power is None else power + bins
@@ -275,12 +274,14 @@ def _unfit_reaction(plate: ReactionPeriods, rejected: dict[int, str]) -> dict[in
     good = np.array([m not in rejected and m not in unfit for m in range(len(plate.values))])
     used = np.flatnonzero(plate.used)
     there = plate.present[:, :, used]
-    odd = _out_of_family(plate.values[:, :, used], there, good, [names[k] for k in used])
+    values = plate.values[:, :, used]
+    odd = _out_of_family(values.__getitem__, there, good, [names[k] for k in used])
     return {m: why for m, why in (unfit | odd).items() if m not in rejected}
 
 
-def _lost(present: BoolArray, table: PeriodTable) -> dict[int, str]:
-    """Return the periods that miss too much of any joint, (periods, K, n), with the reason."""
+def _lost(table: PeriodTable) -> dict[int, str]:
+    """Return the periods that miss too much of any joint, with the reason."""
+    present = table.present
     rejected = _incomplete(np.asarray(present.any(axis=2)))
     for joint in range(present.shape[2]):
         for period, reason in _incomplete(present[:, :, joint]).items():
@@ -309,7 +310,7 @@ def _incomplete(present: BoolArray) -> dict[int, str]:
 
 
 def _out_of_family(
-    values: Sequence[FloatArray] | FloatArray,
+    values: Callable[[int], FloatArray],
     present: BoolArray,
     good: BoolArray,
     channels: Sequence[str],
@@ -323,7 +324,7 @@ def _out_of_family(
     squares = peak = None
     rows = max(1, BLOCK_VALUES // (len(indices) * len(channels)))
     for first in range(0, samples, rows):
-        some = np.stack([values[m][first : first + rows] for m in indices])
+        some = np.stack([values(m)[first : first + rows] for m in indices])
         there = present[indices, first : first + rows]
         mean = (some * there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
         filled = np.where(there, some, mean)

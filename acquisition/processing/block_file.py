@@ -1,0 +1,69 @@
+"""`BlockFile`: arrays of one shape by number, on the disk and not in memory."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import weakref
+from collections.abc import Iterator
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import RecordingError
+
+
+class BlockFile:
+    """Keeps arrays in a file without a name, which is gone when this object is.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Rows and columns of every array.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        The same.
+
+    Raises
+    ------
+    RecordingError
+        There is no room for temporary files; so does setting an array.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = shape
+        self._bytes = 8 * shape[0] * shape[1]
+        self._places: dict[int, int] = {}
+        try:
+            self._file = tempfile.TemporaryFile(buffering=0)
+        except OSError as error:
+            raise _no_room(error.strerror) from error
+        weakref.finalize(self, self._file.close)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._places)
+
+    def __getitem__(self, number: int) -> FloatArray:
+        """Return an array, all zero where none was set."""
+        if number not in self._places:
+            return np.zeros(self.shape)
+        data = os.pread(self._file.fileno(), self._bytes, self._places[number] * self._bytes)
+        return np.frombuffer(data).reshape(self.shape).copy()
+
+    def __setitem__(self, number: int, values: FloatArray) -> None:
+        place = self._places.setdefault(number, len(self._places))
+        try:
+            written = os.pwrite(self._file.fileno(), values.tobytes(), place * self._bytes)
+        except OSError as error:
+            raise _no_room(error.strerror) from error
+        if written < self._bytes:
+            raise _no_room("it is full")
+
+
+def _no_room(reason: str | None) -> RecordingError:
+    return RecordingError(
+        f"{tempfile.gettempdir()}: there is no room for the periods of a recording ({reason}); make"
+        " room, or set TMPDIR to another folder"
+    )
