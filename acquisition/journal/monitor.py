@@ -104,18 +104,13 @@ class MonitorStream:
             array = read_only(f"monitor {name}", values, float, table, RecordingError)
             object.__setattr__(self, name, array)
 
-    def temperatures_at(self, time_s: FloatArray) -> FloatArray | None:
-        """Return temperatures [K], (samples, joints), linear between rounds, held outside them.
-
-        None where one of the drives never told its own.
-        """
-        if not self.valid.any(axis=0).all():
-            return None
+    def onto(self, recording: Recording) -> Recording:
+        """Return a recording with temperatures, linear between rounds and held outside them."""
         columns = [
-            np.interp(time_s, self.time_s[good], column[good])
+            np.interp(recording.time_s, self.time_s[good], column[good])
             for column, good in zip(self.temperature_k.T, self.valid.T, strict=True)
         ]
-        return np.column_stack(columns)
+        return replace(recording, temperature_k=np.column_stack(columns))
 
 
 def read_monitor(path: Path) -> MonitorStream:
@@ -162,6 +157,15 @@ def with_temperature_compensation(
 def with_temperatures(recording: Recording, folder: Path) -> tuple[Recording, tuple[str, ...]]:
     """Return a run's recording with the temperatures of its motors, where they were monitored.
 
+    Arguments, notes and errors as those of `monitored`.
+    """
+    stream, notes = monitored(recording, folder)
+    return recording if stream is None else stream.onto(recording), notes
+
+
+def monitored(recording: Recording, folder: Path) -> tuple[MonitorStream | None, tuple[str, ...]]:
+    """Return what the drives of a run told of themselves.
+
     Parameters
     ----------
     recording : Recording
@@ -171,8 +175,8 @@ def with_temperatures(recording: Recording, folder: Path) -> tuple[Recording, tu
 
     Returns
     -------
-    recording : Recording
-        The same one, `temperature_k` filled in.
+    stream : MonitorStream or None
+        Every drive's temperatures; None where there are none.
     notes : tuple of str
         Why there are no temperatures, or what of them is lost; empty where all is well.
 
@@ -183,11 +187,11 @@ def with_temperatures(recording: Recording, folder: Path) -> tuple[Recording, tu
     """
     path = folder / MONITOR
     if not path.exists():
-        return recording, ()
+        return None, ()
     try:
         stream = read_monitor(path)
     except RecordingError as error:
-        return recording, (f"without temperatures: {error}",)
+        return None, (f"without temperatures: {error}",)
     if stream.joint_names != recording.joint_names:
         raise RecordingError(
             f"{path}: monitors {', '.join(stream.joint_names)}, the recording is of"
@@ -198,12 +202,9 @@ def with_temperatures(recording: Recording, folder: Path) -> tuple[Recording, tu
             f"{path}: belongs to run {stream.run_id}, the recording to run {recording.run_id}: put"
             " the original back"
         )
-    temperature_k = stream.temperatures_at(recording.time_s)
-    if temperature_k is None:
-        return recording, ("without temperatures: one of the drives never told its own",)
-    return replace(recording, temperature_k=temperature_k), tuple(
-        f"{MONITOR}: {note}" for note in stream.notes
-    )
+    if not stream.valid.any(axis=0).all():
+        return None, ("without temperatures: one of the drives never told its own",)
+    return stream, tuple(f"{MONITOR}: {note}" for note in stream.notes)
 
 
 def with_warm_torque_constants(recording: Recording, robot: RobotDescription) -> Recording:

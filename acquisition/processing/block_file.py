@@ -37,10 +37,11 @@ class BlockFile:
         self._bytes = 8 * shape[0] * shape[1]
         self._places: dict[int, int] = {}
         try:
-            self._file = tempfile.TemporaryFile(buffering=0)
+            self._file, name = tempfile.mkstemp(prefix="rid-daq-")
+            os.unlink(name)
         except OSError as error:
             raise _no_room(error.strerror) from error
-        weakref.finalize(self, self._file.close)
+        weakref.finalize(self, os.close, self._file)
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._places)
@@ -49,13 +50,13 @@ class BlockFile:
         """Return an array, all zero where none was set."""
         if number not in self._places:
             return np.zeros(self.shape)
-        data = os.pread(self._file.fileno(), self._bytes, self._places[number] * self._bytes)
+        data = os.pread(self._file, self._bytes, self._places[number] * self._bytes)
         return np.frombuffer(data).reshape(self.shape).copy()
 
     def __setitem__(self, number: int, values: FloatArray) -> None:
         place = self._places.setdefault(number, len(self._places))
         try:
-            written = os.pwrite(self._file.fileno(), values.tobytes(), place * self._bytes)
+            written = os.pwrite(self._file, values.tobytes(), place * self._bytes)
         except OSError as error:
             raise _no_room(error.strerror) from error
         if written < self._bytes:

@@ -88,14 +88,10 @@ class PeriodCutter:
         self._after: int | None = None
 
     def add(self, part: Recording) -> None:
-        """Put the main rows of the next part in their places.
-
-        Raises
-        ------
-        DataQualityError
-            The recording is not periodic.
-        """
+        """Put the main rows of the next part in their places; one that is not periodic has none."""
         self._first = self._first or part
+        if part.samples_per_period is None:
+            return
         index, main = part.sample_index, _is_main(part)
         earlier = index[(part.phase < Phase.MAIN) & (index >= 0)]
         self._before = max(self._before, int(earlier.max(initial=-1)))
@@ -146,8 +142,10 @@ class PeriodCutter:
         Raises
         ------
         DataQualityError
-            More than 2 % of a joint's rows are missing, or where a period starts is not known.
+            The recording is not periodic, more than 2 % of a joint's rows are missing, or where a
+            period starts is not known.
         """
+        samples = self._samples
         if self._first is None or self._origin is None or self._blocks is None:
             raise DataQualityError(
                 "the recording holds no row of the main periods: it ended before"
@@ -157,7 +155,7 @@ class PeriodCutter:
         if start != self._origin:
             self._blocks = self._moved(self._blocks, self._origin - start)
             self._origin = start
-        samples, n = self._samples, len(self._first.joint_names)
+        n = len(self._first.joint_names)
         count = (self._main[1] - start) // samples + 1
         table = PeriodTable(
             joint_names=self._first.joint_names,
@@ -176,7 +174,10 @@ class PeriodCutter:
     @property
     def _samples(self) -> int:
         if self._first is None or self._first.samples_per_period is None:
-            raise DataQualityError("the recording is not periodic: it has no periods")
+            raise DataQualityError(
+                "the recording is not periodic, so there are no periods to average; `rid-daq"
+                " identify` uses it as it is"
+            )
         return self._first.samples_per_period
 
     def _first_row(self) -> int:

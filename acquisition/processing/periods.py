@@ -150,11 +150,6 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
         The recording is not periodic, misses more than 2 % of a joint's rows, has too many rejected
         periods or fewer than two good ones.
     """
-    if recording.samples_per_period is None or recording.sample_period_s is None:
-        raise DataQualityError(
-            "the recording is not periodic, so there are no periods to average; `rid-daq identify`"
-            " uses it as it is"
-        )
     cutter = PeriodCutter()
     cutter.add(recording)
     return average_table(cutter.table(), recording, rejected_limit=rejected_limit)

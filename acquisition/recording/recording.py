@@ -122,7 +122,7 @@ class Recording:
     def __len__(self) -> int:
         return len(self.time_s)
 
-    def part(self, rows: slice) -> Recording:
+    def part(self, rows: slice | BoolArray) -> Recording:
         """Return the recording of some rows, without a force plate."""
         columns = {name: getattr(self, name) for name in _COLUMNS}
         cut: dict[str, Any] = {

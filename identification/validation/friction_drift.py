@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,7 +11,8 @@ import numpy as np
 from scipy.special import stdtr
 
 from acquisition.motion.samples import Phase
-from acquisition.recording.recording import Recording
+from acquisition.recording.recording import Recording, joined
+from config.arrays import FloatArray
 
 FEWEST_PERIODS: Final = 4
 SIGNIFICANT_P: Final = 0.01
@@ -58,7 +60,7 @@ class FrictionDrift:
         )
 
 
-def friction_drift(recording: Recording) -> tuple[FrictionDrift, ...]:
+def friction_drift(parts: Iterable[Recording]) -> tuple[FrictionDrift, ...]:
     """Return each joint's trend of friction over the main periods of a recording.
 
     The work that friction takes is the mean of torque times the sign of the speed: what conserves
@@ -66,28 +68,54 @@ def friction_drift(recording: Recording) -> tuple[FrictionDrift, ...]:
 
     Parameters
     ----------
-    recording : Recording
-        Of a periodic motion.
+    parts : iterable of Recording
+        One of a periodic motion, whole or in parts.
     """
-    samples = recording.samples_per_period
-    if samples is None or recording.sample_period_s is None:
+    means: dict[int, FloatArray] = {}
+    joint_names: tuple[str, ...] = ()
+    start: int | None = None
+    begun, rows = -1, np.empty((0, 0))
+    for part, work in _works(parts):
+        if part.samples_per_period is None:
+            return ()
+        joint_names = part.joint_names
+        start = int(part.sample_index[0]) if start is None else start
+        period = (part.sample_index - start) // part.samples_per_period
+        for number in np.unique(period).tolist():
+            own = work[period == number]
+            rows = np.concatenate([rows, own]) if number == begun else own
+            begun = number
+            # A period that misses rows would show another part of the path: it does not count.
+            if len(rows) == part.samples_per_period:
+                means[number] = rows.mean(axis=0)
+    if len(means) < FEWEST_PERIODS:
         return ()
-    main = recording.phase == Phase.MAIN
-    index = recording.sample_index[main]
-    if len(index) == 0:
-        return ()
-    period = (index - index[0]) // samples
-    velocity = np.gradient(recording.position[main], recording.sample_period_s, axis=0)
-    work = np.sign(velocity) * recording.torque_nm[main]
-    # A period that misses rows would show another part of the path: it does not count.
-    whole = [p for p in range(int(period[-1]) + 1) if np.sum(period == p) == samples]
-    if len(whole) < FEWEST_PERIODS:
-        return ()
-    means = np.array([work[period == p].mean(axis=0) for p in whole])
-    numbers = np.array(whole, dtype=np.float64)
-    return tuple(
-        _trend(joint, numbers, means[:, j]) for j, joint in enumerate(recording.joint_names)
-    )
+    numbers, table = np.array(list(means), dtype=np.float64), np.array(list(means.values()))
+    return tuple(_trend(joint, numbers, table[:, j]) for j, joint in enumerate(joint_names))
+
+
+def _works(parts: Iterable[Recording]) -> Iterator[tuple[Recording, FloatArray]]:
+    """Yield main rows, and their torques times the signs of their speeds.
+
+    A row's speed takes its neighbours: the last row of a part waits for the next part.
+    """
+    kept: Recording | None = None
+    begin = 0  # the first of the kept rows that was not yielded
+    for part in parts:
+        main = part.part(part.phase == Phase.MAIN)
+        main = main if kept is None else joined([kept, main])
+        if len(main) < 3:
+            kept = main
+            continue
+        yield main.part(slice(begin, -1)), _work(main)[begin:-1]
+        kept, begin = main.part(slice(-2, None)), 1
+    if kept is not None and len(kept) > 1:
+        yield kept.part(slice(begin, None)), _work(kept)[begin:]
+
+
+def _work(rows: Recording) -> FloatArray:
+    velocity = np.gradient(rows.position, rows.sample_period_s or 1.0, axis=0)
+    return np.asarray(np.sign(velocity) * rows.torque_nm)
 
 
 def _trend(joint: str, numbers: np.ndarray, means: np.ndarray) -> FrictionDrift:

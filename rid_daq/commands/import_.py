@@ -57,7 +57,7 @@ def import_(
         folder.write(SOURCE, read_file(file, LARGEST_FILE_BYTES))
         folder.write(MAP, to_yaml(columns, f"How {SOURCE} was read.").encode())
         folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name} as used.").encode())
-        data = RunData(folder, recording, robot, report)
+        data = RunData.of(folder, recording, robot, report)
         headline = "Imported without loss"
         if report.rows_damaged:
             headline = f"Imported; {report.rows_damaged} damaged rows left out"

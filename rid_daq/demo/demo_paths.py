@@ -135,7 +135,7 @@ def run_path_chapter(
         A step failed; the message says which.
     """
     excited = record("multisine", motions.multisine)
-    responses = frequency_responses(excited.recording, motions.multisine, robot)
+    responses = frequency_responses(excited.measured.recording, motions.multisine, robot)
     fitted = [fit_velocity_loop(response) for response in responses]
     write_loops(root.path / "loops.json", fitted, robot.name, excited.folder.run_id)
     loops = in_order(robot.joint_names, estimate.robot.joint_names, fitted)
@@ -147,7 +147,7 @@ def run_path_chapter(
         planned = motion.plan(robot, cell.cycle_time_s).whole()
         plain = record(f"{name}-plain", motion, planned)
         if tuning is None:
-            measured = repeated_error(planned, [plain.recording])
+            measured = repeated_error(planned, [plain.measured.recording])
             tuning = tune(planned, measured, estimate, loops, cell.position_gain_per_s)
             reference = plain.folder.run_id
         ahead = compensated_motion(planned, estimate, loops, tuning.tuning)
@@ -162,7 +162,7 @@ def run_path_chapter(
     return PathChapter(
         tracking=TrackingSection.of([followed(*pair) for pair in pairs], robot, more),
         runs=tuple(
-            RunSection.of(role, motion.describe(), run.recording, robot)
+            RunSection.of(role, motion.describe(), run.measured.tally, robot)
             for role, motion, run in runs
         ),
         run_ids=tuple(run.folder.run_id for _, _, run in runs),

@@ -12,7 +12,6 @@ from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import MotionSamples
-from acquisition.processing.periods import average_periods
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, SafetyStop
 from config.load import load_cell, to_yaml
@@ -113,7 +112,7 @@ def run_story(
         excited = record("excitation", motions.excitation)
         validated = record("validation", motions.validation)
         show(told.done_s, "identifying")
-        average = average_periods(excited.recording)
+        average = excited.measured.average
         estimate = estimate_periodic(robot, [average], cell_name=cell.name)
         write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
         chapter = None
@@ -121,13 +120,13 @@ def run_story(
             chapter = run_path_chapter(record, motions.paths, robot, cell, estimate, folder)
     truth = estimate.base.from_standard(true_parameters(estimate.model, robot, plant))
     noise_nm = np.sqrt(average.torque_variance)
-    validation = validate(estimate, validated.recording, noise_nm=noise_nm)
-    floor = validate(replace(estimate, values=truth), validated.recording)
+    validation = validate(estimate, validated.measured.recording, noise_nm=noise_nm)
+    floor = validate(replace(estimate, values=truth), validated.measured.recording)
     period = compare_period(estimate, average)
     return Story(
         runs=(
             *(
-                RunSection.of(role, motion.describe(), run.recording, robot)
+                RunSection.of(role, motion.describe(), run.measured.tally, robot)
                 for role, motion, run in (
                     ("Excitation", motions.excitation, excited),
                     ("Validation", motions.validation, validated),

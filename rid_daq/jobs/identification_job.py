@@ -87,7 +87,7 @@ def estimate_runs(
     robot = robot or one_robot(data)
     payload = [item.folder.run_id in how.loaded for item in data]
     run_ids = tuple(item.folder.run_id for item in data)
-    cell_name = data[0].recording.cell_name
+    cell_name = data[0].tally.head.cell_name
     options = how.options
     if how.cad_prior:
         prior = cad_parameters(options.model.build(robot), robot)

@@ -162,7 +162,7 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
             curves=CurvesSection.of_period(estimate, period, average.periods_kept),
         )
     report = write_result(first.folder, result)
-    has_plate = first.is_periodic and all(item.recording.reaction is not None for item in data)
+    has_plate = first.is_periodic and all(item.has_plate for item in data)
     return IdentifiedRuns(output, result, report, notes, gains, has_plate and plate is None)
 
 
@@ -206,7 +206,7 @@ def _findings(estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, 
     weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
     findings = [each.sentence for each in weak]
     for item in data:
-        drifts = (drift for drift in friction_drift(item.recording) if drift.significant)
+        drifts = (drift for drift in friction_drift(item.parts()) if drift.significant)
         findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
     return [*findings, _existence(estimate)]
 

@@ -165,7 +165,7 @@ def _result(
         cell=CellSection.of(loaded.config),
         payload=PayloadSection.of(judged, repeats, findings),
         runs=tuple(
-            RunSection.of(name, motion.describe(), item.recording, item.robot)
+            RunSection.of(name, motion.describe(), item.tally, item.robot)
             for name, item in zip(state.measurements, data, strict=True)
         ),
         verdict=payload_verdict(judged),

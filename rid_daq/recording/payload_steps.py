@@ -11,7 +11,6 @@ from typing import Final
 from pydantic import JsonValue
 
 from acquisition.motion.kinds.fourier import FourierMotion
-from acquisition.processing.periods import average_periods
 from config.errors import ConfigError, PreflightError
 from config.load import to_yaml
 from identification.payload.periodic_runs import PeriodicRuns
@@ -243,7 +242,7 @@ class PayloadGuide:
         if not self.state.measurements:
             return None
         return PeriodicRuns(
-            tuple(average_periods(item.recording) for item in self.state.runs()),
+            tuple(item.average for item in self.state.runs()),
             tuple(name != UNLOADED for name in self.state.measurements),
             self.payload_request.band_hz,
             self.payload_request.standstill_rad_s,

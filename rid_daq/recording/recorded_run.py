@@ -9,7 +9,6 @@ from pathlib import Path
 
 from pydantic import JsonValue
 
-from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from acquisition.session.outcome import RecordOutcome
@@ -74,7 +73,7 @@ class RecordedRun:
     facts: dict[str, JsonValue] = field(default_factory=dict)
 
     @property
-    def recording(self) -> Recording:
+    def measured(self) -> RunData:
         """What was measured.
 
         Raises
@@ -84,7 +83,7 @@ class RecordedRun:
         """
         if self.data is None:
             raise DataQualityError(f"{self.folder.path}: nothing was recorded in this run")
-        return self.data.recording
+        return self.data
 
     @property
     def report(self) -> Path:
@@ -111,7 +110,7 @@ class RecordedRun:
         stop = self.outcome.stop
         if stop is None:
             return ""
-        place = "" if self.data is None else f" {place_words(self.data.recording)}"
+        place = "" if self.data is None else f" {place_words(self.data.tally)}"
         return f"{stop_words(self.outcome)}{place} {_WHAT_TO_DO.get(stop.code, _CHECK)}"
 
     @property

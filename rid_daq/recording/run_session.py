@@ -240,8 +240,8 @@ class RunSession:
         quality = section = average = None
         if data is not None:
             stop = None if outcome.stop is None else outcome.stop.text
-            section = RunSection.of(request.role, request.sentence, data.recording, robot, stop)
-            quality = run_quality(data.recording) if outcome.complete else None
+            section = RunSection.of(request.role, request.sentence, data.tally, robot, stop)
+            quality = run_quality(data.tally, lambda: data.average) if outcome.complete else None
         if quality is not None and quality.average is not None:
             average = AverageSection.of(quality.average, robot)
         result = Result.new(f"Recording on {self.cell.name}", robot.name).updated(

@@ -7,7 +7,7 @@ run that was never finished is used only where that is asked for.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,10 +21,16 @@ from acquisition.csv.report import ImportReport
 from acquisition.journal.cycle_reader import CycleReader
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.mcap_writer import being_written
-from acquisition.journal.monitor import MONITOR, with_temperature_compensation
+from acquisition.journal.monitor import (
+    MONITOR,
+    MonitorStream,
+    monitored,
+    with_warm_torque_constants,
+)
 from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
-from acquisition.processing.periods import PeriodAverage, average_periods
+from acquisition.processing.periods import PeriodAverage, average_table
 from acquisition.processing.plate_alignment import with_plate
+from acquisition.processing.recording_tally import RecordingTally
 from acquisition.recording.recording import Recording, joined
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
@@ -71,26 +77,48 @@ class RunData:
     ----------
     folder : RunFolder
         Where they come from.
-    recording : Recording
-        What was measured, or imported.
     robot : RobotDescription
         The robot as used in that run.
+    tally : RecordingTally
+        What was measured, or imported, as far as memory does not grow with it.
     import_report : ImportReport or None
         What the import left out, for an imported run.
     damage : tuple of str
         What the recording has lost, one sentence each.
+    held : Recording or None
+        All of it, where it was imported or has a force plate's side.
+    monitor : MonitorStream or None
+        What the drives told of themselves.
     """
 
     folder: RunFolder
-    recording: Recording
     robot: RobotDescription
+    tally: RecordingTally
     import_report: ImportReport | None = None
     damage: tuple[str, ...] = ()
+    held: Recording | None = None
+    monitor: MonitorStream | None = None
 
     @property
     def is_periodic(self) -> bool:
         """Whether the recording holds whole periods to average."""
-        return self.recording.samples_per_period is not None
+        return self.tally.head.samples_per_period is not None
+
+    @property
+    def has_plate(self) -> bool:
+        """Whether there is a force plate's side."""
+        return self.held is not None and self.held.reaction is not None
+
+    @classmethod
+    def of(
+        cls,
+        folder: RunFolder,
+        recording: Recording,
+        robot: RobotDescription,
+        import_report: ImportReport | None,
+    ) -> RunData:
+        """Return a run whose recording was imported."""
+        return cls(folder, robot, RecordingTally(recording), import_report, held=recording)
 
     @classmethod
     def load(cls, folder: RunFolder, *, unfinished: bool = False) -> RunData:
@@ -123,14 +151,41 @@ class RunData:
             import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
             source = folder.file(SOURCE)
             recording, report = import_csv(source, import_map, robot, run_id=folder.run_id)
-            return cls(folder, replace(recording, robot_name=robot.name), robot, report)
+            return cls.of(folder, replace(recording, robot_name=robot.name), robot, report)
         with CycleReader(folder.file(RECORDING)) as reader:
-            recording = joined(reader.recordings())
+            parts = reader.recordings()
+            first = next(parts, None)
             _require_header(folder, reader.header, robot)
-            damage = reader.damage
-        recording, cold = with_temperature_compensation(recording, folder.path, robot)
-        recording, notes = _with_plate(folder, recording)
-        return cls(folder, recording, robot, damage=(*damage.notes, *cold, *notes))
+            assert first is not None  # there is no header without a row
+            monitor, cold = monitored(first, folder.path)
+            tally = RecordingTally(_as_warm(first, monitor, robot))
+            for part in parts:
+                tally.add(_as_warm(part, monitor, robot))
+            data = cls(folder, robot, tally, None, (*reader.damage.notes, *cold), None, monitor)
+        if not folder.file(PLATE_RECORDING).exists():
+            return data
+        held, notes = _with_plate(folder, data.recording)
+        return replace(data, held=held, damage=(*data.damage, *notes))
+
+    def parts(self) -> Iterator[Recording]:
+        """Yield the recording in parts, of which few need be in memory at a time.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be read any more.
+        """
+        if self.held is not None:
+            yield self.held
+            return
+        with CycleReader(self.folder.file(RECORDING)) as reader:
+            for part in reader.recordings():
+                yield _as_warm(part, self.monitor, self.robot)
+
+    @cached_property
+    def recording(self) -> Recording:
+        """All of the recording, for whoever cannot do with its parts; it is read once more."""
+        return joined(self.parts()) if self.held is None else self.held
 
     @cached_property
     def cell(self) -> CellConfig | None:
@@ -153,7 +208,12 @@ class RunData:
         DataQualityError
             The run is not periodic, or not good enough.
         """
-        return average_periods(self.recording)
+        return average_table(self.tally.cutter.table(), self.held)
+
+
+def _as_warm(part: Recording, monitor: MonitorStream | None, robot: RobotDescription) -> Recording:
+    """Return a part of a recording with temperatures, and torques by them."""
+    return part if monitor is None else with_warm_torque_constants(monitor.onto(part), robot)
 
 
 def _require_readable(folder: RunFolder, unfinished: bool) -> bool:
@@ -270,8 +330,6 @@ def report_lacks(console: Console, runs: Sequence[RunData]) -> list[str]:
 def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     """Return a recording with its force plate's side, and what that has lost."""
     path = folder.file(PLATE_RECORDING)
-    if not path.exists():
-        return recording, ()
     try:
         rows = read_plate_journal(path)
         both = with_plate(recording, rows)
@@ -315,7 +373,7 @@ def result_of(data: RunData, notes: Sequence[str] = ()) -> Result:
 
 def _first_result(data: RunData) -> Result:
     manifest, report = data.folder.manifest(), data.import_report
-    section = RunSection.of("recording", "As recorded.", data.recording, data.robot)
+    section = RunSection.of("recording", "As recorded.", data.tally, data.robot)
     if report is not None:
         sentence = "; ".join(report.lines()[:2]) + "."
         section = section.model_copy(update={"sentence": sentence, "bad_rows": bad_rows(report)})

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from pydantic import JsonValue
 
-from acquisition.motion.samples import Phase
 from acquisition.processing.period_table import MISSING_FRACTION_LIMIT
-from acquisition.processing.periods import PeriodAverage, average_periods
-from acquisition.recording.recording import Recording
+from acquisition.processing.periods import PeriodAverage
+from acquisition.processing.recording_tally import RecordingTally
 from config.errors import DataQualityError
 
 
@@ -74,7 +74,7 @@ class RunQuality:
         }
 
 
-def run_quality(recording: Recording) -> RunQuality:
+def run_quality(tally: RecordingTally, averaged: Callable[[], PeriodAverage]) -> RunQuality:
     """Judge a recording of a motion that ran to its end.
 
     A periodic one is good enough where its periods can be averaged, any other where no joint's
@@ -82,33 +82,23 @@ def run_quality(recording: Recording) -> RunQuality:
 
     Parameters
     ----------
-    recording : Recording
+    tally : RecordingTally
         What was measured by the program itself.
+    averaged : callable
+        Averages its periods.
     """
-    rows = int(recording.sample_index.max(initial=-1)) + 1
-    there = np.zeros((rows, len(recording.joint_names)), dtype=np.bool_)
-    row, joint = np.nonzero(recording.valid_of_joints & (recording.sample_index >= 0)[:, None])
-    there[recording.sample_index[row], joint] = True  # once or more: a path's end is waited for
-    lost = tuple(int(count) for count in rows - there.sum(axis=0))
+    names, rows, lost = tally.head.joint_names, tally.last_row + 1, tally.lost
     average, trouble = None, ""
-    if _periods(recording) >= 2:
+    if tally.cutter.periods >= 2:
         try:
-            average = average_periods(recording)
+            average = averaged()
         except DataQualityError as error:
             trouble = str(error)
     elif max(lost) > MISSING_FRACTION_LIMIT * rows:
         worst = int(np.argmax(lost))
         trouble = (
-            f"joint {recording.joint_names[worst]!r}: {lost[worst]} of {rows} rows of the motion"
+            f"joint {names[worst]!r}: {lost[worst]} of {rows} rows of the motion"
             f" are missing or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much: look"
             " for lost frames on the bus"
         )
-    return RunQuality(recording.joint_names, rows, lost, average, trouble)
-
-
-def _periods(recording: Recording) -> int:
-    """Return how many main periods a recording has, begun ones too."""
-    if recording.samples_per_period is None:
-        return 0
-    main = recording.sample_index[(recording.phase == Phase.MAIN) & (recording.sample_index >= 0)]
-    return 0 if not len(main) else -(-(int(np.ptp(main)) + 1) // recording.samples_per_period)
+    return RunQuality(names, rows, lost, average, trouble)

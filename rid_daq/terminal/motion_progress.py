@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from acquisition.motion.samples import MotionSamples, Phase
-from acquisition.recording.recording import Recording
+from acquisition.processing.recording_tally import RecordingTally
 from acquisition.task.joint_values import JointValues
 from acquisition.task.states import Progress, TaskState
 
@@ -86,18 +86,14 @@ def load_words(joints: JointValues, names: Sequence[str]) -> str:
     )
 
 
-def place_words(recording: Recording) -> str:
+def place_words(tally: RecordingTally) -> str:
     """Say how far into the motion a recording goes."""
-    moved = recording.sample_index[recording.sample_index >= 0]
-    if len(moved) == 0 or recording.sample_period_s is None:
+    if tally.last_row < 0 or tally.head.sample_period_s is None:
         return "The motion had not begun."
-    phase = Phase(int(recording.phase[recording.sample_index >= 0][-1]))
-    into_s = float(moved[-1]) * recording.sample_period_s
-    period = ""
-    if recording.samples_per_period is not None and phase is Phase.MAIN:
-        first = moved[recording.phase[recording.sample_index >= 0] == Phase.MAIN][0]
-        period = f", period {int(moved[-1] - first) // recording.samples_per_period + 1}"
-    return f"That was {into_s:.2f} s into the motion ({_PHASES[phase]}{period})."
+    into_s = tally.last_row * tally.head.sample_period_s
+    begun = tally.cutter.periods if tally.last_phase is Phase.MAIN else 0
+    period = f", period {begun}" if begun else ""
+    return f"That was {into_s:.2f} s into the motion ({_PHASES[tally.last_phase]}{period})."
 
 
 def _done(samples: MotionSamples, row: int) -> float:

@@ -13,12 +13,14 @@ import pytest
 
 from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.samples import Phase
+from acquisition.processing.periods import average_periods
+from acquisition.processing.recording_tally import RecordingTally
 from acquisition.recording.recording import Recording
 from acquisition.runs.catalogue import find_run
 from config.load import to_yaml
 from config.simulation.faults import FaultScript, FrameFault
 from rid_daq.app import run
-from rid_daq.runs.run_quality import run_quality
+from rid_daq.runs.run_quality import RunQuality, run_quality
 
 T = 0.008
 FIRST_CYCLE = 299
@@ -141,16 +143,20 @@ def recording(lost: dict[int, int], periods: int | None, rows: int = 1000) -> Re
     )
 
 
+def quality_of(recording: Recording) -> RunQuality:
+    return run_quality(RecordingTally(recording), lambda: average_periods(recording))
+
+
 @pytest.mark.fault(3)
 @pytest.mark.parametrize("periods", [None, 1, 5], ids=["no period", "one", "five"])
 def test_the_limit_is_two_percent_of_each_joints_answers(
     periods: int | None, measured: Measured
 ) -> None:
-    borne = run_quality(recording({0: 19, 1: 19}, periods))
+    borne = quality_of(recording({0: 19, 1: 19}, periods))
     assert borne.good
     assert borne.lost == (19, 19)
     assert borne.sentences()[0] == "Answers lost in 1000 rows of the motion: 19 of a, 19 of b."
-    refused = run_quality(recording({0: 0, 1: 21}, periods))
+    refused = quality_of(recording({0: 0, 1: 21}, periods))
     assert not refused.good
     assert "joint 'b': 21 of 1000 rows of the" in refused.trouble
     assert ("it is more in period" in refused.trouble) is (periods == 5)
@@ -159,12 +165,12 @@ def test_the_limit_is_two_percent_of_each_joints_answers(
 
 def test_rows_that_were_never_written_are_lost_too() -> None:
     whole = recording({}, None)
-    assert run_quality(whole).sentences() == []
+    assert quality_of(whole).sentences() == []
     keep = np.arange(1000) % 40 > 0
     fields = ("time_s", "position", "torque_nm", "valid", "answered", "phase", "sample_index")
     gaps = replace(whole, **{name: getattr(whole, name)[keep] for name in fields})
-    assert run_quality(gaps).lost == (25, 25)
-    assert not run_quality(gaps).good
+    assert quality_of(gaps).lost == (25, 25)
+    assert not quality_of(gaps).good
 
 
 def test_rows_that_are_waited_for_at_the_end_do_not_make_up_for_lost_ones() -> None:
@@ -176,5 +182,5 @@ def test_rows_that_are_waited_for_at_the_end_do_not_make_up_for_lost_ones() -> N
         time_s=T * np.arange(1020, dtype=np.float64),
         **{name: getattr(moved, name)[last] for name in fields},
     )
-    assert run_quality(waited).rows == 1000
-    assert run_quality(waited).lost == (15, 0)
+    assert quality_of(waited).rows == 1000
+    assert quality_of(waited).lost == (15, 0)

@@ -91,7 +91,7 @@ def payload_from_runs(
         robot,
         runs,
         payload_request.how,
-        cell_name=data[0].recording.cell_name,
+        cell_name=data[0].tally.head.cell_name,
         run_ids=tuple(item.folder.run_id for item in data),
     )
     repeats = None

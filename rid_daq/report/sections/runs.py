@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from acquisition.motion.samples import Phase
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from rid_daq.report.sections.section import Section, units
 
 if TYPE_CHECKING:
-    from acquisition.recording.recording import Recording
+    from acquisition.processing.recording_tally import RecordingTally
 
 
 class CellSection(Section):
@@ -124,7 +121,7 @@ class RunSection(Section):
         cls,
         role: str,
         sentence: str,
-        recording: Recording,
+        tally: RecordingTally,
         robot: RobotDescription,
         stop: str | None = None,
     ) -> RunSection:
@@ -136,50 +133,40 @@ class RunSection(Section):
             What the run was for.
         sentence : str
             What was asked for.
-        recording : Recording
+        tally : RecordingTally
             What was measured.
         robot : RobotDescription
             The robot, for limits and units.
         stop : str, optional
             Why the motion was stopped, where it was.
         """
-        invalid = int(np.count_nonzero(~recording.valid))
+        invalid, duration_s = tally.rows - tally.valid_rows, tally.duration_s
         lost = "no row is missing" if invalid == 0 else f"{invalid} rows have no valid answer"
-        duration_s = float(recording.time_s[-1] - recording.time_s[0]) if len(recording) else 0.0
         return cls(
             role=role,
-            sentence=f"{sentence} {len(recording)} rows in {duration_s:.1f} s; {lost}.",
+            sentence=f"{sentence} {tally.rows} rows in {duration_s:.1f} s; {lost}.",
             stop=stop,
-            rows=len(recording),
+            rows=tally.rows,
             invalid_rows=invalid,
             duration_s=duration_s,
-            axes=_extremes(recording, robot),
+            axes=_extremes(tally, robot),
             bad_rows=(),
         )
 
 
-def _extremes(recording: Recording, robot: RobotDescription) -> tuple[AxisExtremes, ...]:
-    good = recording.valid
-    position, torque, time_s = (
-        x[good] for x in (recording.position, recording.torque_nm, recording.time_s)
-    )
-    if len(position) < 2:
+def _extremes(tally: RecordingTally, robot: RobotDescription) -> tuple[AxisExtremes, ...]:
+    if tally.valid_rows < 2:
         return ()
-    speed = np.abs(np.diff(position, axis=0) / np.diff(time_s)[:, np.newaxis]).max(axis=0)
-    following: list[float | None] = [None] * len(robot.joints)
-    if recording.target_position is not None:
-        moving = good & (recording.phase != Phase.APPROACH)
-        error = np.abs(recording.target_position - recording.position)[moving]
-        following = [float(worst) for worst in error.max(axis=0, initial=0.0)]
-    largest, limit = np.abs(torque).max(axis=0), [joint.limits.torque for joint in robot.joints]
+    error = tally.following_error
+    limit = [joint.limits.torque for joint in robot.joints]
     return AxisExtremes.for_each(
         joint=robot.joint_names,
         unit=[units(joint)[0] for joint in robot.joints],
         torque_unit=[units(joint)[1] for joint in robot.joints],
-        position_min=position.min(axis=0),
-        position_max=position.max(axis=0),
-        max_velocity=speed,
-        max_torque=largest,
-        max_torque_percent=100.0 * largest / limit,
-        max_following_error=following,
+        position_min=tally.position_min,
+        position_max=tally.position_max,
+        max_velocity=tally.speed,
+        max_torque=tally.torque,
+        max_torque_percent=100.0 * tally.torque / limit,
+        max_following_error=[None] * len(robot.joints) if error is None else error.tolist(),
     )

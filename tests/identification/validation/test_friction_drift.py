@@ -41,7 +41,7 @@ def recording() -> Recording:
 
 
 def test_the_axis_that_warms_up_is_found(recording: Recording) -> None:
-    steady, warming = friction_drift(recording)
+    steady, warming = friction_drift([recording])
     assert not steady.significant
     assert warming.significant
     assert warming.share == pytest.approx(-0.09, abs=0.01)  # between the middles of the periods
@@ -64,9 +64,9 @@ def test_a_period_with_missing_rows_does_not_count(recording: Recording) -> None
             "target_position",
         )
     }
-    assert not friction_drift(replace(recording, **rows))[0].significant
+    assert not friction_drift([replace(recording, **rows)])[0].significant
 
 
 def test_few_periods_or_none_say_nothing(recording: Recording) -> None:
-    assert friction_drift(replace(recording, samples_per_period=None)) == ()
-    assert friction_drift(replace(recording, samples_per_period=2 * 900)) == ()
+    assert friction_drift([replace(recording, samples_per_period=None)]) == ()
+    assert friction_drift([replace(recording, samples_per_period=2 * 900)]) == ()

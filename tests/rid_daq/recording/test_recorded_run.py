@@ -100,7 +100,7 @@ def test_programs_are_told_the_code_of_a_stop_and_the_notes() -> None:
 
 def test_nothing_recorded_is_named_where_it_is_asked_for(ended: RecordedRun) -> None:
     with pytest.raises(DataQualityError, match="nothing was recorded in this run"):
-        _ = ended.recording
+        _ = ended.measured
 
 
 @pytest.mark.parametrize(

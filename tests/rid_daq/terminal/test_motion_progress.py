@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.processing.recording_tally import RecordingTally
 from acquisition.recording.recording import Recording
 from acquisition.task.joint_values import JointValues
 from acquisition.task.states import Progress, TaskState
@@ -41,9 +42,9 @@ def at(row: int, state: TaskState = TaskState.MOVING) -> Progress:
     return Progress(state=state, phase=Phase.MAIN, sample_index=row, cycles=max(row, 0))
 
 
-def recorded(rows: int) -> Recording:
+def recorded(rows: int) -> RecordingTally:
     samples = motion(periodic=True)
-    return Recording(
+    recording = Recording(
         joint_names=("axis1",),
         time_s=np.arange(rows, dtype=np.float64) * CYCLE_S,
         position=samples.position[:rows],
@@ -55,6 +56,7 @@ def recorded(rows: int) -> Recording:
         sample_period_s=CYCLE_S,
         samples_per_period=PERIOD,
     )
+    return RecordingTally(recording)
 
 
 def test_a_motion_is_counted_in_periods_seconds_or_points() -> None:

@@ -1,0 +1,107 @@
+"""`RecordingTally`: how long a recording is, how far it went and what it has lost."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acquisition.motion.samples import Phase
+from acquisition.processing.period_table import PeriodCutter
+from acquisition.recording.recording import Recording
+from config.arrays import FloatArray
+
+
+class RecordingTally:
+    """Counts the rows of a recording as its parts come; its memory does not grow with them.
+
+    Parameters
+    ----------
+    first : Recording
+        The first part, or the whole.
+
+    Attributes
+    ----------
+    head : Recording
+        What all parts say of themselves, without a row.
+    cutter : PeriodCutter
+        Its periods, where it is periodic.
+    rows, valid_rows : int
+        All rows, and those with a valid answer.
+    position_min, position_max, speed, torque : ndarray, shape (joints,)
+        Lowest and highest position, largest speed and torque of the valid rows [rad or m, per
+        second, N m or N].
+    following_error : ndarray, shape (joints,), or None
+        The largest after the approach [rad or m]; None where there are no set-points.
+    last_row : int
+        The last row of the motion; -1 before it.
+    last_phase : Phase
+        That of this row.
+    """
+
+    def __init__(self, first: Recording) -> None:
+        n = len(first.joint_names)
+        self.head = first.part(slice(0, 0))
+        self.cutter = PeriodCutter()
+        self.rows = self.valid_rows = 0
+        self.position_min, self.position_max = np.full(n, np.inf), np.full(n, -np.inf)
+        self.speed, self.torque = np.zeros(n), np.zeros(n)
+        self.following_error = None if first.target_position is None else np.zeros(n)
+        self.last_row, self.last_phase = -1, Phase.APPROACH
+        self._first_s = self._last_s = float(first.time_s[0]) if len(first) else 0.0
+        self._before: tuple[FloatArray, FloatArray] = np.empty(0), np.empty((0, n))
+        self._answered = np.zeros(n, dtype=np.int64)
+        self._answered_last = np.zeros(n, dtype=np.bool_)
+        self.add(first)
+
+    def add(self, part: Recording) -> None:
+        """Count the next part."""
+        self.cutter.add(part)
+        self.rows += len(part)
+        self._last_s = float(part.time_s[-1]) if len(part) else self._last_s
+        self._add_valid(part)
+        self._add_motion(part)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first row to the last [s]."""
+        return self._last_s - self._first_s
+
+    @property
+    def lost(self) -> tuple[int, ...]:
+        """How many rows of the motion hold no valid answer, of each joint."""
+        return tuple((self.last_row + 1 - self._answered).tolist())
+
+    def _add_valid(self, part: Recording) -> None:
+        good = part.valid
+        self.valid_rows += int(np.count_nonzero(good))
+        if not good.any():
+            return
+        position = part.position[good]
+        self.position_min = np.minimum(self.position_min, position.min(axis=0))
+        self.position_max = np.maximum(self.position_max, position.max(axis=0))
+        self.torque = np.maximum(self.torque, np.abs(part.torque_nm[good]).max(axis=0))
+        time_s = np.concatenate([self._before[0], part.time_s[good]])
+        way = np.concatenate([self._before[1], position])
+        self._before = time_s[-1:], way[-1:]
+        speed = np.abs(np.diff(way, axis=0) / np.diff(time_s)[:, np.newaxis])
+        self.speed = np.maximum(self.speed, speed.max(axis=0, initial=0.0))
+        if self.following_error is not None and part.target_position is not None:
+            moving = good & (part.phase != Phase.APPROACH)
+            error = np.abs(part.target_position - part.position)[moving]
+            self.following_error = np.maximum(self.following_error, error.max(axis=0, initial=0.0))
+
+    def _add_motion(self, part: Recording) -> None:
+        """Count which rows of the motion were answered, once each: its end is waited for."""
+        driven = part.sample_index >= 0
+        if not driven.any():
+            return
+        index = part.sample_index[driven]
+        first, last = int(index.min()), int(index.max())
+        answered = np.zeros((last - first + 1, len(self._answered)), dtype=np.bool_)
+        row, joint = np.nonzero(part.valid_of_joints[driven])
+        answered[index[row] - first, joint] = True
+        if first == self.last_row:
+            answered[0] |= self._answered_last
+            self._answered -= self._answered_last
+        self._answered += answered.sum(axis=0)
+        self._answered_last = answered[-1]
+        self.last_row, self.last_phase = last, Phase(int(part.phase[driven][-1]))
