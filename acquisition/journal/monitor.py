@@ -104,6 +104,11 @@ class MonitorStream:
             array = read_only(f"monitor {name}", values, float, table, RecordingError)
             object.__setattr__(self, name, array)
 
+    @property
+    def known_until_s(self) -> float:
+        """When the last of the drives was asked that had told its temperature before [s]."""
+        return float(min(self.time_s[good][-1] for good in self.valid.T))
+
     def onto(self, recording: Recording) -> Recording:
         """Return a recording with temperatures, linear between rounds and held outside them."""
         columns = [

@@ -33,9 +33,11 @@ class PeriodTable:
         Whether joints have valid rows of their own.
     start : int
         Row of the motion at which the first period begins.
+    warm : bool
+        Whether the drives' temperatures were measured.
     blocks : BlockFile
-        A row of each period's rows: positions, torques, whether they are there, and the drives'
-        temperatures [K] where they were measured; zero where a row is not there.
+        Each period's rows: positions, torques, whether they are there, and temperatures [K]; zero
+        where they are not.
     present : ndarray of bool, shape (periods, K, n)
         Which rows of which joints are there.
     """
@@ -45,6 +47,7 @@ class PeriodTable:
     torque_filter: ButterworthFilter | None
     each_joint: bool
     start: int
+    warm: bool
     blocks: BlockFile
     present: BoolArray
 
@@ -68,12 +71,14 @@ class PeriodTable:
 
     def mean_temperature(self, good: BoolArray) -> FloatArray | None:
         """Return the mean over the valid rows of the good periods, (n,) [K]."""
+        if not self.warm:
+            return None
         total, count = None, 0
         for period in np.flatnonzero(good).tolist():
             there = self.present[period].all(axis=1)
             warm = self.blocks[period][there, 3 * len(self.joint_names) :]
             total, count = running_sum(total, warm), count + len(warm)
-        return None if total is None or not len(total) else total / count
+        return None if total is None else total / count
 
 
 class PeriodCutter:
@@ -83,6 +88,7 @@ class PeriodCutter:
         self._first: Recording | None = None
         self._origin: int | None = None
         self._blocks: BlockFile | None = None
+        self._warm = False
         self._main: tuple[int, int] = (0, 0)
         self._before = -1
         self._after: int | None = None
@@ -110,7 +116,7 @@ class PeriodCutter:
         valid, there = part.valid[main], part.valid_of_joints[main]
         position, torque_nm = part.position[main], part.torque_nm[main]
         if self._blocks is None:
-            self._blocks = BlockFile((samples, 3 * n if part.temperature_k is None else 4 * n))
+            self._blocks = BlockFile((samples, 4 * n))
         for number in np.unique(period).tolist():
             block = self._blocks[number]
             own = np.flatnonzero(period == number)
@@ -120,6 +126,7 @@ class PeriodCutter:
             block[place[row], n + joint] = torque_nm[row, joint]
             block[place[row], 2 * n + joint] = 1.0
             if part.temperature_k is not None:
+                self._warm = True
                 whole = own[valid[own]]
                 block[place[whole], 3 * n :] = part.temperature_k[main][whole]
             self._blocks[number] = block
@@ -163,6 +170,7 @@ class PeriodCutter:
             torque_filter=self._first.torque_filter,
             each_joint=self._first.answered is not None,
             start=start,
+            warm=self._warm,
             blocks=self._blocks,
             present=np.stack(
                 [self._blocks[number][:, 2 * n : 3 * n] != 0.0 for number in range(count)]

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 from acquisition.journal.monitor import with_temperature_compensation
 from acquisition.motion.samples import MotionSamples, Phase
-from acquisition.processing.periods import average_periods
-from acquisition.recording.recording import Recording, joined
 from acquisition.session.early_stop import NewPeriods
 from config.arrays import FloatArray
 from config.errors import ConfigError, DataQualityError, EstimationError
@@ -21,6 +19,7 @@ from identification.estimation.estimators import estimate_periodic
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.estimation.running import RunningEstimate, RunningValues
 from identification.model.base_parameters import base_parameters
+from rid_daq.recording.average_so_far import AverageSoFar
 
 
 class AccuracyWatch:
@@ -70,7 +69,7 @@ class AccuracyWatch:
             None if model.transmission.losses else RunningEstimate.begin(model, STANDSTILL_RAD_S)
         )
         self._followed = 0
-        self._parts: list[Recording] = []
+        self._average = AverageSoFar(robot)
         main = samples.phase == Phase.MAIN
         period = slice(0, samples.samples_per_period)
         self._motion: tuple[FloatArray, FloatArray, FloatArray] = (
@@ -93,10 +92,7 @@ class AccuracyWatch:
             self._follow(new)
             if not self.goals:
                 return False
-            self._parts.append(new.recording)
-            raw = joined(self._parts)
-            recording, _ = with_temperature_compensation(raw, new.folder, self._robot)
-            estimate = estimate_periodic(self._robot, [average_periods(recording)])
+            estimate = estimate_periodic(self._robot, [self._average.with_more(new)])
         except (DataQualityError, EstimationError) as error:
             self.trouble = str(error)
             return False

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from acquisition.journal.monitor import with_temperature_compensation
 from acquisition.motion.samples import Phase
 from acquisition.processing.period_table import cut_periods
-from acquisition.processing.periods import PeriodAverage, average_periods
-from acquisition.recording.recording import Recording, joined
+from acquisition.processing.periods import PeriodAverage
+from acquisition.recording.recording import Recording
 from acquisition.session.early_stop import NewPeriods
 from config.arrays import FloatArray
 from config.errors import DataQualityError, EstimationError
@@ -19,6 +18,7 @@ from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import identify_payload
 from rid_daq.jobs.payload.payload_job import PayloadRequest
+from rid_daq.recording.average_so_far import AverageSoFar
 
 FEWEST_PERIODS = 4
 FITTED_PERIODS = 6
@@ -118,15 +118,12 @@ class MassWatch:
         self._robot, self._before = robot, before
         self._payload_request, self._goal_kg = payload_request, goal_kg
         self._said = ""
-        self._parts: list[Recording] = []
+        self._average = AverageSoFar(robot)
 
     def enough(self, new: NewPeriods) -> bool:
         """Estimate from the periods so far."""
-        self._parts.append(new.recording)
         try:
-            raw = joined(self._parts)
-            recording, _ = with_temperature_compensation(raw, new.folder, self._robot)
-            runs = self._runs(average_periods(recording))
+            runs = self._runs(self._average.with_more(new))
             estimate = identify_payload(self._robot, runs, self._payload_request.how)
         except (DataQualityError, EstimationError) as error:
             self._said = str(error)

@@ -1,0 +1,45 @@
+"""`AverageSoFar`: the mean period of a motion that still runs, from its new periods alone."""
+
+from __future__ import annotations
+
+import math
+
+from acquisition.journal.monitor import MONITOR, monitored, with_warm_torque_constants
+from acquisition.processing.period_table import PeriodCutter
+from acquisition.processing.periods import PeriodAverage, average_table
+from acquisition.recording.recording import Recording, joined
+from acquisition.session.early_stop import NewPeriods
+from config.robot.robot import RobotDescription
+
+
+class AverageSoFar:
+    """Averages the periods so far; no row is read or cut twice once its temperature is known.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    """
+
+    def __init__(self, robot: RobotDescription) -> None:
+        self._robot = robot
+        self._cutter = PeriodCutter()
+        self._unsettled: list[Recording] = []
+
+    def with_more(self, new: NewPeriods) -> PeriodAverage:
+        """Return the mean period with those that came since the last question.
+
+        Raises
+        ------
+        DataQualityError
+            The periods are not good enough yet.
+        """
+        rows = joined([*self._unsettled, new.recording])
+        stream, _ = monitored(rows, new.folder)
+        warm = rows if stream is None else stream.onto(rows)
+        self._cutter.add(with_warm_torque_constants(warm, self._robot))
+        if (new.folder / MONITOR).exists():
+            # The temperatures of rows since the last round still change with the next one.
+            known_s = -math.inf if stream is None else stream.known_until_s
+            self._unsettled = [rows.part(rows.time_s > known_s)]
+        return average_table(self._cutter.table())
