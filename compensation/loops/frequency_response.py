@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +23,9 @@ from compensation.loops.multisine_spectra import MultisineSpectra, multisine_spe
 from config.arrays import BoolArray, FloatArray, read_only
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
+
+if TYPE_CHECKING:
+    import control
 
 Complex = NDArray[np.complex128]
 
@@ -116,6 +119,8 @@ class FrequencyResponse:
     @property
     def frd(self) -> control.FrequencyResponseData:
         """The response as python-control's object, over rad/s."""
+        import control
+
         return control.FRD(self.response, 2.0 * math.pi * self.frequency_hz)
 
 

@@ -15,9 +15,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, combinations
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -26,6 +25,9 @@ from scipy.stats import chi2
 from compensation.loops.frequency_response import FrequencyResponse
 from config.arrays import FloatArray, read_only
 from config.errors import EstimationError
+
+if TYPE_CHECKING:
+    import control
 
 Extra = Literal["delay", "lag"]
 EXTRAS: Final[tuple[Extra, ...]] = ("delay", "lag")
@@ -130,6 +132,8 @@ class VelocityLoop:
     @property
     def transfer_function(self) -> control.TransferFunction:
         """G_c(s) as python-control's object; a delay is its Padé approximation of third order."""
+        import control
+
         numerator = [self.gain * self.integral_time_s, self.gain]
         denominator = np.polymul([self.integral_time_s, 0.0], [self.lag_s, 1.0])
         without_delay = control.TransferFunction(numerator, np.trim_zeros(denominator, "f"))
