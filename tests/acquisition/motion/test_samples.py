@@ -61,7 +61,7 @@ def largest_mismatch(samples: MotionSamples) -> tuple[float, float]:
 
 
 class TestFourierPlan:
-    samples = fourier(periods=3, transient_periods=2).plan(ROBOT, T)
+    samples = fourier(periods=3, transient_periods=2).plan(ROBOT, T).whole()
 
     def test_starts_and_ends_at_rest(self) -> None:
         for values in (self.samples.velocity, self.samples.acceleration):
@@ -80,6 +80,22 @@ class TestFourierPlan:
     def test_repeats_its_main_periods_bit_for_bit(self) -> None:
         main = self.samples.position[self.samples.phase == Phase.MAIN].reshape(3, 1250, -1)
         np.testing.assert_array_equal(main[0], main[2])
+
+    def test_holds_its_main_period_once(self) -> None:
+        planned = fourier(periods=3, transient_periods=2).plan(ROBOT, T)
+        assert len(planned) == len(self.samples)
+        assert planned.period_ends == self.samples.period_ends
+        assert len(planned.position) == len(self.samples) - 2 * 1250
+        rows = [planned.place(row) for row in range(len(planned))]
+        for name in ("position", "velocity", "acceleration", "phase"):
+            np.testing.assert_array_equal(getattr(planned, name)[rows], getattr(self.samples, name))
+
+    def test_holds_as_many_rows_for_an_hour_as_for_a_minute(self) -> None:
+        hour, minute = (fourier(periods=count).plan(ROBOT, T) for count in (360, 6))
+        assert len(hour.position) == len(minute.position)
+        assert len(hour) - len(minute) == 354 * 1250
+        shorter = hour.whole(most_periods=6)
+        np.testing.assert_array_equal(shorter.position, minute.whole().position)
 
     def test_velocity_and_acceleration_are_the_derivatives_throughout(self) -> None:
         velocity, acceleration = largest_mismatch(self.samples)

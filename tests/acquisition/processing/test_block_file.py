@@ -1,0 +1,39 @@
+"""Arrays that are kept on the disk come back as they were."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.processing.block_file import BlockFile
+from config.errors import RecordingError
+
+
+def test_arrays_come_back_by_their_numbers_and_may_be_set_again() -> None:
+    blocks = BlockFile((3, 2))
+    values = {number: np.random.default_rng(number + 9).normal(size=(3, 2)) for number in (4, -1)}
+    for number, array in values.items():
+        blocks[number] = np.zeros((3, 2))
+        blocks[number] = array
+    assert list(blocks) == [4, -1]
+    for number, array in values.items():
+        np.testing.assert_array_equal(blocks[number], array)
+    np.testing.assert_array_equal(blocks[0], np.zeros((3, 2)))
+
+
+def test_it_leaves_no_file_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    blocks = BlockFile((3, 2))
+    blocks[0] = np.ones((3, 2))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    blocks = BlockFile((3, 2))
+    monkeypatch.setattr(os, "pwrite", lambda *_: 7)
+    with pytest.raises(RecordingError, match="no room for the periods of a recording"):
+        blocks[0] = np.ones((3, 2))

@@ -1,0 +1,74 @@
+"""A recording is counted alike whether it comes as a whole or in parts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.motion.samples import Phase
+from acquisition.processing.recording_tally import RecordingTally
+from acquisition.recording.recording import Recording
+
+ROWS = 400
+NUMBERS = (
+    *("rows", "valid_rows", "duration_s", "lost", "last_row", "last_phase"),
+    *("position_min", "position_max", "speed", "torque", "following_error"),
+)
+
+
+@pytest.fixture
+def recording() -> Recording:
+    """Two joints; 20 rows before the motion, answers lost here and there, the end waited for."""
+    random = np.random.default_rng(1)
+    answered = random.random((ROWS, 2)) > 0.05
+    position = random.normal(size=(ROWS, 2)).cumsum(axis=0)
+    index = np.minimum(np.arange(ROWS) - 20, 370)
+    return Recording(
+        joint_names=("a", "b"),
+        time_s=0.01 * np.arange(ROWS, dtype=np.float64),
+        position=position,
+        torque_nm=random.normal(size=(ROWS, 2)),
+        target_position=position + random.normal(size=(ROWS, 2)),
+        valid=np.asarray(answered.all(axis=1)),
+        answered=answered,
+        phase=np.where(index < 0, Phase.APPROACH, Phase.MAIN).astype(np.uint8),
+        sample_index=np.maximum(index, -1),
+        source="cell",
+        sample_period_s=0.01,
+        samples_per_period=50,
+    )
+
+
+@pytest.mark.parametrize("size", [1, 7, 50, 391])
+def test_parts_come_to_what_the_whole_does(recording: Recording, size: int) -> None:
+    whole = RecordingTally(recording)
+    parts = RecordingTally(recording.part(slice(0, size)))
+    for first in range(size, ROWS, size):
+        parts.add(recording.part(slice(first, first + size)))
+    for name in NUMBERS:
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), err_msg=name)
+    assert parts.cutter.periods == whole.cutter.periods == 8
+
+
+def test_it_tells_how_far_and_fast_the_valid_rows_went(recording: Recording) -> None:
+    tally, good = RecordingTally(recording), recording.valid
+    position = recording.position[good]
+    steps = np.diff(position, axis=0) / np.diff(recording.time_s[good])[:, np.newaxis]
+    np.testing.assert_array_equal(tally.position_max, position.max(axis=0))
+    np.testing.assert_array_equal(tally.speed, np.abs(steps).max(axis=0))
+    np.testing.assert_array_equal(tally.torque, np.abs(recording.torque_nm[good]).max(axis=0))
+    moved = recording.sample_index >= 0
+    for joint, lost in enumerate(tally.lost):
+        answered = moved & recording.valid_of_joints[:, joint]
+        assert lost == 371 - len(np.unique(recording.sample_index[answered]))
+
+
+def test_without_set_points_there_is_no_following_error(recording: Recording) -> None:
+    assert RecordingTally(replace(recording, target_position=None)).following_error is None
+
+
+def test_before_the_motion_it_has_reached_nothing(recording: Recording) -> None:
+    tally = RecordingTally(recording.part(slice(0, 20)))
+    assert (tally.last_row, tally.lost, tally.cutter.periods) == (-1, (0, 0), 0)
