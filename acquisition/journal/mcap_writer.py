@@ -8,10 +8,13 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+from collections.abc import Iterator
 from io import FileIO
 from pathlib import Path
 from typing import IO, Self, cast
 
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
 from acquisition.journal.disk_reserve import FULL, DiskReserve
@@ -80,6 +83,25 @@ class _Unbuffered:
         """Nothing is held back."""
 
 
+class _ChunkIndices:
+    """What the MCAP writer needs of its list of chunks, as the bytes that it writes in the end.
+
+    Its own list of objects takes ten times as much memory, and grows with the file.
+    """
+
+    def __init__(self) -> None:
+        self._records = RecordBuilder()
+
+    def append(self, index: ChunkIndex) -> None:
+        index.write(self._records)
+
+    def __iter__(self) -> Iterator[_ChunkIndices]:
+        yield self
+
+    def write(self, summary: RecordBuilder) -> None:
+        summary.write(self._records.end())
+
+
 class JournalFile:
     """A new MCAP file, open for writing; a context manager.
 
@@ -131,6 +153,7 @@ class JournalFile:
             compression=CompressionType.NONE,
             enable_crcs=True,
         )
+        vars(self._writer)["_Writer__chunk_indices"] = _ChunkIndices()
         self._writer.start(profile="ros2", library="rid-daq")
         self._writer.add_metadata(METADATA_NAME, metadata)
 

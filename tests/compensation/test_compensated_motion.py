@@ -64,7 +64,7 @@ def test_circles_come_an_order_of_magnitude_closer(
     max_ratio: float,
 ) -> None:
     """All unmodelled effects are on, and nothing is taken from the plant."""
-    samples = circle(centre, radius_m, speed).plan(cell.robot, cell.config.cycle_time_s)
+    samples = circle(centre, radius_m, speed).plan(cell.robot, cell.config.cycle_time_s).whole()
     before = error_of(cell, drive, samples)
     after = error_of(cell, drive, compensated_motion(samples, model, loops))
     assert before.mean_m > 5e-4
@@ -86,7 +86,7 @@ def test_run_in_period_and_run_out_join_without_a_jump(
     cell: LoadedCell, loops: list[VelocityLoop], model: Estimate
 ) -> None:
     motion = circle((0.575, -0.078, -1.724), 0.2, 0.6)
-    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s).whole()
     ahead = compensated_motion(samples, model, loops).feedforward
     assert ahead is not None
     steps = np.abs(np.diff(ahead, axis=0))

@@ -79,8 +79,8 @@ def test_a_motion_is_approached_streamed_held_and_ended(
     np.testing.assert_allclose(np.diff(rows["time_s"]), T, rtol=1e-9)
     streamed = rows[rows["sample_index"] >= 0]
     assert streamed["sample_index"].tolist() == list(range(len(motion)))
-    np.testing.assert_array_equal(streamed["target_position"], motion.position)
-    np.testing.assert_array_equal(streamed["phase"], motion.phase)
+    np.testing.assert_array_equal(streamed["target_position"], motion.whole().position)
+    np.testing.assert_array_equal(streamed["phase"], motion.whole().phase)
     assert rows["phase"][0] == Phase.APPROACH
     assert rows["phase"][-1] == Phase.HOLD
     assert rows["valid"].all()

@@ -46,7 +46,7 @@ def loop(gain: float, integral_s: float) -> VelocityLoop:
 
 @pytest.fixture(scope="module")
 def samples(cell: LoadedCell) -> MotionSamples:
-    return circle().plan(cell.robot, cell.config.cycle_time_s)
+    return circle().plan(cell.robot, cell.config.cycle_time_s).whole()
 
 
 @pytest.fixture(scope="module")

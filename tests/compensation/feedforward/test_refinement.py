@@ -63,7 +63,7 @@ SPLINE = PathMotion.model_validate(
 
 @pytest.fixture(scope="module")
 def planned(cell: LoadedCell) -> MotionSamples:
-    return CIRCLE.plan(cell.robot, cell.config.cycle_time_s)
+    return CIRCLE.plan(cell.robot, cell.config.cycle_time_s).whole()
 
 
 @pytest.fixture(scope="module")

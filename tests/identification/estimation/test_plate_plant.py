@@ -145,7 +145,7 @@ def samples(cell: LoadedCell) -> MotionSamples:
         TwoHarmonicOptions(5.0, highest_harmonic=6, tries=50, seed=3, periods=16),
         CYCLE_S,
     )
-    return motion.plan(cell.robot, CYCLE_S)
+    return motion.plan(cell.robot, CYCLE_S).whole()
 
 
 @pytest.fixture(scope="module")
