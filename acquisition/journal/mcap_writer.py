@@ -99,7 +99,7 @@ class _ChunkIndices:
         yield self
 
     def write(self, summary: RecordBuilder) -> None:
-        summary.write(self._records.end())
+        summary.write(self._records.end())  # type: ignore[no-untyped-call]
 
 
 class JournalFile:
