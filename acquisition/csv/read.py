@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -53,14 +53,7 @@ class _Table:
     temperature: FloatArray
 
     def keep(self, mask: BoolArray) -> _Table:
-        return _Table(
-            self.row[mask],
-            self.time_s[mask],
-            self.position[mask],
-            self.velocity[mask],
-            self.torque[mask],
-            self.temperature[mask],
-        )
+        return _Table(*(getattr(self, field.name)[mask] for field in fields(self)))
 
 
 def import_csv(

@@ -15,17 +15,17 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
+from acquisition.session.helper_process import HelperProcess, start_all
 from compensation.online.point_codec import PointDecoder, farewell, greeting
 from compensation.online.point_feed import PAUSE_S, PointGate, feed
 from compensation.online.point_ring import PointRing, PointsFailed
 from config.arrays import FloatArray
 from config.errors import LockedError, TransportError, system_errors
 from config.process.file_locks import file_holder, held_file
-from config.process.termination import leave_terminal, signals_blocked
+from config.process.termination import leave_terminal
 from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 
@@ -87,16 +87,12 @@ class PointServer:
         with contextlib.ExitStack() as stack:
             self._listener = stack.enter_context(listening(path))
             self._socket = stack.pop_all()
-        self._process = get_context("spawn").Process(
-            target=run_point_server,
-            args=(self._listener, ring, service, os.getpid()),
-            name="rid-daq points",
-        )
+        arguments = (self._listener, ring, service, os.getpid())
+        self._process = HelperProcess("points", run_point_server, arguments, patience_s=2.0)
 
     def __enter__(self) -> PointServer:
         try:
-            with signals_blocked(suspension=True):
-                self._process.start()
+            start_all([self._process])
         except BaseException as error:  # a signal that came meanwhile, perhaps
             self._end(str(error))
             raise
@@ -107,7 +103,7 @@ class PointServer:
     @property
     def dead(self) -> bool:
         """Whether the server's process has ended."""
-        return not self._process.is_alive()
+        return not self._process.is_alive
 
     def watch(self) -> None:
         """Let nobody wait for points from a server that has died."""
@@ -119,12 +115,7 @@ class PointServer:
 
     def _end(self, why: str) -> None:
         self._ring.conclude(why)
-        if self._process.pid is not None:
-            self._process.join(2.0)
-            if self._process.is_alive():
-                self._process.kill()
-                self._process.join()
-        self._process.close()
+        self._process.end()
         self._socket.close()
 
 

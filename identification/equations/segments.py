@@ -94,14 +94,5 @@ def _on_bins(
 
 
 def _rows(signals: SmoothedSignals, rows: slice) -> SmoothedSignals:
-    warmth = signals.temperature_k
-    return replace(
-        signals,
-        time_s=signals.time_s[rows],
-        position=signals.position[rows],
-        velocity=signals.velocity[rows],
-        acceleration=signals.acceleration[rows],
-        torque_nm=signals.torque_nm[rows],
-        segment=signals.segment[rows],
-        temperature_k=None if warmth is None else warmth[rows],
-    )
+    arrays = {k: x[rows] for k, x in vars(signals).items() if isinstance(x, np.ndarray)}
+    return replace(signals, **arrays)

@@ -228,10 +228,10 @@ def condense(matrices: Sequence[FloatArray], sides: Sequence[FloatArray], width:
     return triangular_factor(np.vstack(parts))
 
 
-def robot_prior(layout: Layout, robot: Estimate) -> FloatArray:
+def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
     """Return a robot identified before as equations of the unknowns, shape (any, p + 1).
 
-    Its friction is not taken over. Its links count as known as well as their cluster-robust
+    Without one there are none. Its friction is not taken over. Its links count as known as well as their cluster-robust
     covariance says, so that what the model is worth shows in the payload's intervals.
 
     Raises
@@ -239,6 +239,8 @@ def robot_prior(layout: Layout, robot: Estimate) -> FloatArray:
     EstimationError
         It is another robot, or its model has other terms.
     """
+    if robot is None:
+        return np.zeros((0, len(layout.names) + 1))
     model = layout.model
     wanted = [model.base.expressions[j] for j in model.links]
     unknown = [each for each in wanted if each not in robot.base.expressions]

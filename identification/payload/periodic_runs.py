@@ -104,11 +104,7 @@ class PeriodicRuns:
         else:
             layout = Layout(model, len(binned), slopes=slopes)
             averages = list(self.averages)
-        known = (
-            robot_prior(layout, robot)
-            if procedure == "model" and robot is not None
-            else np.zeros((0, len(layout.names) + 1))
-        )
+        known = robot_prior(layout, robot if procedure == "model" else None)
         n = model.model.chain.n
         loaded = 1 if procedure == "difference" else sum(self.loaded)
         divisors = np.outer((len(binned), loaded), np.ones(n))

@@ -93,11 +93,7 @@ class SmoothedRuns:
         slopes = 0 if standard is None else len(model.model.nonlinear_names)
         layout = Layout(model, len(self.signals), slopes=slopes)
         width, n = len(layout.names), model.model.chain.n
-        known = (
-            robot_prior(layout, robot)
-            if procedure == "model" and robot is not None
-            else np.zeros((0, width + 1))
-        )
+        known = robot_prior(layout, robot if procedure == "model" else None)
         triangles = [Triangle.empty(width) for _ in range(n)]
         divisors = np.zeros((2, n))
         for run, rows in _clusters(model, self, standard):

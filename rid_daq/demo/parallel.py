@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 from collections.abc import Iterator
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
@@ -65,7 +66,7 @@ def run_stories(
             lines[stack.enter_context(ours)] = unmodelled
             with _environment(_ONE_THREAD), signals_blocked():
                 process.start()
-                stack.push(_Ending(process))
+                stack.push(partial(_end, process))
             theirs.close()
         done_s = dict.fromkeys(lines.values(), 0.0)
         with console.progress("recording", total_s, "s of motion, two robots") as display:
@@ -127,24 +128,15 @@ def _leave(_signal: int, _frame: object) -> NoReturn:
     raise SystemExit(ExitCode.TERMINATED)
 
 
-class _Ending:
-    """Ends a story's process; one that is still at work stops its robot on the way."""
-
-    def __init__(self, process: SpawnProcess) -> None:
-        self._process = process
-
-    def __enter__(self) -> _Ending:
-        return self
-
-    def __exit__(self, kind: object, *_: object) -> None:
-        process = self._process
-        if kind is not None and process.is_alive():
-            process.terminate()
-        process.join(_END_PATIENCE_S)
-        if process.is_alive():
-            process.kill()
-            process.join()
-        process.close()
+def _end(process: SpawnProcess, failed: object, *_: object) -> None:
+    """End a story's process; one that is still at work stops its robot on the way."""
+    if failed is not None and process.is_alive():
+        process.terminate()
+    process.join(_END_PATIENCE_S)
+    if process.is_alive():
+        process.kill()
+        process.join()
+    process.close()
 
 
 @contextlib.contextmanager
