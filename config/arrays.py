@@ -58,6 +58,38 @@ def read_only(
     return array
 
 
+def freeze(
+    owner: object,
+    error: type[RidDaqError],
+    shape: tuple[int | None, ...],
+    *names: str,
+    what: str = "",
+    dtype: DTypeLike = float,
+) -> None:
+    """Put `read_only` arrays in place of a frozen dataclass's own; None stays.
+
+    Parameters
+    ----------
+    owner : object
+        The dataclass, in its `__post_init__`.
+    error, shape, dtype : type, tuple, dtype_like
+        As for `read_only`.
+    *names : str
+        The fields.
+    what : str
+        What stands before a field's name in a message.
+
+    Raises
+    ------
+    RidDaqError
+        As `read_only`.
+    """
+    for name in names:
+        if (values := getattr(owner, name)) is not None:
+            array = read_only(f"{what}{name}", values, dtype, shape, error)
+            object.__setattr__(owner, name, array)
+
+
 def _is_frozen(values: Any) -> bool:
     """Return whether values are of numpy's own memory that was made read-only."""
     while isinstance(values, np.ndarray) and not values.flags.writeable:

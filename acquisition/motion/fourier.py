@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import ConfigError
 
 
@@ -73,17 +73,14 @@ class FourierTrajectory:
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
-        offset = read_only("Fourier offset", self.offset, float, (n,), ConfigError)
-        sine = read_only("Fourier sine", self.sine, float, (None, n), ConfigError)
-        cosine = read_only("Fourier cosine", self.cosine, float, sine.shape, ConfigError)
-        if 2 * len(sine) >= self.samples_per_period:
+        freeze(self, ConfigError, (n,), "offset", what="Fourier ")
+        freeze(self, ConfigError, (None, n), "sine", what="Fourier ")
+        freeze(self, ConfigError, self.sine.shape, "cosine", what="Fourier ")
+        if 2 * len(self.sine) >= self.samples_per_period:
             raise ConfigError(
-                f"harmonic {len(sine)} of a period of {self.samples_per_period} samples is beyond"
-                " half the sampling frequency: use fewer harmonics or a longer period"
+                f"harmonic {len(self.sine)} of a period of {self.samples_per_period} samples is"
+                " beyond half the sampling frequency: use fewer harmonics or a longer period"
             )
-        object.__setattr__(self, "offset", offset)
-        object.__setattr__(self, "sine", sine)
-        object.__setattr__(self, "cosine", cosine)
 
     @property
     def period_s(self) -> float:

@@ -21,7 +21,7 @@ import numpy as np
 from acquisition.motion.approach import approach
 from acquisition.motion.samples import JointTrajectory, MotionSamples, Phase, join, standstill
 from acquisition.recording.plate_geometry import PlateGeometry
-from config.arrays import BoolArray, FloatArray, IntArray, read_only
+from config.arrays import BoolArray, FloatArray, IntArray, freeze, read_only
 from config.cell.plate import CHANNEL_NAMES, CHANNELS
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription
@@ -96,12 +96,9 @@ class PlateOffset:
     seconds: float
 
     def __post_init__(self) -> None:
-        for name in ("offset_n", "offset_sigma_n", "drift_n_s", "drift_sigma_n_s", "rest_n"):
-            value = read_only(name, getattr(self, name), float, (CHANNELS,), DataQualityError)
-            object.__setattr__(self, name, value)
-        for name in ("gravity", "gravity_sigma"):
-            value = read_only(name, getattr(self, name), float, (6,), DataQualityError)
-            object.__setattr__(self, name, value)
+        of_channels = ("offset_n", "offset_sigma_n", "drift_n_s", "drift_sigma_n_s", "rest_n")
+        freeze(self, DataQualityError, (CHANNELS,), *of_channels)
+        freeze(self, DataQualityError, (6,), "gravity", "gravity_sigma")
 
 
 def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> ZeroTurn:

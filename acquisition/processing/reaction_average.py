@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.recording.reaction import Reaction
-from config.arrays import BoolArray, FloatArray, IntArray, read_only
+from config.arrays import BoolArray, FloatArray, IntArray, freeze, read_only
 from config.cell.cell import ButterworthFilter
 from config.errors import DataQualityError
 
@@ -59,17 +59,10 @@ class ReactionAverage:
         channels = read_only("mean reaction", self.channels_n, float, (None, c), DataQualityError)
         bins = len(channels) // 2 + 1
         object.__setattr__(self, "channels_n", channels)
-        shapes: dict[str, tuple[int, ...]] = {
-            "bin_covariance": (bins, c, c),
-            "drift_n_s": (c,),
-            "drift_sigma_n_s": (c,),
-            "base_wrench_matrix": (6, c),
-        }
-        for name, shape in shapes.items():
-            array = read_only(name, getattr(self, name), float, shape, DataQualityError)
-            object.__setattr__(self, name, array)
-        used = read_only("channels used", self.used, np.bool_, (c,), DataQualityError)
-        object.__setattr__(self, "used", used)
+        freeze(self, DataQualityError, (bins, c, c), "bin_covariance")
+        freeze(self, DataQualityError, (c,), "drift_n_s", "drift_sigma_n_s")
+        freeze(self, DataQualityError, (6, c), "base_wrench_matrix")
+        freeze(self, DataQualityError, (c,), "used", what="channels ", dtype=np.bool_)
 
     @property
     def left_out(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import interpolate
 
 from acquisition.recording.recording import Recording
-from config.arrays import FloatArray, IntArray, read_only
+from config.arrays import FloatArray, IntArray, freeze
 from config.errors import ConfigError, DataQualityError
 
 FILTER_ORDER = 4
@@ -58,17 +58,11 @@ class SmoothedSignals:
     temperature_k: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        time_s = read_only("time_s", self.time_s, float, (None,), DataQualityError)
-        rows, table = (len(time_s),), (len(time_s), len(self.joint_names))
-        object.__setattr__(self, "time_s", time_s)
-        for name in ("position", "velocity", "acceleration", "torque_nm"):
-            array = read_only(name, getattr(self, name), float, table, DataQualityError)
-            object.__setattr__(self, name, array)
-        if self.temperature_k is not None:
-            warmth = read_only("temperature_k", self.temperature_k, float, table, DataQualityError)
-            object.__setattr__(self, "temperature_k", warmth)
-        segment = read_only("segment", self.segment, np.int64, rows, DataQualityError)
-        object.__setattr__(self, "segment", segment)
+        freeze(self, DataQualityError, (None,), "time_s")
+        table = (len(self), len(self.joint_names))
+        freeze(self, DataQualityError, table, "position", "velocity", "acceleration", "torque_nm")
+        freeze(self, DataQualityError, table, "temperature_k")
+        freeze(self, DataQualityError, (len(self),), "segment", dtype=np.int64)
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.cell.plate import CHANNELS, PlateConfig
 from config.errors import RecordingError
 
@@ -39,9 +39,8 @@ class PlateGeometry:
     channel_matrix: FloatArray
 
     def __post_init__(self) -> None:
-        for name, shape in (("base_wrench_matrix", (6, CHANNELS)), ("channel_matrix", (8, 6))):
-            value = read_only(name, getattr(self, name), float, shape, RecordingError)
-            object.__setattr__(self, name, value)
+        freeze(self, RecordingError, (6, CHANNELS), "base_wrench_matrix")
+        freeze(self, RecordingError, (8, 6), "channel_matrix")
 
     @classmethod
     def from_config(cls, plate: PlateConfig) -> PlateGeometry:

@@ -10,7 +10,7 @@ import numpy as np
 from acquisition.recording.plate_geometry import PlateGeometry
 from acquisition.signals.clocks import DeviceClock
 from acquisition.signals.resampling import resample
-from config.arrays import BoolArray, FloatArray, read_only
+from config.arrays import BoolArray, FloatArray
 from config.cell.cell import ButterworthFilter
 from config.cell.plate import CHANNEL_NAMES, PlateConfig
 from config.errors import RecordingError
@@ -48,14 +48,9 @@ class Reaction:
 
     def __post_init__(self) -> None:
         c = len(self.channel_names)
-        channels = read_only("reaction", self.channels_n, float, (None, c), RecordingError)
-        valid = read_only("reaction valid", self.valid, np.bool_, channels.shape, RecordingError)
-        matrix = read_only(
-            "base_wrench_matrix", self.base_wrench_matrix, float, (6, c), RecordingError
-        )
-        object.__setattr__(self, "channels_n", channels)
-        object.__setattr__(self, "valid", valid)
-        object.__setattr__(self, "base_wrench_matrix", matrix)
+        freeze(self, RecordingError, (None, c), "channels_n", what="reaction ")
+        freeze(self, RecordingError, (len(self), c), "valid", what="reaction ", dtype=np.bool_)
+        freeze(self, RecordingError, (6, c), "base_wrench_matrix")
 
     def __len__(self) -> int:
         return len(self.channels_n)

@@ -21,7 +21,7 @@ import numpy as np
 from acquisition.signals.bins import from_bins, to_bins
 from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 
@@ -46,10 +46,8 @@ class FeedforwardTuning:
     delay_s: FloatArray
 
     def __post_init__(self) -> None:
-        scale = read_only("scale", self.scale, float, (None,), ConfigError)
-        object.__setattr__(self, "scale", scale)
-        delay = read_only("delay_s", self.delay_s, float, scale.shape, ConfigError)
-        object.__setattr__(self, "delay_s", delay)
+        freeze(self, ConfigError, (None,), "scale")
+        freeze(self, ConfigError, self.scale.shape, "delay_s")
 
     @classmethod
     def none(cls, joints: int) -> FeedforwardTuning:

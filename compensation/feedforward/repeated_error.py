@@ -12,7 +12,7 @@ from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from compensation.feedforward.inverse import padding_rows, returned
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError
 
 FEWEST_RUNS: Final = 2
@@ -51,12 +51,9 @@ class RepeatedError:
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
-        error = read_only("mean error", self.error, float, (None, n), DataQualityError)
-        object.__setattr__(self, "error", error)
-        rows = len(error) + (0 if self.periodic else padding_rows(self.sample_period_s))
-        shape = (rows // 2 + 1, n)
-        noise = read_only("bin_variance", self.bin_variance, float, shape, DataQualityError)
-        object.__setattr__(self, "bin_variance", noise)
+        freeze(self, DataQualityError, (None, n), "error", what="mean ")
+        rows = len(self.error) + (0 if self.periodic else padding_rows(self.sample_period_s))
+        freeze(self, DataQualityError, (rows // 2 + 1, n), "bin_variance")
 
     @property
     def rms(self) -> FloatArray:

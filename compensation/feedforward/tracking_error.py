@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError
 from dynamics.geometry.kinematics import Chain, forward
 
@@ -31,16 +31,9 @@ class TrackingError:
     reached_m: FloatArray
 
     def __post_init__(self) -> None:
-        joint = read_only("joint", self.joint, float, (None, None), DataQualityError)
-        samples = len(joint)
-        object.__setattr__(self, "joint", joint)
-        for name, shape in (
-            ("distance_m", (samples,)),
-            ("wanted_m", (samples, 3)),
-            ("reached_m", (samples, 3)),
-        ):
-            values = read_only(name, getattr(self, name), float, shape, DataQualityError)
-            object.__setattr__(self, name, values)
+        freeze(self, DataQualityError, (None, None), "joint")
+        freeze(self, DataQualityError, (len(self.joint),), "distance_m")
+        freeze(self, DataQualityError, (len(self.joint), 3), "wanted_m", "reached_m")
 
     @property
     def mean_m(self) -> float:

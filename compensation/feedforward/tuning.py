@@ -28,7 +28,7 @@ from compensation.feedforward.inverse import (
 from compensation.feedforward.repeated_error import RepeatedError
 from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError
 from identification.estimation.estimate import Estimate, predict
 
@@ -66,9 +66,7 @@ class Tuning:
     used: tuple[bool, ...]
 
     def __post_init__(self) -> None:
-        for name in ("scale", "delay_s", "scale_std", "delay_std_s"):
-            values = read_only(name, getattr(self, name), float, (None,), DataQualityError)
-            object.__setattr__(self, name, values)
+        freeze(self, DataQualityError, (None,), "scale", "delay_s", "scale_std", "delay_std_s")
 
 
 def tune(

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensation.loops.frequency_response import FrequencyResponse
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 
 LEAST_RELATIVE: Final = 0.03
@@ -49,8 +49,7 @@ class AxisMechanics:
     misfit: float
 
     def __post_init__(self) -> None:
-        covariance = read_only("covariance", self.covariance, float, (2, 2), EstimationError)
-        object.__setattr__(self, "covariance", covariance)
+        freeze(self, EstimationError, (2, 2), "covariance")
         if not self.inertia > 0.0:
             raise EstimationError(
                 f"joint {self.joint_name}: velocity does not answer torque as an inertia does: the"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
-from config.arrays import FloatArray, IntArray, read_only
+from config.arrays import FloatArray, IntArray
 from config.cell.plate import PlateLimits
 from config.errors import EstimationError
 from dynamics.model.cad import cad_parameters
@@ -43,11 +43,8 @@ class BaseLoad:
     weight_known: bool
 
     def __post_init__(self) -> None:
-        for name in ("peak", "sigma", "at_s", "limit"):
-            array = read_only(
-                f"base load {name}", getattr(self, name), float, (6,), EstimationError
-            )
-            object.__setattr__(self, name, array)
+        of_components = ("peak", "sigma", "at_s", "limit")
+        freeze(self, EstimationError, (6,), *of_components, what="base load ")
 
     @property
     def held(self) -> tuple[bool, ...]:

@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtr
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from identification.equations.time_domain import TimeRun, joint_equations
 from identification.estimation.estimate import Estimate
@@ -52,9 +52,8 @@ class DriveGains:
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
-        for name, shape in (("values", (n,)), ("covariance", (n, n))):
-            array = read_only(name, getattr(self, name), float, shape, EstimationError)
-            object.__setattr__(self, name, array)
+        freeze(self, EstimationError, (n,), "values")
+        freeze(self, EstimationError, (n, n), "covariance")
 
     @property
     def sigma(self) -> FloatArray:

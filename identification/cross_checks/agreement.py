@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtr
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from identification.cross_checks.energy import estimate_by_energy
 from identification.cross_checks.kalman import estimate_by_kalman_filter
@@ -75,9 +75,7 @@ class CrossCheck:
     trouble: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("values", "sigma", "difference"):
-            array = read_only(name, getattr(self, name), float, (None,), EstimationError)
-            object.__setattr__(self, name, array)
+        freeze(self, EstimationError, (None,), "values", "sigma", "difference")
 
     @property
     def largest(self) -> float:

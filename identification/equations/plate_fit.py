@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.processing.periods import PeriodAverage
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from identification.equations.bins import BinEquations
 
@@ -42,16 +42,9 @@ class PlateFit:
 
     def __post_init__(self) -> None:
         runs = len(self.left_out)
-        shapes: dict[str, tuple[int | None, ...]] = {
-            "residual": (6,),
-            "noise": (6,),
-            "delay_s": (runs,),
-            "delay_sigma_s": (runs,),
-            "drift_n_s": (runs, None),
-        }
-        for name, shape in shapes.items():
-            array = read_only(f"plate {name}", getattr(self, name), float, shape, EstimationError)
-            object.__setattr__(self, name, array)
+        freeze(self, EstimationError, (6,), "residual", "noise", what="plate ")
+        freeze(self, EstimationError, (runs,), "delay_s", "delay_sigma_s", what="plate ")
+        freeze(self, EstimationError, (runs, None), "drift_n_s", what="plate ")
 
     @classmethod
     def of(

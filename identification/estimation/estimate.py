@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
@@ -97,23 +97,12 @@ class Estimate:
 
     def __post_init__(self) -> None:
         b, n, s = len(self.base), len(self.robot.joints), len(self.options.nonlinear or ())
-        shapes: dict[str, tuple[int, ...]] = {
-            "values": (b,),
-            "covariance_residual": (b, b),
-            "covariance_jackknife": (b, b),
-            "nonlinear_covariance": (s, s),
-            "residual_nm": (n,),
-            "left_out_fraction": (n,),
-        }
-        if self.covariance_noise is not None:
-            shapes["covariance_noise"] = (b, b)
-        if self.noise_nm is not None:
-            shapes["noise_nm"] = (n,)
-        for name, shape in shapes.items():
-            array = read_only(
-                f"estimate {name}", getattr(self, name), float, shape, EstimationError
-            )
-            object.__setattr__(self, name, array)
+        covariances = ("covariance_residual", "covariance_jackknife", "covariance_noise")
+        of_joints = ("residual_nm", "left_out_fraction", "noise_nm")
+        freeze(self, EstimationError, (b,), "values", what="estimate ")
+        freeze(self, EstimationError, (b, b), *covariances, what="estimate ")
+        freeze(self, EstimationError, (s, s), "nonlinear_covariance", what="estimate ")
+        freeze(self, EstimationError, (n,), *of_joints, what="estimate ")
 
     @cached_property
     def model(self) -> RobotModel:

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import nnls
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
@@ -68,8 +68,7 @@ class ExportModel:
 
     def __post_init__(self) -> None:
         shape = (len(self.model.parameter_names),)
-        values = read_only("parameters", self.parameters, float, shape, EstimationError)
-        object.__setattr__(self, "parameters", values)
+        freeze(self, EstimationError, shape, "parameters")
         unknown = [term.name for term in self.model.terms if not isinstance(term, KNOWN_TERMS)]
         if unknown:
             raise EstimationError(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
@@ -49,16 +49,9 @@ class FrictionCurve:
         k = len(self.speed)
         if (self.even is None) != (self.even_covariance is None):
             raise EstimationError("friction curve: even needs its covariance, and only even")
-        for name, shape in (
-            ("speed", (k,)),
-            ("odd", (k,)),
-            ("odd_sigma", (k,)),
-            ("even", (k,)),
-            ("even_covariance", (k, k)),
-        ):
-            if (values := getattr(self, name)) is not None:
-                array = read_only(f"friction {name}", values, float, shape, EstimationError)
-                object.__setattr__(self, name, array)
+        of_speeds = ("speed", "odd", "odd_sigma", "even")
+        freeze(self, EstimationError, (k,), *of_speeds, what="friction ")
+        freeze(self, EstimationError, (k, k), "even_covariance", what="friction ")
 
     @property
     def forward(self) -> FloatArray | None:

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor
 from dynamics.model.transmission import Transmission
@@ -63,8 +63,7 @@ class BaseParameters:
 
     def __post_init__(self) -> None:
         shape = (len(self.kept), len(self.standard_names))
-        combination = read_only("combination", self.combination, float, shape, EstimationError)
-        object.__setattr__(self, "combination", combination)
+        freeze(self, EstimationError, shape, "combination")
         if not len(self.names) == len(self.expressions) == len(self.units) == len(self.kept):
             raise EstimationError(
                 f"base parameters: {len(self.names)} names, {len(self.expressions)} expressions and"

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from config.formats.urdf import rotation_of_rpy
 from config.robot.robot import RobotDescription
@@ -47,11 +47,8 @@ class PayloadBody:
     inertia_kg_m2: FloatArray
 
     def __post_init__(self) -> None:
-        for name, shape in (("centre_m", (3,)), ("inertia_kg_m2", (3, 3))):
-            values = read_only(
-                f"payload {name}", getattr(self, name), float, shape, EstimationError
-            )
-            object.__setattr__(self, name, values)
+        freeze(self, EstimationError, (3,), "centre_m", what="payload ")
+        freeze(self, EstimationError, (3, 3), "inertia_kg_m2", what="payload ")
         if not np.isfinite(self.mass_kg):
             raise EstimationError("the mass of a payload must be a number")
         if np.max(np.abs(self.inertia_kg_m2 - self.inertia_kg_m2.T)) > 1e-9 * max(

@@ -231,8 +231,9 @@ def condense(matrices: Sequence[FloatArray], sides: Sequence[FloatArray], width:
 def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
     """Return a robot identified before as equations of the unknowns, shape (any, p + 1).
 
-    Without one there are none. Its friction is not taken over. Its links count as known as well as their cluster-robust
-    covariance says, so that what the model is worth shows in the payload's intervals.
+    Without one there are none. Its friction is not taken over. Its links count as known as well as
+    their cluster-robust covariance says, so that what the model is worth shows in the payload's
+    intervals.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from scipy.special import chdtrc
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
@@ -75,17 +75,12 @@ class PayloadEstimate:
 
     def __post_init__(self) -> None:
         ten, n = PARAMETERS_PER_LINK, len(self.robot.joints)
-        for name, shape in (
-            ("values", (ten,)),
-            ("covariance", (ten, ten)),
-            ("covariance_noise", (ten, ten)),
-            ("gain_slopes", (ten, n)),
-            ("unseen", (ten, None)),
-            ("residual_nm", (n,)),
-            ("payload_nm", (n,)),
-        ):
-            array = read_only(f"payload {name}", getattr(self, name), float, shape, EstimationError)
-            object.__setattr__(self, name, array)
+        covariances = ("covariance", "covariance_noise")
+        freeze(self, EstimationError, (ten,), "values", what="payload ")
+        freeze(self, EstimationError, (ten, ten), *covariances, what="payload ")
+        freeze(self, EstimationError, (ten, n), "gain_slopes", what="payload ")
+        freeze(self, EstimationError, (ten, None), "unseen", what="payload ")
+        freeze(self, EstimationError, (n,), "residual_nm", "payload_nm", what="payload ")
 
     @property
     def seen_parameters(self) -> tuple[bool, ...]:

@@ -14,7 +14,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from config.arrays import FloatArray, IntArray, read_only
+from config.arrays import FloatArray, IntArray, freeze, read_only
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
@@ -73,9 +73,7 @@ class Excitation:
     a: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("q", "v", "a"):
-            values = read_only(name, getattr(self, name), float, (None, None), EstimationError)
-            object.__setattr__(self, name, values)
+        freeze(self, EstimationError, (None, None), "q", "v", "a")
         if not self.q.shape == self.v.shape == self.a.shape:
             raise EstimationError("q, v and a must have one shape")
 
@@ -112,9 +110,7 @@ class SensitivityProblem:
     def __post_init__(self) -> None:
         n = len(self.robot.joints)
         model = RobotModel.from_description(self.robot)
-        shape = (len(model.parameter_names),)
-        values = read_only("parameters", self.parameters, float, shape, EstimationError)
-        object.__setattr__(self, "parameters", values)
+        freeze(self, EstimationError, (len(model.parameter_names),), "parameters")
         noise = self.noise_nm if len(self.noise_nm) else np.ones(n)
         noise = read_only("noise_nm", noise, float, (n,), EstimationError)
         object.__setattr__(self, "noise_nm", noise)

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from acquisition.processing.smoothing import SmoothedSignals, low_pass, smooth_nonperiodic
 from acquisition.recording.plate_geometry import WRENCH_NAMES
 from acquisition.recording.recording import Recording
-from config.arrays import BoolArray, FloatArray, read_only
+from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
 from dynamics.terms.conditions import Conditions
 from identification.equations.deconvolution import without_filter
@@ -63,9 +63,7 @@ class BaseWrenchValidation:
     cutoff_hz: float
 
     def __post_init__(self) -> None:
-        for name in ("measured", "predicted"):
-            values = read_only(name, getattr(self, name), float, (None, 6), EstimationError)
-            object.__setattr__(self, name, values)
+        freeze(self, EstimationError, (None, 6), "measured", "predicted")
 
     @property
     def sentence(self) -> str:

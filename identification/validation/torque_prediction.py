@@ -8,7 +8,7 @@ import numpy as np
 
 from acquisition.processing.smoothing import low_pass, smooth_nonperiodic
 from acquisition.recording.recording import Recording
-from config.arrays import BoolArray, FloatArray, read_only
+from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
 from dynamics.terms.conditions import Conditions
 from identification.equations.deconvolution import without_torque_filter
@@ -67,9 +67,7 @@ class Validation:
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
-        for name in ("measured_nm", "predicted_nm"):
-            values = read_only(name, getattr(self, name), float, (None, n), EstimationError)
-            object.__setattr__(self, name, values)
+        freeze(self, EstimationError, (None, n), "measured_nm", "predicted_nm")
         if self.limits_percent is not None and len(self.limits_percent) != n:
             raise EstimationError(
                 f"validation: {len(self.limits_percent)} limits are given for {n} joints"
