@@ -10,7 +10,7 @@ import numpy as np
 from acquisition.recording.plate_geometry import PlateGeometry
 from acquisition.signals.clocks import DeviceClock
 from acquisition.signals.resampling import resample
-from config.arrays import BoolArray, FloatArray
+from config.arrays import BoolArray, FloatArray, freeze
 from config.cell.cell import ButterworthFilter
 from config.cell.plate import CHANNEL_NAMES, PlateConfig
 from config.errors import RecordingError

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
-from config.arrays import FloatArray, IntArray
+from config.arrays import FloatArray, IntArray, freeze
 from config.cell.plate import PlateLimits
 from config.errors import EstimationError
 from dynamics.model.cad import cad_parameters
