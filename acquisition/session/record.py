@@ -18,9 +18,9 @@ from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
 from acquisition.session.cycle_recorder import run_recorder
+from acquisition.session.drive_monitor import declare_dead, end_monitor, monitor_process
 from acquisition.session.early_stop import EarlyStop, EarlyStopRule
 from acquisition.session.helper_process import HelperProcess, Observer, start_all
-from acquisition.session.monitor_session import declare_dead, end_monitor, monitor_process
 from acquisition.session.outcome import RecordOutcome, outcome_of
 from acquisition.session.plate_preparation import prepare_plate
 from acquisition.session.plate_recorder import PlateTask

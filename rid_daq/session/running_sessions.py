@@ -20,7 +20,47 @@ from pathlib import Path
 from acquisition.task.control_block import ControlBlock
 from config.errors import RecordingError, TransportError
 from config.process.file_locks import held_file, lock_holder
-from rid_daq.session.process_identity import ProcessIdentity
+
+_STARTED = 22 - 3
+"""Where the start time is in /proc/PID/stat behind the name, which is the second field."""
+
+
+@dataclass(frozen=True)
+class ProcessIdentity:
+    """A process that lives: numbers are used again, a number with its start time is not.
+
+    Attributes
+    ----------
+    pid : int
+        Its number.
+    uid : int
+        The user on whose behalf it acts.
+    started : int
+        When it began, in clock ticks since the computer did.
+    """
+
+    pid: int
+    uid: int
+    started: int
+
+    @classmethod
+    def of(cls, pid: int) -> ProcessIdentity | None:
+        """Return who bears a number now; None where nobody does, or this user may not see it.
+
+        Notes
+        -----
+        proc(5): field 22 of /proc/PID/stat; the second number behind ``Uid:`` in /proc/PID/status.
+        """
+        folder = Path(f"/proc/{pid}")
+        try:
+            about = (folder / "stat").read_bytes()
+            status = (folder / "status").read_bytes()
+        except OSError:
+            return None
+        started = int(about.rpartition(b") ")[2].split()[_STARTED])
+        uid = int(status.partition(b"\nUid:")[2].split(maxsplit=2)[1])
+        return cls(pid, uid, started)
+
 
 _SIGNATURE = re.compile(r"started ([0-9]+): ([^\n]*)\ncell ([^\n]*)\n")
 _SIGNATURE_BYTES = 1000

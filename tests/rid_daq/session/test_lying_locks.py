@@ -23,8 +23,7 @@ from config.errors import LockedError
 from config.load import load_cell
 from config.process import file_locks
 from rid_daq.app import run
-from rid_daq.session.process_identity import ProcessIdentity
-from rid_daq.session.running_sessions import RunningSession, running_sessions
+from rid_daq.session.running_sessions import ProcessIdentity, RunningSession, running_sessions
 from rid_daq.session.session import hold_cell
 from tests.builders.people import LIAR, ME, PERSON, STRANGER, People, heard, lives
 
