@@ -69,37 +69,30 @@ def load_cell(reference: str) -> LoadedCell:
     cell_tree = parse_yaml(text, name)
     cell = validate(cell_tree, CellConfig)
     kept = folder if folder is not None and _is_run_folder(folder) else None
-    robot_text, robot_name, _ = read_named(cell.robot, "robots", folder, kept, "robot.yaml")
-    robot = validate(parse_yaml(robot_text, robot_name), RobotDescription)
-    files = {"cell.yaml": text, "robot.yaml": robot_text}
+    files = {"cell.yaml": text}
+
+    def read(reference: str, kind: str, file: str, model: type[T]) -> tuple[YamlTree, T]:
+        files[file], shown, _ = read_named(reference, kind, folder, kept, file)
+        tree = parse_yaml(files[file], shown)
+        return tree, validate(tree, model)
+
+    _, robot = read(cell.robot, "robots", "robot.yaml", RobotDescription)
     moved = tuple(axis.joint for axis in cell.axes)
     if moved != robot.joint_names:
         raise ConfigError(
             f"{cell_tree.where(('axes',))}: axes move {', '.join(moved)}, but robot {robot.name}"
             f" has {', '.join(robot.joint_names)}: list one axis a joint, in the robot's order"
         )
-    plant = None
+    plant = profile = drive_profile = None
     if cell.plant is not None:
-        plant_text, plant_name, _ = read_named(cell.plant, "plants", folder, kept, "plant.yaml")
-        plant_tree = parse_yaml(plant_text, plant_name)
-        plant = validate(plant_tree, PlantConfig)
+        plant_tree, plant = read(cell.plant, "plants", "plant.yaml", PlantConfig)
         _check_plant(plant_tree, plant, robot)
-        files["plant.yaml"] = plant_text
-    profile = None
     if cell.plate is not None:
-        profile_text, profile_name, _ = read_named(
-            cell.plate.amplifier.profile, "profiles", folder, kept, "amplifier.yaml"
-        )
-        profile = validate(parse_yaml(profile_text, profile_name), AmplifierProfile)
+        named = cell.plate.amplifier.profile
+        _, profile = read(named, "profiles", "amplifier.yaml", AmplifierProfile)
         _check_line(cell_tree, cell.plate, profile, cell.cycle_time_s)
-        files["amplifier.yaml"] = profile_text
-    drive_profile = None
     if cell.monitor is not None:
-        drive_text, drive_name, _ = read_named(
-            cell.monitor.profile, "profiles", folder, kept, "drives.yaml"
-        )
-        drive_profile = validate(parse_yaml(drive_text, drive_name), DriveProfile)
-        files["drives.yaml"] = drive_text
+        _, drive_profile = read(cell.monitor.profile, "profiles", "drives.yaml", DriveProfile)
     eds_files, eds_bytes = read_eds_files(cell_tree, cell, folder, kept)
     return LoadedCell(
         with_identities(cell, eds_files),
@@ -120,8 +113,7 @@ def load_robot(reference: str) -> RobotDescription:
     ConfigError
         The file is missing or invalid.
     """
-    text, name, _ = read_named(reference, "robots", None)
-    return validate(parse_yaml(text, name), RobotDescription)
+    return load_bundled_or_path(reference, "robots", RobotDescription)
 
 
 def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
