@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -94,5 +95,7 @@ def _on_bins(
 
 
 def _rows(signals: SmoothedSignals, rows: slice) -> SmoothedSignals:
-    arrays = {k: x[rows] for k, x in vars(signals).items() if isinstance(x, np.ndarray)}
-    return replace(signals, **arrays)
+    cut: dict[str, Any] = {
+        k: x[rows] for k, x in vars(signals).items() if isinstance(x, np.ndarray)
+    }
+    return replace(signals, **cut)

@@ -111,7 +111,7 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
     Raises
     ------
     ConfigError
-        The limits cannot be meant, or are missing, or the model is of another robot.
+        The limits are invalid, or are missing, or the model is of another robot.
     RidDaqError
         The run or the model cannot be used.
     """
