@@ -109,13 +109,13 @@ class MonitorStream:
         """When the last of the drives was asked that had told its temperature before [s]."""
         return float(min(self.time_s[good][-1] for good in self.valid.T))
 
-    def onto(self, recording: Recording) -> Recording:
-        """Return a recording with temperatures, linear between rounds and held outside them."""
+    def temperatures_at(self, time_s: FloatArray) -> FloatArray:
+        """Return temperatures [K], (samples, joints), linear between rounds, held outside them."""
         columns = [
-            np.interp(recording.time_s, self.time_s[good], column[good])
+            np.interp(time_s, self.time_s[good], column[good])
             for column, good in zip(self.temperature_k.T, self.valid.T, strict=True)
         ]
-        return replace(recording, temperature_k=np.column_stack(columns))
+        return np.column_stack(columns)
 
 
 def read_monitor(path: Path) -> MonitorStream:
@@ -145,27 +145,6 @@ def read_monitor(path: Path) -> MonitorStream:
         notes=raw.damage.notes,
         run_id=header.run_id,
     )
-
-
-def with_temperature_compensation(
-    recording: Recording, folder: Path, robot: RobotDescription
-) -> tuple[Recording, tuple[str, ...]]:
-    """Return a run's recording as estimators take it: with temperatures, and torques by them.
-
-    Arguments, notes and errors as those of `with_temperatures`; torques as in
-    `with_warm_torque_constants`.
-    """
-    recording, notes = with_temperatures(recording, folder)
-    return with_warm_torque_constants(recording, robot), notes
-
-
-def with_temperatures(recording: Recording, folder: Path) -> tuple[Recording, tuple[str, ...]]:
-    """Return a run's recording with the temperatures of its motors, where they were monitored.
-
-    Arguments, notes and errors as those of `monitored`.
-    """
-    stream, notes = monitored(recording, folder)
-    return recording if stream is None else stream.onto(recording), notes
 
 
 def monitored(recording: Recording, folder: Path) -> tuple[MonitorStream | None, tuple[str, ...]]:
@@ -212,16 +191,20 @@ def monitored(recording: Recording, folder: Path) -> tuple[MonitorStream | None,
     return stream, tuple(f"{MONITOR}: {note}" for note in stream.notes)
 
 
-def with_warm_torque_constants(recording: Recording, robot: RobotDescription) -> Recording:
-    """Return the recording with torques by the torque constants of the motors' temperatures.
+def with_temperature_compensation(
+    recording: Recording, monitor: MonitorStream | None, robot: RobotDescription
+) -> Recording:
+    """Return a recording as estimators take it: with temperatures, and torques by them.
 
     Drives multiply current by the constant at the reference temperature; what a warm motor really
-    gives is `torque_constant_per_k` per kelvin of that more, or less. Without temperatures, or
-    without such numbers in the robot file, the recording is returned as it is.
+    gives is `torque_constant_per_k` per kelvin of that more, or less. Without a monitor, the
+    recording is returned as it is.
     """
-    per_k = np.array([joint.torque_constant_per_k for joint in robot.joints])
-    if recording.temperature_k is None or not per_k.any():
+    if monitor is None:
         return recording
+    temperature_k = monitor.temperatures_at(recording.time_s)
+    per_k = np.array([joint.torque_constant_per_k for joint in robot.joints])
     reference_k = np.array([joint.reference_temperature_k for joint in robot.joints])
-    factor = 1.0 + per_k * (recording.temperature_k - reference_k)
-    return replace(recording, torque_nm=recording.torque_nm * factor)
+    factor = 1.0 + per_k * (temperature_k - reference_k)
+    torque_nm = recording.torque_nm * factor if per_k.any() else recording.torque_nm
+    return replace(recording, temperature_k=temperature_k, torque_nm=torque_nm)

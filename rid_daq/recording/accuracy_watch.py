@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from acquisition.journal.monitor import with_temperature_compensation
+from acquisition.journal.monitor import monitored, with_temperature_compensation
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.session.early_stop import NewPeriods
 from config.arrays import FloatArray
@@ -125,7 +125,8 @@ class AccuracyWatch:
         """Add the new periods that miss no row to the running estimate."""
         if self._estimate is None:
             return
-        recording, _ = with_temperature_compensation(new.recording, new.folder, self._robot)
+        monitor, _ = monitored(new.recording, new.folder)
+        recording = with_temperature_compensation(new.recording, monitor, self._robot)
         for signals in single_periods(recording, BAND_HZ, new.first_row).values():
             run = TimeRun(signals, Conditions(temperature_k=signals.temperature_k))
             self._estimate = self._estimate.add(run)

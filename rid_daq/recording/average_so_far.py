@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from acquisition.journal.monitor import MONITOR, monitored, with_warm_torque_constants
+from acquisition.journal.monitor import MONITOR, monitored, with_temperature_compensation
 from acquisition.processing.period_table import PeriodCutter
 from acquisition.processing.periods import PeriodAverage, average_table
 from acquisition.recording.recording import Recording, joined
@@ -36,8 +36,7 @@ class AverageSoFar:
         """
         rows = joined([*self._unsettled, new.recording])
         stream, _ = monitored(rows, new.folder)
-        warm = rows if stream is None else stream.onto(rows)
-        self._cutter.add(with_warm_torque_constants(warm, self._robot))
+        self._cutter.add(with_temperature_compensation(rows, stream, self._robot))
         if (new.folder / MONITOR).exists():
             # The temperatures of rows since the last round still change with the next one.
             known_s = -math.inf if stream is None else stream.known_until_s

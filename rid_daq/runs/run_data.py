@@ -25,7 +25,7 @@ from acquisition.journal.monitor import (
     MONITOR,
     MonitorStream,
     monitored,
-    with_warm_torque_constants,
+    with_temperature_compensation,
 )
 from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
 from acquisition.processing.periods import PeriodAverage, average_table
@@ -158,9 +158,9 @@ class RunData:
             _require_header(folder, reader.header, robot)
             assert first is not None  # there is no header without a row
             monitor, cold = monitored(first, folder.path)
-            tally = RecordingTally(_as_warm(first, monitor, robot))
+            tally = RecordingTally(with_temperature_compensation(first, monitor, robot))
             for part in parts:
-                tally.add(_as_warm(part, monitor, robot))
+                tally.add(with_temperature_compensation(part, monitor, robot))
             data = cls(folder, robot, tally, None, (*reader.damage.notes, *cold), None, monitor)
         if not folder.file(PLATE_RECORDING).exists():
             return data
@@ -180,7 +180,7 @@ class RunData:
             return
         with CycleReader(self.folder.file(RECORDING)) as reader:
             for part in reader.recordings():
-                yield _as_warm(part, self.monitor, self.robot)
+                yield with_temperature_compensation(part, self.monitor, self.robot)
 
     @cached_property
     def recording(self) -> Recording:
@@ -209,11 +209,6 @@ class RunData:
             The run is not periodic, or not good enough.
         """
         return average_table(self.tally.cutter.table(), self.held)
-
-
-def _as_warm(part: Recording, monitor: MonitorStream | None, robot: RobotDescription) -> Recording:
-    """Return a part of a recording with temperatures, and torques by them."""
-    return part if monitor is None else with_warm_torque_constants(monitor.onto(part), robot)
 
 
 def _require_readable(folder: RunFolder, unfinished: bool) -> bool:

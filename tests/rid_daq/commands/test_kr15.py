@@ -20,9 +20,9 @@ from acquisition.journal.cycles import read_journal
 from acquisition.journal.monitor import (
     MONITOR,
     MonitorStream,
+    monitored,
     read_monitor,
-    with_temperatures,
-    with_warm_torque_constants,
+    with_temperature_compensation,
 )
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import Phase
@@ -151,9 +151,12 @@ def excited(
     ) as simulated:
         path = tmp_path_factory.mktemp("runs")
         outcome, folder = record(replace(loaded, robot=wrist), simulated.cell, motion(4), path)
-    recording, notes = with_temperatures(read_journal(outcome.path).recording(), folder.path)
+    recording = read_journal(outcome.path).recording()
+    stream, notes = monitored(recording, folder.path)
+    assert stream is not None
     assert notes == ()
-    return outcome, recording, read_monitor(folder.file(MONITOR))
+    recording = replace(recording, temperature_k=stream.temperatures_at(recording.time_s))
+    return outcome, recording, stream
 
 
 class TestACoupledRobot:
@@ -292,7 +295,7 @@ class TestWarmUpAndPayload:
         np.testing.assert_allclose(
             read.torque_nm, raw.torque_nm * (1.0 - 0.001 * (read.temperature_k - 298.15))
         )
-        assert with_warm_torque_constants(raw, loaded.robot) is raw
+        assert with_temperature_compensation(raw, None, loaded.robot) is raw
 
     def test_the_same_seed_gives_the_same_bytes(
         self,

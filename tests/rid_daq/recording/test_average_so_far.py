@@ -12,6 +12,7 @@ from acquisition.journal.monitor import (
     MONITOR,
     MonitorHeader,
     MonitorWriter,
+    monitored,
     with_temperature_compensation,
 )
 from acquisition.motion.samples import Phase
@@ -77,7 +78,8 @@ def test_it_is_that_of_all_periods_at_once(
         new = NewPeriods(recording.part(slice(begin, periods * K)), tmp_path, begin, periods)
         found = average.with_more(new)
         raw = recording.part(slice(0, periods * K))
-        whole = average_periods(with_temperature_compensation(raw, tmp_path, robot)[0])
+        stream, _ = monitored(raw, tmp_path)
+        whole = average_periods(with_temperature_compensation(raw, stream, robot))
         assert (found.temperature_k is not None) is (warm and periods > 3)  # one was late
         for field in fields(whole):
             one, other = getattr(whole, field.name), getattr(found, field.name)
