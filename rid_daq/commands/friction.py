@@ -9,15 +9,12 @@ import typer
 
 from rid_daq.jobs.friction_job import FrictionRequest, measure_friction
 from rid_daq.runs.run_data import Unfinished
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
 
 def friction(
-    run: Annotated[
-        list[str],
-        typer.Argument(metavar="RUN...", help="Run folders, ids or labels, or `latest`."),
-    ],
+    run: RunNames,
     model: Annotated[
         Path | None,
         typer.Option("--model", metavar="MODEL", help="A model file to compare with."),

@@ -15,7 +15,7 @@ from identification.model.options import ModelOptions
 from rid_daq.jobs.identification_job import EstimationRequest
 from rid_daq.jobs.identify_job import MODEL, IdentifiedRuns, IdentifyRequest, identify_runs
 from rid_daq.runs.run_data import Unfinished
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.output_file import Overwrite, refuse_output
 
@@ -37,10 +37,7 @@ class Model(StrEnum):
 
 
 def identify(
-    run: Annotated[
-        list[str],
-        typer.Argument(metavar="RUN...", help="Run folders, ids or labels, or `latest`."),
-    ],
+    run: RunNames,
     output: Annotated[
         Path | None,
         typer.Option(

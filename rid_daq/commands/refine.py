@@ -9,16 +9,13 @@ import typer
 
 from rid_daq.jobs.feedforward_job import Refined, RefineRequest, refine_feedforward
 from rid_daq.runs.run_data import Unfinished
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.output_file import Overwrite
 
 
 def refine(
-    run: Annotated[
-        list[str],
-        typer.Argument(metavar="RUN...", help="Run folders, ids or labels, or `latest`."),
-    ],
+    run: RunNames,
     model: Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")],
     loop: Annotated[Path, typer.Option(metavar="LOOPS", help="Velocity loops by `loop`.")],
     output: Annotated[

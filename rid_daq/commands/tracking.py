@@ -9,15 +9,12 @@ import typer
 from rid_daq.jobs.tracking_job import Tracked, TrackingRequest, track_runs
 from rid_daq.report.sections.tracking import ErrorSize, FollowedMotion
 from rid_daq.runs.run_data import Unfinished
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
 
 def tracking(
-    run: Annotated[
-        list[str],
-        typer.Argument(metavar="RUN...", help="Run folders, ids or labels, or `latest`."),
-    ],
+    run: RunNames,
     against: Annotated[
         list[str] | None,
         typer.Option(metavar="RUN", help="The same motion without compensation; repeat for more."),

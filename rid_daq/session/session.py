@@ -23,6 +23,11 @@ RunsFolder = Annotated[
 ]
 """The `--runs` option that every command with run folders has."""
 
+RunNames = Annotated[
+    list[str], typer.Argument(metavar="RUN...", help="Run folders, ids or labels, or `latest`.")
+]
+"""The argument of every command that takes several runs."""
+
 DEFAULT_RUNS = Path("runs")
 
 

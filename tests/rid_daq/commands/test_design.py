@@ -99,6 +99,7 @@ def test_it_writes_a_motion_within_all_limits(
     motion.plan(cell.robot, cell.config.cycle_time_s)
     assert document["condition_number"] < 40.0
     assert [trial["seed"] for trial in document["trials"]] in ([0, 1], [1, 0])
+    assert list(document["trials"][0]) == ["elapsed_s", "seed", "worth", "broken"]
     assert all(use["held"] for use in document["limits"])
     assert any(use["active"] for use in document["limits"])
     assert "of 2 from seed 0 for condition: condition number" in path.read_text()
