@@ -13,7 +13,7 @@ from acquisition.journal.mcap_reader import read_raw_journal
 from acquisition.journal.mcap_writer import JournalFile
 from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN, Fields, message_text, packed_dtype
 from acquisition.recording.recording import Recording
-from config.arrays import BoolArray, FloatArray, read_only
+from config.arrays import BoolArray, FloatArray, freeze, read_only
 from config.errors import RecordingError
 from config.robot.robot import RobotDescription
 from drivers.interfaces.drive_monitor import MonitorReading
@@ -94,13 +94,11 @@ class MonitorStream:
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
-        time_s = read_only("monitor time_s", self.time_s, float, (None,), RecordingError)
-        table = (len(time_s), n)
-        valid = read_only("monitor valid", self.valid, np.bool_, table, RecordingError)
-        object.__setattr__(self, "time_s", time_s)
-        object.__setattr__(self, "valid", valid)
+        freeze(self, RecordingError, (None,), "time_s", what="monitor ")
+        table = (len(self.time_s), n)
+        freeze(self, RecordingError, table, "valid", what="monitor ", dtype=np.bool_)
         for name in ("temperature_k", "operating_time_s"):
-            values = np.where(valid, np.nan_to_num(getattr(self, name)), 0.0)
+            values = np.where(self.valid, np.nan_to_num(getattr(self, name)), 0.0)
             array = read_only(f"monitor {name}", values, float, table, RecordingError)
             object.__setattr__(self, name, array)
 

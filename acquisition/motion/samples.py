@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from config.arrays import FloatArray, PhaseArray, read_only
+from config.arrays import FloatArray, PhaseArray, freeze
 from config.errors import ConfigError
 
 
@@ -90,24 +90,14 @@ class MotionSamples:
         n = len(self.joint_names)
         if not (np.isfinite(self.sample_period_s) and self.sample_period_s > 0.0):
             raise ConfigError(f"motion: sample_period_s must be positive: {self.sample_period_s}")
-        position = read_only("motion position", self.position, float, (None, n), ConfigError)
-        samples = len(position)
+        freeze(self, ConfigError, (None, n), "position", what="motion ")
+        samples = len(self.position)
         if samples < 2:
             raise ConfigError(f"motion: {samples} samples are none to stream, 2 are the least")
-        shape = (samples, n)
-        velocity = read_only("motion velocity", self.velocity, float, shape, ConfigError)
-        acceleration = read_only(
-            "motion acceleration", self.acceleration, float, shape, ConfigError
-        )
-        phase = read_only("motion phase", self.phase, np.uint8, (samples,), ConfigError)
-        object.__setattr__(self, "position", position)
-        object.__setattr__(self, "velocity", velocity)
-        object.__setattr__(self, "acceleration", acceleration)
-        object.__setattr__(self, "phase", phase)
-        if self.feedforward is not None:
-            ahead = read_only("motion feedforward", self.feedforward, float, shape, ConfigError)
-            object.__setattr__(self, "feedforward", ahead)
-        main = int(np.count_nonzero(phase == Phase.MAIN))
+        rates = ("velocity", "acceleration", "feedforward")
+        freeze(self, ConfigError, (samples, n), *rates, what="motion ")
+        freeze(self, ConfigError, (samples,), "phase", what="motion ", dtype=np.uint8)
+        main = int(np.count_nonzero(self.phase == Phase.MAIN))
         rows = self.samples_per_period
         if rows is not None and main not in (rows * min(1, self.periods), rows * self.periods):
             raise ConfigError(

@@ -21,7 +21,7 @@ import numpy as np
 from acquisition.motion.approach import approach
 from acquisition.motion.samples import JointTrajectory, MotionSamples, Phase, join, standstill
 from acquisition.recording.plate_geometry import PlateGeometry
-from config.arrays import BoolArray, FloatArray, IntArray, freeze, read_only
+from config.arrays import BoolArray, FloatArray, IntArray, freeze
 from config.cell.plate import CHANNEL_NAMES, CHANNELS
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription
@@ -55,11 +55,9 @@ class ZeroTurn:
     axis: FloatArray
 
     def __post_init__(self) -> None:
-        first = read_only("first pose", self.first, float, (None,), ConfigError)
-        object.__setattr__(self, "first", first)
-        second = read_only("second pose", self.second, float, first.shape, ConfigError)
-        object.__setattr__(self, "second", second)
-        object.__setattr__(self, "axis", read_only("axis 1", self.axis, float, (3,), ConfigError))
+        freeze(self, ConfigError, (None,), "first", what="pose ")
+        freeze(self, ConfigError, self.first.shape, "second", what="pose ")
+        freeze(self, ConfigError, (3,), "axis")
 
     @property
     def is_half(self) -> bool:

@@ -21,7 +21,7 @@ from acquisition.processing.reaction_average import (
     cut_reaction,
 )
 from acquisition.recording.recording import Recording
-from config.arrays import BoolArray, FloatArray, read_only
+from config.arrays import BoolArray, FloatArray, freeze
 from config.cell.cell import ButterworthFilter
 from config.errors import DataQualityError
 
@@ -97,22 +97,12 @@ class PeriodAverage:
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
-        if self.temperature_k is not None:
-            warmth = read_only("temperature_k", self.temperature_k, float, (n,), DataQualityError)
-            object.__setattr__(self, "temperature_k", warmth)
-        position = read_only("mean position", self.position, float, (None, n), DataQualityError)
-        samples = len(position)
-        shapes: dict[str, tuple[int, ...]] = {
-            "torque_nm": (samples, n),
-            "position_variance": (n,),
-            "torque_variance": (n,),
-            "position_bin_variance": (samples // 2 + 1, n),
-            "torque_bin_variance": (samples // 2 + 1, n),
-        }
-        object.__setattr__(self, "position", position)
-        for name, shape in shapes.items():
-            array = read_only(name, getattr(self, name), float, shape, DataQualityError)
-            object.__setattr__(self, name, array)
+        of_joints = ("temperature_k", "position_variance", "torque_variance")
+        freeze(self, DataQualityError, (n,), *of_joints)
+        freeze(self, DataQualityError, (None, n), "position", what="mean ")
+        freeze(self, DataQualityError, (len(self.position), n), "torque_nm")
+        bins = (len(self.position) // 2 + 1, n)
+        freeze(self, DataQualityError, bins, "position_bin_variance", "torque_bin_variance")
         if self.periods_kept < 2:
             raise DataQualityError(f"{self.periods_kept} periods have no noise variance, 2 do")
 

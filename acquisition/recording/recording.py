@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from acquisition.recording.reaction import Reaction
-from config.arrays import BoolArray, FloatArray, IntArray, PhaseArray, read_only
+from config.arrays import BoolArray, FloatArray, IntArray, PhaseArray, freeze
 from config.cell.cell import ButterworthFilter
 from config.errors import RecordingError
 
@@ -78,29 +78,17 @@ class Recording:
         n = len(self.joint_names)
         if n == 0:
             raise RecordingError("recording: no joints")
-        time_s = read_only("recording time_s", self.time_s, float, (None,), RecordingError)
-        samples = len(time_s)
+        freeze(self, RecordingError, (None,), "time_s", what="recording ")
+        time_s, samples = self.time_s, len(self.time_s)
         rows, table = (samples,), (samples, n)
-        fields = {
-            "time_s": time_s,
-            "position": read_only("position", self.position, float, table, RecordingError),
-            "torque_nm": read_only("torque_nm", self.torque_nm, float, table, RecordingError),
-            "valid": read_only("valid", self.valid, np.bool_, rows, RecordingError),
-            "phase": read_only("phase", self.phase, np.uint8, rows, RecordingError),
-            "sample_index": read_only(
-                "sample_index", self.sample_index, np.int64, rows, RecordingError
-            ),
-        }
-        for name in ("target_position", "velocity_command", "temperature_k"):
-            if getattr(self, name) is not None:
-                fields[name] = read_only(name, getattr(self, name), float, table, RecordingError)
-        if self.answered is not None:
-            answered = read_only("answered", self.answered, np.bool_, table, RecordingError)
-            fields["answered"] = answered
-            if (answered.all(axis=1) != fields["valid"]).any():
-                raise RecordingError("recording: valid is not where every joint has answered")
-        for name, array in fields.items():
-            object.__setattr__(self, name, array)
+        further = ("target_position", "velocity_command", "temperature_k")
+        freeze(self, RecordingError, table, "position", "torque_nm", *further)
+        freeze(self, RecordingError, rows, "valid", dtype=np.bool_)
+        freeze(self, RecordingError, rows, "phase", dtype=np.uint8)
+        freeze(self, RecordingError, rows, "sample_index", dtype=np.int64)
+        freeze(self, RecordingError, table, "answered", dtype=np.bool_)
+        if self.answered is not None and (self.answered.all(axis=1) != self.valid).any():
+            raise RecordingError("recording: valid is not where every joint has answered")
         back = np.asarray(time_s[1:] <= time_s[:-1])
         if back.any():
             row = int(np.argmax(back)) + 1

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from config.arrays import BoolArray, FloatArray, IntArray, read_only
+from config.arrays import BoolArray, FloatArray, IntArray, freeze, read_only
 from config.errors import DataQualityError
 
 LARGEST_RATE_ERROR = 2e-3
@@ -55,8 +55,7 @@ class DeviceClock:
     method: Method
 
     def __post_init__(self) -> None:
-        covariance = read_only("clock", self.covariance, float, (2, 2), DataQualityError)
-        object.__setattr__(self, "covariance", covariance)
+        freeze(self, DataQualityError, (2, 2), "covariance", what="clock ")
         if not abs(self.rate - 1.0) < LARGEST_RATE_ERROR:
             raise DataQualityError(
                 f"the device's clock would be off by {self.drift_ppm:.0f} ppm: no quartz is; check"

@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from compensation.loops.frequency_response import FrequencyResponse
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 
 if TYPE_CHECKING:
@@ -97,8 +97,7 @@ class VelocityLoop:
 
     def __post_init__(self) -> None:
         k = len(self.names)
-        covariance = read_only("covariance", self.covariance, float, (k, k), EstimationError)
-        object.__setattr__(self, "covariance", covariance)
+        freeze(self, EstimationError, (k, k), "covariance")
         if not (self.gain > 0.0 and self.integral_time_s > 0.0 and self.lag_s >= 0.0):
             raise EstimationError(
                 f"joint {self.joint_name}: a velocity controller with gain {self.gain:.4g} and"

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import chdtrc
 
-from config.arrays import FloatArray, read_only
+from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
@@ -69,12 +69,9 @@ class ConsistentEstimate:
     p_value: float
 
     def __post_init__(self) -> None:
-        for name, size in (
-            ("standard_values", len(self.estimate.base.standard_names)),
-            ("base_values", len(self.estimate.base)),
-        ):
-            values = read_only(name, getattr(self, name), float, (size,), EstimationError)
-            object.__setattr__(self, name, values)
+        base = self.estimate.base
+        freeze(self, EstimationError, (len(base.standard_names),), "standard_values")
+        freeze(self, EstimationError, (len(base),), "base_values")
 
     @property
     def can_exist(self) -> bool:
