@@ -11,18 +11,8 @@ import numpy as np
 
 from compensation.feedforward.inverse import CYCLES_TO_ACT, FeedforwardTuning, refuse_coupled_wrist
 from compensation.loops.velocity_loop import VelocityLoop
-from compensation.online.online_kernel import (
-    AXES_ROWS,
-    CYCLES,
-    DECAY,
-    FRACTION,
-    GAIN,
-    MOST,
-    NEW,
-    OLD,
-    SHARE,
-)
-from compensation.online.path_kernels import ACCELERATION, HIGH, LOW, SPEED, TORQUE
+from compensation.online import online_kernel as stage
+from compensation.online import path_kernels as path
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
@@ -120,7 +110,7 @@ class OnlineFeedforward:
         if not (tuning.scale > 0.0).all():
             raise ConfigError("the tuning scales a joint's torque by nothing or less: tune again")
         step_s = cell.cycle_time_s
-        axes = np.zeros((AXES_ROWS, n))
+        axes = np.zeros((stage.AXES_ROWS, n))
         for j, (joint, loop) in enumerate(zip(robot.joints, loops, strict=True)):
             limits = joint.limits
             x = step_s / loop.integral_time_s
@@ -133,23 +123,24 @@ class OnlineFeedforward:
                     f" {LONGEST_LOOK_AHEAD} can be led: measure the loop again"
                 )
             column = axes[:, j]
-            column[LOW], column[HIGH] = limits.position_min, limits.position_max
-            column[SPEED] = (1.0 + ROUNDING) * limits.velocity
-            column[ACCELERATION] = (1.0 + ROUNDING) * limits.acceleration
-            column[TORQUE] = limits.torque
-            column[GAIN] = loop.gain / tuning.scale[j]
-            column[OLD], column[NEW], column[DECAY] = share - decay, 1.0 - share, decay
-            column[SHARE] = 0.5 * x
-            column[MOST] = LARGEST_CORRECTION * limits.velocity
-            column[CYCLES] = math.floor(ahead)
-            column[FRACTION] = ahead - math.floor(ahead)
+            column[path.LOW], column[path.HIGH] = limits.position_min, limits.position_max
+            column[path.SPEED] = (1.0 + ROUNDING) * limits.velocity
+            column[path.ACCELERATION] = (1.0 + ROUNDING) * limits.acceleration
+            column[path.TORQUE] = limits.torque
+            column[stage.GAIN] = loop.gain / tuning.scale[j]
+            column[stage.OLD], column[stage.NEW] = share - decay, 1.0 - share
+            column[stage.DECAY] = decay
+            column[stage.SHARE] = 0.5 * x
+            column[stage.MOST] = LARGEST_CORRECTION * limits.velocity
+            column[stage.CYCLES] = math.floor(ahead)
+            column[stage.FRACTION] = ahead - math.floor(ahead)
         axes.setflags(write=False)
         return cls(robot, step_s, torque, axes)
 
     @property
     def delay_cycles(self) -> int:
         """By how many cycles set-points are behind the path's head."""
-        return int(self.axes[CYCLES].max()) + 1
+        return int(self.axes[stage.CYCLES].max()) + 1
 
 
 def in_order(

@@ -12,55 +12,9 @@ import numpy as np
 from acquisition.motion.samples import Phase
 from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopCode, StopReason
+from compensation.online import online_kernel as stage
+from compensation.online import path_kernels as path
 from compensation.online.online import OnlineFeedforward
-from compensation.online.online_kernel import (
-    CARRIED,
-    COUNTS,
-    DELAY,
-    DOUBTED,
-    DOUBTS,
-    FADE,
-    HEAD,
-    HOLD,
-    INDEX,
-    LARGE,
-    LATEST,
-    LIMITED,
-    PACE,
-    RESTED,
-    next_set_point,
-)
-from compensation.online.path_kernels import (
-    ACCELERATION_LIMIT,
-    ALLOWED,
-    ARRIVED,
-    BEFORE,
-    CLOSED,
-    FOUND,
-    HIGH,
-    HORIZON,
-    KNOWN,
-    LOW,
-    NODE,
-    NODE_ROWS,
-    NOT_FINITE,
-    OPEN,
-    POSITION_LIMIT,
-    REFUSED,
-    SAFE,
-    SPARE,
-    SPEED_LIMIT,
-    STATE,
-    TAKEN,
-    TAU,
-    TORQUE,
-    TORQUE_LIMIT,
-    WHICH,
-    WHOSE,
-    WHY,
-    plan_stop,
-    take_points,
-)
 from compensation.online.point_ring import READ, PointRing, PointsFailed
 from config.arrays import FloatArray, PhaseArray
 from config.errors import ConfigError, DriverError
@@ -76,9 +30,9 @@ PAUSE_S: Final = 0.0005
 LONGEST_STREAM_S: Final = 3600.0
 
 _WHAT: Final = {
-    POSITION_LIMIT: ("position", ""),
-    SPEED_LIMIT: ("speed", "/s"),
-    ACCELERATION_LIMIT: ("acceleration", "/s^2"),
+    path.POSITION_LIMIT: ("position", ""),
+    path.SPEED_LIMIT: ("speed", "/s"),
+    path.ACCELERATION_LIMIT: ("acceleration", "/s^2"),
 }
 
 
@@ -153,11 +107,11 @@ class PointSource:
     @property
     def stop(self) -> StopReason | None:
         """Why the path was left before its end; None where it was driven to its end."""
-        if self._counts[STATE] == ARRIVED:
+        if self._counts[path.STATE] == path.ARRIVED:
             return None
-        if self._counts[CLOSED] == REFUSED:
+        if self._counts[path.CLOSED] == path.REFUSED:
             return self._refusal()
-        at = f" The robot was brought to rest on its path, at point {self._point(NODE)}."
+        at = f" The robot was brought to rest on its path, at point {self._point(path.NODE)}."
         if self._ring.failed is not PointsFailed.NO:
             refused = self._ring.failed is PointsFailed.REFUSED
             code = StopCode.POINTS_REFUSED if refused else StopCode.POINTS_LOST
@@ -172,14 +126,14 @@ class PointSource:
     def notes(self) -> Sequence[str]:
         """What the compensation could not do."""
         counts, notes = self._counts, []
-        if counts[DOUBTS] or counts[LARGE] or self._late:
+        if counts[stage.DOUBTS] or counts[stage.LARGE] or self._late:
             notes.append(
                 "compensation: plain velocity feedforward for a while, since the model's torque was"
-                f" no number {counts[DOUBTS]} times, a correction too large {counts[LARGE]} times,"
-                f" a cycle late {self._late} times"
+                f" no number {counts[stage.DOUBTS]} times, a correction too large"
+                f" {counts[stage.LARGE]} times, a cycle late {self._late} times"
             )
-        if counts[LIMITED]:
-            notes.append(f"compensation: torque or speed limited in {counts[LIMITED]} cycles")
+        if counts[stage.LIMITED]:
+            notes.append(f"compensation: torque or speed limited in {counts[stage.LIMITED]} cycles")
         return notes
 
     def prepare(self) -> None:
@@ -194,21 +148,21 @@ class PointSource:
         """
         forward, ring = self._feedforward, self._ring
         n, step_s = ring.joints, forward.cycle_time_s
-        nodes = self._buffer + SPARE
+        nodes = self._buffer + path.SPARE
         places = forward.delay_cycles + 2
-        self._counts = np.zeros(COUNTS, dtype=np.int64)
-        self._pace = np.zeros(PACE)
-        self._nodes = np.zeros((nodes, NODE_ROWS, n))
+        self._counts = np.zeros(stage.COUNTS, dtype=np.int64)
+        self._pace = np.zeros(stage.PACE)
+        self._nodes = np.zeros((nodes, path.NODE_ROWS, n))
         self._profiles = np.zeros((2, nodes))
         self._line = np.zeros((places, 4, n))
         self._state = np.zeros((3, n))
         self._out, self._head = np.zeros((3, n)), np.zeros((3, n))
-        self._counts[DELAY] = forward.delay_cycles
-        self._counts[RESTED] = -1
-        self._counts[HOLD] = max(1, round(DOUBT_S / step_s))
-        self._counts[FADE] = max(1, round(FADE_S / step_s))
+        self._counts[stage.DELAY] = forward.delay_cycles
+        self._counts[stage.RESTED] = -1
+        self._counts[stage.HOLD] = max(1, round(DOUBT_S / step_s))
+        self._counts[stage.FADE] = max(1, round(FADE_S / step_s))
         if not self._compensated:
-            self._counts[DOUBTED] = np.iinfo(np.int64).max // 2
+            self._counts[stage.DOUBTED] = np.iinfo(np.int64).max // 2
         until_s = time.monotonic() + self._prefill_patience_s
         while True:
             self._take(nodes)
@@ -216,21 +170,21 @@ class PointSource:
                 self._take(nodes)
                 break
             time.sleep(PAUSE_S)
-        if self._counts[CLOSED] == REFUSED and self._counts[KNOWN] < 2 * SPARE:
+        if self._counts[path.CLOSED] == path.REFUSED and self._counts[path.KNOWN] < 2 * path.SPARE:
             raise ConfigError(f"{self._refusal().text}; nothing was moved")
-        begin = plan_stop(
+        begin = path.plan_stop(
             forward.axes, self._nodes, self._counts, self._profiles[0], forward.cycle_time_s
         )
-        if self._counts[KNOWN] == 0 or begin < 1:
+        if self._counts[path.KNOWN] == 0 or begin < 1:
             why = ring.failure or f"only {int(ring.counters[READ])} came"
             raise DriverError(
                 f"too few points to begin with: {why}. Send points from rest on, and either so many"
                 " that the robot can be stopped on them, or all and the end; nothing was moved"
             )
-        self._counts[SAFE] = begin
-        self._counts[HORIZON] = self._counts[KNOWN] - 1
-        at_rest = self._nodes[0, TAU]
-        self._state[[CARRIED, LATEST]] = np.where(np.isfinite(at_rest), at_rest, 0.0)
+        self._counts[path.SAFE] = begin
+        self._counts[path.HORIZON] = self._counts[path.KNOWN] - 1
+        at_rest = self._nodes[0, path.TAU]
+        self._state[[stage.CARRIED, stage.LATEST]] = np.where(np.isfinite(at_rest), at_rest, 0.0)
         self._line[:, 0] = self._nodes[0, 0]
         for _ in range(forward.delay_cycles):
             self._go_on()
@@ -248,7 +202,7 @@ class PointSource:
         if missed > 0:
             self._late += 1
             if self._compensated:
-                self._counts[DOUBTED] = self._counts[HEAD] + self._counts[HOLD]
+                self._counts[stage.DOUBTED] = self._counts[stage.HEAD] + self._counts[stage.HOLD]
         over = False
         for _ in range(1 + missed):
             over = self._go_on()
@@ -257,16 +211,16 @@ class PointSource:
             return None
         self._shown_at_rest = over
         position, velocity, ahead = self._out.tolist()
-        at = int(self._counts[HEAD]) - 1 - int(self._counts[DELAY])
-        node = int(self._line[at % len(self._line), INDEX, 0])
-        point = self._clipped(node - BEFORE)
+        at = int(self._counts[stage.HEAD]) - 1 - int(self._counts[stage.DELAY])
+        node = int(self._line[at % len(self._line), stage.INDEX, 0])
+        point = self._clipped(node - path.BEFORE)
         phase = Phase.MAIN if self._phase is None else int(self._phase[point])
         return SetPoint(position, velocity, ahead, point, phase)
 
     def _go_on(self) -> bool:
         forward, ring = self._feedforward, self._ring
         return bool(
-            next_set_point(
+            stage.next_set_point(
                 ring.counters, ring.rows, forward.torque.arrays, forward.axes, self._nodes,
                 self._profiles, self._line, self._state, self._counts, self._pace, self._head,
                 self._out, forward.cycle_time_s,
@@ -275,15 +229,15 @@ class PointSource:
 
     def _take(self, most: int) -> None:
         forward, ring = self._feedforward, self._ring
-        take_points(
+        path.take_points(
             ring.counters, ring.rows, forward.torque.arrays, forward.axes, self._nodes,
             self._counts, self._pace, forward.cycle_time_s, most,
         )  # fmt: skip
 
     @property
     def _filled(self) -> bool:
-        room = len(self._nodes) - SPARE - (self._counts[TAKEN] - self._counts[NODE])
-        return bool(self._counts[CLOSED] != OPEN or room <= 0)
+        room = len(self._nodes) - path.SPARE - (self._counts[path.TAKEN] - self._counts[path.NODE])
+        return bool(self._counts[path.CLOSED] != path.OPEN or room <= 0)
 
     def _wait_for_points(self) -> None:
         """Let simulated time stand still until as many points are known as can be kept."""
@@ -301,20 +255,20 @@ class PointSource:
         return min(max(point, 0), max(int(self._ring.counters[READ]) - 1, 0))
 
     def _point(self, word: int) -> int:
-        return self._clipped(int(self._counts[word]) - BEFORE)
+        return self._clipped(int(self._counts[word]) - path.BEFORE)
 
     def _refusal(self) -> StopReason:
         counts, pace = self._counts, self._pace
-        joint = self._feedforward.robot.joints[int(counts[WHOSE])]
-        why, point = int(counts[WHY]), int(counts[WHICH])
-        found, allowed = float(pace[FOUND]), float(pace[ALLOWED])
+        joint = self._feedforward.robot.joints[int(counts[path.WHOSE])]
+        why, point = int(counts[path.WHY]), int(counts[path.WHICH])
+        found, allowed = float(pace[path.FOUND]), float(pace[path.ALLOWED])
         base = "rad" if joint.type == "revolute" else "m"
         where = f"point {point}, joint {joint.name}"
         limits: dict[str, Any] = {"joint": joint.name, "value": found, "limit": allowed}
-        if why == NOT_FINITE:
+        if why == path.NOT_FINITE:
             text = f"{where}: the position is not a number"
             limits = {"joint": joint.name}
-        elif why == TORQUE_LIMIT:
+        elif why == path.TORQUE_LIMIT:
             text = (
                 f"{where}: the model asks for a torque of {found:.4g}, the limit is {allowed:.4g}"
             )
@@ -324,7 +278,8 @@ class PointSource:
                 f"{where}: the path takes a {quantity} of {found:.4g} {base}{per}, the limit is"
                 f" {allowed:.4g}"
             )
-        at = "" if counts[RESTED] < 0 else " The robot was brought to rest on its path before it."
+        rested = counts[stage.RESTED] >= 0
+        at = " The robot was brought to rest on its path before it." if rested else ""
         return StopReason(StopCode.POINTS_REFUSED, f"{text}.{at}", **limits)
 
 
@@ -353,8 +308,8 @@ def compile_stage(feedforward: OnlineFeedforward) -> None:
         Of any robot.
     """
     axes = np.array(feedforward.axes)
-    axes[TORQUE] = np.inf
+    axes[path.TORQUE] = np.inf
     ring = PointRing.create(axes.shape[1], FEWEST_NODES)
-    ring.write(np.tile(0.5 * (axes[LOW] + axes[HIGH]), (FEWEST_NODES, 1)))
+    ring.write(np.tile(0.5 * (axes[path.LOW] + axes[path.HIGH]), (FEWEST_NODES, 1)))
     ring.end()
     PointSource(replace(feedforward, axes=axes), ring).prepare()
