@@ -6,19 +6,7 @@ import signal
 from enum import IntEnum
 
 from acquisition.supervision.stop_reason import StopCode
-from config.errors import (
-    ConfigError,
-    DataQualityError,
-    DriverError,
-    EstimationError,
-    LimitError,
-    LockedError,
-    PreflightError,
-    RecordingError,
-    RidDaqError,
-    SafetyStop,
-    ShortageError,
-)
+from config import errors
 
 
 class ExitCode(IntEnum):
@@ -37,17 +25,17 @@ class ExitCode(IntEnum):
     TERMINATED = 143
 
 
-_BY_ERROR: tuple[tuple[type[RidDaqError], ExitCode], ...] = (
-    (LimitError, ExitCode.PREFLIGHT),
-    (ConfigError, ExitCode.USAGE),
-    (PreflightError, ExitCode.PREFLIGHT),
-    (DriverError, ExitCode.COMMUNICATION),
-    (SafetyStop, ExitCode.STOPPED),
-    (DataQualityError, ExitCode.DATA_QUALITY),
-    (EstimationError, ExitCode.DATA_QUALITY),
-    (RecordingError, ExitCode.STORAGE),
-    (ShortageError, ExitCode.STORAGE),
-    (LockedError, ExitCode.LOCKED),
+_BY_ERROR: tuple[tuple[type[errors.RidDaqError], ExitCode], ...] = (
+    (errors.LimitError, ExitCode.PREFLIGHT),
+    (errors.ConfigError, ExitCode.USAGE),
+    (errors.PreflightError, ExitCode.PREFLIGHT),
+    (errors.DriverError, ExitCode.COMMUNICATION),
+    (errors.SafetyStop, ExitCode.STOPPED),
+    (errors.DataQualityError, ExitCode.DATA_QUALITY),
+    (errors.EstimationError, ExitCode.DATA_QUALITY),
+    (errors.RecordingError, ExitCode.STORAGE),
+    (errors.ShortageError, ExitCode.STORAGE),
+    (errors.LockedError, ExitCode.LOCKED),
 )
 
 
@@ -83,7 +71,7 @@ def exit_code_of_stop(code: StopCode, interrupted_by: signal.Signals | None) -> 
     return _BY_STOP.get(code, ExitCode.STOPPED)
 
 
-def exit_code_of(error: RidDaqError) -> ExitCode:
+def exit_code_of(error: errors.RidDaqError) -> ExitCode:
     """Return the exit code that an error of the tree stands for."""
     for kind, code in _BY_ERROR:
         if isinstance(error, kind):
