@@ -48,10 +48,17 @@ class BlockFile:
 
     def __getitem__(self, number: int) -> FloatArray:
         """Return an array, all zero where none was set."""
+        return self.rows(number, slice(None))
+
+    def rows(self, number: int, rows: slice) -> FloatArray:
+        """Return neighbouring rows of an array; no others are read."""
+        first, end, _ = rows.indices(self.shape[0])
         if number not in self._places:
-            return np.zeros(self.shape)
-        data = os.pread(self._file, self._bytes, self._places[number] * self._bytes)
-        return np.frombuffer(data).reshape(self.shape).copy()
+            return np.zeros((end - first, self.shape[1]))
+        row = self._bytes // self.shape[0]
+        begin = self._places[number] * self._bytes + first * row
+        data = os.pread(self._file, (end - first) * row, begin)
+        return np.frombuffer(data).reshape(-1, self.shape[1]).copy()
 
     def __setitem__(self, number: int, values: FloatArray) -> None:
         place = self._places.setdefault(number, len(self._places))

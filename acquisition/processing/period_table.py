@@ -56,9 +56,9 @@ class PeriodTable:
         """Rows of a period, K."""
         return int(self.present.shape[1])
 
-    def values(self, period: int) -> FloatArray:
-        """Return positions, then torques, of a period, (K, 2 n)."""
-        return self.blocks[period][:, : 2 * len(self.joint_names)]
+    def values(self, period: int, rows: slice = slice(None)) -> FloatArray:
+        """Return positions, then torques, of a period, (K, 2 n), or of neighbouring rows of it."""
+        return self.blocks.rows(period, rows)[:, : 2 * len(self.joint_names)]
 
     def of_joint(self, joint: int) -> str:
         """Return whose rows are spoken of, where joints have rows of their own."""

@@ -260,7 +260,7 @@ def _unfit_reaction(plate: ReactionPeriods, rejected: dict[int, str]) -> dict[in
     used = np.flatnonzero(plate.used)
     there = plate.present[:, :, used]
     values = plate.values[:, :, used]
-    odd = _out_of_family(values.__getitem__, there, good, [names[k] for k in used])
+    odd = _out_of_family(lambda m, rows: values[m, rows], there, good, [names[k] for k in used])
     return {m: why for m, why in (unfit | odd).items() if m not in rejected}
 
 
@@ -295,7 +295,7 @@ def _incomplete(present: BoolArray) -> dict[int, str]:
 
 
 def _out_of_family(
-    values: Callable[[int], FloatArray],
+    values: Callable[[int, slice], FloatArray],
     present: BoolArray,
     good: BoolArray,
     channels: Sequence[str],
@@ -309,7 +309,7 @@ def _out_of_family(
     squares = peak = None
     rows = max(1, BLOCK_VALUES // (len(indices) * len(channels)))
     for first in range(0, samples, rows):
-        some = np.stack([values(m)[first : first + rows] for m in indices])
+        some = np.stack([values(m, slice(first, first + rows)) for m in indices])
         there = present[indices, first : first + rows]
         mean = (some * there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
         filled = np.where(there, some, mean)

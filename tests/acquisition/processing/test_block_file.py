@@ -22,6 +22,7 @@ def test_arrays_come_back_by_their_numbers_and_may_be_set_again() -> None:
     assert list(blocks) == [4, -1]
     for number, array in values.items():
         np.testing.assert_array_equal(blocks[number], array)
+        np.testing.assert_array_equal(blocks.rows(number, slice(1, 9)), array[1:])
     np.testing.assert_array_equal(blocks[0], np.zeros((3, 2)))
 
 
