@@ -47,7 +47,7 @@ class WristCoupling:
     def of_matrix(cls, matrix: Array) -> WristCoupling:
         """Return the coupling of a matrix C, (n, n)."""
         motors = tuple(tuple(np.flatnonzero(row).tolist()) for row in matrix)
-        return cls(matrix, np.asarray(np.linalg.inv(matrix)), motors)
+        return cls(matrix, np.asarray(np.linalg.inv(matrix), dtype=np.float64), motors)
 
     def to_joints(self, of_motors: Array, out: Array) -> None:
         """Write the joints' positions or velocities into `out`, (n,), from the motors'."""
