@@ -71,6 +71,7 @@ def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
 
 def reset(node: canopen.RemoteNode, command: str) -> None:
     """Send an NMT command that ends in a boot-up message, and wait for that."""
+    node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
     booted = threading.Event()
     node.nmt.add_heartbeat_callback(lambda state: booted.set() if state == 0 else None)
     node.nmt.state = command
@@ -86,6 +87,8 @@ def test_canopen_brings_a_drive_to_operation_enabled_and_reads_its_position(
     assert node.sdo[0x1008].raw == "rid-daq simulated servo drive"
     assert node.sdo[0x1000].raw & 0xFFFF == 402
     node.sdo[0x6060].raw = 9
+    node.TIMEOUT_SWITCH_STATE_FINAL = node.TIMEOUT_SWITCH_STATE_SINGLE = PATIENCE_S
+    node.TIMEOUT_CHECK_TPDO = PATIENCE_S
     node.setup_402_state_machine()
     node.nmt.state = "OPERATIONAL"
     for state in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
