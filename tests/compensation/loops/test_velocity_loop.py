@@ -175,7 +175,7 @@ def proof() -> Proof:
     return prove(5, period_s=4.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_drives_are_found_within_2_percent_and_two_sigma_hold_them(proof: Proof) -> None:
     """With current loop, tachometer ripple, delay, rounding, and everything else unmodelled."""
     assert np.abs(proof.error).max() < 0.02

@@ -349,6 +349,7 @@ def test_a_run_that_is_not_periodic_is_identified_through_the_anti_alias_filter(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_recording_ends_when_the_accuracy_is_reached(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,7 +26,7 @@ STEADY = ConstantVelocityMotion(
     robot="ir361",
     pose=(0.0, 0.0, 0.3),
     joints=(
-        SpeedRuns(joint="axis1", low=-1.6, high=1.6, speeds=(0.03, 0.06, 0.1, 0.2, 0.6, 1.3)),
+        SpeedRuns(joint="axis1", low=-0.8, high=0.8, speeds=(0.03, 0.06, 0.1, 0.2, 0.6, 1.3)),
         SpeedRuns(joint="axis3", low=-1.0, high=2.0, speeds=(0.1, 0.3, 1.0)),
     ),
     longest_run_s=2.5,

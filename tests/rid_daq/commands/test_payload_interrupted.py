@@ -92,6 +92,7 @@ def test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_
     assert "Simulated: large was on the flange." in document["payload"]["findings"][-1]
 
 
+@pytest.mark.long
 @pytest.mark.fault(3)
 def test_a_run_that_lost_too_much_is_not_weighed_and_is_driven_again(
     motion: Path,

@@ -57,7 +57,7 @@ def test_a_payload_is_weighed_from_runs_with_and_without_it(
     assert abs(mass["value"] - 2.805) < 2.0 * mass["std"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_drive_gains_by_the_weighed_payload_and_three_cross_checks(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
