@@ -22,6 +22,8 @@ from config.load import LoadedCell
 from dynamics.geometry.kinematics import Chain
 from identification.estimation.estimate import Estimate
 
+pytestmark = pytest.mark.slow
+
 Drive = Callable[..., Recording]
 
 

@@ -22,6 +22,8 @@ from config.simulation.faults import FaultScript, FrameFault
 from rid_daq.app import run
 from rid_daq.runs.run_quality import RunQuality, run_quality
 
+pytestmark = pytest.mark.slow
+
 T = 0.008
 FIRST_CYCLE = 299
 """In the middle of the first main period."""

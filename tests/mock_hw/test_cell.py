@@ -31,6 +31,8 @@ from mock_hw.drives_process import LONGEST_WAIT_S
 from mock_hw.plant.snapshot import AxisSnapshot, SnapshotReader
 from mock_hw.simulation import CellSimulation
 
+pytestmark = pytest.mark.slow
+
 SPEED_RAD_S = 0.3
 MOVE_FOR_EVER = f"""
 import os, sys

@@ -21,6 +21,8 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.plant.rigid_bodies import BaseWrench
 from mock_hw.simulation import CellSimulation
 
+pytestmark = pytest.mark.slow
+
 Array = np.ndarray[Any, np.dtype[Any]]
 ENOUGH_S = 120.0
 

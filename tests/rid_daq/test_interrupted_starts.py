@@ -22,6 +22,8 @@ from rid_daq.demo.parallel import run_stories
 from rid_daq.preflight.computer_check import computer_lines
 from rid_daq.terminal.console import Console
 
+pytestmark = pytest.mark.slow
+
 
 def wait_at(pipe: Any) -> None:
     """Be a device that waits."""

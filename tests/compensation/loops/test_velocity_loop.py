@@ -27,6 +27,8 @@ from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop, wh
 from config.errors import DataQualityError, EstimationError
 from config.load import LoadedCell
 
+pytestmark = pytest.mark.slow
+
 Drive = Callable[..., Recording]
 FREQUENCY_HZ = np.arange(0.5, 15.0, 0.5)
 

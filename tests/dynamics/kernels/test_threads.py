@@ -17,6 +17,8 @@ from dynamics.kernels.threads import SHARE, share_out
 from dynamics.model.inverse_dynamics import regressor_gradient, torque_derivatives
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor
 
+pytestmark = pytest.mark.slow
+
 SAMPLES = 4 * SHARE + 3
 PIECE = SHARE - 5  # too small to be shared out, and not a multiple of eight
 

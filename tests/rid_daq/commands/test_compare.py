@@ -29,6 +29,8 @@ from rid_daq.app import run
 from rid_daq.jobs.truth import true_parameters
 from tests.builders.told import document
 
+pytestmark = pytest.mark.slow
+
 CYCLE_S = 0.008
 PERIODS = 4
 

@@ -35,6 +35,8 @@ from rid_daq.app import run
 from rid_daq.jobs.truth import true_parameters
 from tests.builders.told import document
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def cell() -> LoadedCell:

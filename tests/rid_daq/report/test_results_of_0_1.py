@@ -19,6 +19,8 @@ from rid_daq.report.render import render_report
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import read_result, write_result
 
+pytestmark = pytest.mark.slow
+
 WRITTEN = Path(__file__).parent / "results"
 KINDS = sorted(path.stem for path in WRITTEN.glob("*.json"))
 

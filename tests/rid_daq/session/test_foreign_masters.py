@@ -25,6 +25,8 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.session.session import hold_cell
 
+pytestmark = pytest.mark.slow
+
 PROBE = 0x655  # an SDO request to a node that is not there: it changes nothing
 QUICK_STOP = "0200000000000000"
 

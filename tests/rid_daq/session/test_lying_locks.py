@@ -27,6 +27,8 @@ from rid_daq.session.running_sessions import ProcessIdentity, RunningSession, ru
 from rid_daq.session.session import hold_cell
 from tests.builders.people import LIAR, ME, PERSON, STRANGER, People, heard, lives
 
+pytestmark = pytest.mark.slow
+
 COLLEAGUE, NEXT = 64001, 64002
 needs_root = pytest.mark.skipif(ME != 0, reason="only root can act as two other users")
 
