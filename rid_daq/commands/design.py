@@ -232,37 +232,41 @@ def _band(words: str) -> tuple[float, float]:
 def _print(console: Console, designed: Designed, request: DesignRequest) -> None:
     """Say what is in the motion file."""
     motion, samples, output = designed.motion, designed.samples, request.output
-    if isinstance(motion, FourierMotion):
-        _print_excitation(console, designed, motion, output)
-        return
     told = {"motion": str(output), "kind": motion.kind, "duration_s": samples.duration_s}
     said = f"{output}: {motion.describe()} {samples.duration_s:.0f} s in all."
-    if isinstance(motion, MultisineMotion):
-        axes = _axes(designed, motion)
-        band = [motion.lowest_hz, motion.highest_hz]
-        console.document(told | {"band_hz": band, "axes": axes})
-        console.say(said)
-        _print_multisine(console, axes)
-        if not request.multisine.slow:
-            console.say(
-                "Without the slow sine friction sticks: inertia and margins come out wrong."
-            )
-        return
-    console.document(told)
-    console.say(said)
-    if isinstance(motion, ConstantVelocityMotion):
-        console.table(
-            ("axis", "from", "to", "speeds"),
-            [
-                (
-                    spec.joint,
-                    f"{spec.low:.3f}",
-                    f"{spec.high:.3f}",
-                    ", ".join(f"{speed:g}" for speed in spec.speeds),
+    match motion:
+        case FourierMotion():
+            _print_excitation(console, designed, motion, output)
+        case MultisineMotion():
+            axes = _axes(designed, motion)
+            band = [motion.lowest_hz, motion.highest_hz]
+            console.document(told | {"band_hz": band, "axes": axes})
+            console.say(said)
+            _print_multisine(console, axes)
+            if not request.multisine.slow:
+                console.say(
+                    "Without the slow sine friction sticks: inertia and margins come out wrong."
                 )
-                for spec in motion.joints
-            ],
-        )
+        case _:
+            console.document(told)
+            console.say(said)
+            if isinstance(motion, ConstantVelocityMotion):
+                _print_speeds(console, motion)
+
+
+def _print_speeds(console: Console, motion: ConstantVelocityMotion) -> None:
+    console.table(
+        ("axis", "from", "to", "speeds"),
+        [
+            (
+                spec.joint,
+                f"{spec.low:.3f}",
+                f"{spec.high:.3f}",
+                ", ".join(f"{speed:g}" for speed in spec.speeds),
+            )
+            for spec in motion.joints
+        ],
+    )
 
 
 def _axes(designed: Designed, motion: MultisineMotion) -> list[dict[str, Any]]:
