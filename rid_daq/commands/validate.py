@@ -58,7 +58,8 @@ def validate(
 ) -> None:
     """Predict a run's torques with a model and judge the error, axis by axis.
 
-    Exit code 1 where an axis, or the reaction on the base, exceeds its limit.
+    Exit code 1 where an axis, or the reaction on the base, exceeds its limit; 6 where the run
+    allows no verdict: the model was identified from it, or it moves for less than 5 s.
     """
     console = Console(as_json)
     request = ValidateRequest(

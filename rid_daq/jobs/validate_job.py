@@ -20,7 +20,7 @@ from identification.estimation.file import read_estimate
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.validation.base_wrench_validation import validate_base_wrench
 from identification.validation.diagnosis import diagnose
-from identification.validation.torque_prediction import validate
+from identification.validation.torque_prediction import Validation, validate
 from rid_daq.report.formats import number
 from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.base_load import BaseLoadSection
@@ -31,6 +31,9 @@ from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.runs.run_data import RunData, report_lacks, result_of
 from rid_daq.terminal.console import Console
+
+SHORTEST_S = 5.0
+"""A verdict needs so many seconds of motion."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,8 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
     ------
     ConfigError
         The limits are invalid, or are missing, or the model is of another robot.
+    DataQualityError
+        The run allows no verdict: the model was identified from it, or it is too short.
     RidDaqError
         The run or the model cannot be used.
     """
@@ -122,6 +127,12 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
             "--limits: has no effect with an external model, which knows no friction; leave it out"
         )
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
+    recovered_from = data.folder.manifest().facts.get("recovered_from")
+    if data.folder.run_id in estimate.run_ids or recovered_from in estimate.run_ids:
+        raise DataQualityError(
+            f"{data.folder.path}: no verdict: the model was identified from this very run, which"
+            " says nothing of other motions. Validate on a run that it has not seen"
+        )
     notes = report_lacks(console, [data])
     validation = validate(
         estimate,
@@ -131,11 +142,10 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
         limits_percent=None if external else _limits(request.limits, data),
         noise_nm=_noise(data),
     )
+    _require_motion(validation, data)
     sentence = f"Run {data.folder.manifest().label!r} predicted by {request.model.name}."
     if external:
         sentence += " The external model knows no friction: torques are not judged."
-    if data.folder.run_id in estimate.run_ids:
-        sentence += " The model was identified from this very run: this is no validation."
     section = ValidationSection.of(
         validation,
         data.robot,
@@ -220,6 +230,17 @@ def _limits_of(cell: CellConfig | None, where: str) -> PlateLimits:
             f"--base-limits: {where} has no `plate` with `limits`; add force_n and moment_nm there"
         )
     return limits
+
+
+def _require_motion(validation: Validation, data: RunData) -> None:
+    """Refuse a run whose motion is too short for a verdict."""
+    period_s = np.median(np.diff(validation.time_s))
+    moved_s = float(np.count_nonzero(validation.moving.any(axis=1)) * period_s)
+    if moved_s < SHORTEST_S:
+        raise DataQualityError(
+            f"{data.folder.path}: no verdict: the run moves for {moved_s:.1f} s, a verdict needs"
+            f" {SHORTEST_S:g} s of motion. Record a longer one"
+        )
 
 
 def _noise(data: RunData) -> FloatArray | None:

@@ -156,6 +156,34 @@ def test_validate_passes_and_fails_by_its_limits(
     assert "no limits were given" in capsys.readouterr().out
 
 
+def test_no_verdict_on_the_run_that_the_model_comes_from(
+    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        run(["validate", str(workshop / "model.json"), "excitation", "--limits", "10", *runs]) == 6
+    )
+    said = " ".join(capsys.readouterr().err.split())
+    assert "no verdict: the model was identified from this very run" in said
+    assert "Validate on a run that it has not seen" in said
+
+
+def test_no_verdict_on_three_seconds_of_a_stopped_run(
+    workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, folder = find_run(workshop / "runs", "validation"), RunFolder.create(tmp_path, "short")
+    for name in ("cell.yaml", "robot.yaml", "motion.yaml"):
+        folder.write(name, whole.read(name))
+    path = folder.file("recording.mcap")
+    repair_journal(whole.file("recording.mcap"), path, folder.run_id)
+    recording = path.read_bytes()
+    path.write_bytes(recording[: len(recording) // 4])
+    folder.finish(RunStatus.STOPPED)
+    words = ["validate", str(workshop / "model.json"), str(folder.path), "--limits", "10"]
+    assert run([*words, *runs]) == 6
+    said = " ".join(capsys.readouterr().err.split())
+    assert re.search(r"no verdict: the run moves for [1-4]\.\d s, a verdict needs 5 s", said)
+
+
 def test_report_is_written_again_from_the_results_alone(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
