@@ -59,8 +59,8 @@ class RobotModel:
                 f"{len(self.joint_names)} joint names for a chain of {self.chain.n} joints"
             )
         names = self.parameter_names
-        doubled = sorted({name for name in names if names.count(name) > 1})
-        if doubled:
+        if len(set(names)) < len(names):
+            doubled = sorted({name for name in names if names.count(name) > 1})
             raise EstimationError(f"two terms of the model name a parameter {', '.join(doubled)}")
 
     @classmethod
@@ -126,12 +126,12 @@ class RobotModel:
             for term, start, end in zip(self.terms, [0, *ends[:-1]], ends, strict=True)
         }
 
-    @property
+    @cached_property
     def _nonlinear(self) -> tuple[NonlinearParameter, ...]:
         terms = (term.nonlinear for term in self.terms if isinstance(term, NonlinearTerm))
         return (*(p for own in terms for p in own), *self.transmission.nonlinear)
 
-    @property
+    @cached_property
     def nonlinear_names(self) -> tuple[str, ...]:
         """The parameters that the torque is not linear in: Stribeck speeds, losses of gears."""
         return tuple(parameter.name for parameter in self._nonlinear)

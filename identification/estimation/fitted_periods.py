@@ -167,10 +167,10 @@ def fit_periodic(
     problem, fit = _with_delays(problem, model, None, equations)
     if model.nonlinear_names and terms.kind != "external":
 
-        def solve(model: RobotModel, standard: FloatArray | None) -> Solution:
+        def solve(model: RobotModel, standard: FloatArray) -> Solution:
             return problem.fit(model, standard, problem.equations(model, standard)).solution
 
-        shaped = fit_nonlinear(model, base, solve)
+        shaped = fit_nonlinear(model, base, fit.solution.values[fit.of_base], solve)
         model = shaped.model
         equations = problem.equations(model, shaped.standard)
         problem, fit = _with_delays(problem, model, shaped.standard, equations)

@@ -17,13 +17,15 @@ from dynamics.model.robot_model import RobotModel
 from identification.equations.time_domain import time_runs
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_periods import model_of
-from identification.estimation.nonlinear_parameters import fit_nonlinear
 from identification.estimation.options import EstimationOptions
 from identification.estimation.prior import prior_rows
-from identification.estimation.smoothed_fit import SmoothedFit, SmoothedProblem
+from identification.estimation.smoothed_fit import (
+    SmoothedFit,
+    SmoothedProblem,
+    fit_with_nonlinear,
+)
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
-from identification.regression.least_squares import Solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,15 +147,5 @@ def fit_smoothed(
         weighting=options.weighting,
         prior=prior_rows(base, options.prior),
     )
-    standard = None
-    fit = problem.fit(model, None)
-    if model.nonlinear_names:
-        scale = fit.scale_nm
-
-        def solve(model: RobotModel, standard: FloatArray | None) -> Solution:
-            return problem.fit(model, standard, scale).solution
-
-        shaped = fit_nonlinear(model, base, solve)
-        model, standard = shaped.model, shaped.standard
-        fit = problem.fit(model, standard)
+    model, standard, fit = fit_with_nonlinear(model, base, problem.fit)
     return FittedSignals(robot, terms.with_nonlinear_of(model), model, problem, standard, fit)

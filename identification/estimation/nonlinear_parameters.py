@@ -22,8 +22,8 @@ MOST_STEPS: Final = 25
 MOST_HALVINGS: Final = 6
 SETTLED_SIGMAS: Final = 0.01
 
-Solve = Callable[[RobotModel, FloatArray | None], Solution]
-"""Solve a model's equations, linearised around standard values where some are given."""
+Solve = Callable[[RobotModel, FloatArray], Solution]
+"""Solve a model's equations, linearised around standard values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,9 @@ class NonlinearFit:
     cost: float
 
 
-def fit_nonlinear(model: RobotModel, base: BaseParameters, solve: Solve) -> NonlinearFit:
+def fit_nonlinear(
+    model: RobotModel, base: BaseParameters, values: FloatArray, solve: Solve
+) -> NonlinearFit:
     """Fit the nonlinear parameters together with the linear ones.
 
     Parameters
@@ -45,6 +47,8 @@ def fit_nonlinear(model: RobotModel, base: BaseParameters, solve: Solve) -> Nonl
         The model with its starting values.
     base : BaseParameters
         What of its linear parameters can be identified.
+    values : ndarray, shape (b,)
+        Base parameters where gears lose nothing: what the equations are linearised at first.
     solve : callable
         Solves for the columns of `torque_columns`; with rows weighted alike in every call.
 
@@ -53,8 +57,7 @@ def fit_nonlinear(model: RobotModel, base: BaseParameters, solve: Solve) -> Nonl
     EstimationError
         The motion does not show the parameters.
     """
-    standard = base.to_standard(solve(model, None).values)
-    best = _at(model, standard, base, solve)
+    best = _at(model, base.to_standard(values), base, solve)
     for _ in range(MOST_STEPS):
         low, high = best.model.nonlinear_bounds.T
         start, step = best.model.nonlinear_values, best.solution.values[len(base) :]
@@ -81,9 +84,8 @@ def step_prior(model: RobotModel, b: int, width: int | None = None) -> Triangle:
     """
     low, high = model.nonlinear_bounds.T
     columns = np.arange(b, b + len(low))
-    return Triangle.empty(width or b + len(low), columns).add(
-        np.diag(1.0 / (high - low)), np.zeros(len(low))
-    )
+    factor = np.column_stack([np.diag(1.0 / (high - low)), np.zeros(len(low))])
+    return Triangle(factor, columns, width or b + len(low), len(low))
 
 
 def _at(

@@ -6,7 +6,7 @@ rows are not independent; the cluster-robust covariance takes a second of all jo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from config.arrays import FloatArray, IntArray
 from dynamics.model.robot_model import RobotModel
 from identification.equations.time_domain import TimeRun, time_blocks
-from identification.estimation.nonlinear_parameters import step_prior
+from identification.estimation.nonlinear_parameters import fit_nonlinear, step_prior
 from identification.estimation.options import Weighting
 from identification.estimation.prior import PriorRows
 from identification.model.base_parameters import BaseParameters
@@ -135,13 +135,13 @@ class SmoothedProblem:
             solution = weighted(triangles, known, scale, names)
         elif self.weighting == "ls":
             solution = weighted(triangles, known, np.ones(len(triangles)), names)
-            residual = _residual(triangles, solution)
+            residual = residual_rms(triangles, solution)
             overall = float(np.sqrt(np.sum(rows * residual**2) / np.sum(rows)))
             scale = np.full(len(triangles), max(overall, 1e-300))
             solution = weighted(triangles, known, scale, names)
         else:
             solution, scale = weighted_by_residuals(triangles, known, names)
-        return SmoothedFit(solution, _residual(triangles, solution), scale, rows)
+        return SmoothedFit(solution, residual_rms(triangles, solution), scale, rows)
 
     def _events(
         self,
@@ -173,6 +173,49 @@ class SmoothedProblem:
         yield Cluster(gram, score)
 
 
+Fit = Callable[[RobotModel, FloatArray | None, FloatArray | None], SmoothedFit]
+"""Solve a model's equations; arguments as those of `SmoothedProblem.fit`."""
+
+
+def fit_with_nonlinear(
+    model: RobotModel, base: BaseParameters, fit: Fit
+) -> tuple[RobotModel, FloatArray | None, SmoothedFit]:
+    """Fit a model, its nonlinear parameters included where it has some.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The model with its starting values.
+    base : BaseParameters
+        What of its linear parameters can be identified.
+    fit : callable
+        Solves its equations.
+
+    Returns
+    -------
+    model : RobotModel
+        With fitted nonlinear parameters.
+    standard : ndarray, shape (p,), or None
+        Where the equations are linearised; None where the model is linear.
+    fit : SmoothedFit
+        The solution.
+
+    Raises
+    ------
+    EstimationError
+        The motion does not show the parameters.
+    """
+    found = fit(model, None, None)
+    if not model.nonlinear_names:
+        return model, None, found
+    scale = found.scale_nm
+    values = found.solution.values
+    shaped = fit_nonlinear(
+        model, base, values, lambda model, standard: fit(model, standard, scale).solution
+    )
+    return shaped.model, shaped.standard, fit(shaped.model, shaped.standard, None)
+
+
 def weighted_by_residuals(
     triangles: Sequence[Triangle], known: Sequence[Triangle], names: tuple[str, ...]
 ) -> tuple[Solution, FloatArray]:
@@ -202,7 +245,7 @@ def weighted_by_residuals(
     scale = np.ones(len(triangles))
     solution = weighted(triangles, known, scale, names)
     for _ in range(REWEIGHTINGS):
-        residual = _residual(triangles, solution)
+        residual = residual_rms(triangles, solution)
         better = np.maximum(residual, 1e-9 * residual.max() + 1e-300)
         settled = bool(np.all(np.abs(scale / better - 1.0) < SETTLED))
         scale = better
@@ -222,8 +265,8 @@ def weighted(
     return solve([*triangles, *known], [*(1.0 / scale), *(1.0 for _ in known)], names)
 
 
-def _residual(triangles: Sequence[Triangle], solution: Solution) -> FloatArray:
-    """Return the RMS residual of each joint, (n,)."""
+def residual_rms(triangles: Sequence[Triangle], solution: Solution) -> FloatArray:
+    """Return the RMS residual of each joint's triangle, (n,)."""
     error = np.array([triangle.residual_sum(solution.values) for triangle in triangles])
     rows = np.array([triangle.rows for triangle in triangles], dtype=np.float64)
     return np.asarray(np.sqrt(error / np.maximum(rows, 1.0)))

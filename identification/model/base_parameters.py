@@ -131,6 +131,14 @@ def base_parameters(
     EstimationError
         The rank is not clear at this tolerance.
     """
+    stacked = random_regressor(model, kind=kind, samples=samples, seed=seed)
+    return independent_columns(stacked, model.parameter_names, model.parameter_units, tolerance)
+
+
+def random_regressor(
+    model: RobotModel, *, kind: ModelKind = "internal", samples: int = 300, seed: int = 0
+) -> FloatArray:
+    """Return the regressor that `base_parameters` looks at, shape (rows, p)."""
     random = np.random.default_rng(seed)
     shape = (samples, len(model.joint_names))
     q = random.uniform(-np.pi, np.pi, shape)
@@ -145,8 +153,7 @@ def base_parameters(
         if kind != "internal":
             parts.append(base_wrench_regressor(lossless, q, v, a, conditions))
     columns = len(model.parameter_names)
-    stacked = np.vstack([part.reshape(-1, columns) for part in parts])
-    return independent_columns(stacked, model.parameter_names, model.parameter_units, tolerance)
+    return np.vstack([part.reshape(-1, columns) for part in parts])
 
 
 def independent_columns(

@@ -7,19 +7,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork
+from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork, dtrcon
 
-from config.arrays import FloatArray, IntArray
+from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
 
 HUBER_LIMIT: Final = 1.345
 """In standard deviations; 95 % as efficient as least squares where the noise is Gaussian."""
 
 _NORMAL_MAD: Final = 0.6744897501960817
+_SINGULAR: Final = 1e-10
+_NEARLY_SINGULAR: Final = 1e-7
 
 
 def triangular_factor(matrix: FloatArray) -> FloatArray:
@@ -36,7 +39,14 @@ def _factor_in_place(work: FloatArray) -> FloatArray:
     factor, _, _, info = dgeqrf(work, lwork=size, overwrite_a=1)
     if info != 0 or not np.isfinite(factor[: min(rows, columns)]).all():
         raise EstimationError("the equations hold a value that is not finite: check the recording")
-    return np.triu(factor[: min(rows, columns)])
+    upper = factor[: min(rows, columns)]
+    return np.where(_below(*upper.shape), 0.0, upper)
+
+
+@lru_cache(maxsize=256)
+def _below(rows: int, columns: int) -> BoolArray:
+    """Return where a matrix of this shape is below its diagonal."""
+    return np.tri(rows, columns, -1, dtype=np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +113,6 @@ class Solution:
     ----------
     values : ndarray, shape (p,)
         The minimiser.
-    covariance : ndarray, shape (p, p)
-        (A^T W A)^-1: the covariance where the weights are one over the noise's variance.
-    condition_number : float
-        Of the weighted matrix with its columns scaled to length one (2.25, 2.26).
     rows : int
         Equations used.
     factor : ndarray, shape (p + 1, p + 1)
@@ -114,10 +120,23 @@ class Solution:
     """
 
     values: FloatArray
-    covariance: FloatArray
-    condition_number: float
     rows: int
     factor: FloatArray
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(A^T W A)^-1, shape (p, p): the covariance where weights are one over the variance."""
+        p = len(self.values)
+        inverse = solve_triangular(self.factor[:p, :p], np.eye(p))
+        return np.asarray(inverse @ inverse.T)
+
+    @cached_property
+    def condition_number(self) -> float:
+        """Of the weighted matrix with its columns scaled to length one (2.25, 2.26)."""
+        p = len(self.values)
+        upper = self.factor[:p, :p]
+        singular = np.linalg.svd(upper / np.linalg.norm(upper, axis=0), compute_uv=False)
+        return float(singular[0] / singular[-1])
 
     @property
     def information(self) -> FloatArray:
@@ -168,21 +187,22 @@ def solve(
     if upper.shape != (p, p) or (size == 0.0).any():
         hidden = [name for name, s in zip(names, size, strict=True) if s == 0.0]
         raise EstimationError(f"the motion does not show {', '.join(hidden) or 'all parameters'}")
-    _, singular, right = np.linalg.svd(upper / size)
-    if singular[-1] < 1e-10 * singular[0]:
+    _check_condition(upper / size, names)
+    return Solution(values=solve_triangular(upper, rhs), rows=rows, factor=factor)
+
+
+def _check_condition(upper: FloatArray, names: tuple[str, ...]) -> None:
+    """Refuse a triangle, with columns of length one, whose parameters cannot be told apart."""
+    reciprocal, _ = dtrcon(upper)
+    if reciprocal > _NEARLY_SINGULAR:  # an estimate, to which singular values need not be known
+        return
+    _, singular, right = np.linalg.svd(upper)
+    if singular[-1] < _SINGULAR * singular[0]:
         culprits = [names[j] for j in np.argsort(-np.abs(right[-1]))[:3]]
         raise EstimationError(
             f"the motion does not tell {', '.join(culprits)} from one another (condition number"
             f" {singular[0] / max(singular[-1], 1e-300):.1e}): move more axes, or further"
         )
-    inverse = solve_triangular(upper, np.eye(p))
-    return Solution(
-        values=solve_triangular(upper, rhs),
-        covariance=inverse @ inverse.T,
-        condition_number=float(singular[0] / singular[-1]),
-        rows=rows,
-        factor=factor,
-    )
 
 
 def huber_weights(residual: FloatArray) -> FloatArray:

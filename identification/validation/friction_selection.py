@@ -12,7 +12,7 @@ independent values as the band holds.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -22,15 +22,13 @@ from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import FrictionTerm, RobotDescription
-from dynamics.terms.conditions import Conditions
 from identification.equations.segments import cut
-from identification.estimation.estimate import TorqueModel, predict
-from identification.estimation.fitted_signals import fit_smoothed
+from identification.estimation.condensed import CondensedRecordings
 from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
 from identification.model.options import ModelOptions
 
 FOLDS: Final = 6
-EVENT_S: Final = 1.0
+NONLINEAR: Final[tuple[FrictionTerm, ...]] = ("load", "stribeck")
 
 CLASSICAL: Final[tuple[FrictionTerm, ...]] = ("coulomb", "viscous")
 FRICTION_CANDIDATES: Final[tuple[tuple[FrictionTerm, ...], ...]] = (
@@ -141,24 +139,32 @@ def choose_friction(
     parts = [part for run in signals for part in cut(run, max(1, folds // len(signals)))]
     if len(parts) < 2 or not candidates:
         raise EstimationError("a comparison needs two parts of recordings, and candidates")
+    everything = {term for terms in candidates for term in terms}
+    linear = max(candidates, key=lambda terms: len(_linear(terms)))
+    data = CondensedRecordings.of(
+        with_friction(robot, [tuple(sorted(everything))] * len(robot.joints)),
+        with_friction(robot, [_linear(linear)] * len(robot.joints)),
+        parts,
+        EstimationOptions(model=options, standstill_rad_s=standstill_rad_s),
+    )
     trials: list[Trial] = []
     for number, terms in enumerate(candidates):
         if watch is not None:
             watch(number, len(candidates) + 1, ", ".join(terms))
         alike = with_friction(robot, [terms] * len(robot.joints))
-        trials.append(_trial(alike, parts, options, standstill_rad_s, terms))
+        trials.append(_trial(data, parts, alike, terms))
     best = [_simplest(trials, j) for j in range(len(robot.joints))]
     chosen = [candidates[number] for number in best]
     # What one joint lacks bends the others' errors while all have the same terms. With each at its
     # own, a joint may turn out to need less.
-    combined = _trial(with_friction(robot, chosen), parts, options, standstill_rad_s, ())
+    combined = _trial(data, parts, with_friction(robot, chosen), ())
     for j, terms in enumerate(chosen):
         for fewer in (c for c in candidates if set(c) < set(terms)):
             if watch is not None:
                 name = robot.joint_names[j]
                 watch(len(candidates), len(candidates) + 1, f"{name} with {', '.join(fewer)}")
             tried = [*chosen[:j], fewer, *chosen[j + 1 :]]
-            trial = _trial(with_friction(robot, tried), parts, options, standstill_rad_s, ())
+            trial = _trial(data, parts, with_friction(robot, tried), ())
             if _simplest((trial, combined), j) == 0:
                 chosen, combined = tried, trial
                 break
@@ -168,6 +174,10 @@ def choose_friction(
         chosen=tuple(chosen),
         combined=combined,
     )
+
+
+def _linear(terms: tuple[FrictionTerm, ...]) -> tuple[FrictionTerm, ...]:
+    return tuple(term for term in terms if term not in NONLINEAR)
 
 
 def with_friction(
@@ -184,57 +194,32 @@ def with_friction(
 
 
 def _trial(
-    robot: RobotDescription,
+    data: CondensedRecordings,
     parts: Sequence[SmoothedSignals],
-    options: ModelOptions,
-    standstill_rad_s: float,
+    robot: RobotDescription,
     terms: tuple[FrictionTerm, ...],
 ) -> Trial:
-    whole = fit_smoothed(
-        robot, parts, EstimationOptions(model=options, standstill_rad_s=standstill_rad_s)
-    )
+    problem = data.problem(robot)
+    whole = problem.fit()
     # Each fold starts from the nonlinear parameters of all data, and finds its own.
-    started = whole.options
-    events: list[FloatArray] = []
-    for left_out in range(len(parts)):
-        others = [part for k, part in enumerate(parts) if k != left_out]
-        estimate = fit_smoothed(
-            robot, others, EstimationOptions(model=started, standstill_rad_s=standstill_rad_s)
-        )
-        events.extend(_event_errors(estimate, parts[left_out], standstill_rad_s))
-    errors = np.array(events)
-    values = (
-        2.0
-        * parts[0].cutoff_hz
-        * sum(len(part) * part.sample_period_s for part in parts)
-        * (1.0 - whole.left_out_fraction)
+    errors = np.concatenate(
+        [
+            problem.mean_squares(problem.fit(whole.model, left_out=part), part)
+            for part in range(len(parts))
+        ]
     )
-    count = len(whole.base) + len(whole.options.nonlinear or ())
+    duration_s = sum(len(part) * part.sample_period_s for part in parts)
+    moving = whole.fit.rows_used / sum(len(part) for part in parts)
+    values = 2.0 * parts[0].cutoff_hz * duration_s * moving
     fit = float(np.sum(values * np.log(whole.fit.residual_nm**2)))
     return Trial(
         terms=terms,
         error_nm=np.sqrt(np.nanmean(errors, axis=0)),
         event_errors=errors,
-        parameters=count,
-        aic=fit + 2.0 * count,
-        bic=fit + math.log(float(values.sum())) * count,
+        parameters=whole.parameters,
+        aic=fit + 2.0 * whole.parameters,
+        bic=fit + math.log(float(values.sum())) * whole.parameters,
     )
-
-
-def _event_errors(
-    estimate: TorqueModel, part: SmoothedSignals, standstill_rad_s: float
-) -> Iterator[FloatArray]:
-    """Yield the mean squared error of each second, shape (n,); NaN where a joint stands still."""
-    conditions = Conditions(temperature_k=part.temperature_k)
-    predicted = predict(estimate, part.position, part.velocity, part.acceleration, conditions)
-    moving = np.abs(estimate.model.actuator_speed(part.velocity)) >= standstill_rad_s
-    error = np.where(moving, (part.torque_nm - predicted) ** 2, 0.0)
-    second = np.floor((part.time_s - part.time_s[0]) / EVENT_S)
-    edges = np.flatnonzero(np.diff(second) != 0.0) + 1
-    for rows in np.split(np.arange(len(part)), edges):
-        counted = moving[rows].sum(axis=0)
-        total = error[rows].sum(axis=0)
-        yield np.where(counted > 0, total / np.maximum(counted, 1), np.nan)
 
 
 def _simplest(trials: Sequence[Trial], joint: int) -> int:

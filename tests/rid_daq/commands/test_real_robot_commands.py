@@ -28,7 +28,7 @@ def workshop(real_robot: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     return place
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_model_chosen_by_the_training_runs_alone_predicts_another_motion(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
