@@ -139,10 +139,10 @@ def choose_friction(
     parts = [part for run in signals for part in cut(run, max(1, folds // len(signals)))]
     if len(parts) < 2 or not candidates:
         raise EstimationError("a comparison needs two parts of recordings, and candidates")
-    everything = {term for terms in candidates for term in terms}
+    everything = tuple(dict.fromkeys(term for terms in candidates for term in terms))
     linear = max(candidates, key=lambda terms: len(_linear(terms)))
     data = CondensedRecordings.of(
-        with_friction(robot, [tuple(sorted(everything))] * len(robot.joints)),
+        with_friction(robot, [everything] * len(robot.joints)),
         with_friction(robot, [_linear(linear)] * len(robot.joints)),
         parts,
         EstimationOptions(model=options, standstill_rad_s=standstill_rad_s),
