@@ -1,10 +1,10 @@
-"""Contiguous parts of smoothed recordings, and averaged periods as such recordings."""
+"""Parts and selected rows of smoothed recordings, and averaged periods as such recordings."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,15 +13,33 @@ from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import differentiate_on_bins, filter_response, from_bins, to_bins
-from config.arrays import FloatArray
+from config.arrays import BoolArray, FloatArray
 from config.errors import DataQualityError
 from identification.equations.bins import harmonics_below
+
+ROWS_PER_PERIOD: Final = 8
 
 
 def cut(signals: SmoothedSignals, parts: int) -> list[SmoothedSignals]:
     """Cut a recording into contiguous parts of equal length."""
     edges = np.linspace(0, len(signals), parts + 1).astype(int)
     return [_rows(signals, slice(a, b)) for a, b in pairwise(edges)]
+
+
+def thinned(signals: SmoothedSignals) -> SmoothedSignals:
+    """Return every k-th row of each segment, at least 8 in a period of the cut-off frequency.
+
+    Signals below the cut-off are known between such rows. What a friction model says where a joint
+    turns round is not, so that an estimate moves by a part of its interval; comparisons hardly do.
+    """
+    stride = int(1.0 / (ROWS_PER_PERIOD * signals.cutoff_hz * signals.sample_period_s))
+    if stride <= 1:
+        return signals
+    starts = np.flatnonzero(np.diff(signals.segment, prepend=-1) != 0)
+    rows = np.arange(len(signals))
+    within = rows - starts[np.searchsorted(starts, rows, side="right") - 1]
+    kept = _rows(signals, within % stride == 0)
+    return replace(kept, sample_period_s=stride * signals.sample_period_s)
 
 
 def period_signals(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
@@ -94,7 +112,7 @@ def _on_bins(
     )
 
 
-def _rows(signals: SmoothedSignals, rows: slice) -> SmoothedSignals:
+def _rows(signals: SmoothedSignals, rows: slice | BoolArray) -> SmoothedSignals:
     cut: dict[str, Any] = {
         k: x[rows] for k, x in vars(signals).items() if isinstance(x, np.ndarray)
     }

@@ -22,7 +22,7 @@ from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import FrictionTerm, RobotDescription
-from identification.equations.segments import cut
+from identification.equations.segments import cut, thinned
 from identification.estimation.condensed import CondensedRecordings
 from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
 from identification.model.options import ModelOptions
@@ -118,7 +118,7 @@ def choose_friction(
     robot : RobotDescription
         The robot; its own friction terms do not count.
     signals : sequence of SmoothedSignals
-        The recordings of the training runs; never those of the validation.
+        The recordings of the training runs; never those of the validation. They are `thinned`.
     options : ModelOptions, optional
         The other terms of the model.
     candidates : sequence of tuple of str
@@ -136,10 +136,12 @@ def choose_friction(
         The recordings are too short, or do not show the simplest model.
     """
     options = replace(options or ModelOptions(), friction_terms=None, nonlinear=None)
-    parts = [part for run in signals for part in cut(run, max(1, folds // len(signals)))]
+    parts = [part for run in signals for part in cut(thinned(run), max(1, folds // len(signals)))]
     if len(parts) < 2 or not candidates:
         raise EstimationError("a comparison needs two parts of recordings, and candidates")
-    everything = tuple(dict.fromkeys(term for terms in candidates for term in terms))
+    everything: tuple[FrictionTerm, ...] = tuple(
+        dict.fromkeys(term for terms in candidates for term in terms)
+    )
     linear = max(candidates, key=lambda terms: len(_linear(terms)))
     data = CondensedRecordings.of(
         with_friction(robot, [everything] * len(robot.joints)),

@@ -1,0 +1,72 @@
+"""Rows of smoothed recordings: fewer of them say the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from config.load import load_robot
+from dynamics.model.robot_model import RobotModel, torque
+from identification.equations.segments import ROWS_PER_PERIOD, thinned
+from identification.estimation.estimators import estimate_smoothed
+
+STEP_S = 0.0005
+CUTOFF_HZ = 10.0
+
+
+def dense() -> SmoothedSignals:
+    """Return half a minute of the bundled arm at 2 kHz, noise and torque below the cut-off."""
+    robot = load_robot("ir361")
+    model = RobotModel.from_description(robot)
+    random = np.random.default_rng(2)
+    time_s = STEP_S * np.arange(60_000, dtype=np.float64)
+    omega = 2.0 * np.pi / 10.0 * np.arange(1, 8)
+    sine, cosine = 0.2 * random.normal(size=(2, 7, 3))
+    s, c = np.sin(np.outer(time_s, omega)), np.cos(np.outer(time_s, omega))
+    q, v = s @ sine + c @ cosine, (c * omega) @ sine - (s * omega) @ cosine
+    a = -(s * omega**2) @ sine - (c * omega**2) @ cosine
+    values = random.uniform(0.5, 20.0, len(model.parameter_names))
+    measured = torque(model, q, v, a, values) + 20.0 * random.normal(size=q.shape)
+    return SmoothedSignals(
+        joint_names=robot.joint_names,
+        time_s=time_s,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        torque_nm=low_pass(measured, STEP_S, CUTOFF_HZ),
+        segment=np.zeros(len(q), dtype=np.int64),
+        sample_period_s=STEP_S,
+        cutoff_hz=CUTOFF_HZ,
+    )
+
+
+def test_rows_far_denser_than_the_cut_off_needs_hardly_change_an_estimate() -> None:
+    robot, signals = load_robot("ir361"), dense()
+    fewer = thinned(signals)
+    assert len(signals) == 25 * len(fewer)
+    every, few = (estimate_smoothed(robot, [each]) for each in (signals, fewer))
+    assert (
+        np.max(np.abs(few.values - every.values) / every.sigma) < 0.5
+    )  # where joints turn round, it matters which rows are there
+    np.testing.assert_allclose(few.sigma, every.sigma, rtol=0.1)
+    np.testing.assert_allclose(few.residual_nm, every.residual_nm, rtol=0.02)
+
+
+def test_each_segment_is_thinned_from_its_first_row_on() -> None:
+    signals = dense()
+    segment = np.zeros(len(signals), dtype=np.int64)
+    segment[1010:] = 1
+    fewer = thinned(replace(signals, segment=segment))
+    for number, first in enumerate((0, 1010)):
+        rows = fewer.segment == number
+        assert fewer.time_s[rows][0] == signals.time_s[first]
+        np.testing.assert_allclose(np.diff(fewer.time_s[rows]), fewer.sample_period_s)
+    assert 1.0 / (fewer.sample_period_s * CUTOFF_HZ) == ROWS_PER_PERIOD
+
+
+def test_rows_that_are_needed_are_kept() -> None:
+    signals = replace(dense(), cutoff_hz=130.0)
+    assert thinned(signals) is signals
+    assert thinned(thinned(dense())).sample_period_s == thinned(dense()).sample_period_s
