@@ -50,7 +50,7 @@ def test_rows_far_denser_than_the_cut_off_needs_hardly_change_an_estimate() -> N
     assert (
         np.max(np.abs(few.values - every.values) / every.sigma) < 0.5
     )  # where joints turn round, it matters which rows are there
-    np.testing.assert_allclose(few.sigma, every.sigma, rtol=0.1)
+    np.testing.assert_allclose(few.sigma, every.sigma, rtol=0.2)
     np.testing.assert_allclose(few.residual_nm, every.residual_nm, rtol=0.02)
 
 
