@@ -181,6 +181,9 @@ class PayloadEquations:
         What is known beforehand, as equations with unit noise, right side last.
     runs : tuple of int
         Which run each cluster is of, from 0.
+    explained_nm : ndarray, shape (n,)
+        RMS of each joint's torque that was explained before these equations were made [N m or N]:
+        zero but for `apart`, whose equations are of robots, not of torques.
     """
 
     procedure: Procedure
@@ -192,6 +195,7 @@ class PayloadEquations:
     divisors: FloatArray
     known: FloatArray
     runs: tuple[int, ...]
+    explained_nm: FloatArray
 
     def __post_init__(self) -> None:
         p, n = len(self.names), len(self.joint_names)

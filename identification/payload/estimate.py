@@ -17,13 +17,15 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.closest_robot import SMALLEST_BODY, SMALLEST_P
 from identification.consistency.programme import ConsistencyProgramme
 from identification.consistency.pseudo_inertia import pseudo_inertia
-from identification.payload.body import PARAMETERS, PayloadBody, reported, reported_slopes
+from identification.payload.body import PARAMETERS, REPORTED, PayloadBody, reported, reported_slopes
 from identification.payload.equations import PayloadEquations, Procedure
-from identification.payload.solution import Known, PayloadSolution, solve_payload
+from identification.payload.solution import SEEN, Known, PayloadSolution, solve_payload, with_held
 
 PULL: Final = 1e-9
 FLOOR_SHARE: Final = 0.02
-SEEN: Final = 1e-5
+UNITS_SIGMAS: Final = (1.0, 100.0, 1e4)
+IDLE_SHARE: Final = 0.01
+HELD_SHARE: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +51,12 @@ class PayloadEstimate:
     condition_number : float
         Of the payload's columns with all else projected out.
     known : tuple of Known
-        What was known otherwise and held.
-    residual_nm, payload_nm : ndarray, shape (n,)
-        RMS of each joint's torque that is left over, and of that which the payload makes [N m, N].
+        What was known otherwise.
+    contradictions : ndarray, shape (k,)
+        How far each of `known` lies from what the recordings say without it [standard deviations].
+    torque_nm, residual_nm, payload_nm : ndarray, shape (n,)
+        RMS of each joint's torque, of what the fit leaves of it, and of what the payload makes
+        [N m or N].
     equations : int
         How many there were.
     cell_name, run_ids : str, tuple of str
@@ -67,6 +72,8 @@ class PayloadEstimate:
     unseen: FloatArray
     condition_number: float
     known: tuple[Known, ...]
+    contradictions: FloatArray
+    torque_nm: FloatArray
     residual_nm: FloatArray
     payload_nm: FloatArray
     equations: int
@@ -80,7 +87,9 @@ class PayloadEstimate:
         freeze(self, EstimationError, (ten, ten), *covariances, what="payload ")
         freeze(self, EstimationError, (ten, n), "gain_slopes", what="payload ")
         freeze(self, EstimationError, (ten, None), "unseen", what="payload ")
-        freeze(self, EstimationError, (n,), "residual_nm", "payload_nm", what="payload ")
+        freeze(self, EstimationError, (len(self.known),), "contradictions", what="payload ")
+        of_joints = ("torque_nm", "residual_nm", "payload_nm")
+        freeze(self, EstimationError, (n,), *of_joints, what="payload ")
 
     @property
     def seen_parameters(self) -> tuple[bool, ...]:
@@ -114,8 +123,13 @@ class PayloadEstimate:
 
     @property
     def sigma(self) -> FloatArray:
-        """Standard deviations of `reported`, shape (10,), propagated from `covariance`."""
-        return np.where(self.seen, _sigma(self._slopes, self.covariance), np.inf)
+        """Standard deviations of `reported`, shape (10,), propagated from `covariance`.
+
+        Zero where a value is held.
+        """
+        held = [quantity.name for quantity in self.known if quantity.held]
+        sigma = np.where(np.isin(REPORTED, held), 0.0, _sigma(self._slopes, self.covariance))
+        return np.where(self.seen, sigma, np.inf)
 
     @property
     def sigma_noise(self) -> FloatArray:
@@ -127,6 +141,16 @@ class PayloadEstimate:
         """Standard deviations of `values`, shape (10,)."""
         sigma = np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0))
         return np.where(self.seen_parameters, sigma, np.inf)
+
+    @property
+    def residual_share(self) -> FloatArray:
+        """What the fit leaves of each joint's torque, as a share of it, shape (n,).
+
+        A joint that hardly works has little to explain: its torque counts as at least
+        `IDLE_SHARE` of its limit.
+        """
+        limits = np.array([joint.limits.torque for joint in self.robot.joints])
+        return np.asarray(self.residual_nm / np.maximum(self.torque_nm, IDLE_SHARE * limits))
 
     @property
     def gain_effects(self) -> FloatArray:
@@ -226,13 +250,16 @@ def of_solution(
     power = np.array(
         [
             [
+                np.sum(factor[:, -1] ** 2),
                 np.sum((factor[:, -1] - factor[:, :-1] @ solution.unknowns) ** 2),
                 np.sum((factor[:, :ten] @ solution.values) ** 2),
             ]
             for factor in equations.joints
         ]
     ).T
-    residual, caused = np.sqrt(power / np.maximum(equations.divisors, 1.0))
+    every, loaded = np.maximum(equations.divisors, 1.0)
+    torque, residual, caused = np.sqrt(power / (every, every, loaded))
+    torque = np.hypot(torque, equations.explained_nm)
     return PayloadEstimate(
         robot=robot,
         procedure=equations.procedure,
@@ -243,6 +270,8 @@ def of_solution(
         unseen=solution.unseen,
         condition_number=solution.condition_number,
         known=tuple(known),
+        contradictions=solution.contradictions,
+        torque_nm=torque,
         residual_nm=residual,
         payload_nm=caused,
         equations=sum(equations.rows),
@@ -266,21 +295,38 @@ def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
     floor = FLOOR_SHARE * pseudo_inertia(np.array(SMALLEST_BODY))
     if mass > 0.0 and np.linalg.eigvalsh(pseudo_inertia(values) - floor)[0] >= 0.0:
         return values, 1.0
-    sigma = np.sqrt(np.diagonal(estimate.covariance))
+    least = HELD_SHARE * np.maximum(np.abs(values), 1e-3)
+    sigma = np.sqrt(np.maximum(np.diagonal(estimate.covariance), least**2))
     correlation = estimate.covariance / np.outer(sigma, sigma)
+    np.fill_diagonal(correlation, 1.0)
     lower = np.linalg.cholesky(correlation + 1e-9 * np.eye(PARAMETERS_PER_LINK))
-    standard = ConsistencyProgramme(
-        matrix=np.asarray(np.linalg.inv(lower), dtype=np.float64),
-        rhs=np.zeros(PARAMETERS_PER_LINK),
-        weight=PULL,
-        centre=values,
-        scale=sigma,
-        bodies=(slice(0, PARAMETERS_PER_LINK),),
-        floors=floor[np.newaxis],
-        not_negative=np.zeros((0, PARAMETERS_PER_LINK)),
-    ).solve()
+    programmes = [
+        ConsistencyProgramme(
+            matrix=np.asarray(np.linalg.inv(unit * lower), dtype=np.float64),
+            rhs=np.zeros(PARAMETERS_PER_LINK),
+            weight=PULL,
+            centre=values,
+            scale=sigma,
+            bodies=(slice(0, PARAMETERS_PER_LINK),),
+            floors=floor[np.newaxis],
+            not_negative=np.zeros((0, PARAMETERS_PER_LINK)),
+        )
+        for unit in UNITS_SIGMAS
+    ]
+    standard = first_solved(programmes)
     distance = float(np.sum(np.linalg.solve(lower, (standard - values) / sigma) ** 2))
-    return standard, float(chdtrc(PARAMETERS_PER_LINK, distance))
+    return with_held(estimate.known, standard), float(chdtrc(PARAMETERS_PER_LINK, distance))
+
+
+def first_solved(programmes: Sequence[ConsistencyProgramme]) -> FloatArray:
+    """Solve one programme in several units: where deviations are large, the solver needs others."""
+    *others, last = programmes
+    for programme in others:
+        try:
+            return programme.solve()
+        except EstimationError:
+            continue
+    return last.solve()
 
 
 def _at_least(clustered: FloatArray, noise: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ class PayloadDocument(ConfigModel):
     """What stands in the file; see `PayloadEstimate` for the meaning."""
 
     kind: Literal["rid-daq payload"]
-    format: Literal[1]
+    format: Literal[1, 2]
     software: str
     cell: str
     runs: tuple[str, ...]
@@ -61,6 +61,7 @@ class PayloadDocument(ConfigModel):
     principal_moments_kg_m2: Row | None
     principal_axes: Matrix | None
     known: tuple[_Known, ...]
+    contradictions: Row = ()
     parameters: tuple[str, ...]
     values: Row
     covariance: Matrix
@@ -68,6 +69,7 @@ class PayloadDocument(ConfigModel):
     gain_slopes: Matrix
     unseen: Matrix
     condition_number: float
+    torque_nm: Row = ()
     residual_nm: Row
     payload_nm: Row
     equations: int
@@ -100,7 +102,7 @@ def read_payload(path: Path) -> PayloadResult:
     try:
         return _to_payload(document)
     except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix
-        raise ConfigError(f"{path}: not a payload that fits itself: {error}") from error
+        raise ConfigError(f"{path}: not a payload that can be used: {error}") from error
 
 
 def payload_document(payload: PayloadResult) -> PayloadDocument:
@@ -111,7 +113,7 @@ def payload_document(payload: PayloadResult) -> PayloadDocument:
     return PayloadDocument.taken(
         estimate,
         kind="rid-daq payload",
-        format=1,
+        format=2,
         software=f"rid-daq {version('rid-daq')}",
         cell=estimate.cell_name,
         runs=estimate.run_ids,
@@ -133,6 +135,11 @@ def payload_document(payload: PayloadResult) -> PayloadDocument:
 
 def _to_payload(document: PayloadDocument) -> PayloadResult:
     """Return the payload that stands in a file."""
+    if document.format == 1:
+        raise EstimationError(
+            "it was written before the residual of every axis was part of the verdict: identify"
+            " the payload again"
+        )
     if document.parameters != PARAMETERS:
         raise EstimationError(f"the parameters must be {', '.join(PARAMETERS)}")
     estimate = document.into(

@@ -21,6 +21,11 @@ class MeasuredRuns(Protocol):
     def loaded(self) -> tuple[bool, ...]:
         """Which runs carried the payload."""
 
+    @property
+    @abstractmethod
+    def torque_nm(self) -> FloatArray:
+        """RMS of each joint's torque in all runs, shape (n,) [N m or N]."""
+
     @abstractmethod
     def part(self, chosen: Sequence[int]) -> Self:
         """Return some of the runs, by number from 0."""

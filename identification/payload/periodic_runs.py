@@ -60,6 +60,12 @@ class PeriodicRuns:
                 f" {len(self.averages)}"
             )
 
+    @property
+    def torque_nm(self) -> FloatArray:
+        """RMS of each joint's torque; see `MeasuredRuns`."""
+        torque = np.vstack([average.torque_nm for average in self.averages])
+        return np.asarray(np.sqrt(np.mean(torque**2, axis=0)))
+
     def part(self, chosen: Sequence[int]) -> PeriodicRuns:
         """Return some of the runs; see `MeasuredRuns`."""
         return replace(
@@ -179,6 +185,7 @@ def _condensed(
         divisors=divisors,
         known=known,
         runs=tuple(owners),
+        explained_nm=np.zeros(n),
     )
 
 

@@ -145,13 +145,23 @@ def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> 
             )
         return runs.part(chosen).estimate(robot, options, [False] * len(chosen))
 
-    return equations_of_two_robots(identified(True), how.robot or identified(False))
+    alone = how.robot or identified(False)
+    return equations_of_two_robots(identified(True), alone, runs.torque_nm)
 
 
-def equations_of_two_robots(with_payload: Estimate, alone: Estimate) -> PayloadEquations:
+def equations_of_two_robots(
+    with_payload: Estimate, alone: Estimate, torque_nm: FloatArray
+) -> PayloadEquations:
     """Return the equations of a payload out of two estimates of one robot.
 
     Their friction is each its own. A base parameter's difference is a cluster of its own.
+
+    Parameters
+    ----------
+    with_payload, alone : Estimate
+        The robot with the payload as if it were part of its last link, and without.
+    torque_nm : ndarray, shape (n,)
+        RMS of each joint's torque [N m or N].
 
     Raises
     ------
@@ -184,6 +194,7 @@ def equations_of_two_robots(with_payload: Estimate, alone: Estimate) -> PayloadE
     rhs: FloatArray = np.asarray(np.linalg.solve(lower, difference / scale), dtype=np.float64)
     n = len(with_payload.robot.joints)
     nothing = [np.zeros((0, ten))] * (n - 1)
+    residual = np.maximum(with_payload.residual_nm, alone.residual_nm)
     factors = tuple(
         condense([matrix[[i]], *nothing], [rhs[[i]], *[np.zeros(0)] * (n - 1)], ten)
         for i in range(len(rhs))
@@ -193,11 +204,10 @@ def equations_of_two_robots(with_payload: Estimate, alone: Estimate) -> PayloadE
         joint_names=with_payload.robot.joint_names,
         names=PARAMETERS,
         factors=factors,
-        joints=tuple(
-            np.array([[*np.zeros(ten), residual]]) for residual in with_payload.residual_nm
-        ),
+        joints=tuple(np.array([[*np.zeros(ten), each]]) for each in residual),
         rows=(1,) * n,
         divisors=np.ones((2, n)),
         known=np.zeros((0, ten + 1)),
         runs=(0,) * len(factors),
+        explained_nm=np.sqrt(np.maximum(torque_nm**2 - residual**2, 0.0)),
     )

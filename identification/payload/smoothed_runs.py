@@ -57,6 +57,12 @@ class SmoothedRuns:
                 f" {len(self.signals)}"
             )
 
+    @property
+    def torque_nm(self) -> FloatArray:
+        """RMS of each joint's torque; see `MeasuredRuns`."""
+        torque = np.vstack([signals.torque_nm for signals in self.signals])
+        return np.asarray(np.sqrt(np.mean(torque**2, axis=0)))
+
     def part(self, chosen: Sequence[int]) -> SmoothedRuns:
         """Return some of the runs; see `MeasuredRuns`."""
         return replace(
@@ -121,6 +127,7 @@ class SmoothedRuns:
             divisors=divisors,
             known=known,
             runs=tuple(owners),
+            explained_nm=np.zeros(n),
         )
 
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.linalg import null_space
 
 from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.payload.body import REPORTED, reported, reported_slopes
+from identification.payload.body import REPORTED, PayloadBody, reported, reported_slopes
 from identification.payload.equations import Layout, PayloadEquations, independent
 from identification.regression.intervals import Cluster, jackknife
 from identification.regression.least_squares import triangular_factor
@@ -19,7 +20,7 @@ from identification.regression.least_squares import triangular_factor
 MOST_STEPS: Final = 30
 SETTLED: Final = 1e-9
 UNSEEN: Final = 1e-7
-EXACT_SHARE: Final = 1e-6
+SEEN: Final = 1e-5
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Known:
     name : str
         One of `REPORTED`: m, cx, cy, cz, or an inertia about the centre of gravity.
     value, sigma : float
-        Its value and standard deviation; 0 holds it.
+        Its value and standard deviation; 0 holds it, whatever the recordings say.
     """
 
     name: str
@@ -52,9 +53,9 @@ class Known:
             raise EstimationError("a known mass must be positive")
 
     @property
-    def weight(self) -> float:
-        """One over the standard deviation; a held value is held to a millionth."""
-        return 1.0 / max(self.sigma, EXACT_SHARE * max(abs(self.value), 1e-3))
+    def held(self) -> bool:
+        """Whether the estimate has exactly this value."""
+        return self.sigma == 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +76,9 @@ class PayloadSolution:
         Directions of the ten parameters that no equation sees, of length one.
     condition_number : float
         Of the payload's columns, each of length one, all else projected out.
+    contradictions : ndarray, shape (k,)
+        How far each known quantity lies from what the equations say without it, in standard
+        deviations of both; zero where they do not show it.
     """
 
     unknowns: FloatArray
@@ -83,6 +87,7 @@ class PayloadSolution:
     gain_slopes: FloatArray
     unseen: FloatArray
     condition_number: float
+    contradictions: FloatArray
 
     @property
     def values(self) -> FloatArray:
@@ -115,6 +120,10 @@ def solve_payload(
     EstimationError
         The equations say nothing of a payload, or what is known contradicts itself.
     """
+    names = [quantity.name for quantity in known]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise EstimationError(f"{twice} is known twice: leave one of them out")
     system = _System.of(equations)
     if len(equations.known) and intervals:
         first = _measured(equations, system, True)
@@ -132,6 +141,7 @@ def solve_payload(
             gain_slopes=subspace.seen @ found.slopes,
             unseen=subspace.hidden,
             condition_number=subspace.condition,
+            contradictions=np.zeros(0),
         )
     return _with_known(system, found, known)
 
@@ -148,8 +158,8 @@ class _Measured:
     slopes: FloatArray
 
     @property
-    def metric(self) -> FloatArray:
-        """Rows that whiten: cluster-robust sizes, correlations half those of the noise.
+    def spread(self) -> FloatArray:
+        """L with L L^T the covariance: cluster-robust sizes, correlations half those of the noise.
 
         The cluster-robust covariance is of few clusters, and need not have full rank (Ledoit and
         Wolf 2004: shrinkage towards a target).
@@ -159,8 +169,17 @@ class _Measured:
             size = np.sqrt(np.diagonal(covariance))
             parts.append(covariance / np.outer(size, size))
         sigma = np.sqrt(np.maximum(np.diagonal(self.clustered), np.diagonal(self.noise)))
-        lower = sigma[:, np.newaxis] * np.linalg.cholesky(0.5 * parts[0] + 0.5 * parts[1])
-        return np.asarray(np.linalg.inv(lower))
+        return sigma[:, np.newaxis] * np.linalg.cholesky(0.5 * parts[0] + 0.5 * parts[1])
+
+    def contradiction(self, quantity: Known) -> float:
+        """Return how far a known quantity lies from these values, in standard deviations."""
+        payload, index = self.values[:PARAMETERS_PER_LINK], REPORTED.index(quantity.name)
+        slopes = reported_slopes(payload)[index]
+        if np.linalg.norm(slopes @ self.subspace.hidden) > SEEN * np.linalg.norm(slopes):
+            return 0.0
+        sigma = float(np.linalg.norm(slopes @ self.subspace.seen @ self.spread))
+        off = abs(quantity.value - float(reported(payload)[index]))
+        return off / float(np.hypot(sigma, quantity.sigma))
 
 
 def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> _Measured:
@@ -193,25 +212,35 @@ def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> 
 
 
 def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> PayloadSolution:
-    """Return the estimate from what was measured and what is known otherwise."""
+    """Return the estimate from what was measured and what is known otherwise.
+
+    What is held binds the solution: it is sought among the payloads that have these values.
+    """
     ten = PARAMETERS_PER_LINK
     # theta = seen z + hidden h: the ten parameters, some of which only knowledge can tell.
     subspace, r = found.subspace, found.subspace.seen.shape[1]
     axes = np.hstack([subspace.seen, subspace.hidden])
+    metric = np.linalg.inv(found.spread)
     measured = np.zeros((r, ten))
-    measured[:, :r] = found.metric
-    target = measured[:, :r] @ found.coordinates
+    measured[:, :r] = metric
+    target = metric @ found.coordinates
+    weighed = [quantity for quantity in known if not quantity.held]
+    held = [quantity for quantity in known if quantity.held]
     values = _started(found.values[:ten], known)
     for _ in range(MOST_STEPS):
-        rows = _rows_of(known, values)
+        rows, bound = _rows_of(weighed, values), _rows_of(held, values)
+        rows /= np.array([[quantity.sigma] for quantity in weighed]).reshape(-1, 1)
         matrix = np.vstack([measured, rows[:, :ten] @ axes])
         rhs = np.concatenate([target, rows[:, ten]])
-        size = np.linalg.norm(matrix, axis=0)
+        bounds = bound[:, :ten] @ axes
+        size = np.linalg.norm(np.vstack([matrix, bounds]), axis=0)
         size = np.where(size > 0.0, size, 1.0)
-        left, singular, right = np.linalg.svd(matrix / size, full_matrices=False)
-        rank = int(np.count_nonzero(singular > UNSEEN * singular[0]))
-        inverse = (right[:rank].T / singular[:rank]) @ left[:, :rank].T / size[:, np.newaxis]
-        better = axes @ (inverse @ rhs)
+        start = np.linalg.pinv(bounds / size) @ bound[:, ten]
+        free = null_space(bounds / size)
+        left, singular, right = np.linalg.svd(matrix / size @ free)
+        rank = int(np.count_nonzero(singular > UNSEEN * singular.max(initial=0.0)))
+        inverse = free @ (right[:rank].T / singular[:rank]) @ left[:, :rank].T
+        better = axes @ ((start + inverse @ (rhs - matrix / size @ start)) / size)
         change = np.abs(better - values)
         values = better
         if np.all(change <= SETTLED * (1.0 + np.abs(values))):
@@ -221,23 +250,19 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
             "what is known of the payload contradicts the recordings, or itself: no payload fits"
             " both"
         )
+    values = with_held(known, values)
+    inverse = inverse / size[:, np.newaxis]
     covariance = axes @ inverse @ inverse.T @ axes.T
-    noise = (
-        axes
-        @ inverse[:, :r]
-        @ found.metric
-        @ found.noise
-        @ found.metric.T
-        @ (axes @ inverse[:, :r]).T
-    )
-    hidden = axes @ (right[rank:] / size).T
+    noise = axes @ inverse[:, :r] @ metric @ found.noise @ metric.T @ (axes @ inverse[:, :r]).T
+    hidden = axes @ (free @ right[rank:].T / size[:, np.newaxis])
     return PayloadSolution(
         unknowns=system.given(values),
         covariance_jackknife=covariance,
         covariance_noise=noise,
-        gain_slopes=axes @ inverse[:, :r] @ found.metric @ found.slopes,
-        unseen=np.linalg.qr(hidden)[0] if rank < ten else np.zeros((ten, 0)),
+        gain_slopes=axes @ inverse[:, :r] @ metric @ found.slopes,
+        unseen=np.linalg.qr(hidden)[0] if hidden.shape[1] else np.zeros((ten, 0)),
         condition_number=subspace.condition,
+        contradictions=np.array([found.contradiction(quantity) for quantity in known]),
     )
 
 
@@ -386,8 +411,18 @@ def _rows_of(known: Sequence[Known], values: FloatArray) -> FloatArray:
         index = REPORTED.index(quantity.name)
         row[:-1] = slopes[index]
         row[-1] = quantity.value - at[index] + slopes[index] @ values
-        row *= quantity.weight
     return rows
+
+
+def with_held(known: Sequence[Known], values: FloatArray) -> FloatArray:
+    """Return ten parameters that differ from others in what is held alone, which is exact."""
+    held = [quantity for quantity in known if quantity.held]
+    if not held:
+        return values
+    body = reported(values)
+    for quantity in held:
+        body[REPORTED.index(quantity.name)] = quantity.value
+    return PayloadBody.of_reported(body).parameters
 
 
 def _started(values: FloatArray, known: Sequence[Known]) -> FloatArray:

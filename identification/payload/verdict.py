@@ -11,12 +11,26 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.closest_robot import SMALLEST_P
+from identification.payload.body import REPORTED, REPORTED_UNITS
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.findings import inertia_size
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.procedures import PayloadOptions, identify_payload
 
 LARGEST_SCATTER: Final = 3.0
+LARGEST_CONTRADICTION: Final = 4.0
+BAD_FIT: Final = (
+    "An axis whose torque is not explained carries no payload that can be trusted: look for torques"
+    " of two axes that are swapped, a sign, a torque constant, or a robot file of another robot."
+)
+CONTRADICTED: Final = (
+    "What is known is held to, and the recordings contradict it: look for grams given as kilograms,"
+    " millimetres as metres, or another payload on the scales than on the flange."
+)
+NO_BODY: Final = (
+    "What hung on the flange in the unloaded runs is subtracted from the payload, and leaves a body"
+    " that cannot exist where it was heavy: look there first, then for a wrong torque constant."
+)
 
 
 @dataclass(frozen=True)
@@ -31,22 +45,29 @@ class PayloadLimits:
         Of each coordinate of the centre of gravity.
     inertia_percent : float
         Of each moment and product of inertia, of the largest moment about the flange.
+    residual_percent : float
+        What the fit may leave of each axis' torque (RMS).
     """
 
     mass_percent: float = 5.0
     centre_mm: float = 10.0
     inertia_percent: float = 100.0
+    residual_percent: float = 20.0
 
 
 @dataclass(frozen=True)
 class Check:
-    """One line of a verdict: what was reached, how it must stand to its limit."""
+    """One line of a verdict: what was reached, how it must stand to its limit.
+
+    `advice` says what to look for where it fails; it is not kept in files.
+    """
 
     text: str
     value: float
     relation: str
     limit: float
     unit: str = ""
+    advice: str = ""
 
     @property
     def passed(self) -> bool:
@@ -96,9 +117,13 @@ class Repeats:
 
     @property
     def ratio(self) -> float:
-        """Scatter over quoted standard deviation, all ten together; near 1 where these hold."""
-        deviation = (self.values - self.values.mean(axis=0)) / self.sigma
-        freedom = (len(self.values) - 1) * self.values.shape[1]
+        """Scatter over quoted standard deviation, all together; near 1 where these hold.
+
+        Values that are held do not scatter, and do not count; 0 where all are held.
+        """
+        free = (self.sigma > 0.0).all(axis=0)
+        deviation = (self.values - self.values.mean(axis=0))[:, free] / self.sigma[:, free]
+        freedom = max((len(self.values) - 1) * int(free.sum()), 1)
         return float(np.sqrt(np.sum(deviation**2) / freedom))
 
 
@@ -119,11 +144,37 @@ def checks(
     rank = Check(
         "independent parameters that the motion shows", estimate.rank, "≥", PARAMETERS_PER_LINK
     )
+    shares = 100.0 * estimate.residual_share
+    fit = [
+        Check(
+            f"residual of {joint} (RMS, of its torque)",
+            share,
+            "≤",
+            limits.residual_percent,
+            "%",
+            BAD_FIT,
+        )
+        for joint, share in zip(estimate.robot.joint_names, shares.tolist(), strict=True)
+    ]
+    agreed = [
+        Check(
+            f"{known.name} = {known.value:g} {REPORTED_UNITS[REPORTED.index(known.name)]} as known,"
+            " from what the recordings say",
+            off,
+            "≤",
+            LARGEST_CONTRADICTION,
+            "σ",
+            CONTRADICTED,
+        )
+        for known, off in zip(estimate.known, estimate.contradictions, strict=True)
+    ]
     if not rank.passed:
-        return (rank,)
+        return (rank, *agreed, *fit)
     two_sigma = 2.0 * estimate.sigma
     lines = [
         rank,
+        *agreed,
+        *fit,
         Check(
             "interval of the mass (2σ)",
             100.0 * float(two_sigma[0] / abs(estimate.reported[0])),
@@ -150,6 +201,7 @@ def checks(
             estimate.consistent[1],
             "≥",
             SMALLEST_P,
+            advice=NO_BODY,
         ),
     ]
     if repeats is not None:

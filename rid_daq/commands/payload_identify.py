@@ -82,6 +82,10 @@ def identify(
             "--inertia-limit", min=0.0, help="2σ of inertia at most, of that about the flange [%]."
         ),
     ] = PayloadLimits.inertia_percent,
+    residual_limit_percent: Annotated[
+        float,
+        typer.Option("--residual-limit", min=0.0, help="Residual of an axis' torque at most [%]."),
+    ] = PayloadLimits.residual_percent,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -115,7 +119,9 @@ def identify(
         procedure=None if procedure is None else procedure.value,
         known=tuple(known_quantity(text) for text in known or []),
         torque_constant_sigma=torque_constant_sigma / 100.0,
-        limits=PayloadLimits(mass_limit_percent, centre_limit_mm, inertia_limit_percent),
+        limits=PayloadLimits(
+            mass_limit_percent, centre_limit_mm, inertia_limit_percent, residual_limit_percent
+        ),
         band_hz=band_hz,
         standstill_rad_s=standstill_rad_s,
         rotors=rotors,

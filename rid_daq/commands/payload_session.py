@@ -64,6 +64,10 @@ def session(
     inertia_limit_percent: Annotated[
         float, typer.Option("--inertia-limit", min=0.0, help="2σ of inertia at most [%].")
     ] = PayloadLimits.inertia_percent,
+    residual_limit_percent: Annotated[
+        float,
+        typer.Option("--residual-limit", min=0.0, help="Residual of an axis' torque at most [%]."),
+    ] = PayloadLimits.residual_percent,
     label: Annotated[str, typer.Option(help="What to call the session and its runs.")] = "payload",
     resume: Annotated[
         str | None,
@@ -102,7 +106,9 @@ def session(
         rehearsal_percent=rehearsal_percent,
         warm_up_percent=warm_up_percent,
         warm_up_periods=warm_up_periods,
-        limits=PayloadLimits(mass_limit_percent, centre_limit_mm, inertia_limit_percent),
+        limits=PayloadLimits(
+            mass_limit_percent, centre_limit_mm, inertia_limit_percent, residual_limit_percent
+        ),
         label=label,
         resume=resume,
         yes=yes,

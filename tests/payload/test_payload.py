@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from acquisition.motion.kinds.fourier import FourierMotion
-from acquisition.processing.periods import PeriodAverage
+from acquisition.processing.periods import PeriodAverage, average_periods
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
@@ -21,6 +22,7 @@ from identification.payload.estimate import PayloadEstimate
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload
 from identification.payload.solution import Known
+from identification.payload.verdict import PayloadLimits, PayloadResult, checks
 
 OPTIONS = ModelOptions(rotors=False)
 
@@ -63,7 +65,9 @@ def both(unloaded: PeriodAverage, loaded: PeriodAverage) -> PeriodicRuns:
 
 
 def sigmas_off(estimate: PayloadEstimate, truth: PayloadBody) -> np.ndarray:
-    return np.asarray((estimate.reported - truth.reported) / estimate.sigma)
+    """Return how far what is not held is off, in standard deviations; zero for what is held."""
+    off = estimate.reported - truth.reported
+    return np.divide(off, estimate.sigma, out=np.zeros_like(off), where=estimate.sigma > 0.0)
 
 
 @pytest.mark.parametrize("procedure", ["together", "difference", "model", "apart"])
@@ -125,8 +129,10 @@ def test_a_known_mass_is_held_and_makes_the_rest_sharper(
     free = identify_payload(robot, both, PayloadOptions("together", OPTIONS))
     exact = PayloadOptions("together", OPTIONS, known=(Known("m", 9.579, 0.0),))
     held = identify_payload(robot, both, exact)
-    assert held.reported[0] == pytest.approx(9.579, abs=1e-5)
-    assert held.sigma[0] < 1e-4
+    assert held.reported[0] == 9.579
+    assert held.sigma[0] == 0.0
+    assert held.body.mass_kg == 9.579
+    assert held.contradictions[0] < 2.0
     assert np.all(held.sigma[1:4] <= 1.1 * free.sigma[1:4])
     by_scales = PayloadOptions("together", OPTIONS, known=(Known("m", 9.6, 0.002),))
     weighed = identify_payload(robot, both, by_scales)
@@ -140,14 +146,79 @@ def test_a_centre_and_an_inertia_about_it_can_be_known_too(
 ) -> None:
     known = (Known("cz", -0.202, 0.0), Known("Ixx", 0.612, 0.0))
     found = identify_payload(robot, both, PayloadOptions("together", OPTIONS, known=known))
-    assert found.reported[3] == pytest.approx(-0.202, abs=1e-6)
-    assert found.reported[4] == pytest.approx(0.612, abs=1e-4)
+    assert found.reported[3] == pytest.approx(-0.202, abs=1e-15)
+    assert found.reported[4] == pytest.approx(0.612, abs=1e-14)
+    assert tuple(found.sigma[3:5]) == (0.0, 0.0)
     assert np.max(np.abs(sigmas_off(found, lab.medium)[[0, 1, 2, 5, 6, 7, 8, 9]])) < 3.0
+
+
+@pytest.mark.parametrize("grams", [9579.0, 4.8])
+def test_a_held_value_that_the_recordings_contradict_is_held_and_fails_the_verdict(
+    robot: RobotDescription, both: PeriodicRuns, grams: float
+) -> None:
+    how = PayloadOptions("together", OPTIONS, known=(Known("m", grams, 0.0),))
+    held = identify_payload(robot, both, how)
+    assert held.reported[0] == grams
+    failed = [line for line in checks(held, PayloadLimits()) if not line.passed]
+    assert failed[0].text.endswith("kg as known, from what the recordings say")
+    assert failed[0].value > 20.0
+
+
+def test_a_weighed_value_that_the_recordings_contradict_fails_the_verdict(
+    robot: RobotDescription, both: PeriodicRuns
+) -> None:
+    how = PayloadOptions("together", OPTIONS, known=(Known("m", 12.0, 0.01),))
+    weighed = identify_payload(robot, both, how)
+    assert not PayloadResult(weighed, checks(weighed, PayloadLimits())).passed
+    agreeing = PayloadOptions("together", OPTIONS, known=(Known("m", 9.579, 0.01),))
+    agreed = identify_payload(robot, both, agreeing)
+    assert PayloadResult(agreed, checks(agreed, PayloadLimits())).passed
+
+
+@pytest.mark.parametrize(
+    ("wiring", "axes"),
+    [
+        ((0, 2, 1, 3, 4, 5), {"joint2", "joint3"}),
+        ((0, 1, 2, 3, 5, 4), {"joint5", "joint6"}),
+        ((0, 1, 2, 5, 4, 3), {"joint4", "joint6"}),
+        ((0, 1, -2, 3, 4, 5), {"joint3"}),
+        ((0, 1, 2, 3, 4, -5), {"joint6"}),
+    ],
+)
+def test_torques_of_swapped_or_reversed_axes_fail_the_verdict_by_their_residuals(
+    lab: SimpleNamespace,
+    robot: RobotDescription,
+    motion: FourierMotion,
+    wiring: tuple[int, ...],
+    axes: set[str],
+) -> None:
+    def wired(payload: PayloadBody | None, seed: int) -> PeriodAverage:
+        recording = lab.measured(robot, motion, payload, seed=seed, periods=2)
+        torque = recording.torque_nm[:, np.abs(wiring)] * np.where(np.array(wiring) < 0, -1.0, 1.0)
+        return average_periods(replace(recording, torque_nm=torque))
+
+    pair = runs((wired(None, 1), False), (wired(lab.medium, 2), True))
+    for procedure in ("together", "apart"):
+        found = identify_payload(robot, pair, PayloadOptions(procedure, OPTIONS))
+        failed = {line.text for line in checks(found, PayloadLimits()) if not line.passed}
+        bad = {name for name in robot.joint_names if any(name in text for text in failed)}
+        assert bad & axes
+
+
+def test_every_axis_of_a_sound_pair_keeps_its_residual_limit(
+    robot: RobotDescription, both: PeriodicRuns
+) -> None:
+    for procedure in ("together", "apart", "difference"):
+        found = identify_payload(robot, both, PayloadOptions(procedure, OPTIONS))
+        assert np.max(found.residual_share) < 0.1
 
 
 def test_what_contradicts_itself_is_not_a_payload(
     robot: RobotDescription, both: PeriodicRuns
 ) -> None:
+    twice = PayloadOptions("together", OPTIONS, known=(Known("m", 1.0, 0.0), Known("m", 2.0, 0.0)))
+    with pytest.raises(EstimationError, match="m is known twice: leave one of them out"):
+        identify_payload(robot, both, twice)
     with pytest.raises(EstimationError, match="is no quantity of a payload"):
         Known("mass", 1.0, 0.1)
     with pytest.raises(EstimationError, match="must be positive"):

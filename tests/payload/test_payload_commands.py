@@ -90,6 +90,41 @@ def test_a_weighed_mass_is_held(workshop: Path, capsys: pytest.CaptureFixture[st
     assert mass["std"] <= 0.002
 
 
+def test_a_mass_in_grams_is_held_and_fails_the_verdict(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--json")
+    words += ["-o", str(workshop / "grams.json"), "--known", "m=2805"]
+    capsys.readouterr()
+    assert run(words) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document["payload"]["parameters"][0]["value"] == 2805.0
+    assert "m = 2805 kg as known" in document["verdict"]["headline"]
+    assert "grams given as kilograms" in " ".join(document["payload"]["findings"])
+
+
+def test_a_session_with_the_currents_of_two_axes_swapped_does_not_pass(
+    workshop: Path, real_robot: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    second, third = 14, 15  # columns of their currents
+    for label, (name, rows) in FILES.items():
+        with (real_robot / name).open(newline="") as file:
+            table = list(csv.reader(file))
+        for row in table:
+            row[second], row[third] = row[third], row[second]
+        with (workshop / name).open("w", newline="") as file:
+            csv.writer(file).writerows(table)
+        words = ["import", str(workshop / name), "--map", "ur10e_31", "--rows", rows]
+        words += ["--label", f"{label} swapped", "--runs", str(workshop / "runs")]
+        assert run(words) == 0
+    words = identify(workshop, "--unloaded", "unloaded swapped", "--loaded", "loaded swapped")
+    capsys.readouterr()
+    assert run([*words, "-o", str(workshop / "swapped.json")]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Failed: residual of joint2 (RMS, of its torque); residual of joint3" in said
+    assert "look for torques of two axes that are swapped" in said
+
+
 @pytest.mark.fault(34)
 @pytest.mark.parametrize("form", LoadFormat)
 def test_every_export_is_read_back_and_a_changed_one_is_caught(

@@ -66,7 +66,8 @@ def export_payload(request: PayloadExportRequest) -> PayloadExported:
         raise EstimationError(
             f"{request.payload}: the payload did not pass ({failed or 'nothing was checked'}), so"
             " no controller gets it: measure longer or with another motion, or state limits that"
-            " you can answer for (payload identify --mass-limit, --centre-limit, --inertia-limit)"
+            " you can answer for (payload identify --mass-limit, --centre-limit, --inertia-limit,"
+            " --residual-limit)"
         )
     estimate = judged.estimate
     text = load_data(estimate.body, request.to, _origin(estimate))

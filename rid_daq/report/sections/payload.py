@@ -80,7 +80,9 @@ class PayloadAxis(Section):
     joint, unit : str
         Its name, and the unit of its torque.
     payload, residual : float
-        Torque of the payload, and what is left over (RMS), in `unit`.
+        Torque of the payload, and the residual (RMS), in `unit`.
+    residual_percent : float
+        The residual, of the axis' torque [%]; left out by versions that did not judge it.
     mass_per_percent : float
         By how much the mass changes for 1 % of this axis' torque [kg].
     """
@@ -90,6 +92,7 @@ class PayloadAxis(Section):
     payload: float
     residual: float
     mass_per_percent: float
+    residual_percent: float | None = None
 
 
 class PayloadSection(Section):
@@ -148,6 +151,7 @@ class PayloadSection(Section):
 
         estimate = payload.estimate
         whole = estimate.rank == len(estimate.values)
+        mistakes = dict.fromkeys(line.advice for line in payload.checks if not line.passed)
         own = (f"{finding.sentence}." for finding in payload_findings(estimate))
         return cls.taken(
             estimate,
@@ -157,13 +161,14 @@ class PayloadSection(Section):
             repeats=None
             if repeats is None
             else PayloadRepeats.taken(repeats, runs=len(repeats.values), scatter=repeats.scatter),
-            findings=(*own, *findings),
+            findings=(*filter(None, mistakes), *own, *findings),
             axes=PayloadAxis.for_each(
                 joint=estimate.robot.joint_names,
                 unit=[units(joint)[1] for joint in estimate.robot.joints],
                 payload=estimate.payload_nm,
                 residual=estimate.residual_nm,
                 mass_per_percent=0.01 * estimate.gain_effects[0],
+                residual_percent=100.0 * estimate.residual_share,
             ),
             existence=_existence(estimate) if whole else None,
         )
@@ -208,7 +213,8 @@ class PayloadSection(Section):
                 (
                     axis.joint,
                     f"{number(axis.payload, 3)} {axis.unit}",
-                    f"{number(axis.residual, 3)} {axis.unit}",
+                    f"{number(axis.residual, 3)} {axis.unit}"
+                    f" ({number(axis.residual_percent, 2)} % of its torque)",
                     f"{number(axis.mass_per_percent, 2)} kg",
                 )
                 for axis in self.axes
