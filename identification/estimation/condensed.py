@@ -275,7 +275,9 @@ class CondensedProblem:
         else:
             solution = weighted(own, known, scale, names)
         rows = np.array([triangle.rows for triangle in own], dtype=np.float64)
-        return SmoothedFit(solution, residual_rms(own, solution), scale, rows)
+        residual_nm = residual_rms(own, solution.values)
+        torque_nm = residual_rms(own, np.zeros_like(solution.values))
+        return SmoothedFit(solution, residual_nm, torque_nm, scale, rows)
 
 
 def _stretches(part: SmoothedSignals, length_s: float) -> Iterator[slice]:

@@ -18,6 +18,7 @@ from identification.equations.plate_fit import PlateFit
 from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
+from identification.regression.fit_grade import FitGrade, grade_fit
 
 BLOCK_ROWS = 4096
 
@@ -55,6 +56,8 @@ class Estimate:
         RMS of measured minus predicted torque inside the band [N m or N].
     noise_nm : ndarray, shape (n,), or None
         RMS that the measured noise alone would leave there.
+    torque_nm : ndarray, shape (n,), or None
+        RMS of the measured torque there; None of the external model, and of files of version 0.1.
     left_out_fraction : ndarray, shape (n,)
         Share of samples under the standstill speed, left out or with free friction.
     method : "periodic" or "smoothed"
@@ -91,6 +94,7 @@ class Estimate:
     weighting: Weighting = "ml"
     plate: PlateFit | None = None
     nonlinear_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    torque_nm: FloatArray | None = None
     periods: int = 0
     cell_name: str = ""
     run_ids: tuple[str, ...] = ()
@@ -98,7 +102,7 @@ class Estimate:
     def __post_init__(self) -> None:
         b, n, s = len(self.base), len(self.robot.joints), len(self.options.nonlinear or ())
         covariances = ("covariance_residual", "covariance_jackknife", "covariance_noise")
-        of_joints = ("residual_nm", "left_out_fraction", "noise_nm")
+        of_joints = ("residual_nm", "left_out_fraction", "noise_nm", "torque_nm")
         freeze(self, EstimationError, (b,), "values", what="estimate ")
         freeze(self, EstimationError, (b, b), *covariances, what="estimate ")
         freeze(self, EstimationError, (s, s), "nonlinear_covariance", what="estimate ")
@@ -133,6 +137,13 @@ class Estimate:
         """The standard deviations to quote, shape (b,): cluster-robust, at least the noise's."""
         clustered, noise = _sigma(self.covariance_jackknife), self.sigma_noise
         return clustered if noise is None else np.maximum(noise, clustered)
+
+    @property
+    def fit(self) -> tuple[FitGrade, ...]:
+        """How well it explains the torque of each joint on the data that it was made of."""
+        n = len(self.robot.joints)
+        torque = np.full(n, np.nan) if self.torque_nm is None else self.torque_nm
+        return grade_fit(self.robot.joint_names, self.residual_nm, torque, self.noise_nm)
 
     @property
     def nonlinear_sigma(self) -> FloatArray:

@@ -82,6 +82,7 @@ class EstimateDocument(ConfigModel):
     condition_number: float
     residual_nm: Row
     noise_nm: Row | None
+    torque_nm: Row | None = None
     left_out_fraction: Row
     parameters: tuple[_Parameter, ...]
     shape_parameters: tuple[_Shape, ...] = ()

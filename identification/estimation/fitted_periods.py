@@ -100,6 +100,7 @@ class FittedPeriods:
             equations=fit.solution.rows,
             residual_nm=fit.residual_nm,
             noise_nm=None if weighting == "ls" else fit.noise_nm,
+            torque_nm=None if problem.kind == "external" else fit.torque_nm,
             left_out_fraction=np.mean([e.left_out_fraction for e in self.equations], axis=0),
             method="periodic",
             band_hz=min(e.harmonics / e.period_s for e in self.equations),

@@ -93,6 +93,7 @@ class FittedSignals:
             equations=fit.solution.rows,
             residual_nm=fit.residual_nm,
             noise_nm=None,
+            torque_nm=fit.torque_nm,
             left_out_fraction=self.left_out_fraction,
             method="smoothed",
             band_hz=min(run.signals.cutoff_hz for run in problem.runs),

@@ -74,18 +74,26 @@ class PeriodicFit:
     @property
     def residual_nm(self) -> FloatArray:
         """RMS residual of each joint, shape (n,) [N m or N]."""
-        values = self.solution.values
-        power = [
-            [np.sum((part.residual(values) * part.sigma) ** 2) for part in parts]
-            for parts in self.joints
-        ]
-        return np.asarray(np.sqrt(np.mean(power, axis=0)))
+        return self._rms(self.solution.values)
+
+    @property
+    def torque_nm(self) -> FloatArray:
+        """RMS of each joint's torque, without what stays free, shape (n,) [N m or N]."""
+        return self._rms(np.zeros_like(self.solution.values))
 
     @property
     def noise_nm(self) -> FloatArray:
         """RMS that the noise alone would leave, shape (n,) [N m or N]."""
         power = [
             [np.sum(part.sigma**2) * part.rows / len(part.rhs) for part in parts]
+            for parts in self.joints
+        ]
+        return np.asarray(np.sqrt(np.mean(power, axis=0)))
+
+    def _rms(self, values: FloatArray) -> FloatArray:
+        """Return the RMS of each joint's torque less what some parameters explain, (n,)."""
+        power = [
+            [np.sum((part.residual(values) * part.sigma) ** 2) for part in parts]
             for parts in self.joints
         ]
         return np.asarray(np.sqrt(np.mean(power, axis=0)))

@@ -36,6 +36,8 @@ class SmoothedFit:
         Of base parameters and, where slopes were asked for, of steps of the nonlinear ones.
     residual_nm : ndarray, shape (n,)
         RMS residual of each joint [N m or N].
+    torque_nm : ndarray, shape (n,)
+        RMS of each joint's torque on the same rows [N m or N].
     scale_nm : ndarray, shape (n,)
         What each joint's rows were divided by.
     rows_used : ndarray, shape (n,)
@@ -44,6 +46,7 @@ class SmoothedFit:
 
     solution: Solution
     residual_nm: FloatArray
+    torque_nm: FloatArray
     scale_nm: FloatArray
     rows_used: FloatArray
 
@@ -135,13 +138,20 @@ class SmoothedProblem:
             solution = weighted(triangles, known, scale, names)
         elif self.weighting == "ls":
             solution = weighted(triangles, known, np.ones(len(triangles)), names)
-            residual = residual_rms(triangles, solution)
+            residual = residual_rms(triangles, solution.values)
             overall = float(np.sqrt(np.sum(rows * residual**2) / np.sum(rows)))
             scale = np.full(len(triangles), max(overall, 1e-300))
             solution = weighted(triangles, known, scale, names)
         else:
             solution, scale = weighted_by_residuals(triangles, known, names)
-        return SmoothedFit(solution, residual_rms(triangles, solution), scale, rows)
+        nothing = np.zeros_like(solution.values)
+        return SmoothedFit(
+            solution,
+            residual_rms(triangles, solution.values),
+            residual_rms(triangles, nothing),
+            scale,
+            rows,
+        )
 
     def _events(
         self,
@@ -245,7 +255,7 @@ def weighted_by_residuals(
     scale = np.ones(len(triangles))
     solution = weighted(triangles, known, scale, names)
     for _ in range(REWEIGHTINGS):
-        residual = residual_rms(triangles, solution)
+        residual = residual_rms(triangles, solution.values)
         better = np.maximum(residual, 1e-9 * residual.max() + 1e-300)
         settled = bool(np.all(np.abs(scale / better - 1.0) < SETTLED))
         scale = better
@@ -265,8 +275,8 @@ def weighted(
     return solve([*triangles, *known], [*(1.0 / scale), *(1.0 for _ in known)], names)
 
 
-def residual_rms(triangles: Sequence[Triangle], solution: Solution) -> FloatArray:
-    """Return the RMS residual of each joint's triangle, (n,)."""
-    error = np.array([triangle.residual_sum(solution.values) for triangle in triangles])
+def residual_rms(triangles: Sequence[Triangle], values: FloatArray) -> FloatArray:
+    """Return the RMS of each joint's torque less what some parameters explain, (n,)."""
+    error = np.array([triangle.residual_sum(values) for triangle in triangles])
     rows = np.array([triangle.rows for triangle in triangles], dtype=np.float64)
     return np.asarray(np.sqrt(error / np.maximum(rows, 1.0)))

@@ -14,6 +14,7 @@ from dynamics.terms.conditions import Conditions
 from identification.equations.deconvolution import without_torque_filter
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.regression.fit_grade import FitGrade, grade_fit, limit_share
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,21 @@ class Validation:
     def moving_fraction(self) -> FloatArray:
         """Share of the samples that count, shape (n,)."""
         return np.asarray(self.moving.mean(axis=0))
+
+    @property
+    def torque_nm(self) -> FloatArray:
+        """RMS of the measured torque on the samples that count, shape (n,) [N m or N]."""
+        return _rms(self.measured_nm, self.moving)
+
+    @property
+    def fit(self) -> tuple[FitGrade, ...]:
+        """How well the estimate explains the torque of each joint."""
+        return grade_fit(self.joint_names, self.rms_nm, self.torque_nm, self.noise_nm)
+
+    @property
+    def default_limits_percent(self) -> tuple[float, ...]:
+        """Relative errors above which a fit is bad, by the torque and its noise."""
+        return tuple((100.0 * limit_share(self.torque_nm, self.noise_nm)).tolist())
 
     @property
     def verdicts(self) -> tuple[bool | None, ...]:

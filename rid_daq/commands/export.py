@@ -55,8 +55,8 @@ def export(
         bool,
         typer.Option(
             "--despite-misfit",
-            help="Write the nearest robot that can exist although the data speak against it; the"
-            " file says so.",
+            help="Write a model although the data speak against it, as the nearest robot that can"
+            " exist; the file says so.",
         ),
     ] = False,
     overwrite: Overwrite = False,

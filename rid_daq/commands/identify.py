@@ -17,6 +17,7 @@ from rid_daq.jobs.identify_job import MODEL, IdentifiedRuns, IdentifyRequest, id
 from rid_daq.runs.run_data import Unfinished
 from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.output_file import Overwrite, refuse_output
 
 
@@ -81,6 +82,12 @@ def identify(
         bool,
         typer.Option("--cross-check", help="Estimate by three other methods as well, and compare."),
     ] = False,
+    diagnose: Annotated[
+        bool,
+        typer.Option(
+            help="Look for mistakes of wiring, units and files that explain the runs far better."
+        ),
+    ] = True,
     band_hz: Annotated[
         float, typer.Option("--band", min=0.01, help="Highest frequency used [Hz].")
     ] = BAND_HZ,
@@ -99,6 +106,9 @@ def identify(
 
     Periodic runs are averaged and used on their harmonics; others are low-passed without phase
     shift and used in the time domain. The model file is complete in itself.
+
+    Exit code 6 where the model does not explain a joint's torque, or a common mistake of wiring,
+    units or files explains it far better.
     """
     console = Console(as_json)
     refuse_output(output, overwrite)
@@ -128,9 +138,13 @@ def identify(
         load_mass_kg=None if load_mass_kg is None else (load_mass_kg, load_mass_sigma_kg),
         choose=choose,
         cross_check=cross_check,
+        diagnose=diagnose,
         output=output,
     )
-    _print(console, identify_runs(request, console))
+    identified = identify_runs(request, console)
+    _print(console, identified)
+    if identified.bad_joints or identified.has_mistakes:
+        raise typer.Exit(ExitCode.DATA_QUALITY)
 
 
 def _print(console: Console, identified: IdentifiedRuns) -> None:
@@ -165,8 +179,23 @@ def _print(console: Console, identified: IdentifiedRuns) -> None:
         console.say("The runs have a force plate's reaction too: --model combined uses it")
     for finding in estimate.findings or ():
         console.say(finding)
-    console.verdict(True, f"Model: {identified.model}")
+    for mistake in estimate.mistakes or ():
+        console.verdict(False, mistake.sentence)
+        console.say(f"  Change {' or '.join(mistake.change)}; read the run again.")
+        if mistake.alternatives:
+            console.say(f"  As good an explanation: {'; '.join(mistake.alternatives)}.")
+    if estimate.mistakes == ():
+        console.say("None of the common mistakes of wiring, units and files explains more.")
+    bad = identified.bad_joints
+    console.verdict(not bad, f"Model: {identified.model}")
     console.say(f"Report: {identified.report}")
+    if bad:
+        console.verdict(
+            False,
+            f"The model does not explain the torque of {', '.join(bad)}: it is not exported without"
+            " --despite-misfit. Correct the files, then identify again.",
+        )
+        return
     unused = ", with a run that was not used here"
     console.next_step("validate", identified.model, "RUN", then=unused)
 

@@ -20,6 +20,7 @@ from identification.export.description import pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
+from identification.regression.fit_grade import Grade
 from rid_daq.jobs.identify_job import MODEL
 from rid_daq.runs.run_data import RunData, report_lacks
 from rid_daq.terminal.console import Console
@@ -118,7 +119,8 @@ def export_model(request: ExportRequest) -> ExportedModel:
     ConfigError
         The format is not for models, or not for parameters as identified.
     EstimationError
-        No robot that can exist explains the data, or the format cannot say the model.
+        The model does not explain its own data, no robot that can exist does, or the format cannot
+        say the model.
     RecordingError
         The file cannot be written.
     """
@@ -131,6 +133,13 @@ def export_model(request: ExportRequest) -> ExportedModel:
             " the identified parameters are sums over several"
         )
     estimate = read_estimate(Path(request.what))
+    bad = [fit.joint for fit in estimate.fit if fit.grade is Grade.BAD]
+    if bad and not request.despite_misfit:
+        raise EstimationError(
+            f"{request.what}: does not explain the torque of {', '.join(bad)} on its own data;"
+            " correct the files and identify again (`rid-daq identify` says what is wrong), or"
+            " accept it (--despite-misfit)"
+        )
     if as_identified:
         chosen, sentence = ExportModel.identified(estimate), "Parameters as identified."
     else:

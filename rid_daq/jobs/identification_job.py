@@ -96,7 +96,7 @@ def estimate_runs(
         return Identified(
             estimate_smoothed(
                 robot,
-                _signals(data, how),
+                signals_of(data, how),
                 options,
                 payload=payload,
                 cell_name=cell_name,
@@ -128,7 +128,7 @@ def compare_friction(
         raise ConfigError("friction is chosen without a payload: leave --loaded out with --choose")
     return choose_friction(
         robot,
-        _signals(data, how),
+        signals_of(data, how),
         options=how.options.model,
         standstill_rad_s=how.options.standstill_rad_s,
         watch=watch,
@@ -140,7 +140,7 @@ def check_otherwise(
 ) -> Iterator[CrossCheck]:
     """Estimate by other methods from the runs that an estimate comes from, one after the other."""
     loaded = [item.folder.run_id in how.loaded for item in data]
-    yield from cross_checks(estimate, time_runs(estimate.model, _signals(data, how), loaded))
+    yield from cross_checks(estimate, time_runs(estimate.model, signals_of(data, how), loaded))
 
 
 def gains_of_drives(
@@ -158,11 +158,12 @@ def gains_of_drives(
         The runs or the model do not tell them.
     """
     loaded = [item.folder.run_id in how.loaded for item in data]
-    runs = time_runs(estimate.model, _signals(data, how), loaded)
+    runs = time_runs(estimate.model, signals_of(data, how), loaded)
     return drive_gains(estimate, runs, mass_kg, mass_sigma_kg)
 
 
-def _signals(data: Sequence[RunData], how: EstimationRequest) -> list[SmoothedSignals]:
+def signals_of(data: Sequence[RunData], how: EstimationRequest) -> list[SmoothedSignals]:
+    """Return runs as low-passed recordings in time: of periodic ones the mean period."""
     if data[0].is_periodic:
         return [period_signals(item.average, how.options.band_hz) for item in data]
     return [

@@ -16,6 +16,7 @@ from identification.consistency.closest_robot import consistent
 from identification.cross_checks.agreement import CrossCheck, Method
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
+from identification.regression.fit_grade import Grade
 from identification.validation.friction_drift import friction_drift
 from identification.validation.friction_selection import FRICTION_CANDIDATES, Comparison
 from identification.validation.period_comparison import compare_period
@@ -26,6 +27,7 @@ from rid_daq.jobs.identification_job import (
     estimate_runs,
     gains_of_drives,
 )
+from rid_daq.jobs.wiring_job import diagnose_wiring
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.average import AverageSection
@@ -57,8 +59,9 @@ class IdentifyRequest:
         Those of the runs that carried an unknown payload.
     load_mass_kg : tuple of float, or None
         Mass of that payload and its standard deviation [kg], where drive gains are wanted.
-    choose, cross_check : bool
-        Whether friction terms are chosen, and whether other methods estimate too.
+    choose, cross_check, diagnose : bool
+        Whether friction terms are chosen, whether other methods estimate too, and whether mistakes
+        of wiring are looked for.
     output : Path or None
         The model file; that of the first run if None.
     """
@@ -71,6 +74,7 @@ class IdentifyRequest:
     load_mass_kg: tuple[float, float] | None = None
     choose: bool = False
     cross_check: bool = False
+    diagnose: bool = True
     output: Path | None = None
 
 
@@ -100,6 +104,18 @@ class IdentifiedRuns:
     notes: list[str]
     gains: DriveGains | None
     plate_unused: bool
+
+    @property
+    def bad_joints(self) -> tuple[str, ...]:
+        """The joints whose torque the model does not explain."""
+        estimate = self.result.estimate
+        assert estimate is not None
+        return tuple(axis.joint for axis in estimate.axes if axis.grade is Grade.BAD)
+
+    @property
+    def has_mistakes(self) -> bool:
+        """Whether a mistake of wiring, units or files explains the runs far better."""
+        return bool(self.result.estimate and self.result.estimate.mistakes)
 
 
 def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
@@ -149,8 +165,11 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     findings = _findings(estimate, data, weight)
     findings += [] if gains is None else [f"{sentence}." for sentence in gains.sentences()]
     findings += _cross_checked(data, how, estimate, console) if request.cross_check else []
+    mistakes = None
+    if request.diagnose and how.options.model.kind != "external":
+        mistakes = diagnose_wiring(data, how, first.robot)
     result = result_of(first, notes).updated(
-        estimate=EstimateSection.of(estimate, findings=findings),
+        estimate=EstimateSection.of(estimate, findings=findings, mistakes=mistakes),
         plate=plate,
         comparison=None if comparison is None else ComparisonSection.of(comparison),
     )
@@ -212,15 +231,16 @@ def _findings(estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, 
 
 
 def _existence(estimate: Estimate) -> str:
-    """Say whether a robot with such parameters can exist."""
+    """Say whether the parameters are physically consistent."""
     try:
         robot = consistent(estimate)
     except EstimationError as error:
-        return f"Whether a robot with such parameters can exist is not known: {error}."
+        return f"Whether the parameters are physically consistent is not known: {error}."
     if robot.can_exist:
         return (
-            "A robot with such parameters can exist (positive masses, inertias and friction;"
-            f" p = {robot.p_value:.2g}): `rid-daq export` writes it."
+            "The parameters are physically consistent (positive masses, inertias and friction;"
+            f" p = {robot.p_value:.2g}). That does not show that the model fits: see the residual"
+            " of each axis."
         )
     worst = int(np.argmax(np.abs(robot.moved_sigmas)))
     return (

@@ -28,6 +28,7 @@ FRICTION_SHARE: Final = 0.04
 BREAKAWAY_SPEED_RAD_S: Final = 0.05
 TORQUE_NOISE_SHARE: Final = 0.003
 INCREMENTS_PER_TURN: Final = 2_000_000
+VALIDATION_LIMIT_PERCENT: Final = 15.0
 
 
 def urdf_files(path: Path, base: str | None, tip: str | None) -> tuple[dict[str, str], UrdfRobot]:
@@ -110,6 +111,7 @@ def _cell(robot: RobotDescription, *, simulated: bool) -> CellConfig:
             quick_stop_deceleration_rad_s2=max(j.limits.acceleration for j in robot.joints),
             following_error_rad=0.1,
         ),
+        validation_limits_percent=(VALIDATION_LIMIT_PERCENT,) * len(robot.joints),
     )
 
 

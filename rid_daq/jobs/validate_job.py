@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from config.load import load_cell
 from identification.calibration.base_reaction import base_load
 from identification.estimation.file import read_estimate
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.regression.fit_grade import BAD_SHARE, Grade
 from identification.validation.base_wrench_validation import validate_base_wrench
 from identification.validation.diagnosis import diagnose
 from identification.validation.torque_prediction import Validation, validate
@@ -144,6 +145,12 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
     )
     _require_motion(validation, data)
     sentence = f"Run {data.folder.manifest().label!r} predicted by {request.model.name}."
+    if not external and validation.limits_percent is None:
+        validation = replace(validation, limits_percent=validation.default_limits_percent)
+        sentence += (
+            f" No limits were given: an error beyond {100.0 * BAD_SHARE:g} % of the torque and the"
+            " noise fails."
+        )
     if external:
         sentence += " The external model knows no friction: torques are not judged."
     section = ValidationSection.of(
@@ -254,7 +261,7 @@ def _noise(data: RunData) -> FloatArray | None:
 
 
 def _limits(text: str | None, data: RunData) -> tuple[float, ...] | None:
-    """Return the limit of every axis: those given, or the cell file's."""
+    """Return the limit of every axis: those given, or the cell file's; None without either."""
     if text is None:
         return None if data.cell is None else data.cell.validation_limits_percent
     count = len(data.robot.joints)
@@ -286,8 +293,10 @@ def _verdict(section: ValidationSection, load: BaseLoadSection | None, robot: st
     errors = ", ".join(f"{number(axis.relative_error_percent, 3)}" for axis in section.axes)
     sentence = f"Relative torque error, axis by axis: {errors} %."
     if not checks:
-        return Verdict.of([], "Torques predicted; no limits were given", sentence)
-    return _judged(checks, f"Passed: the model of {robot} predicts this run", sentence)
+        return Verdict.of([], "Torques predicted, and not judged", sentence)
+    doubtful = [axis.joint for axis in section.axes if axis.grade is Grade.DOUBTFUL]
+    doubt = f"; the fit of {', '.join(doubtful)} is doubtful" if doubtful else ""
+    return _judged(checks, f"Passed: the model of {robot} predicts this run{doubt}", sentence)
 
 
 def _judged(checks: Sequence[Check], passed: str, sentence: str) -> Verdict:

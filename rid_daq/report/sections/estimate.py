@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from identification.regression.fit_grade import Grade
 from rid_daq.report.formats import number
-from rid_daq.report.sections.section import Section, Texts, units
+from rid_daq.report.sections.mistake import MistakeEntry
+from rid_daq.report.sections.section import Section, Texts, finite, units
 from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
@@ -57,6 +59,11 @@ class AxisResidual(Section):
         Of the measurement; None where there are no periods.
     left_out_fraction : float
         Share of the samples that are not used for friction (standstill).
+    torque, percent, over_noise : float or None
+        RMS torque, in `unit`; the residual in percent of it, and over the noise. Left out in
+        results of version 0.1, and where torques say nothing of the fit.
+    grade, reason : str or None
+        "good", "doubtful" or "bad", and what decides it.
     """
 
     joint: str
@@ -64,6 +71,11 @@ class AxisResidual(Section):
     residual: float
     noise: float | None
     left_out_fraction: float
+    torque: float | None = None
+    percent: float | None = None
+    over_noise: float | None = None
+    grade: Grade | None = None
+    reason: str | None = None
 
 
 class EstimateSection(Section):
@@ -95,6 +107,9 @@ class EstimateSection(Section):
         One an axis.
     findings : tuple of str
         What a person should know of it; left out where nobody looked.
+    mistakes : tuple of MistakeEntry
+        Mistakes of wiring, units and files that explain the data far better; left out where nobody
+        looked.
     """
 
     sentence: str
@@ -109,6 +124,7 @@ class EstimateSection(Section):
     parameters: tuple[ParameterEntry, ...]
     axes: tuple[AxisResidual, ...]
     findings: Texts | None = None
+    mistakes: tuple[MistakeEntry, ...] | None = None
 
     @classmethod
     def of(
@@ -116,6 +132,7 @@ class EstimateSection(Section):
         estimate: Estimate,
         truth: Sequence[float] | np.ndarray[Any, Any] | None = None,
         findings: Sequence[str] | None = None,
+        mistakes: tuple[MistakeEntry, ...] | None = None,
     ) -> EstimateSection:
         """Return what is said of an estimate.
 
@@ -127,8 +144,9 @@ class EstimateSection(Section):
             The true base parameters, where the robot is simulated.
         findings : sequence of str, optional
             What a person should know of it.
+        mistakes : tuple of MistakeEntry, optional
+            Mistakes that explain the data far better.
         """
-        joints = estimate.robot.joints
         return cls.taken(
             estimate,
             sentence=_sentence(estimate),
@@ -136,18 +154,29 @@ class EstimateSection(Section):
             unseen=estimate.base.unseen,
             has_truth=truth is not None,
             parameters=(*_base_parameters(estimate, truth), *_nonlinear_parameters(estimate)),
-            axes=AxisResidual.for_each(
-                joint=estimate.robot.joint_names,
-                unit=[units(joint)[1] for joint in joints],
-                residual=estimate.residual_nm,
-                noise=[None] * len(joints) if estimate.noise_nm is None else estimate.noise_nm,
-                left_out_fraction=estimate.left_out_fraction,
+            axes=tuple(
+                AxisResidual(
+                    joint=fit.joint,
+                    unit=units(joint)[1],
+                    residual=fit.residual_nm,
+                    noise=fit.noise_nm,
+                    left_out_fraction=float(left_out),
+                    torque=finite(fit.torque_nm),
+                    percent=fit.percent,
+                    over_noise=fit.over_noise,
+                    grade=fit.grade,
+                    reason=fit.reason,
+                )
+                for joint, fit, left_out in zip(
+                    estimate.robot.joints, estimate.fit, estimate.left_out_fraction, strict=True
+                )
             ),
             findings=None if findings is None else tuple(findings),
+            mistakes=mistakes,
         )
 
     def print(self, console: Console) -> None:
-        """Print the parameters with their intervals."""
+        """Print the parameters with their intervals, and how well they explain the torque."""
         console.say(self.sentence)
         console.table(
             ("#", "parameter", "estimate", "± 2σ", "unit"),
@@ -161,6 +190,21 @@ class EstimateSection(Section):
                 )
                 for i, each in enumerate(self.parameters, start=1)
             ],
+        )
+        console.table(
+            ("axis", "rms torque", "residual (RMS)", "of torque", "of noise", "fit"),
+            [
+                (
+                    axis.joint,
+                    f"{number(axis.torque)} {axis.unit}",
+                    f"{number(axis.residual)} {axis.unit}",
+                    f"{number(axis.percent, 3)} %",
+                    "–" if axis.over_noise is None else f"{number(axis.over_noise, 2)} times",
+                    axis.grade or "–",
+                )
+                for axis in self.axes
+            ],
+            red=[axis.grade is Grade.BAD for axis in self.axes],
         )
         if self.unseen:
             console.say(f"Without any effect on the torques: {', '.join(self.unseen)}")

@@ -9,6 +9,7 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
+from identification.regression.fit_grade import Grade
 from rid_daq.report.formats import number
 from rid_daq.report.sections.section import Section, Texts, finite, units
 from rid_daq.terminal.console import Console
@@ -38,6 +39,11 @@ class AxisError(Section):
         Whether it holds.
     samples : int
         That count.
+    over_noise : float or None
+        The error over what noise alone leaves, where periods show it.
+    grade, reason : str or None
+        "good", "doubtful" or "bad", and what decides it. Left out in results of version 0.1, and
+        of an external model.
     """
 
     joint: str
@@ -52,6 +58,9 @@ class AxisError(Section):
     limit_percent: float | None
     passed: bool | None
     samples: int
+    over_noise: float | None = None
+    grade: Grade | None = None
+    reason: str | None = None
 
 
 class ValidationSection(Section):
@@ -125,7 +134,7 @@ class ValidationSection(Section):
         """Print the errors axis by axis."""
         console.say(self.sentence)
         console.table(
-            ("axis", "rms torque", "rms error", "relative", "limit", "holds"),
+            ("axis", "rms torque", "rms error", "relative", "limit", "holds", "fit"),
             [
                 (
                     axis.joint,
@@ -134,6 +143,7 @@ class ValidationSection(Section):
                     f"{number(axis.relative_error_percent, 3)} %",
                     "–" if axis.limit_percent is None else f"{axis.limit_percent:g} %",
                     {None: "–", True: "yes", False: "NO"}[axis.passed],
+                    axis.grade or "–",
                 )
                 for axis in self.axes
             ],
@@ -150,7 +160,7 @@ def _axis(
     moving = validation.moving[:, i]
     measured = validation.measured_nm[moving, i]
     error = finite(validation.rms_nm[i])
-    limits = validation.limits_percent
+    limits, fit = validation.limits_percent, validation.fit[i]
     return AxisError(
         joint=joint.name,
         unit=units(joint)[1],
@@ -164,4 +174,7 @@ def _axis(
         limit_percent=None if limits is None else limits[i],
         passed=validation.verdicts[i],
         samples=int(np.count_nonzero(moving)),
+        over_noise=fit.over_noise if limits else None,
+        grade=fit.grade if limits else None,
+        reason=fit.reason if limits else None,
     )

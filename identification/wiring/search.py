@@ -1,0 +1,117 @@
+"""`find_mistakes`: the mistakes that explain recordings far better than what the files say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from config.arrays import FloatArray
+from identification.wiring.mistakes import OFFSET_STEPS, Kind, Mistake, common_mistakes, offset
+from identification.wiring.signals import WiredSignals
+from identification.wiring.trial import Condensed, Trial
+
+FAR_BETTER: Final = 0.2
+AS_GOOD: Final = 0.1
+MOST_MISTAKES: Final = 3
+MOST_ALTERNATIVES: Final = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A mistake that was found, and what else explains the data as well.
+
+    Attributes
+    ----------
+    mistake : Mistake
+        The best explanation.
+    alternatives : tuple of Mistake
+        Others that are as good.
+    before, after : Trial
+        The fit with the mistake, and with it undone.
+    """
+
+    mistake: Mistake
+    alternatives: tuple[Mistake, ...]
+    before: Trial
+    after: Trial
+
+    @property
+    def times_better(self) -> FloatArray:
+        """By which factor each joint's residual falls, shape (n,)."""
+        return np.asarray(self.before.residual_share / self.after.residual_share)
+
+
+def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
+    """Try the common mistakes on recordings, and those left on what one undone leaves.
+
+    Parameters
+    ----------
+    signals : WiredSignals
+        What the files say.
+
+    Returns
+    -------
+    tuple of Found
+        One after the other; empty where none explains the data far better.
+    """
+    found: list[Found] = []
+    while len(found) < MOST_MISTAKES:
+        better = _best(signals)
+        if better is None:
+            break
+        found.append(better)
+        if better.after.good:
+            break
+        signals = better.mistake.undone(signals)
+    return tuple(found)
+
+
+def _best(signals: WiredSignals) -> Found | None:
+    stated = Condensed.of(signals)
+    before = stated.trial(np.eye(len(signals.robot.joints)))
+    tried: list[tuple[float, Mistake, Trial]] = []
+    for mistake in common_mistakes(signals.robot):
+        if mistake.moves:
+            condensed = Condensed.of(mistake.undone(signals))
+            after = condensed.trial(np.eye(len(signals.robot.joints)))
+        else:
+            after = stated.trial(mistake.torque)
+        tried.append((after.cost, mistake, after))
+    tried.sort(key=lambda each: each[0])
+    cost, best, after = tried[0]
+    if best.kind is Kind.POSITION_OFFSET:
+        best, after = _exact(signals, best)
+    if before.cost - cost < FAR_BETTER:
+        return None
+    near = [mistake for other, mistake, _ in tried[1:] if other - cost < AS_GOOD]
+    return Found(best, _distinct(best, near), before, after)
+
+
+def _exact(signals: WiredSignals, near: Mistake) -> tuple[Mistake, Trial]:
+    """Return the best zero position near one that was tried."""
+    (joint,), still = near.joints, np.eye(len(signals.robot.joints))
+
+    def cost(angle: float) -> float:
+        moved = offset(signals.robot, joint, angle).undone(signals)
+        return Condensed.of(moved).trial(still).cost
+
+    half = math.pi / OFFSET_STEPS
+    bounds = (near.factor - 2.0 * half, near.factor + 2.0 * half)
+    angle = float(minimize_scalar(cost, bounds=bounds, options={"xatol": 1e-3}).x)
+    best = offset(signals.robot, joint, angle)
+    return best, Condensed.of(best.undone(signals)).trial(still)
+
+
+def _distinct(best: Mistake, near: list[Mistake]) -> tuple[Mistake, ...]:
+    """Return alternatives of other kinds or joints: of a zero position only the best angle."""
+    seen, kept = {(best.kind, best.joints)}, []
+    for mistake in near:
+        own = (mistake.kind, mistake.joints)
+        if own not in seen and mistake.kind is not Kind.POSITION_OFFSET:
+            kept.append(mistake)
+        seen.add(own)
+    return tuple(kept[:MOST_ALTERNATIVES])

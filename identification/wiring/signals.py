@@ -1,0 +1,92 @@
+"""`WiredSignals`: the rows on which mistakes are tried, of all recordings, thinned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import FloatArray, freeze
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
+
+ROWS_PER_CYCLE: Final = 2.2
+MOST_ROWS: Final = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class WiredSignals:
+    """Motion and torque of the motors as the files say they are, and the robot as its file says.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot.
+    position, velocity, acceleration : ndarray, shape (rows, n)
+        The motors' motion at the link side, alpha of q = C alpha [rad or m, per s, per s^2].
+    torque_nm : ndarray, shape (rows, n)
+        Their torques [N m or N].
+    """
+
+    robot: RobotDescription
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque_nm: FloatArray
+
+    def __post_init__(self) -> None:
+        shape = (len(self.position), len(self.robot.joints))
+        freeze(self, EstimationError, shape, "position", "velocity", "acceleration", "torque_nm")
+
+    @classmethod
+    def of(cls, robot: RobotDescription, signals: Sequence[SmoothedSignals]) -> WiredSignals:
+        """Put recordings together, with two rows a cycle of their highest frequency."""
+        steps = [
+            max(1, round(1.0 / (ROWS_PER_CYCLE * run.cutoff_hz * run.sample_period_s)))
+            for run in signals
+        ]
+        rows = sum(len(run) / step for run, step in zip(signals, steps, strict=True))
+        thinner = max(1, -(-int(rows) // MOST_ROWS))
+        kept = [slice(None, None, step * thinner) for step in steps]
+        coupling = WristCoupling.of_robot(robot)
+
+        def together(name: str) -> FloatArray:
+            parts = zip(signals, kept, strict=True)
+            values = np.concatenate([getattr(run, name)[rows] for run, rows in parts])
+            moved = coupling is not None and name != "torque_nm"
+            return coupling.to_motors(values) if coupling is not None and moved else values
+
+        names = ("position", "velocity", "acceleration", "torque_nm")
+        return cls(robot, *(together(name) for name in names))
+
+    def joints(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return q, v and a of the joints, each (rows, n)."""
+        motors = (self.position, self.velocity, self.acceleration)
+        if self.robot.coupling is None:
+            return motors
+        across = np.array(self.robot.coupling).T
+        q, v, a = (values @ across for values in motors)
+        return q, v, a
+
+    def moved(self, matrix: FloatArray, offset_rad: FloatArray, clock: float) -> WiredSignals:
+        """Return them with other positions: matrix times these and an offset, on another clock.
+
+        Parameters
+        ----------
+        matrix : ndarray, shape (n, n)
+            Motors' positions of those stated.
+        offset_rad : ndarray, shape (n,)
+            Added to them [rad or m].
+        clock : float
+            Seconds that a second of the time stamps is.
+        """
+        return replace(
+            self,
+            position=self.position @ matrix.T + offset_rad,
+            velocity=self.velocity @ matrix.T / clock,
+            acceleration=self.acceleration @ matrix.T / clock**2,
+        )

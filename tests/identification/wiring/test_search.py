@@ -1,0 +1,120 @@
+"""A mistake made in sound recordings of invented robots is found again, and none where none is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.sound_robots import Sound, sound_run, sound_runs
+from config.load import load_robot
+from identification.wiring.mistakes import Kind, Mistake, common_mistakes, offset
+from identification.wiring.search import find_mistakes
+from identification.wiring.signals import WiredSignals
+
+COUPLING = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 1.0))
+
+
+def wired(sound: Sound) -> WiredSignals:
+    """Return all of the motors, as their drives measure it."""
+    coupling = np.eye(len(sound.robot.joints))
+    if sound.robot.coupling is not None:
+        coupling = np.linalg.inv(np.array(sound.robot.coupling))
+    moved = (sound.position, sound.velocity, sound.acceleration)
+    q, v, a = (each[::5] @ coupling.T for each in moved)
+    return WiredSignals(sound.robot, q, v, a, sound.torque_nm[::5])
+
+
+@pytest.fixture(scope="module")
+def arm() -> WiredSignals:
+    return wired(sound_run(load_robot("ir361"), np.random.default_rng(1)))
+
+
+def made(arm: WiredSignals, kind: Kind, *joints: int, factor: float | None = None) -> WiredSignals:
+    """Return signals with the mistake that these joints' (from 0) undoing would undo."""
+    return the(arm, kind, *joints, factor=factor).undone(arm)
+
+
+def the(arm: WiredSignals, kind: Kind, *joints: int, factor: float | None) -> Mistake:
+    (one,) = (
+        mistake
+        for mistake in common_mistakes(arm.robot)
+        if mistake.kind is kind
+        and mistake.joints == joints
+        and (factor is None or math.isclose(mistake.factor, factor))
+    )
+    return one
+
+
+@pytest.mark.parametrize(
+    ("kind", "joints", "factor", "undone_by"),
+    [
+        (Kind.POSITION_SIGN, (1,), None, -1.0),
+        (Kind.TORQUE_SIGN, (1,), None, -1.0),
+        (Kind.DIRECTION, (1,), None, -1.0),
+        (Kind.POSITION_FACTOR, (1,), 2.0, 0.5),
+        (Kind.POSITION_FACTOR, (2,), 0.5, 2.0),
+        (Kind.POSITION_FACTOR, (2,), math.pi / 180.0, 180.0 / math.pi),
+        (Kind.TORQUE_FACTOR, (1,), 10.0, 0.1),
+        (Kind.TORQUE_FACTOR, (2,), 0.1, 10.0),
+        (Kind.POSITION_ORDER, (1, 2), None, 1.0),
+        (Kind.TORQUE_ORDER, (1, 2), None, 1.0),
+        (Kind.AXIS_ORDER, (1, 2), None, 1.0),
+    ],
+)
+def test_a_mistake_is_found_with_its_joint_and_its_factor(
+    arm: WiredSignals, kind: Kind, joints: tuple[int, ...], factor: float | None, undone_by: float
+) -> None:
+    (found,) = find_mistakes(made(arm, kind, *joints, factor=factor))
+    named = {(each.kind, each.joints): each.factor for each in (found.mistake, *found.alternatives)}
+    assert named[kind, joints] == pytest.approx(undone_by)
+    assert np.nanmax(found.times_better) > 1.5
+
+
+def test_a_zero_position_is_found_to_a_degree(arm: WiredSignals) -> None:
+    wrong = offset(arm.robot, 1, math.radians(40.0)).undone(arm)
+    (found,) = find_mistakes(wrong)
+    assert (found.mistake.kind, found.mistake.joints) == (Kind.POSITION_OFFSET, (1,))
+    assert math.degrees(found.mistake.factor) == pytest.approx(-40.0, abs=1.0)
+
+
+def test_two_mistakes_are_found_one_after_the_other(arm: WiredSignals) -> None:
+    once = made(arm, Kind.TORQUE_SIGN, 1)
+    twice = made(once, Kind.POSITION_FACTOR, 2, factor=2.0)
+    found = {(each.mistake.kind, each.mistake.joints) for each in find_mistakes(twice)}
+    assert found == {(Kind.TORQUE_SIGN, (1,)), (Kind.POSITION_FACTOR, (2,))}
+
+
+def test_what_explains_the_data_as_well_is_named_too(arm: WiredSignals) -> None:
+    """About a vertical axis the sign of the torque cannot be told from that of the position."""
+    (found,) = find_mistakes(made(arm, Kind.TORQUE_SIGN, 0))
+    kinds = {found.mistake.kind, *(other.kind for other in found.alternatives)}
+    assert {Kind.TORQUE_SIGN, Kind.POSITION_SIGN} <= kinds
+    assert {found.mistake.joints, *(other.joints for other in found.alternatives)} == {(0,)}
+
+
+def test_another_convention_of_the_table_is_found() -> None:
+    sound = sound_run(load_robot("ur10e"), np.random.default_rng(2))
+    robot = sound.robot
+    wrong = robot.kinematics.model_copy(update={"convention": "modified_dh"})
+    stated = robot.model_copy(update={"kinematics": wrong})
+    found = find_mistakes(replace(wired(sound), robot=stated))
+    assert found[0].mistake.kind is Kind.CONVENTION
+
+
+@pytest.mark.parametrize("stated", [None, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0))])
+def test_a_coupling_that_is_missing_or_reversed_is_found(
+    arm: WiredSignals, stated: tuple[tuple[float, ...], ...] | None
+) -> None:
+    coupled = arm.robot.model_copy(update={"coupling": COUPLING})
+    sound = wired(sound_run(coupled, np.random.default_rng(3)))
+    wrong = arm.robot.model_copy(update={"coupling": stated})
+    (found,) = find_mistakes(replace(sound, robot=wrong))
+    assert found.mistake.kind is Kind.COUPLING
+
+
+@pytest.mark.slow
+def test_nothing_is_found_where_nothing_is_wrong() -> None:
+    assert [find_mistakes(wired(sound)) for sound in sound_runs(3, first_seed=1000)] == [()] * 3

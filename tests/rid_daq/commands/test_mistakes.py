@@ -1,0 +1,94 @@
+"""Mistakes in a map are told by `identify`, and their models are not let out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.sound_robots import Sound, sound_run
+from config.load import load_robot
+from rid_daq.app import run
+
+MAP = """\
+name: arm
+robot: ir361
+columns: 7
+time: {{column: 0}}
+joints:
+  - {{joint: axis1, position: {0}, torque: {3}}}
+  - {{joint: axis2, position: {1}, torque: {4}}}
+  - {{joint: axis3, position: {2}, torque: {5}}}
+"""
+RIGHT = (1, 2, 3, 4, 5, 6)
+
+Identify = Callable[[tuple[int, ...]], tuple[int, dict[str, Any]]]
+
+
+@pytest.fixture(scope="module")
+def sound() -> Sound:
+    return sound_run(load_robot("ir361"), np.random.default_rng(1))
+
+
+@pytest.fixture
+def identify(tmp_path: Path, sound: Sound, capsys: pytest.CaptureFixture[str]) -> Identify:
+    """Import a sound recording by a map of these columns, and identify it."""
+    table = np.column_stack([sound.time_s, sound.position, sound.torque_nm])
+    np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
+
+    def identified(columns: tuple[int, ...]) -> tuple[int, dict[str, Any]]:
+        (tmp_path / "map.yaml").write_text(MAP.format(*columns))
+        runs = ["--runs", str(tmp_path / "runs"), "--json"]
+        assert (
+            run(["import", str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml"), *runs])
+            == 0
+        )
+        folder = json.loads(capsys.readouterr().out)["folder"]
+        code = run(["identify", folder, *runs])
+        return code, json.loads(capsys.readouterr().out)
+
+    return identified
+
+
+def test_a_sound_recording_is_good_and_nothing_is_wrong(identify: Identify) -> None:
+    code, document = identify(RIGHT)
+    assert code == 0
+    assert document["estimate"]["mistakes"] == []
+    assert [axis["grade"] for axis in document["estimate"]["axes"]] == ["good"] * 3
+    assert all(axis["percent"] < 10.0 for axis in document["estimate"]["axes"])
+
+
+def test_swapped_columns_are_told_with_the_keys_to_change(identify: Identify) -> None:
+    code, document = identify((1, 3, 2, 4, 5, 6))
+    assert code == 6
+    (mistake,) = document["estimate"]["mistakes"]
+    assert mistake["kind"] == "order of positions"
+    assert mistake["joints"] == ["axis2", "axis3"]
+    assert mistake["change"] == ["map: `position` of joints[1] (axis2), joints[2] (axis3)"]
+    assert "axis2 and axis3 are swapped" in mistake["sentence"]
+
+
+def test_a_model_that_does_not_explain_its_data_is_not_exported(
+    identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, document = identify((2, 3, 1, 5, 4, 6))
+    assert "bad" in [axis["grade"] for axis in document["estimate"]["axes"]]
+    export = ["export", document["model"], "--to", "urdf", "-o", str(tmp_path / "arm.urdf")]
+    assert run(export) == 6
+    assert "does not explain the torque of" in capsys.readouterr().err
+    assert not (tmp_path / "arm.urdf").exists()
+    assert run([*export, "--despite-misfit"]) == 0
+
+
+def test_a_recording_that_a_model_cannot_predict_fails_without_limits(
+    identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, wrong = identify((3, 2, 1, 4, 5, 6))
+    _, right = identify(RIGHT)
+    run_of_right = str(Path(right["model"]).parent)
+    assert run(["validate", wrong["model"], run_of_right]) == 1
+    assert "No limits were given: an error beyond 30 % of the torque" in capsys.readouterr().out
