@@ -36,7 +36,7 @@ COMMANDS: dict[str, str] = {
     "design": "choose an excitation, verify it against the limits, write the motion file",
     "plate": "zero the force plate under the robot",
     "record": "run a motion on a cell and record it",
-    "import": "someone else's recording (CSV) into a run folder",
+    "import": "someone else's recording (CSV, ROS bag) into a run folder",
     "average": "cut a run into periods, reject bad ones, average the rest",
     "identify": "estimate the robot's parameters from one or more runs",
     "validate": "predict another run's torques and judge the error",

@@ -17,7 +17,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from acquisition.csv.import_map import ImportMap
+from acquisition.imports.import_map import ImportMap
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.paths.segments import Segment
 from config.cell.amplifier_profile import AmplifierProfile

@@ -1,4 +1,4 @@
-"""`rid-daq import`: someone else's recording into a run folder."""
+"""`rid-daq import`: someone else's recording into run folders."""
 
 from __future__ import annotations
 
@@ -8,81 +8,80 @@ from typing import Annotated
 
 import typer
 
-from acquisition.csv.import_map import RowRange, load_import_map
-from acquisition.csv.read import LARGEST_FILE_BYTES, import_csv, refuse_rows_beyond
-from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import RunStatus
+from acquisition.imports.import_map import RowRange
 from config.errors import ConfigError
-from config.formats.bounded_file import read_file
-from config.load import to_yaml
-from rid_daq.report.result_file import write_result
-from rid_daq.report.sections.verdict import Verdict
-from rid_daq.runs.run_data import MAP, ROBOT, SOURCE, RunData, bad_rows, result_of
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder, as_label, unfinished
-from rid_daq.session.versions import software_versions
+from rid_daq.jobs.import_job import ImportedRun, ImportRequest, import_files
+from rid_daq.report.sections.runs import BadRows
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
 
 def import_(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A CSV file.")],
+    file: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...", help="A CSV file, and those of the same motion; or a ROS bag."
+        ),
+    ],
     import_map: Annotated[
         str,
         typer.Option("--map", metavar="MAP", help="What its columns are: bundled name or file."),
     ],
     rows: Annotated[
-        str | None,
-        typer.Option(metavar="FIRST-LAST", help="Rows to use, counted from 1; all if not given."),
+        list[str] | None,
+        typer.Option(
+            metavar="FIRST-LAST",
+            help="Rows (or messages) to use, counted from 1; all if not given. Each makes a run.",
+        ),
     ] = None,
     label: Annotated[
-        str | None, typer.Option(help="What to call the run; the file's name if not given.")
+        list[str] | None,
+        typer.Option(help="What to call the run, one for each --rows; else the file's name."),
     ] = None,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
-    """Read someone else's recording (CSV) into a run folder.
+    """Read someone else's recording into a run folder: CSV files, or a ROS 2 bag or MCAP file.
 
-    Damaged rows are named, counted and left out. Time stamps need not be uniform. A file with too
-    few sound rows is refused with exit code 6.
+    Damaged rows are named, counted and left out. Time stamps need not be uniform. A recording of
+    which too much is damaged, or that its robot cannot have made, is refused with exit code 6.
     """
     console = Console(as_json)
-    columns, robot = load_import_map(import_map)
-    if rows is not None:
-        columns = columns.model_copy(update={"rows": _row_range(rows)})
-        refuse_rows_beyond(file, columns.rows)
-    recording, report = import_csv(file, columns, robot)
-    folder = RunFolder.create(
-        runs, label or as_label(file.stem), kind="import", software=software_versions()
+    request = ImportRequest(
+        file=file[0],
+        import_map=import_map,
+        runs=runs,
+        further=tuple(file[1:]),
+        rows=tuple(map(_row_range, rows or ())),
+        labels=tuple(label or ()),
     )
-    with unfinished(folder):
-        folder.write(SOURCE, read_file(file, LARGEST_FILE_BYTES))
-        folder.write(MAP, to_yaml(columns, f"How {SOURCE} was read.").encode())
-        folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name} as used.").encode())
-        data = RunData.of(folder, recording, robot, report)
-        headline = "Imported without loss"
-        if report.rows_damaged:
-            headline = f"Imported; {report.rows_damaged} damaged rows left out"
-        result = result_of(data).updated(
-            title=f"Import of {report.file}",
-            verdict=Verdict.of([], headline, "; ".join(report.lines()[:2]) + "."),
-        )
-        path = write_result(folder, result)
-        folder.finish(RunStatus.COMPLETE, {"robot": robot.name, "rows": report.rows_used})
-    console.document(
-        {
-            "run": folder.run_id,
-            "folder": str(folder.path),
-            "report": str(path),
-            "rows_read": report.rows_read,
-            "rows_used": report.rows_used,
-            "rows_damaged": report.rows_damaged,
-            "damaged": bad_rows(report),
-        }
-    )
-    for line in report.lines():
-        console.say(line)
-    console.verdict(True, f"Imported: {folder.path}")
-    console.say(f"Report: {path}")
-    console.next_step("identify", folder.path)
+    imported = import_files(request)
+    documents = [_document(run) for run in imported]
+    console.document(documents[0] if len(documents) == 1 else {"runs": documents})
+    for run in imported:
+        for line in run.report.lines():
+            console.say(line)
+        console.verdict(None if run.report.findings else True, f"Imported: {run.folder.path}")
+        console.say(f"Report: {run.page}")
+    if not imported[0].report.static:
+        console.next_step("identify", imported[0].folder.path)
+
+
+def _document(run: ImportedRun) -> dict[str, object]:
+    report = run.report
+    return {
+        "run": run.folder.run_id,
+        "folder": str(run.folder.path),
+        "report": str(run.page),
+        "rows_read": report.rows_read,
+        "rows_used": report.rows_used,
+        "rows_damaged": report.rows_damaged,
+        "left_out": report.left_out,
+        "damaged": BadRows.of(report),
+        "findings": report.findings,
+        "velocity_ratio": report.velocity_ratio,
+        "static": report.static,
+    }
 
 
 def _row_range(text: str) -> RowRange:

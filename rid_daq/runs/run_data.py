@@ -15,9 +15,9 @@ from typing import Annotated
 
 import typer
 
-from acquisition.csv.import_map import ImportMap
-from acquisition.csv.read import import_csv
-from acquisition.csv.report import ImportReport
+from acquisition.imports.import_map import ImportMap
+from acquisition.imports.read import import_csv
+from acquisition.imports.report import ImportReport
 from acquisition.journal.cycle_reader import CycleReader
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.mcap_writer import being_written
@@ -41,11 +41,12 @@ from config.load import load_bundled_or_path, load_robot
 from config.robot.robot import RobotDescription
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
-from rid_daq.report.sections.runs import BadRows, RunSection
+from rid_daq.report.sections.runs import RunSection
 from rid_daq.report.sections.timing import Timing
 from rid_daq.terminal.console import Console
 
-SOURCE = "source.csv"
+SOURCES = ("source.csv", "source_2.csv", "source_3.csv", "source_4.csv")
+SOURCE = SOURCES[0]
 MAP = "map.yaml"
 ROBOT = "robot.yaml"
 CELL = "cell.yaml"
@@ -53,7 +54,7 @@ MOTION = "motion.yaml"
 FEEDFORWARD = "feedforward.json"
 PLANT = "plant.yaml"
 READ = (
-    *(RECORDING, PLATE_RECORDING, MONITOR, SOURCE, MAP),
+    *(RECORDING, PLATE_RECORDING, MONITOR, *SOURCES, MAP),
     *(ROBOT, CELL, MOTION, FEEDFORWARD, PLANT),
 )
 """What commands read of a run: it must be what the run was made with."""
@@ -150,7 +151,10 @@ class RunData:
         if not recorded:
             import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
             source = folder.file(SOURCE)
-            recording, report = import_csv(source, import_map, robot, run_id=folder.run_id)
+            further = [folder.file(name) for name in SOURCES[1 : 1 + len(import_map.further_files)]]
+            recording, report = import_csv(
+                source, import_map, robot, further=further, run_id=folder.run_id
+            )
             return cls.of(folder, replace(recording, robot_name=robot.name), robot, report)
         with CycleReader(folder.file(RECORDING)) as reader:
             parts = reader.recordings()
@@ -370,24 +374,8 @@ def _first_result(data: RunData) -> Result:
     manifest, report = data.folder.manifest(), data.import_report
     section = RunSection.of("recording", "As recorded.", data.tally, data.robot)
     if report is not None:
-        sentence = "; ".join(report.lines()[:2]) + "."
-        section = section.model_copy(update={"sentence": sentence, "bad_rows": bad_rows(report)})
+        section = section.imported(report)
     return Result.new(f"Run {manifest.label}", data.robot.name).updated(
         runs=(section,),
         timing=Timing(created_utc=manifest.created_utc, run_ids=(manifest.run_id,)),
-    )
-
-
-def bad_rows(report: ImportReport) -> tuple[BadRows, ...]:
-    """Return the rows that an import left out, as the report has them."""
-    return tuple(
-        BadRows(
-            rows=f"{rows.first}-{rows.last}" if rows.last > rows.first else str(rows.first),
-            count=rows.count,
-            reason=", ".join(
-                f"{count} {reason} (row {example.row}: {example.detail})"
-                for (reason, count), example in zip(rows.counts, rows.examples, strict=True)
-            ),
-        )
-        for rows in report.damaged
     )

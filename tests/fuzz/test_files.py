@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.csv.import_map import load_import_map
-from acquisition.csv.read import import_csv
+from acquisition.imports.import_map import load_import_map
+from acquisition.imports.read import import_csv
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader

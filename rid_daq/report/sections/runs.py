@@ -9,6 +9,7 @@ from config.robot.robot import RobotDescription
 from rid_daq.report.sections.section import Section, units
 
 if TYPE_CHECKING:
+    from acquisition.imports.report import ImportReport
     from acquisition.processing.recording_tally import RecordingTally
 
 
@@ -85,6 +86,21 @@ class BadRows(Section):
     count: int
     reason: str
 
+    @classmethod
+    def of(cls, report: ImportReport) -> tuple[BadRows, ...]:
+        """Return all that an import left out."""
+        return tuple(
+            cls(
+                rows=f"{rows.first}-{rows.last}" if rows.last > rows.first else str(rows.first),
+                count=rows.count,
+                reason=", ".join(
+                    f"{count} {reason} (row {example.row}: {example.detail})"
+                    for (reason, count), example in zip(rows.counts, rows.examples, strict=True)
+                ),
+            )
+            for rows in report.damaged
+        )
+
 
 class RunSection(Section):
     """What was run: extremes of every axis, lost rows, and why it stopped early.
@@ -105,6 +121,10 @@ class RunSection(Section):
         One an axis; none where fewer than two rows are valid.
     bad_rows : tuple of BadRows
         What an import left out.
+    left_out : dict of str to int, or None
+        How many rows it left out for which reason.
+    findings : tuple of str, or None
+        What is odd about the rows that it used.
     """
 
     role: str
@@ -115,6 +135,8 @@ class RunSection(Section):
     duration_s: float
     axes: tuple[AxisExtremes, ...]
     bad_rows: tuple[BadRows, ...]
+    left_out: dict[str, int] | None = None
+    findings: tuple[str, ...] | None = None
 
     @classmethod
     def of(
@@ -152,6 +174,16 @@ class RunSection(Section):
             axes=_extremes(tally, robot),
             bad_rows=(),
         )
+
+    def imported(self, report: ImportReport) -> RunSection:
+        """Return what was run with what an import says of it."""
+        found: dict[str, object] = {
+            "sentence": "; ".join(report.lines()[:2]) + ".",
+            "bad_rows": BadRows.of(report),
+            "left_out": report.left_out or None,
+            "findings": report.findings or None,
+        }
+        return self.model_copy(update=found)
 
 
 def _extremes(tally: RecordingTally, robot: RobotDescription) -> tuple[AxisExtremes, ...]:

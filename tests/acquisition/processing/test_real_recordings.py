@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.csv.import_map import ImportMap, RowRange
-from acquisition.csv.read import import_csv
+from acquisition.imports.import_map import ImportMap, RowRange
+from acquisition.imports.read import import_csv
 from acquisition.processing.periods import average_periods
 from acquisition.processing.smoothing import resample_periods, smooth_nonperiodic
-from config.load import load_bundled_or_path
+from config.load import load_bundled_or_path, load_robot
 
 SOUND = (
     "ur-20_01_17-ptp_10_points",
@@ -32,8 +32,9 @@ def layout(columns: int = 31) -> ImportMap:
 class TestImport:
     @pytest.mark.parametrize("name", SOUND)
     def test_of_sound_files_uses_every_row(self, real_robot: Path, name: str) -> None:
-        recording, report = import_csv(real_robot / f"{name}.csv", layout())
+        recording, report = import_csv(real_robot / f"{name}.csv", layout(), load_robot("ur10e"))
         assert report.damaged == ()
+        assert report.findings == ()
         assert report.rows_used == len(recording) == report.rows_read
         assert report.step_median_s == pytest.approx(0.010, abs=1e-6)
         assert recording.sample_period_s is None  # 10 and 12 ms in turn

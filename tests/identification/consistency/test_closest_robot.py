@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from acquisition.csv.import_map import ImportMap, RowRange
-from acquisition.csv.read import import_csv
+from acquisition.imports.import_map import ImportMap, RowRange
+from acquisition.imports.read import import_csv
 from acquisition.processing.smoothing import smooth_nonperiodic
 from benchmarks.consistency import with_noise
 from config.errors import EstimationError

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.csv.import_map import ImportMap, RowRange
-from acquisition.csv.read import import_csv
+from acquisition.imports.import_map import ImportMap, RowRange
+from acquisition.imports.read import import_csv
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.load import load_bundled_or_path, load_robot
 from config.robot.robot import RobotDescription

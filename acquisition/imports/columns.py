@@ -1,18 +1,18 @@
-"""`ImportColumns`: which columns of a CSV file are read, and how their numbers become SI."""
+"""`ImportColumns`: which columns are read, and how their numbers become `ImportRows` in SI."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from acquisition.csv.import_map import ImportJoint, ImportMap
-from config.arrays import FloatArray
+from acquisition.imports.import_map import ImportJoint, ImportMap
+from acquisition.imports.tables import ImportTable
+from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import ConfigError
 from config.robot.robot import Joint, RobotDescription
 
-_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3}
 _VELOCITY = {
     "rad/s": 1.0,
@@ -27,13 +27,43 @@ _ZERO_K = {"C": 273.15, "K": 0.0}
 
 
 @dataclass(frozen=True, eq=False)
+class ImportRows:
+    """Rows of a recording in SI, link side.
+
+    Positions and velocities are still the actuators' where the robot has a coupling.
+
+    Attributes
+    ----------
+    row : ndarray of int64, shape (rows,)
+        Their lines in the file, from 1.
+    time_s : ndarray, shape (rows,)
+        Their stamps [s].
+    position, velocity, torque : ndarray, shape (rows, joints)
+        rad or m, per second, N m or N; NaN for a velocity that is not there.
+    temperature : ndarray, shape (rows, joints or 0)
+        [K]; no columns where there are none.
+    """
+
+    row: IntArray
+    time_s: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    torque: FloatArray
+    temperature: FloatArray
+
+    def keep(self, mask: BoolArray) -> ImportRows:
+        """Return some of the rows."""
+        return ImportRows(*(getattr(self, field.name)[mask] for field in fields(self)))
+
+
+@dataclass(frozen=True, eq=False)
 class ImportColumns:
-    """The columns used: time, then positions, torques, velocities, temperatures of all joints.
+    """The columns used: positions, torques, velocities, temperatures of all joints.
 
     Attributes
     ----------
     columns : tuple of int
-        Columns of the file; a joint without velocity has its position's there. Temperatures are
+        Columns of the files; a joint without velocity has its position's there. Temperatures are
         there for all joints or for none.
     factors, offsets : ndarray, shape (columns,)
         SI at the link side = factor * number + offset; NaN for a velocity that is not there.
@@ -58,10 +88,9 @@ class ImportColumns:
         units, joints = import_map.units, import_map.joints
         known = [_known(import_map, joint, robot) for joint in joints]
         gears = [_gear(import_map, *pair) for pair in zip(joints, known, strict=True)]
-        columns, factors = [import_map.time.column], [_TIME[import_map.time.unit]]
-        for joint, gear in zip(joints, gears, strict=True):
-            columns.append(joint.position)
-            factors.append(_POSITION[units.position] / gear)
+        columns = [joint.position for joint in joints]
+        factors = [_POSITION[units.position] / gear for gear in gears]
+        offsets = [-f * joint.zero_offset for f, joint in zip(factors, joints, strict=True)]
         for joint, gear, description in zip(joints, gears, known, strict=True):
             if joint.torque is not None:
                 columns.append(joint.torque)
@@ -75,16 +104,23 @@ class ImportColumns:
             factor = math.nan if joint.velocity is None else _VELOCITY[units.velocity]
             factors.append(factor / gear)
         warmths = [joint.temperature for joint in joints if joint.temperature is not None]
-        rest = [0.0] * len(columns)
+        offsets += [0.0] * (len(columns) - len(offsets))
         coupling = None
         if import_map.side == "motor" and robot is not None and robot.coupling is not None:
             coupling = np.array(robot.coupling)
         return cls(
             columns=(*columns, *warmths),
             factors=np.array([*factors, *(1.0 for _ in warmths)]),
-            offsets=np.array([*rest, *(_ZERO_K[units.temperature] for _ in warmths)]),
+            offsets=np.array([*offsets, *(_ZERO_K[units.temperature] for _ in warmths)]),
             coupling=coupling,
         )
+
+    def rows(self, table: ImportTable, joints: int) -> ImportRows:
+        """Return a table of these columns in SI."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            values = table.values * self.factors + self.offsets
+        position, torque, velocity, warmth = np.split(values, joints * np.arange(1, 4), axis=1)
+        return ImportRows(table.row, table.time_s, position, velocity, torque, warmth)
 
     def joint_positions(self, read: FloatArray) -> FloatArray:
         """Return the joints' positions from those read, (samples, n): q = C alpha (5.18)."""

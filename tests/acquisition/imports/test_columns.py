@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.csv.import_map import ImportMap
-from acquisition.csv.read import import_csv
-from acquisition.csv.report import ImportReport
+from acquisition.imports.import_map import ImportMap
+from acquisition.imports.read import import_csv
+from acquisition.imports.report import ImportReport
 from acquisition.recording.recording import Recording
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription

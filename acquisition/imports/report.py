@@ -66,6 +66,10 @@ class ImportReport:
     velocity_ratio : tuple of float or None
         Per joint, velocity from the positions over the velocity column; 1 where both agree, None
         where there is no such column or the joint stands still.
+    findings : tuple of str
+        What is odd about the rows used, a sentence each.
+    static : bool
+        Whether no joint moves.
     """
 
     file: str
@@ -80,6 +84,16 @@ class ImportReport:
     gaps: int
     travel: tuple[float, ...]
     velocity_ratio: tuple[float | None, ...]
+    findings: tuple[str, ...] = ()
+    static: bool = False
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """How many rows were left out for which reason, the most frequent first."""
+        counts: Counter[str] = Counter()
+        for rows in self.damaged:
+            counts.update(dict(rows.counts))
+        return dict(counts.most_common())
 
     @property
     def rows_damaged(self) -> int:
@@ -95,12 +109,14 @@ class ImportReport:
             f" {self.step_median_s * 1e3:.3g} ms, on average {mean_hz:.4g} Hz; {self.gaps} gaps",
         ]
         if self.damaged:
-            found.append(f"{self.rows_damaged} damaged rows left out:")
+            reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items())
+            found.append(f"{self.rows_damaged} damaged rows left out: {reasons}")
             found.extend(f"  {rows}" for rows in self.damaged[:RANGES_IN_WORDS])
             if len(self.damaged) > RANGES_IN_WORDS:
                 found.append(f"  ... and {len(self.damaged) - RANGES_IN_WORDS} more ranges")
         else:
             found.append("no damaged rows")
+        found.extend(f"finding: {sentence}" for sentence in self.findings)
         return tuple(found)
 
 

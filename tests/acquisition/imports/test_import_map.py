@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from acquisition.csv.import_map import ImportMap, load_import_map
+from acquisition.imports.import_map import ImportMap, load_import_map
 from config.errors import ConfigError
-from config.load import bundled_names, load_bundled_or_path, load_cell, load_robot
+from config.load import bundled_names, load_cell, load_robot
 
 JOINT = {"joint": "a", "position": 1, "torque": 2}
 
@@ -42,6 +42,11 @@ def test_a_minimal_map_is_enough() -> None:
         ({"rows": {"first": 9, "last": 9}}, "last 9 must be after first 9"),
         ({"joints": [JOINT | {"temperature": 2}]}, "both torque of a and temperature of a"),
         ({"side": "load"}, "'link' or 'motor'"),
+        ({"rate_hz": 100.0}, "either time .* or rate_hz"),
+        ({"time": None}, "either time .* or rate_hz"),
+        ({"joints": []}, "columns and joints of a CSV file, or joint_states"),
+        ({"further_files": [{"columns": 2, "time": {"column": 2}}]}, "time of file 2 is column 2"),
+        ({"joint_states": {"effort": "torque"}}, "joint_states has no columns, joints, time"),
         ({"units": {"position": "grad"}}, "'rad', 'deg', 'rev', 'm' or 'mm'"),
     ],
 )
@@ -52,17 +57,15 @@ def test_contradictions_are_refused(change: dict[str, Any], message: str) -> Non
 
 @pytest.mark.parametrize("name", bundled_names("maps"))
 def test_bundled_maps_fit_their_robot(name: str) -> None:
-    import_map = load_bundled_or_path(name, "maps", ImportMap)
-    robot = load_robot(import_map.robot)
+    import_map, robot = load_import_map(name)
     assert import_map.name == name
-    assert import_map.joint_names == robot.joint_names
-    for column, joint in zip(import_map.joints, robot.joints, strict=True):
+    assert all(joint.limits.velocity < import_map.plausible.speed for joint in robot.joints)
+    for column, joint in zip(import_map.joints, robot.joints, strict=False):
         assert column.torque_constant_nm_per_a == joint.torque_constant_nm_per_a
-        assert joint.limits.velocity < import_map.plausible.speed
 
 
-def test_maps_are_bundled_for_both_layouts() -> None:
-    assert {"ur10e_19", "ur10e_31"} <= set(bundled_names("maps"))
+def test_maps_are_bundled_for_both_layouts_and_for_bags() -> None:
+    assert {"ur10_ros", "ur10e_19", "ur10e_31"} <= set(bundled_names("maps"))
 
 
 def test_temperatures_are_there_for_every_joint_or_for_none() -> None:

@@ -1,0 +1,253 @@
+"""`findings`: what is odd about sound rows, and what is so odd that the recording is refused.
+
+Units, clock, gear ratios and zero positions are held against the velocities recorded and the limits
+of the robot file; a channel that stands still while its joint moves is named.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition.imports.causes import BEYOND_LIMIT, cause_of_positions
+from acquisition.imports.columns import ImportColumns, ImportRows
+from acquisition.imports.import_map import ImportMap
+from acquisition.processing.smoothing import GAP_STEPS
+from config.arrays import FloatArray
+from config.errors import DataQualityError
+from config.robot.robot import RobotDescription
+
+STANDSTILL = 1e-3
+STANDSTILL_SPEED = 0.02
+COMPARED_OVER_S = 0.1
+RATIO_TOLERANCE = 0.03
+ALIKE = 0.015
+STUCK_ROWS = 100
+STUCK_SHARE = 0.2
+_FACTORS = (
+    (math.pi / 180.0, "degrees are read as radians"),
+    (180.0 / math.pi, "radians are read as degrees"),
+    (2.0 * math.pi, "radians are read as turns"),
+    (0.5 / math.pi, "turns are read as radians"),
+    (1e-3, "of two columns one is in thousandths"),
+    (1e3, "of two columns one is in thousandths"),
+)
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What was found.
+
+    Attributes
+    ----------
+    sentences : tuple of str
+        What is odd, a sentence each, with what to do.
+    velocity_ratio : tuple of float or None
+        Per joint, velocity from the positions over the velocity column; None where there is no such
+        column or the joint stands still.
+    static : bool
+        Whether no joint moves.
+    """
+
+    sentences: tuple[str, ...]
+    velocity_ratio: tuple[float | None, ...]
+    static: bool
+
+
+def find(
+    rows: ImportRows, columns: ImportColumns, import_map: ImportMap, robot: RobotDescription | None
+) -> Findings:
+    """Look at sound rows.
+
+    Parameters
+    ----------
+    rows : ImportRows
+        Sound rows, at least 2.
+    columns : ImportColumns
+        How they were read.
+    import_map : ImportMap
+        The map.
+    robot : RobotDescription or None
+        Its robot, for the limits.
+
+    Raises
+    ------
+    DataQualityError
+        Positions and velocities contradict one another, or positions or speeds are far beyond the
+        robot's limits.
+    """
+    ratios = _velocity_ratios(rows, import_map)
+    position = columns.joint_positions(rows.position)
+    static = bool(np.ptp(position, axis=0).max() < STANDSTILL)
+    sentences = [*_clock(ratios, import_map), *_stuck(rows, import_map)]
+    if robot is not None:
+        sentences += _limits(replace(rows, position=position), robot, import_map)
+        sentences += _torques(rows.torque, robot)
+    if static:
+        sentences.append(
+            "Static: no joint moves, so that gravity alone shows and nothing can be identified:"
+            " compare it with a model by `rid-daq validate MODEL RUN --standstill 0`. If the robot"
+            " moved, the position columns are wrong"
+        )
+    return Findings(tuple(sentences), tuple(ratios), static)
+
+
+def differences(rows: ImportRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return what changes over a tenth of a second, where the stamps leave no gap.
+
+    Returns
+    -------
+    time_s : ndarray, shape (pairs,)
+        How long [s].
+    position, path, velocity : ndarray, shape (pairs, joints)
+        Change of the positions, of the integral of the velocity columns, and of these.
+    """
+    steps = np.diff(rows.time_s)
+    step_s = float(np.median(steps))
+    stride = min(max(1, round(COMPARED_OVER_S / step_s)), len(steps))
+    means = (rows.velocity[1:] + rows.velocity[:-1]) / 2.0
+    path = np.vstack([np.zeros(rows.velocity.shape[1]), np.cumsum(means * steps[:, None], axis=0)])
+    gaps = np.concatenate([[0], np.cumsum(steps > GAP_STEPS * step_s)])
+    near = gaps[stride:] == gaps[:-stride]
+
+    def change(values: FloatArray) -> FloatArray:
+        return np.asarray((values[stride:] - values[:-stride])[near])
+
+    return change(rows.time_s), change(rows.position), change(path), change(rows.velocity)
+
+
+def _velocity_ratios(rows: ImportRows, import_map: ImportMap) -> list[float | None]:
+    """Return velocity from positions over the velocity columns; refuse where they contradict.
+
+    Over a tenth of a second the position changes by r times the integral of the velocity, and by
+    what a delay of the velocity or an offset of it makes: r is what is wanted.
+    """
+    time_s, position, path, velocity = differences(rows)
+    ratios: list[float | None] = []
+    for number, joint in enumerate(import_map.joints):
+        if joint.velocity is None or len(time_s) < 10:
+            ratios.append(None)
+            continue
+        a, b = position[:, number], path[:, number]
+        moved, said = (float(np.sqrt(np.square(x / time_s).mean())) for x in (a, b))
+        if max(moved, said) < STANDSTILL_SPEED:
+            ratios.append(None)
+            continue
+        if float(np.sqrt(np.square((a - b) / time_s).mean())) > 0.5 * max(moved, said):
+            raise DataQualityError(
+                f"the position of {joint.joint} (column {joint.position}) moves at"
+                f" {moved:.3g} per second RMS, its velocity column {joint.velocity} says"
+                f" {said:.3g}, and they do not go together{_likely(moved, said)}: correct the"
+                " columns or units in the map"
+            )
+        equations = np.column_stack([b, velocity[:, number], time_s])
+        ratios.append(float(np.linalg.lstsq(equations, a, rcond=None)[0][0]))
+    return ratios
+
+
+def _likely(moved: float, said: float) -> str:
+    """Say what makes positions and velocities contradict each other, where that is plain."""
+    if moved < 0.01 * said and moved < STANDSTILL:
+        return " (the position is stuck)"
+    if said < 0.01 * moved and said < STANDSTILL:
+        return " (the velocity is stuck)"
+    close = [words for factor, words in _FACTORS if abs(said / moved / factor - 1.0) < 0.05]
+    return f" ({close[0]})" if close else ""
+
+
+def _clock(ratios: list[float | None], import_map: ImportMap) -> Iterator[str]:
+    """Say where velocities differ from positions by a factor: all alike, or one joint."""
+    known = {
+        joint.joint: ratio
+        for joint, ratio in zip(import_map.joints, ratios, strict=True)
+        if ratio is not None
+    }
+    if not known:
+        return
+    common = float(np.median(list(known.values())))
+    alike = all(abs(ratio / common - 1.0) <= ALIKE for ratio in known.values())
+    if len(known) > 1 and alike and abs(common - 1.0) > RATIO_TOLERANCE:
+        key = "rate_hz" if import_map.rate_hz is not None else "time stamps"
+        yield (
+            f"The clock is wrong: positions over {key} are {common:.3f} times the velocities"
+            f" recorded, in all joints alike. Multiply the times by {common:.4g}, or find out"
+            " which of the two is right: torques of acceleration are wrong by its square"
+        )
+        return
+    for name, ratio in known.items():
+        if abs(ratio - 1.0) > RATIO_TOLERANCE:
+            yield (
+                f"{name}: its position moves {ratio:.3f} times as fast as its velocity column says:"
+                " check the unit, resolution or gear_ratio of these two columns"
+            )
+
+
+def _stuck(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
+    """Name torques that stay the same to the last digit while their joint moves."""
+    for number, joint in enumerate(import_map.joints):
+        torque, position = rows.torque[:, number], rows.position[:, number]
+        travel = float(np.ptp(position))
+        if travel < STANDSTILL:
+            continue
+        edges = np.flatnonzero(np.diff(torque) != 0.0) + 1
+        starts, stops = np.array([0, *edges]), np.array([*edges, len(torque)])
+        longest = int(np.argmax(stops - starts))
+        first, last = int(starts[longest]), int(stops[longest]) - 1
+        if last - first + 1 < STUCK_ROWS:
+            continue
+        moved = float(np.ptp(position[first : last + 1]))
+        if moved > STUCK_SHARE * travel:
+            column = joint.torque if joint.current is None else joint.current
+            yield (
+                f"{joint.joint}: its torque (column {column}) is stuck: it stays"
+                f" {torque[first]:.4g} from row {rows.row[first]} to row {rows.row[last]} while the"
+                f" joint moves by {moved:.3g}. Its parameters cannot be identified from there:"
+                " correct the column, or cut these rows out"
+            )
+
+
+def _limits(rows: ImportRows, robot: RobotDescription, import_map: ImportMap) -> Iterator[str]:
+    """Hold the joints' positions and speeds against the robot's limits."""
+    time_s, moved, _, _ = differences(rows)
+    speeds = np.percentile(np.abs(moved) / time_s[:, None], 99.0, axis=0)
+    position = rows.position
+    for number, joint in enumerate(robot.joints):
+        limits, q = joint.limits, position[:, number]
+        low, high = float(q.min()), float(q.max())
+        span = limits.position_max - limits.position_min
+        beyond = max(limits.position_min - low, high - limits.position_max)
+        speed = float(speeds[number])
+        goes = f"{joint.name} goes from {low:.4g} to {high:.4g}"
+        may = f"the robot file's limits are {limits.position_min:g} to {limits.position_max:g}"
+        if beyond > BEYOND_LIMIT * span:
+            raise DataQualityError(
+                f"{goes}; {may}: {cause_of_positions(position, robot, import_map, number)}"
+            )
+        if beyond > 0.0:
+            yield f"{goes}; {may}: check its zero_offset and unit, or the limits"
+        if speed > 2.0 * limits.velocity:
+            raise DataQualityError(
+                f"{joint.name} moves at {speed:.4g} per second, the robot file's limit is"
+                f" {limits.velocity:g}: the unit of its position (degrees?), of the time stamps, or"
+                " the limit is wrong; correct the map or the robot file"
+            )
+        if speed > 1.1 * limits.velocity:
+            yield (
+                f"{joint.name} moves at {speed:.4g} per second, the robot file's limit is"
+                f" {limits.velocity:g}: check units, clock and limit"
+            )
+
+
+def _torques(torque: FloatArray, robot: RobotDescription) -> Iterator[str]:
+    """Name torques that the robot cannot make."""
+    for joint, values in zip(robot.joints, np.abs(torque).T, strict=True):
+        most = float(np.percentile(values, 99.0))
+        if most > 1.1 * joint.limits.torque:
+            yield (
+                f"{joint.name}: its torque reaches {most:.4g}, the robot file's limit is"
+                f" {joint.limits.torque:g}: its torque constant or unit is probably too large by"
+                f" {most / joint.limits.torque:.2g} or more"
+            )

@@ -1,0 +1,142 @@
+"""Someone else's recording, read by a map into a `Recording`.
+
+Nothing is repaired: a row that cannot be true is named and left out, a file with too few true rows
+is refused.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.imports.causes import cause_of_loss
+from acquisition.imports.columns import ImportColumns
+from acquisition.imports.findings import find
+from acquisition.imports.import_map import ImportMap
+from acquisition.imports.report import DamagedRow, ImportReport, group_damaged
+from acquisition.imports.soundness import leave_out
+from acquisition.imports.tables import read_tables
+from acquisition.motion.samples import Phase
+from acquisition.processing.smoothing import GAP_STEPS, resample_periods
+from acquisition.recording.recording import Recording
+from config.errors import DataQualityError
+from config.robot.robot import RobotDescription
+
+FEWEST_ROWS = 100
+RANGES_IN_ERRORS = 5
+
+
+def import_csv(
+    file: Path,
+    import_map: ImportMap,
+    robot: RobotDescription | None = None,
+    *,
+    further: Sequence[Path] = (),
+    run_id: str = "",
+) -> tuple[Recording, ImportReport]:
+    """Read CSV files by a map; damaged rows are left out and named in the report.
+
+    A row is damaged where it has another number of columns than the map says, holds no number in a
+    column used, holds a value beyond `plausible`, has a time stamp that is doubled or out of order,
+    or is further from its neighbours than the joints can move.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+    import_map : ImportMap
+        Its columns and units.
+    robot : RobotDescription, optional
+        The map's robot; needed where the map leaves gear ratios or torque constants to it, and to
+        hold positions, speeds and torques against its limits.
+    further : sequence of Path
+        The map's `further_files`.
+    run_id : str
+        Provenance of the recording.
+
+    Returns
+    -------
+    Recording
+        The sound rows, every one of the main phase, with their own time stamps; on a uniform
+        grid of whole periods where the map has `period_s`.
+    ImportReport
+        What was read and left out, and what is odd about the rest.
+
+    Raises
+    ------
+    ConfigError
+        A file cannot be read, or map and robot leave out what turns its columns into SI.
+    DataQualityError
+        More of it is damaged than the map's `left_out_limit`, it is too short, its velocities
+        contradict the positions, or these are far beyond the robot's limits.
+    """
+    columns = ImportColumns.of(import_map, robot)
+    damaged: list[DamagedRow] = []
+    table = read_tables((file, *further), import_map, columns.columns, damaged)
+    read = columns.rows(table, len(import_map.joints))
+    rows, notes = leave_out(read, import_map, damaged)
+    ranges = group_damaged(damaged)
+    used = len(rows.row)
+    share = len(damaged) / max(table.rows_read, 1)
+    if share > import_map.left_out_limit or used < FEWEST_ROWS:
+        named = "; ".join(map(str, ranges[:RANGES_IN_ERRORS]))
+        more = f"; and {len(ranges) - RANGES_IN_ERRORS} more" if len(ranges) > 5 else ""
+        needed = f"{FEWEST_ROWS} are needed"
+        if used >= FEWEST_ROWS:
+            needed = (
+                f"{100.0 * share:.1f} % are left out, left_out_limit in the map allows"
+                f" {100.0 * import_map.left_out_limit:g} %"
+            )
+        cause = cause_of_loss(read, damaged, columns, import_map, robot)
+        raise DataQualityError(
+            f"{file.name}: only {used} of {table.rows_read} rows are sound by map"
+            f" {import_map.name!r} ({needed}): {_counted(damaged)}. Wrong map or broken file:"
+            f" {cause}. {named}{more}"
+        )
+    try:
+        findings = find(rows, columns, import_map, robot)
+    except DataQualityError as error:
+        raise DataQualityError(f"{file.name}: {error}") from None
+    position = columns.joint_positions(rows.position)
+    steps = np.diff(rows.time_s)
+    report = ImportReport(
+        file=file.name,
+        map_name=import_map.name,
+        rows_read=table.rows_read,
+        rows_used=used,
+        damaged=ranges,
+        duration_s=float(rows.time_s[-1] - rows.time_s[0]),
+        step_min_s=float(steps.min()),
+        step_median_s=float(np.median(steps)),
+        step_max_s=float(steps.max()),
+        gaps=int(np.count_nonzero(steps > GAP_STEPS * np.median(steps))),
+        travel=tuple(np.ptp(position, axis=0).tolist()),
+        velocity_ratio=findings.velocity_ratio,
+        findings=(*table.notes, *notes, *findings.sentences),
+        static=findings.static,
+    )
+    recording = Recording(
+        joint_names=import_map.joint_names,
+        time_s=rows.time_s,
+        position=position,
+        torque_nm=rows.torque,
+        temperature_k=rows.temperature if rows.temperature.size else None,
+        valid=np.ones(used, dtype=np.bool_),
+        phase=np.full(used, Phase.MAIN, dtype=np.uint8),
+        sample_index=np.full(used, -1, dtype=np.int64),
+        source="import",
+        robot_name=import_map.robot,
+        run_id=run_id,
+    )
+    if import_map.period_s is not None:
+        recording = resample_periods(recording, import_map.period_s)
+    return recording, report
+
+
+def _counted(damaged: Sequence[DamagedRow]) -> str:
+    """Return how many rows are damaged for which reason."""
+    counts = Counter(row.reason for row in damaged).most_common()
+    return ", ".join(f"{count} {reason}" for reason, count in counts) or "the file is short"

@@ -1,0 +1,149 @@
+"""`leave_out`: rows that cannot be true are named and left out; nothing is repaired."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acquisition.imports.columns import ImportRows
+from acquisition.imports.import_map import ImportMap
+from acquisition.imports.report import DamagedRow
+from acquisition.imports.tables import in_order
+from acquisition.processing.smoothing import GAP_STEPS
+
+JUMP_FACTOR = 1.5
+JUMP_SLACK = 1e-3
+LEAP_STEPS = 1000.0
+SHORT_RUN = 10
+LONG_RUN = 100
+COLDEST_K = 223.15
+HOTTEST_K = 473.15
+
+
+def leave_out(
+    rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
+) -> tuple[ImportRows, tuple[str, ...]]:
+    """Leave out rows that are absurd, not in the order of time, or cannot be reached.
+
+    Parameters
+    ----------
+    rows : ImportRows
+        As read.
+    import_map : ImportMap
+        What is plausible.
+    damaged : list of DamagedRow
+        Gets the rows that are left out.
+
+    Returns
+    -------
+    ImportRows
+        The sound rows; their stamps increase.
+    tuple of str
+        What is odd about the rows that are used, a sentence each.
+    """
+    rows = _leave_out_absurd(rows, import_map, damaged)
+    doubled, disordered = in_order(rows.time_s)
+    for mask, reason in (
+        (doubled, "with a doubled time stamp"),
+        (disordered, "with a time stamp out of order"),
+    ):
+        damaged.extend(
+            DamagedRow(int(row), reason, f"time stamp is {stamp:.9g} s")
+            for row, stamp in zip(rows.row[mask], rows.time_s[mask], strict=True)
+        )
+    return _leave_out_jumps(rows.keep(~(doubled | disordered)), import_map, damaged)
+
+
+def _leave_out_absurd(
+    rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
+) -> ImportRows:
+    """Leave out rows with a value that is not finite or beyond what is plausible."""
+    plausible = import_map.plausible
+    sound = np.isfinite(rows.time_s)
+    damaged.extend(
+        DamagedRow(int(row), "with an absurd value", "time stamp is not finite")
+        for row in rows.row[~sound]
+    )
+    rows = rows.keep(sound)
+    sound = np.ones(len(rows.row), dtype=np.bool_)
+    has_velocity = np.array([joint.velocity is not None for joint in import_map.joints])
+    velocity = np.where(has_velocity, rows.velocity, 0.0)
+    for quantity, key, values, low, high in (
+        ("position", ".position", rows.position, -plausible.position, plausible.position),
+        ("velocity", ".speed", velocity, -plausible.speed, plausible.speed),
+        ("torque", ".torque", rows.torque, -plausible.torque, plausible.torque),
+        ("temperature", "", rows.temperature, COLDEST_K, HOTTEST_K),
+    ):
+        bad = ~((values >= low) & (values <= high))
+        for row in np.flatnonzero(bad.any(axis=1) & sound):
+            joint = int(np.argmax(bad[row]))
+            detail = (
+                f"{quantity} of {import_map.joint_names[joint]} is {values[row, joint]:.6g},"
+                f" plausible{key} is {low:g} to {high:g}"
+            )
+            damaged.append(DamagedRow(int(rows.row[row]), "with an absurd value", detail))
+        sound &= ~bad.any(axis=1)
+    return rows.keep(sound)
+
+
+def _leave_out_jumps(
+    rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
+) -> tuple[ImportRows, tuple[str, ...]]:
+    """Leave out rows that the joints cannot have reached, or whose stamps leap far away.
+
+    Rows that their neighbours can be reached from form runs. The longest run is believed; from it
+    outwards, in both directions, a run is believed that can be reached from the last believed one.
+    A long run is believed, too, where 5 median steps would do: then one stamp was bad, no position.
+    """
+    if len(rows.row) < 2:
+        return rows, ()
+    steps = np.diff(rows.time_s)
+    leap_s = LEAP_STEPS * float(np.median(steps))
+    speed = import_map.plausible.speed
+    reach = JUMP_FACTOR * speed
+    distances = np.abs(np.diff(rows.position, axis=0)).max(axis=1)
+    cuts = np.flatnonzero((distances > reach * steps + JUMP_SLACK) | (steps > leap_s)) + 1
+    starts = [0, *cuts.tolist()]
+    stops = [*cuts.tolist(), len(rows.row)]
+    longest = int(np.argmax(np.subtract(stops, starts)))
+    sound = np.zeros(len(rows.row), dtype=np.bool_)
+    sound[starts[longest] : stops[longest]] = True
+    jumps: list[str] = []
+    for runs, toward in (
+        (range(longest + 1, len(starts)), 1),
+        (range(longest - 1, -1, -1), -1),
+    ):
+        believed = stops[longest] - 1 if toward > 0 else starts[longest]
+        for run in runs:
+            near, far = starts[run], stops[run] - 1
+            if toward < 0:
+                near, far = far, near
+            gap_s = abs(float(rows.time_s[near] - rows.time_s[believed]))
+            jitter_s = max(gap_s, GAP_STEPS * float(np.median(steps)))
+            length = abs(far - near) + 1
+            distance = np.abs(rows.position[near] - rows.position[believed])
+            joint = import_map.joint_names[int(distance.argmax())]
+            away = (
+                f"position of {joint} is {distance.max():.6g} away from the nearest sound row,"
+                f" {gap_s:.4g} s apart, faster than plausible.speed {speed:g}"
+            )
+            if length < SHORT_RUN and gap_s > leap_s:
+                reason = "with a time stamp out of order"
+                away = f"time stamp is {gap_s:.6g} s away from the sound rows"
+            elif distance.max() <= reach * (jitter_s if length >= LONG_RUN else gap_s) + JUMP_SLACK:
+                if distance.max() > reach * gap_s + JUMP_SLACK:
+                    jumps.append(f"row {rows.row[near]}: {away}")
+                sound[starts[run] : stops[run]] = True
+                believed = far
+                continue
+            else:
+                reason = "whose position jumps"
+            damaged.extend(
+                DamagedRow(int(row), reason, away) for row in rows.row[starts[run] : stops[run]]
+            )
+    if jumps:
+        jumps = [
+            f"The clock jitters: at {len(jumps)} places the stamps are nearer than the positions"
+            f" (first {jumps[0]}); the rows on both sides are used. Raise plausible.speed if a"
+            " joint is that fast"
+        ]
+    return rows.keep(sound), tuple(jumps)

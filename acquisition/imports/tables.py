@@ -1,0 +1,226 @@
+"""`ImportTable`: CSV files as numbers in their own units, row by row, at the first file's times."""
+
+from __future__ import annotations
+
+import io
+import math
+from array import array
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.imports.import_map import ImportMap, RowRange
+from acquisition.imports.report import DamagedRow
+from acquisition.processing.smoothing import GAP_STEPS
+from config.arrays import BoolArray, FloatArray, IntArray
+from config.errors import ConfigError, system_errors
+from config.formats.bounded_file import open_file
+
+LARGEST_FILE_BYTES = 500_000_000
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+
+@dataclass(frozen=True, eq=False)
+class ImportTable:
+    """Rows whose columns are numbers.
+
+    Attributes
+    ----------
+    row : ndarray of int64, shape (rows,)
+        Their lines in the first file, from 1.
+    time_s : ndarray, shape (rows,)
+        Their stamps, or their number over the rate [s].
+    values : ndarray, shape (rows, columns)
+        The columns asked for, as they stand in the files.
+    rows_read : int
+        Rows of data looked at, with those that are damaged.
+    notes : tuple of str
+        What is wrong in further files, a sentence each.
+    """
+
+    row: IntArray
+    time_s: FloatArray
+    values: FloatArray
+    rows_read: int
+    notes: tuple[str, ...] = ()
+
+
+def read_tables(
+    files: Sequence[Path],
+    import_map: ImportMap,
+    columns: Sequence[int],
+    damaged: list[DamagedRow],
+) -> ImportTable:
+    """Read files by a map; what is no row of numbers is named and left out.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        The first file, then those that the map calls `further_files`.
+    import_map : ImportMap
+        How they are laid out.
+    columns : sequence of int
+        The columns wanted, counted through all files.
+    damaged : list of DamagedRow
+        Gets the rows that are left out, as rows of the first file.
+
+    Raises
+    ------
+    ConfigError
+        There are more or fewer files than the map says, one cannot be read, or it ends before the
+        rows that the map asks for.
+    """
+    expected = 1 + len(import_map.further_files)
+    if len(files) != expected:
+        raise ConfigError(
+            f"map {import_map.name!r} reads {expected} files, {len(files)} are given: name them in"
+            " the map's order"
+        )
+    first = _read_file(files[0], import_map, 0, columns, damaged)
+    for number, path in enumerate(files[1:], start=1):
+        first = _beside(first, _read_file(path, import_map, number, columns, []), path, damaged)
+    return first
+
+
+def in_order(stamps: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Return which rows must go for time stamps to increase: the fewest.
+
+    Parameters
+    ----------
+    stamps : ndarray, shape (rows,)
+        Finite time stamps.
+
+    Returns
+    -------
+    doubled, disordered : ndarray of bool, shape (rows,)
+        Rows with the stamp of the row before them, and others.
+    """
+    doubled = np.zeros(len(stamps), dtype=np.bool_)
+    doubled[1:] = stamps[1:] == stamps[:-1]
+    if (np.diff(stamps[~doubled]) > 0.0).all():
+        return doubled, np.zeros_like(doubled)
+    disordered = ~doubled
+    # The longest increasing subsequence: ends[k] is the row that ends the best one of length k + 1.
+    ends: list[int] = []
+    end_stamps: list[float] = []
+    before = np.full(len(stamps), -1)
+    for row in np.flatnonzero(~doubled).tolist():
+        stamp = float(stamps[row])
+        length = bisect_left(end_stamps, stamp)
+        before[row] = ends[length - 1] if length else -1
+        ends[length : length + 1] = [row]
+        end_stamps[length : length + 1] = [stamp]
+    chain = ends[-1]
+    while chain >= 0:
+        disordered[chain] = False
+        chain = int(before[chain])
+    return doubled, disordered
+
+
+def _read_file(
+    path: Path,
+    import_map: ImportMap,
+    number: int,
+    columns: Sequence[int],
+    damaged: list[DamagedRow],
+) -> ImportTable:
+    """Read one file; columns of other files are NaN."""
+    begin, end = import_map.first_columns[number : number + 2]
+    time = import_map.time_of(number)
+    here = [i for i, column in enumerate(columns) if begin <= column < end]
+    wanted = [columns[i] - begin for i in here] + ([] if time is None else [time.column])
+    separator = {"tab": "\t", "space": None}.get(import_map.delimiter, import_map.delimiter)
+    asked = import_map.rows if number == 0 else RowRange()
+    last = asked.last or math.inf
+    numbers, rows, counts = array("d"), array("q"), array("q")
+    count = found = row = 0
+    for row, line in _lines(path):
+        if row > last:
+            break
+        if row <= import_map.header_rows:
+            continue
+        count += 1
+        if row < asked.first:
+            continue
+        found += 1
+        if import_map.decimal == ",":
+            line = line.replace(",", ".")
+        fields = line.replace('"', "").split(separator)
+        if len(fields) != end - begin:
+            detail = f"{len(fields)} columns instead of {end - begin}"
+            damaged.append(DamagedRow(row, "with a wrong number of columns", detail))
+            continue
+        try:
+            numbers.extend([float(fields[column]) for column in wanted])
+        except ValueError:
+            damaged.append(DamagedRow(row, "without a number", _not_a_number(fields, wanted)))
+            continue
+        rows.append(row)
+        counts.append(count)
+    if row < (asked.last or asked.first) and asked != RowRange():
+        raise ConfigError(
+            f"{path}: has {row} rows, and rows to {asked.last or asked.first} are asked for"
+        )
+    read = np.frombuffer(numbers, dtype=np.float64).reshape(-1, len(wanted))
+    values = np.full((len(rows), len(columns)), np.nan)
+    values[:, here] = read[:, : len(here)]
+    if time is None:
+        stamps = (np.array(counts, dtype=np.float64) - 1.0) / (import_map.rate_hz or math.nan)
+    else:
+        stamps = read[:, -1] * _SECONDS[time.unit]
+    return ImportTable(np.array(rows, dtype=np.int64), stamps, values, found)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield the lines that are not empty, with their numbers."""
+    with (
+        system_errors(ConfigError, f"cannot read {path}"),
+        open_file(path, LARGEST_FILE_BYTES) as file,
+    ):
+        mark = file.read(2)
+        file.seek(0)
+        encoding = "utf-16" if mark in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+        text = io.TextIOWrapper(file, encoding, errors="replace")
+        yield from ((row, line) for row, line in enumerate(text, start=1) if line.strip())
+
+
+def _not_a_number(fields: list[str], columns: list[int]) -> str:
+    for column in columns:
+        try:
+            float(fields[column])
+        except ValueError:
+            return f"column {column} is {fields[column].strip()[:30]!r}"
+    return "not a number"
+
+
+def _beside(
+    first: ImportTable, other: ImportTable, path: Path, damaged: list[DamagedRow]
+) -> ImportTable:
+    """Put another file's columns beside a table's, interpolated to its stamps."""
+    sound = np.isfinite(other.time_s)
+    sound[sound] = ~np.logical_or(*in_order(other.time_s[sound]))
+    stamps, read = other.time_s[sound], other.values[sound]
+    notes = first.notes
+    if len(stamps) < other.rows_read:
+        lost = other.rows_read - len(stamps)
+        notes += (
+            f"{path.name}: {lost} of {other.rows_read} rows cannot be read or are not in the order"
+            " of their time stamps; the rows around them are used",
+        )
+    if len(stamps) < 2:
+        raise ConfigError(f"{path}: holds fewer than 2 rows that can be read: wrong file or map")
+    after = np.clip(np.searchsorted(stamps, first.time_s), 1, len(stamps) - 1)
+    step_s = float(np.median(np.diff(stamps)))
+    inside = (first.time_s >= stamps[0] - step_s / 2) & (first.time_s <= stamps[-1] + step_s / 2)
+    near = inside & (stamps[after] - stamps[after - 1] <= GAP_STEPS * step_s)
+    damaged.extend(
+        DamagedRow(int(row), f"without a row in {path.name} at its time", f"it is {stamp:.9g} s")
+        for row, stamp in zip(first.row[~near], first.time_s[~near], strict=True)
+    )
+    values = first.values[near]
+    for column in np.flatnonzero(np.isfinite(read).any(axis=0)):
+        values[:, column] = np.interp(first.time_s[near], stamps, read[:, column])
+    return ImportTable(first.row[near], first.time_s[near], values, first.rows_read, notes)

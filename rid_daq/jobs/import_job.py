@@ -1,0 +1,143 @@
+"""`rid-daq import`: someone else's files or bag to run folders, one for each range of rows."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.imports.bags import bag_as_table, is_bag
+from acquisition.imports.import_map import ImportMap, RowRange, load_import_map
+from acquisition.imports.read import import_csv
+from acquisition.imports.report import ImportReport
+from acquisition.imports.tables import LARGEST_FILE_BYTES
+from acquisition.recording.recording import Recording
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from config.errors import ConfigError
+from config.formats.bounded_file import read_file
+from config.load import to_yaml
+from config.robot.robot import RobotDescription
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.verdict import Verdict
+from rid_daq.runs.run_data import MAP, ROBOT, SOURCES, RunData, result_of
+from rid_daq.session.session import as_label, unfinished
+from rid_daq.session.versions import software_versions
+
+
+@dataclass(frozen=True)
+class ImportRequest:
+    """What `rid-daq import` was asked for.
+
+    Attributes
+    ----------
+    file : Path
+        A CSV file or a bag.
+    import_map : str
+        The map: a bundled name, or a path.
+    runs : Path
+        The folder of the run folders.
+    further : tuple of Path
+        The files that the map calls `further_files`.
+    rows : tuple of RowRange
+        The rows of each run; those that the map says, in one run, if there are none.
+    labels : tuple of str
+        What to call the runs; by the file and the rows if there are none.
+    """
+
+    file: Path
+    import_map: str
+    runs: Path
+    further: tuple[Path, ...] = ()
+    rows: tuple[RowRange, ...] = ()
+    labels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ImportedRun:
+    """A run that was made: its folder, what was read, and its report."""
+
+    folder: RunFolder
+    report: ImportReport
+    page: Path
+
+
+def import_files(request: ImportRequest) -> list[ImportedRun]:
+    """Import files; every part is read before the first run folder is made.
+
+    Raises
+    ------
+    ConfigError
+        A file or the map cannot be read, they do not fit, or labels and rows do not.
+    DataQualityError
+        The recording is not good enough.
+    RecordingError
+        A run cannot be written.
+    """
+    import_map, robot = load_import_map(request.import_map)
+    ranges = request.rows or (import_map.rows,)
+    if request.labels and len(request.labels) != len(ranges):
+        raise ConfigError(
+            f"--label: {len(request.labels)} labels for {len(ranges)} runs: give one a run"
+        )
+    file = request.file
+    with tempfile.TemporaryDirectory(prefix="rid-daq-") as place:
+        if import_map.joint_states is not None:
+            if request.further:
+                raise ConfigError(
+                    f"{request.further[0]}: a bag is imported by itself: leave it out"
+                )
+            file = Path(place) / f"{file.stem}.csv"
+            import_map = bag_as_table(request.file, import_map, robot.joint_names, file)
+        elif is_bag(file):
+            raise ConfigError(
+                f"{file}: is a bag, and map {import_map.name!r} reads CSV files: give a map with"
+                " `joint_states: {effort: torque}`"
+            )
+        maps = [import_map.model_copy(update={"rows": rows}) for rows in ranges]
+        read = [import_csv(file, each, robot, further=request.further) for each in maps]
+        stem = file.stem
+        named = [f"{stem} {rows.first}-{rows.last or ''}" for rows in ranges]
+        labels = request.labels or ([as_label(stem)] if len(ranges) == 1 else map(as_label, named))
+        return [
+            _keep(
+                RunFolder.create(request.runs, label, kind="import", software=software_versions()),
+                (file, *request.further),
+                layout,
+                robot,
+                *recording,
+            )
+            for label, layout, recording in zip(labels, maps, read, strict=True)
+        ]
+
+
+def _keep(
+    folder: RunFolder,
+    files: tuple[Path, ...],
+    import_map: ImportMap,
+    robot: RobotDescription,
+    recording: Recording,
+    report: ImportReport,
+) -> ImportedRun:
+    """Write the files as they came (of a bag its table), how they were read, and the report."""
+    with unfinished(folder):
+        names = SOURCES[: len(files)]
+        for name, file in zip(names, files, strict=True):
+            folder.write(name, read_file(file, LARGEST_FILE_BYTES))
+        told = f"How {' and '.join(names)} was read."
+        folder.write(MAP, to_yaml(import_map, told).encode())
+        folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name} as used.").encode())
+        data = RunData.of(folder, recording, robot, report)
+        headline = "Imported without loss"
+        if report.rows_damaged:
+            headline = f"Imported; {report.rows_damaged} damaged rows left out"
+        if report.findings:
+            headline += f"; {len(report.findings)} findings"
+        sentences = [*report.lines()[:2], *report.findings]
+        result = result_of(data).updated(
+            title=f"Import of {report.file}",
+            verdict=Verdict.of([], headline, f"{'. '.join(sentences)}."),
+        )
+        page = write_result(folder, result)
+        folder.finish(RunStatus.COMPLETE, {"robot": robot.name, "rows": report.rows_used})
+    return ImportedRun(folder, report, page)

@@ -1,0 +1,135 @@
+"""Import: a bag's joint states become a table that holds every number to its last digit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from acquisition.imports.bags import bag_as_table
+from acquisition.imports.import_map import ImportMap
+from acquisition.imports.read import import_csv
+from config.errors import ConfigError, DataQualityError
+
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+NAMES = ("shoulder", "elbow")
+T = 0.01 * np.arange(300)
+POSITION = np.stack([np.sin(3.0 * T), 0.5 * np.cos(2.0 * T)], axis=1)
+VELOCITY = np.stack([3.0 * np.cos(3.0 * T), -np.sin(2.0 * T)], axis=1)
+EFFORT = np.stack([np.cos(5.0 * T), np.sin(5.0 * T)], axis=1)
+
+
+def write_bag(
+    folder: Path,
+    storage: StoragePlugin = StoragePlugin.MCAP,
+    *,
+    topic: str = "/joint_states",
+    names: Sequence[str] = NAMES,
+    stamped: bool = True,
+    effort: bool = True,
+) -> Path:
+    """Write a bag of an arm, and of a gripper that publishes on the same topic."""
+    kinds = TYPES.types
+    header, time = kinds["std_msgs/msg/Header"], kinds["builtin_interfaces/msg/Time"]
+    state, kind = kinds["sensor_msgs/msg/JointState"], "sensor_msgs/msg/JointState"
+    with Writer(folder, version=9, storage_plugin=storage) as writer:
+        connection = writer.add_connection(topic, kind, typestore=TYPES)
+        for row, stamp in enumerate(T):
+            ns = 1_700_000_000 * 10**9 + round(stamp * 1e9)
+            when = time(sec=ns // 10**9, nanosec=ns % 10**9) if stamped else time(sec=0, nanosec=0)
+            arm = {"position": POSITION[row], "velocity": VELOCITY[row]}
+            arm["effort"] = EFFORT[row] if effort else np.empty(0)
+            hand = dict.fromkeys(arm, np.array([0.04]))
+            for who, values in ((names, arm), (["finger"], hand)):
+                head = header(stamp=when, frame_id="")
+                message = state(header=head, name=list(who), **values)
+                writer.write(connection, ns, TYPES.serialize_cdr(message, kind))
+    return folder
+
+
+def bag_map(**states: Any) -> ImportMap:
+    values = {"name": "m", "robot": "r", "joint_states": {"effort": "torque"} | states}
+    return ImportMap.model_validate_json(json.dumps(values))
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("whole_folder", [True, False])
+def test_it_becomes_a_table_and_the_map_that_reads_it(
+    tmp_path: Path, storage: StoragePlugin, whole_folder: bool
+) -> None:
+    bag = write_bag(tmp_path / "bag", storage)
+    path = bag if whole_folder else next(p for p in bag.iterdir() if p.suffix != ".yaml")
+    table = tmp_path / "table.csv"
+    import_map = bag_as_table(path, bag_map(), NAMES, table)
+    recording, report = import_csv(table, import_map)
+    np.testing.assert_array_equal(recording.position, POSITION)
+    np.testing.assert_array_equal(recording.torque_nm, EFFORT)
+    np.testing.assert_allclose(recording.time_s, T, atol=1e-9)
+    assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
+    assert report.rows_read == len(T)  # the gripper's messages are none of the arm's
+
+
+def test_joints_come_in_the_robots_order_whatever_the_messages(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag")
+    table = tmp_path / "table.csv"
+    states = bag_map(names=("elbow", "shoulder"), effort="current")
+    import_map = bag_as_table(bag, states, ("a", "b"), table)
+    assert import_map.joint_names == ("a", "b")
+    assert import_map.joints[0].current == 5
+    read = np.loadtxt(table, delimiter=",")
+    np.testing.assert_array_equal(read[:, 1:3], POSITION[:, ::-1])
+
+
+def test_without_stamps_time_is_when_it_was_recorded(tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    bag_as_table(write_bag(tmp_path / "bag", stamped=False), bag_map(), NAMES, table)
+    np.testing.assert_allclose(np.loadtxt(table, delimiter=",")[:, 0], T, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("states", "joints", "said"),
+    [
+        ({"topic": "/arm"}, NAMES, "topic /arm has no .*such topics are: /joint_states"),
+        ({}, ("joint1", "joint2"), r"no message names a joint.*joint_states\.names"),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_its_key(
+    tmp_path: Path, states: dict[str, Any], joints: tuple[str, ...], said: str
+) -> None:
+    bag = write_bag(tmp_path / "bag")
+    with pytest.raises(ConfigError, match=said):
+        bag_as_table(bag, bag_map(**states), joints, tmp_path / "table.csv")
+
+
+def test_without_efforts_it_is_refused(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", effort=False)
+    with pytest.raises(DataQualityError, match="its messages have no efforts"):
+        bag_as_table(bag, bag_map(), NAMES, tmp_path / "table.csv")
+
+
+@pytest.mark.parametrize("name", ["bag.mcap", "bag.db3", "bag.bag", "folder", "bag.csv"])
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n" + b"\x00" * 50, b"SQLite format 3\x00x"])
+def test_what_is_no_bag_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
+    path = tmp_path / name
+    if name == "folder":
+        path.mkdir()
+    else:
+        path.write_bytes(content)
+    with pytest.raises(ConfigError, match=r"cannot be read as a bag|is no bag"):
+        bag_as_table(path, bag_map(), NAMES, tmp_path / "table.csv")
+
+
+def test_a_bag_cut_anywhere_is_refused_or_read_as_far_as_it_goes(tmp_path: Path) -> None:
+    (whole,) = write_bag(tmp_path / "bag").glob("*.mcap")
+    data = whole.read_bytes()
+    for length in range(1, len(data), len(data) // 12):
+        path = tmp_path / "cut.mcap"
+        path.write_bytes(data[:length])
+        with pytest.raises(ConfigError):
+            bag_as_table(path, bag_map(), NAMES, tmp_path / "table.csv")

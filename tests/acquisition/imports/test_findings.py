@@ -1,0 +1,165 @@
+"""Import: clocks, stuck channels, units and zeros that are wrong are named, or refused by name."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.imports.import_map import ImportMap
+from acquisition.imports.read import import_csv
+from acquisition.imports.report import ImportReport
+from config.errors import DataQualityError
+from config.robot.robot import RobotDescription
+from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
+
+
+def without_velocities(**changes: Any) -> ImportMap:
+    joints = [
+        {k: v for k, v in joint.model_dump(exclude_none=True).items() if k != "velocity"}
+        for joint in two_joint_map().joints
+    ]
+    return two_joint_map(joints=joints, **changes)
+
+
+def report_of(
+    tmp_path: Path,
+    table: np.ndarray,
+    import_map: ImportMap | None = None,
+    robot: RobotDescription | None = None,
+) -> ImportReport:
+    path = tmp_path / "recording.csv"
+    path.write_text("\n".join(as_lines(table)))
+    return import_csv(path, import_map or two_joint_map(), robot or two_joint_robot())[1]
+
+
+def test_a_sound_recording_has_no_findings(tmp_path: Path) -> None:
+    assert report_of(tmp_path, sound_table()).findings == ()
+
+
+class TestClock:
+    def test_that_runs_a_tenth_too_fast_is_said_with_its_factor(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 0] *= 1.1
+        (found,) = report_of(tmp_path, table).findings
+        assert found.startswith("The clock is wrong: positions over time stamps are 0.909 times")
+        assert "Multiply the times by 0.909" in found
+
+    def test_is_not_blamed_for_one_joint_whose_unit_or_gear_is_wrong(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 2] *= 1.2
+        (found,) = report_of(tmp_path, table).findings
+        assert found.startswith("b: its position moves 1.200 times as fast as its velocity column")
+
+    @pytest.mark.parametrize("delay_s", [-0.02, 0.02])
+    def test_is_not_blamed_for_a_delayed_noisy_velocity(
+        self, tmp_path: Path, delay_s: float
+    ) -> None:
+        table = sound_table()
+        t = table[:, 0] * 6.0
+        table[:, 1:3] = np.stack([0.1 * np.sin(t), 0.05 * np.cos(t)], axis=1)
+        t -= 6.0 * delay_s
+        table[:, 3:5] = np.stack([0.6 * np.cos(t), -0.3 * np.sin(t)], axis=1)
+        table[:, 3:5] += np.random.default_rng(1).normal(scale=0.02, size=(len(t), 2))
+        assert report_of(tmp_path, table).findings == ()
+
+
+class TestStuck:
+    def test_torque_is_named_with_its_rows(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[100:, 5] = 1.25
+        (found,) = report_of(tmp_path, table).findings
+        assert found.startswith(
+            "a: its torque (column 5) is stuck: it stays 2.5 from row 101 to row 400 while"
+        )
+
+    def test_position_is_refused_by_its_moving_velocity(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 1] = 0.3
+        with pytest.raises(DataQualityError, match=r"position of a .*\(the position is stuck\)"):
+            report_of(tmp_path, table)
+
+    def test_torque_of_a_joint_at_rest_is_not(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, [1, 3]], table[:, 5] = 0.0, 1.0
+        assert report_of(tmp_path, table).findings == ()
+
+
+class TestPositions:
+    def test_in_degrees_are_refused_by_the_limits(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 1:3] *= 180.0 / math.pi
+        import_map = without_velocities(plausible={"position": 100.0, "speed": 400.0})
+        with pytest.raises(
+            DataQualityError, match=r"are probably degrees: put `units: .position: deg.`"
+        ):
+            report_of(tmp_path, table, import_map)
+
+    def test_in_degrees_are_refused_by_the_speed_where_they_are_small(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 1:3] *= 0.03 * 180.0 / math.pi
+        with pytest.raises(DataQualityError, match=r"moves at .* per second.*\(degrees\?\)"):
+            report_of(tmp_path, table, without_velocities(), slow_robot())
+
+    def test_of_the_motors_need_side_motor(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 1:5] *= 100.0
+        import_map = two_joint_map(plausible={"position": 1e3, "speed": 1e3})
+        with pytest.raises(DataQualityError, match="the motors': put `side: motor`"):
+            report_of(tmp_path, table, import_map)
+        with pytest.raises(DataQualityError, match="the motors': put `side: motor`"):
+            report_of(tmp_path, table)  # nearly every row is absurd by the map's own word
+
+    def test_of_another_zero_need_a_zero_offset(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 1] += math.pi
+        with pytest.raises(DataQualityError, match="give a its zero_offset in the map"):
+            report_of(tmp_path, table)
+        joints = [joint.model_dump(exclude_none=True) for joint in two_joint_map().joints]
+        joints[0]["zero_offset"] = math.pi
+        assert report_of(tmp_path, table, two_joint_map(joints=joints)).findings == ()
+
+    def test_a_little_beyond_the_limits_are_a_finding(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 1] += 2.1
+        (found,) = report_of(tmp_path, table).findings
+        assert "a goes from 1.1 to 3.1; the robot file's limits are -3 to 3" in found
+
+
+class TestTorques:
+    def test_beyond_the_robots_limits_are_a_finding(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 6] *= 20.0
+        (found,) = report_of(tmp_path, table).findings
+        assert found.startswith(
+            "b: its torque reaches 79.99, the robot file's limit is 50: its torque"
+        )
+
+    def test_that_cost_more_rows_than_allowed_are_refused_with_the_likely_cause(
+        self, tmp_path: Path
+    ) -> None:
+        table = sound_table()
+        table[:, 6] *= 30.0
+        with pytest.raises(
+            DataQualityError, match=r"torques of b reach 120, .*limit is 50: its to"
+        ):
+            report_of(tmp_path, table)
+
+
+def test_a_static_recording_is_said_to_be_static(tmp_path: Path) -> None:
+    table = sound_table()
+    table[:, 1:3], table[:, 3:5] = 0.3, 0.0
+    report = report_of(tmp_path, table)
+    assert report.static
+    assert report.findings[0].startswith("Static: no joint moves, so that gravity alone shows")
+
+
+def slow_robot() -> RobotDescription:
+    joints = [
+        joint.model_copy(update={"limits": joint.limits.model_copy(update={"velocity": 1.0})})
+        for joint in two_joint_robot().joints
+    ]
+    return two_joint_robot().model_copy(update={"joints": tuple(joints)})

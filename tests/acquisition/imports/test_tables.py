@@ -1,0 +1,84 @@
+"""Import: a rate in place of stamps, and signals that stand in several files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.imports.import_map import ImportMap
+from acquisition.imports.read import import_csv
+from config.errors import ConfigError, DataQualityError
+
+T = 0.01 * np.arange(300)
+POSITION = np.sin(3.0 * T)
+TORQUE = np.cos(5.0 * T)
+
+
+def layout(text: str, torque: int = 2) -> ImportMap:
+    joint = f'"joints": [{{"joint": "a", "position": 1, "torque": {torque}}}]'
+    return ImportMap.model_validate_json(f'{{"name": "m", "robot": "r", {joint}, {text}}}')
+
+
+def save(path: Path, *columns: np.ndarray) -> Path:
+    np.savetxt(path, np.column_stack(columns), fmt="%.12g", delimiter=",")
+    return path
+
+
+def test_rows_of_a_known_rate_need_no_stamps(tmp_path: Path) -> None:
+    path = save(tmp_path / "r.csv", T, POSITION, TORQUE)
+    lines = path.read_text().splitlines()
+    lines[100] = "x"
+    path.write_text("\n".join(["header", *lines]))
+    import_map = layout('"columns": 3, "rate_hz": 200, "header_rows": 1')
+    recording, report = import_csv(path, import_map)
+    assert report.rows_damaged == 1
+    np.testing.assert_allclose(recording.time_s, np.delete(np.arange(300) / 200.0, 100))
+
+
+def test_a_wrong_rate_is_said_by_the_velocities(tmp_path: Path) -> None:
+    velocities = 3.0 * np.cos(3.0 * T), 2.0 * np.cos(2.0 * T)
+    path = save(tmp_path / "r.csv", POSITION, np.sin(2.0 * T), *velocities, TORQUE, -TORQUE)
+    joints = ", ".join(
+        f'{{"joint": "{name}", "position": {n}, "velocity": {n + 2}, "torque": {n + 4}}}'
+        for n, name in enumerate("ab")
+    )
+    values = f'"name": "m", "robot": "r", "columns": 6, "rate_hz": 90, "joints": [{joints}]'
+    _, report = import_csv(path, ImportMap.model_validate_json(f"{{{values}}}"))
+    (found,) = report.findings
+    assert found.startswith("The clock is wrong: positions over rate_hz are 0.900 times")
+
+
+class TestTwoFiles:
+    MAP = '"columns": 2, "time": {"column": 0}, "further_files": [{"columns": 2}]'
+
+    def test_of_the_same_rows_are_one_recording(self, tmp_path: Path) -> None:
+        positions = save(tmp_path / "q.csv", T, POSITION)
+        torques = save(tmp_path / "tau.csv", T, TORQUE)
+        recording, report = import_csv(positions, layout(self.MAP, 3), further=[torques])
+        np.testing.assert_allclose(recording.position[:, 0], POSITION, atol=1e-9)
+        np.testing.assert_allclose(recording.torque_nm[:, 0], TORQUE, atol=1e-9)
+        assert report.findings == ()
+
+    def test_of_other_stamps_meet_at_those_of_the_first(self, tmp_path: Path) -> None:
+        own = np.arange(0.0, 3.0, 0.002)
+        positions = save(tmp_path / "q.csv", T, POSITION)
+        torques = save(tmp_path / "tau.csv", np.cos(5.0 * own), 1e3 * own)
+        torques.write_text(torques.read_text().replace("\n", "\nbroken\n", 1))
+        further = '"further_files": [{"columns": 2, "time": {"column": 1, "unit": "ms"}}]'
+        import_map = layout(f'"columns": 2, "time": {{"column": 0}}, {further}', 2)
+        recording, report = import_csv(positions, import_map, further=[torques])
+        np.testing.assert_allclose(recording.torque_nm[:, 0], TORQUE, atol=1e-4)
+        assert report.findings[0].startswith("tau.csv: 1 of 1501 rows cannot be read")
+
+    def test_that_do_not_overlap_are_refused(self, tmp_path: Path) -> None:
+        positions = save(tmp_path / "q.csv", T, POSITION)
+        torques = save(tmp_path / "tau.csv", T + 1.5, TORQUE)
+        with pytest.raises(DataQualityError, match=r"150 without a row in tau\.csv at its time"):
+            import_csv(positions, layout(self.MAP, 3), further=[torques])
+
+    def test_must_both_be_named(self, tmp_path: Path) -> None:
+        positions = save(tmp_path / "q.csv", T, POSITION)
+        with pytest.raises(ConfigError, match="reads 2 files, 1 are given"):
+            import_csv(positions, layout(self.MAP, 3))

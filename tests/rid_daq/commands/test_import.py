@@ -1,0 +1,155 @@
+"""`rid-daq import`: mistakes with somebody else's recording, made through the command."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from config.load import to_yaml
+from rid_daq.app import run
+from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
+
+Change = Callable[[np.ndarray], Any]
+
+
+@pytest.fixture
+def bring(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., SimpleNamespace]:
+    """Import a table that was changed, by a map that was changed."""
+
+    def bring_it(change: Change, *options: str, **map_keys: Any) -> SimpleNamespace:
+        table = sound_table(800)
+        change(table)
+        (tmp_path / "rec.csv").write_text("\n".join(as_lines(table)))
+        (tmp_path / "robot.yaml").write_text(to_yaml(two_joint_robot()))
+        (tmp_path / "map.yaml").write_text(to_yaml(two_joint_map(robot="robot.yaml", **map_keys)))
+        words = ["import", str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
+        capsys.readouterr()
+        code = run([*words, "--runs", str(tmp_path / "runs"), "--json", *options])
+        out, err = capsys.readouterr()
+        return SimpleNamespace(code=code, said=err, **(json.loads(out) if out else {}))
+
+    return bring_it
+
+
+def nothing(table: np.ndarray) -> None:
+    pass
+
+
+def doubled(every: int) -> Change:
+    def change(table: np.ndarray) -> None:
+        table[1::every, 0] = table[:-1:every, 0]
+
+    return change
+
+
+def times(column: slice | int, factor: float) -> Change:
+    def change(table: np.ndarray) -> None:
+        table[:, column] *= factor
+
+    return change
+
+
+def stuck(table: np.ndarray) -> None:
+    table[300:, 6] = 1.5
+
+
+def turned_by_half(table: np.ndarray) -> None:
+    table[:, 2] += math.pi
+
+
+@pytest.mark.parametrize(
+    ("mistake", "change", "said"),
+    [
+        ("stamps doubled", doubled(10), r"80 with a doubled time stamp.*coarser than the rows"),
+        ("degrees", times(slice(1, 5), 57.3), r"are probably degrees: put `units: \{position: deg"),
+        ("motor side", times(slice(1, 5), 100.0), r"the motors': put `side: motor`"),
+        ("zero elsewhere", turned_by_half, r"give b its zero_offset in the map"),
+        ("torque constant", times(6, 60.0), r"torques of b reach 240, the robot file's limit is"),
+    ],
+)  # fmt: skip
+def test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause(
+    bring: Callable[..., SimpleNamespace], mistake: str, change: Change, said: str, tmp_path: Path
+) -> None:
+    plausible = {"position": 10.0, "speed": 500.0, "torque": 200.0}
+    imported = bring(change, plausible=plausible)
+    assert imported.code == 6
+    assert re.search(said, imported.said, re.DOTALL)
+    assert not (tmp_path / "runs").exists()  # nothing that could be used by mistake
+
+
+@pytest.mark.parametrize(
+    ("mistake", "change", "said"),
+    [
+        ("clock", times(0, 1.1), "The clock is wrong: positions over time stamps are 0.909 times"),
+        ("one gear", times(1, 1.25), "a: its position moves 1.250 times as fast as its velocity"),
+        ("stuck", stuck, "b: its torque (column 6) is stuck: it stays 1.5 from row 301 to row 800"),
+    ],
+)  # fmt: skip
+def test_a_mistake_that_only_the_engineer_can_judge_is_a_finding_and_stands_in_the_report(
+    bring: Callable[..., SimpleNamespace], mistake: str, change: Change, said: str
+) -> None:
+    imported = bring(change)
+    assert imported.code == 0
+    (finding,) = imported.findings
+    assert finding.startswith(said)
+    page = Path(imported.report).read_text()
+    assert said.replace("'", "&#39;") in page
+
+
+def test_what_is_left_out_is_counted_by_reason_and_may_be_more_where_the_map_says_so(
+    bring: Callable[..., SimpleNamespace],
+) -> None:
+    imported = bring(doubled(10), left_out_limit=0.1)
+    assert imported.code == 0
+    assert imported.left_out == {"with a doubled time stamp": 80}
+    assert "80 with a doubled time stamp" in Path(imported.report).read_text()
+
+
+def test_several_ranges_of_rows_are_several_runs(bring: Callable[..., SimpleNamespace]) -> None:
+    both = bring(nothing, "--rows", "1-400", "--rows", "401-", "--label", "a", "--label", "b")
+    assert [each["rows_used"] for each in both.runs] == [400, 400]
+    uneven = bring(nothing, "--rows", "1-400", "--rows", "401-", "--label", "a")
+    assert uneven.code == 2
+    assert "1 labels for 2 runs" in uneven.said
+
+
+def test_two_files_are_kept_and_read_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = sound_table(400)
+    joints = [
+        {"joint": "a", "position": 1, "torque": 4},
+        {"joint": "b", "position": 2, "torque": 5},
+    ]
+    np.savetxt(tmp_path / "q.csv", table[:, :3], delimiter=",")
+    np.savetxt(tmp_path / "tau.csv", table[:, [0, 5, 6]], delimiter=",")
+    (tmp_path / "robot.yaml").write_text(to_yaml(two_joint_robot()))
+    changes = {"columns": 3, "further_files": [{"columns": 3}], "joints": joints}
+    (tmp_path / "map.yaml").write_text(to_yaml(two_joint_map(robot="robot.yaml", **changes)))
+    runs = ["--runs", str(tmp_path / "runs")]
+    words = ["import", str(tmp_path / "q.csv"), str(tmp_path / "tau.csv")]
+    assert run([*words, "--map", str(tmp_path / "map.yaml"), *runs]) == 0
+    assert run(["identify", "latest", *runs]) == 0
+    capsys.readouterr()
+
+
+@pytest.mark.slow
+def test_a_bag_becomes_a_validated_model_by_three_commands(
+    real_robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = real_robot.parent / "ur10" / "ur10_exciting_trajectory.db3"
+    runs, model = ["--runs", str(tmp_path / "runs")], str(tmp_path / "model.json")
+    halves = ["--rows", "1-1720", "--label", "first", "--rows", "1721-3441", "--label", "second"]
+    assert run(["import", str(bag), "--map", "ur10_ros", *halves, *runs]) == 0
+    assert "no damaged rows" in capsys.readouterr().out
+    assert run(["identify", "first", "-o", model, *runs]) == 0
+    limits = ["--limits", "18,5,6,13,11,15"]
+    assert run(["validate", model, "second", *limits, *runs]) == 0
