@@ -151,6 +151,11 @@ class RobotModel:
         """The ranges that they must stay in, (nonlinear parameters, 2)."""
         return np.array([(p.low, p.high) for p in self._nonlinear]).reshape(-1, 2)
 
+    @property
+    def nonlinear_at_bound(self) -> tuple[str, ...]:
+        """Those of `nonlinear_names` whose values are at an end of their range."""
+        return tuple(p.name for p in self._nonlinear if not p.low < p.value < p.high)
+
     def with_nonlinear(self, values: npt.ArrayLike) -> RobotModel:
         """Return the same model with other values of `nonlinear_names`.
 

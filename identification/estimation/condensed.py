@@ -62,6 +62,11 @@ class CondensedFit:
     fit: SmoothedFit
 
     @property
+    def values(self) -> FloatArray:
+        """The base parameters, shape (b,)."""
+        return self.fit.solution.values[: len(self.base)]
+
+    @property
     def parameters(self) -> int:
         """Linear and nonlinear parameters."""
         return len(self.base) + len(self.model.nonlinear_names)
@@ -224,7 +229,7 @@ class CondensedProblem:
         rows = data.rows[own]
         squares = np.empty(rows.shape)
         for j, factors in enumerate(data.factors):
-            values = self._combination(j, fit)[:, : len(self.base)] @ self._values(fit)
+            values = self._combination(j, fit)[:, : len(self.base)] @ fit.values
             error = factors[own] @ np.append(values, -1.0)
             squares[:, j] = np.sum(error**2, axis=1)
         return np.where(rows > 0.0, squares / np.maximum(rows, 1.0), np.nan)
@@ -246,9 +251,6 @@ class CondensedProblem:
             ]
             matrix = np.vstack(rows)
             yield Cluster.of(matrix[:, :-1], matrix[:, -1] - matrix[:, :-1] @ values)
-
-    def _values(self, fit: CondensedFit) -> FloatArray:
-        return fit.fit.solution.values[: len(self.base)]
 
     def _combination(self, joint: int, fit: CondensedFit) -> FloatArray:
         return self.columns.combination(joint, fit.model, fit.standard)

@@ -5,6 +5,8 @@ predicted by an estimate from all others. A joint gets the simplest terms whose 
 within one standard error of the best terms' (the one-standard-error rule: Breiman and others 1984),
 the standard error being that of the difference, second by second. Friction acts on its own joint,
 so joints choose one by one: first all with the same terms, then each with fewer beside the others.
+What they choose together is not taken if the same terms on all joints are better. A term is not
+taken if the data do not tell its nonlinear parameters from zero, or leave them at their bounds.
 Information criteria stand beside it: AIC (Akaike 1974) and BIC (Schwarz 1978), with as many
 independent values as the band holds.
 """
@@ -12,7 +14,7 @@ independent values as the band holds.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -23,15 +25,20 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import FrictionTerm, RobotDescription
 from identification.equations.segments import cut, thinned
-from identification.estimation.condensed import CondensedRecordings
 from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
 from identification.model.options import ModelOptions
+from identification.validation.friction_trials import (
+    CondensedTrials,
+    Terms,
+    Trial,
+    Trials,
+    with_friction,
+)
 
 FOLDS: Final = 6
-NONLINEAR: Final[tuple[FrictionTerm, ...]] = ("load", "stribeck")
 
-CLASSICAL: Final[tuple[FrictionTerm, ...]] = ("coulomb", "viscous")
-FRICTION_CANDIDATES: Final[tuple[tuple[FrictionTerm, ...], ...]] = (
+CLASSICAL: Final[Terms] = ("coulomb", "viscous")
+FRICTION_CANDIDATES: Final[tuple[Terms, ...]] = (
     CLASSICAL,
     (*CLASSICAL, "offset"),
     (*CLASSICAL, "offset", "cubic"),
@@ -47,32 +54,6 @@ FRICTION_CANDIDATES: Final[tuple[tuple[FrictionTerm, ...], ...]] = (
 
 Watch = Callable[[int, int, str], None]
 """Told how many of how many candidates are done, and which is next."""
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One candidate, judged on data that it has not seen.
-
-    Attributes
-    ----------
-    terms : tuple of str
-        The friction terms of every joint; empty for the model put together joint by joint.
-    error_nm : ndarray, shape (n,)
-        RMS error of each joint on moving samples of the parts left out [N m or N].
-    event_errors : ndarray, shape (events, n)
-        Mean squared error of each second; NaN where the joint did not move.
-    parameters : int
-        Linear and nonlinear parameters.
-    aic, bic : float
-        Information criteria of the fit to all data; the smaller the better.
-    """
-
-    terms: tuple[FrictionTerm, ...]
-    error_nm: FloatArray
-    event_errors: FloatArray
-    parameters: int
-    aic: float
-    bic: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +74,7 @@ class Comparison:
 
     joint_names: tuple[str, ...]
     trials: tuple[Trial, ...]
-    chosen: tuple[tuple[FrictionTerm, ...], ...]
+    chosen: tuple[Terms, ...]
     combined: Trial
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
@@ -106,7 +87,7 @@ def choose_friction(
     signals: Sequence[SmoothedSignals],
     *,
     options: ModelOptions | None = None,
-    candidates: Sequence[tuple[FrictionTerm, ...]] = FRICTION_CANDIDATES,
+    candidates: Sequence[Terms] = FRICTION_CANDIDATES,
     standstill_rad_s: float = STANDSTILL_RAD_S,
     folds: int = FOLDS,
     watch: Watch | None = None,
@@ -133,100 +114,95 @@ def choose_friction(
     Raises
     ------
     EstimationError
-        The recordings are too short, or do not show the simplest model.
+        The recordings are too short, or do not show the models.
     """
     options = replace(options or ModelOptions(), friction_terms=None, nonlinear=None)
-    parts = [part for run in signals for part in cut(thinned(run), max(1, folds // len(signals)))]
+    parts = [p for run in signals for p in cut(thinned(run), max(1, folds // len(signals)))]
     if len(parts) < 2 or not candidates:
         raise EstimationError("a comparison needs two parts of recordings, and candidates")
-    everything: tuple[FrictionTerm, ...] = tuple(
-        dict.fromkeys(term for terms in candidates for term in terms)
-    )
-    linear = max(candidates, key=lambda terms: len(_linear(terms)))
-    data = CondensedRecordings.of(
-        with_friction(robot, [everything] * len(robot.joints)),
-        with_friction(robot, [_linear(linear)] * len(robot.joints)),
-        parts,
-        EstimationOptions(model=options, standstill_rad_s=standstill_rad_s),
-    )
-    trials: list[Trial] = []
+    how = EstimationOptions(model=options, standstill_rad_s=standstill_rad_s)
+    trials = CondensedTrials.begin(robot, parts, candidates, how)
+    return select(robot.joint_names, candidates, trials, watch)
+
+
+def select(
+    joint_names: tuple[str, ...],
+    candidates: Sequence[Terms],
+    trials: Trials,
+    watch: Watch | None = None,
+) -> Comparison:
+    """Choose each joint's terms by trials.
+
+    Parameters
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    candidates : sequence of tuple of str
+        Terms to compare, from the simplest to the richest.
+    trials : Trials
+        What judges them.
+    watch : callable, optional
+        Told of the progress.
+    """
+    joints, total = range(len(joint_names)), len(candidates) + 1
+    rows: list[Trial] = []
     for number, terms in enumerate(candidates):
         if watch is not None:
-            watch(number, len(candidates) + 1, ", ".join(terms))
-        alike = with_friction(robot, [terms] * len(robot.joints))
-        trials.append(_trial(data, parts, alike, terms))
-    best = [_simplest(trials, j) for j in range(len(robot.joints))]
-    chosen = [candidates[number] for number in best]
+            watch(number, total, ", ".join(terms))
+        rows.append(trials.of([terms] * len(joints), terms))
+
+    def lightened(chosen: list[Terms], some: Iterable[int]) -> tuple[list[Terms], Trial]:
+        """Return terms of which some joints have no more than they need beside the others'."""
+        combined = trials.of(chosen)
+        for j in some:
+            for fewer in (c for c in candidates if set(c) < set(chosen[j])):
+                if watch is not None:
+                    watch(len(rows), total, f"{joint_names[j]} with {', '.join(fewer)}")
+                tried = [*chosen[:j], fewer, *chosen[j + 1 :]]
+                trial = trials.of(tried)
+                if _simplest((trial, combined), j) == 0:
+                    chosen, combined = tried, trial
+                    break
+        return chosen, combined
+
     # What one joint lacks bends the others' errors while all have the same terms. With each at its
     # own, a joint may turn out to need less.
-    combined = _trial(data, parts, with_friction(robot, chosen), ())
-    for j, terms in enumerate(chosen):
-        for fewer in (c for c in candidates if set(c) < set(terms)):
-            if watch is not None:
-                name = robot.joint_names[j]
-                watch(len(candidates), len(candidates) + 1, f"{name} with {', '.join(fewer)}")
-            tried = [*chosen[:j], fewer, *chosen[j + 1 :]]
-            trial = _trial(data, parts, with_friction(robot, tried), ())
-            if _simplest((trial, combined), j) == 0:
-                chosen, combined = tried, trial
-                break
-    return Comparison(
-        joint_names=robot.joint_names,
-        trials=tuple(trials),
-        chosen=tuple(chosen),
-        combined=combined,
-    )
-
-
-def _linear(terms: tuple[FrictionTerm, ...]) -> tuple[FrictionTerm, ...]:
-    return tuple(term for term in terms if term not in NONLINEAR)
-
-
-def with_friction(
-    robot: RobotDescription, terms: Sequence[tuple[FrictionTerm, ...]]
-) -> RobotDescription:
-    """Return a robot whose joints have these friction terms, one tuple a joint."""
-    joints = (
-        joint.model_copy(
-            update={"friction": own, "efficiency": None if "load" in own else joint.efficiency}
-        )
-        for joint, own in zip(robot.joints, terms, strict=True)
-    )
-    return robot.model_copy(update={"joints": tuple(joints)})
-
-
-def _trial(
-    data: CondensedRecordings,
-    parts: Sequence[SmoothedSignals],
-    robot: RobotDescription,
-    terms: tuple[FrictionTerm, ...],
-) -> Trial:
-    problem = data.problem(robot)
-    whole = problem.fit()
-    # Each fold starts from the nonlinear parameters of all data, and finds its own.
-    errors = np.concatenate(
-        [
-            problem.mean_squares(problem.fit(whole.model, left_out=part), part)
-            for part in range(len(parts))
-        ]
-    )
-    duration_s = sum(len(part) * part.sample_period_s for part in parts)
-    moving = whole.fit.rows_used / sum(len(part) for part in parts)
-    values = 2.0 * parts[0].cutoff_hz * duration_s * moving
-    fit = float(np.sum(values * np.log(whole.fit.residual_nm**2)))
-    return Trial(
-        terms=terms,
-        error_nm=np.sqrt(np.nanmean(errors, axis=0)),
-        event_errors=errors,
-        parameters=whole.parameters,
-        aic=fit + 2.0 * whole.parameters,
-        bic=fit + math.log(float(values.sum())) * whole.parameters,
-    )
+    chosen, combined = lightened([candidates[_simplest(rows, j)] for j in joints], joints)
+    better = _better(rows, combined)
+    if better is not None:
+        chosen, combined = [better.terms] * len(joints), replace(better, terms=())
+    refused: list[set[FrictionTerm]] = [set() for _ in joints]
+    while any(doubtful := trials.doubtful(chosen)):
+        for j in (j for j in joints if doubtful[j]):
+            refused[j].update(doubtful[j])
+            left = [row for row in rows if not refused[j] & set(row.terms)] or rows[:1]
+            chosen[j] = left[_simplest(left, j)].terms
+        chosen, combined = lightened(chosen, [j for j in joints if doubtful[j]])
+    return Comparison(joint_names, tuple(rows), tuple(chosen), combined)
 
 
 def _simplest(trials: Sequence[Trial], joint: int) -> int:
     """Return the first trial whose error on a joint is within one standard error of the best."""
-    errors = np.array([trial.event_errors[:, joint] for trial in trials])
+    return _first_good(np.array([trial.event_errors[:, joint] for trial in trials]))
+
+
+def _better(rows: Sequence[Trial], combined: Trial) -> Trial | None:
+    """Return the first row that is better than the combined model, all joints together, if any is.
+
+    Better is by more than one standard error; each joint's errors count in units of their mean.
+    """
+    rivals = [combined, *rows]
+    unit = np.nanmean(combined.event_errors, axis=0)
+    errors = np.array([np.nansum(trial.event_errors / unit, axis=1) for trial in rivals])
+    first = _first_good(errors)
+    return None if first == 0 else rivals[first]
+
+
+def _first_good(errors: FloatArray) -> int:
+    """Return the first of errors (trials, events) whose mean is within one standard error of best.
+
+    The standard error is that of the difference. Events with NaN are left out.
+    """
     errors = errors[:, ~np.isnan(errors).any(axis=0)]
     if errors.shape[1] < 2:
         return 0

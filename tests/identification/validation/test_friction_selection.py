@@ -1,37 +1,39 @@
 """Choosing friction terms by cross-validation, on arms whose friction is known.
 
-`exhaustive` fits every candidate from the rows, as the first version did: the slow reference.
+`ExhaustiveTrials` fits every candidate from the rows, as the first version did: the slow reference.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
 from acquisition.processing.smoothing import SmoothedSignals
-from config.arrays import FloatArray
+from benchmarks.choose import ExhaustiveTrials
 from config.errors import EstimationError
 from config.load import load_robot
-from config.robot.robot import FrictionTerm, RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from identification.equations.segments import cut
-from identification.estimation.estimate import predict
-from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
-from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
+from identification.estimation.options import EstimationOptions
 from identification.validation.friction_selection import (
     CLASSICAL,
     Comparison,
     choose_friction,
+    select,
+)
+from identification.validation.friction_trials import (
+    CondensedTrials,
+    Terms,
+    Trial,
     with_friction,
 )
 
-Term = tuple[FrictionTerm, ...]
-Terms = tuple[Term, ...]
+Joints = tuple[Terms, ...]
 
-TRUTH: Terms = (CLASSICAL, (*CLASSICAL, "offset", "cubic"), (*CLASSICAL, "offset", "cube_root"))
+TRUTH: Joints = (CLASSICAL, (*CLASSICAL, "offset", "cubic"), (*CLASSICAL, "offset", "cube_root"))
 CANDIDATES = (
     CLASSICAL,
     (*CLASSICAL, "offset"),
@@ -42,7 +44,7 @@ CANDIDATES = (
 
 
 def recording(
-    terms: Terms, samples: int, noise_nm: float = 1.0, nonlinear: tuple[float, ...] = ()
+    terms: Joints, samples: int, noise_nm: float = 1.0, nonlinear: tuple[float, ...] = ()
 ) -> SmoothedSignals:
     """Return a motion of the bundled arm with these terms of friction."""
     robot = with_friction(load_robot("ir361"), terms)
@@ -68,23 +70,6 @@ def recording(
         sample_period_s=0.01,
         cutoff_hz=10.0,
     )
-
-
-def exhaustive(
-    robot: RobotDescription, parts: Sequence[SmoothedSignals]
-) -> tuple[FittedSignals, FloatArray]:
-    """Return the fit to all parts, and the mean squared error of each second left out."""
-    whole = fit_smoothed(robot, parts)
-    started = EstimationOptions(model=whole.options)
-    found = []
-    for part in parts:
-        fit = fit_smoothed(robot, [other for other in parts if other is not part], started)
-        predicted = predict(fit, part.position, part.velocity, part.acceleration)
-        moving = np.abs(part.velocity) >= STANDSTILL_RAD_S
-        error = np.where(moving, (part.torque_nm - predicted) ** 2, np.nan)
-        second = np.floor(part.time_s - part.time_s[0])
-        found += [np.nanmean(error[second == k], axis=0) for k in np.unique(second)]
-    return whole, np.array(found)
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +113,7 @@ def test_the_watcher_hears_of_every_model(signals: SmoothedSignals) -> None:
     assert set(heard[2:]) <= {(2, 3)}
 
 
-HARD: Terms = (
+HARD: Joints = (
     (*CLASSICAL, "offset"),
     (*CLASSICAL, "offset", "load"),
     (*CLASSICAL, "offset", "stribeck"),
@@ -136,21 +121,82 @@ HARD: Terms = (
 
 
 @pytest.mark.parametrize("terms", [(*CLASSICAL, "offset", "cubic"), *HARD])
-def test_a_trial_is_what_fitting_every_part_from_the_rows_gives(terms: Term) -> None:
-    hard = recording(HARD, 2400, 0.2, (0.1, 0.08))
-    robot = load_robot("ir361")
-    trial = choose_friction(robot, [hard], candidates=[CLASSICAL, terms], folds=3).trials[1]
-    whole, errors = exhaustive(with_friction(robot, [terms] * 3), cut(hard, 3))
-    assert trial.parameters == len(whole.base) + len(whole.options.nonlinear or ())
+def test_a_trial_is_what_fitting_every_part_from_the_rows_gives(terms: Terms) -> None:
+    robot, parts = load_robot("ir361"), tuple(cut(recording(HARD, 2400, 0.2, (0.1, 0.08)), 3))
+    trial = CondensedTrials.begin(robot, parts, [CLASSICAL, terms], EstimationOptions())
+    fast, slow = (each.of([terms] * 3) for each in (trial, ExhaustiveTrials(robot, parts)))
+    assert fast.parameters == slow.parameters
     # Which way a gear is loaded is known by the estimate itself there, by another here.
     known = 2e-2 if "load" in terms else 1e-4 if "stribeck" in terms else 1e-9
-    np.testing.assert_allclose(trial.event_errors, errors, rtol=known)
+    np.testing.assert_allclose(fast.event_errors, slow.event_errors, rtol=known)
 
 
 def test_joints_choose_nonlinear_terms_too() -> None:
     hard = recording(HARD, 6000, 0.2, (0.1, 0.08))
     found = choose_friction(load_robot("ir361"), [hard], candidates=[CLASSICAL, *HARD], folds=3)
     assert found.chosen == HARD
+
+
+def test_both_ways_doubt_the_same_terms() -> None:
+    # Load-dependent friction that is none: positive on joint 1, none on joint 2, below zero on 3.
+    loaded: Joints = ((*CLASSICAL, "load"),) * 3
+    parts = tuple(cut(recording(loaded, 2400, 0.2, (0.1, 0.0, -0.05)), 3))
+    robot = load_robot("ir361")
+    trials = CondensedTrials.begin(robot, parts, [CLASSICAL, loaded[0]], EstimationOptions())
+    expected = ((), ("load",), ("load",))
+    assert trials.doubtful(loaded) == ExhaustiveTrials(robot, parts).doubtful(loaded) == expected
+
+
+@dataclass
+class Table:
+    """Trials of two joints whose errors are known, and what is doubtful in them."""
+
+    errors: dict[Joints, tuple[float, float]]
+    doubted: dict[Joints, Joints] = field(default_factory=dict)
+
+    def of(self, friction: Sequence[Terms], name: Terms = ()) -> Trial:
+        mean = np.array(self.errors[tuple(friction)])
+        events = mean * np.array([[0.98], [1.0], [1.02]])
+        return Trial(name, np.sqrt(mean), events, len(friction), 0.0, 0.0)
+
+    def doubtful(self, friction: Sequence[Terms]) -> tuple[Terms, ...]:
+        return self.doubted.get(tuple(friction), ((), ()))
+
+
+LOAD: Terms = (*CLASSICAL, "load")
+ALONE: dict[Joints, tuple[float, float]] = {
+    (CLASSICAL, CLASSICAL): (1.0, 1.0),
+    (CLASSICAL, LOAD): (1.0, 0.1),
+    (LOAD, CLASSICAL): (0.1, 1.0),
+    (LOAD, LOAD): (0.1, 0.1),
+}
+"""Errors of each joint with one's terms not bending the other's."""
+
+
+def test_what_joints_choose_one_by_one_is_not_taken_if_a_row_of_the_table_is_better() -> None:
+    errors = ALONE | {(LOAD, LOAD): (0.1, 0.999), (LOAD, CLASSICAL): (3.0, 3.0)}
+    found = select(("a", "b"), [CLASSICAL, LOAD], Table(errors))
+    assert found.chosen == (LOAD, LOAD)
+    assert found.combined.terms == ()
+    np.testing.assert_allclose(found.combined.error_nm**2, errors[LOAD, LOAD])
+
+
+def test_a_term_that_is_not_told_from_zero_is_not_taken() -> None:
+    table = Table(ALONE, {(LOAD, LOAD): ((), ("load",))})
+    found = select(("a", "b"), [CLASSICAL, LOAD], table)
+    assert found.chosen == (LOAD, CLASSICAL)
+    np.testing.assert_allclose(found.combined.error_nm**2, ALONE[LOAD, CLASSICAL])
+
+
+def test_in_place_of_a_refused_term_a_joint_takes_the_simplest_good_one_without_it() -> None:
+    cubic, rich = (*CLASSICAL, "cubic"), (*CLASSICAL, "cubic", "cube_root")
+    good = {CLASSICAL: 1.0, LOAD: 0.1, cubic: 0.1, rich: 0.1}
+    errors: dict[Joints, tuple[float, float]] = {
+        (a, b): (good[a], good[b]) for a in good for b in good
+    }
+    table = Table(errors, {(LOAD, LOAD): (("load",), ())})
+    found = select(("a", "b"), [CLASSICAL, LOAD, cubic, rich], table)
+    assert found.chosen == (cubic, LOAD)
 
 
 def test_nothing_to_leave_out_is_told(signals: SmoothedSignals) -> None:

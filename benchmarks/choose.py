@@ -1,0 +1,209 @@
+"""Choice of friction terms: 45,000 samples of a six-axis arm at 5 kHz, every candidate.
+
+`python -m benchmarks.choose [--quick]`. Timed is everything between arrays of q, v, a, tau and a
+`Comparison`, against a single plain fit of the same arrays in the same run, with its intervals. The
+exhaustive way fits every candidate, with and without each part, from the rows; it chooses too,
+from thinned rows, and must choose the same. `--quick` leaves that out.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the program sets it
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from config.arrays import FloatArray
+from config.load import load_robot
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel, torque
+from identification.equations.segments import cut, thinned
+from identification.estimation.estimate import predict
+from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
+from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
+from identification.validation.friction_selection import (
+    CLASSICAL,
+    FOLDS,
+    FRICTION_CANDIDATES,
+    choose_friction,
+    select,
+)
+from identification.validation.friction_trials import (
+    DISTINCT_SIGMAS,
+    Terms,
+    Trial,
+    doubtful_terms,
+    with_friction,
+)
+
+SAMPLES = 45_000
+STEP_S = 0.0002
+CUTOFF_HZ = 30.0
+PERIOD_S = 3.0
+BAR = 15.0
+TRUTH: tuple[Terms, ...] = (
+    (*CLASSICAL, "offset", "cube_root"),
+    (*CLASSICAL, "offset", "cubic", "load"),
+    (*CLASSICAL, "offset", "load"),
+    CLASSICAL,
+    (*CLASSICAL, "offset", "stribeck"),
+    (*CLASSICAL, "offset", "cubic"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ExhaustiveTrials:
+    """Trials that fit every model from the rows, as the first version did.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot; its own friction terms do not count.
+    parts : tuple of SmoothedSignals
+        Contiguous parts, left out one after the other.
+    """
+
+    robot: RobotDescription
+    parts: tuple[SmoothedSignals, ...]
+
+    def of(self, friction: Sequence[Terms], name: Terms = ()) -> Trial:
+        """Return the trial of a robot with these terms, without criteria."""
+        robot = with_friction(self.robot, friction)
+        whole = fit_smoothed(robot, self.parts)
+        started = EstimationOptions(model=whole.options)
+        errors: list[FloatArray] = []
+        for part in self.parts:
+            others = [other for other in self.parts if other is not part]
+            errors.extend(squares(fit_smoothed(robot, others, started), part))
+        return Trial(
+            terms=name,
+            error_nm=np.sqrt(np.nanmean(errors, axis=0)),
+            event_errors=np.array(errors),
+            parameters=len(whole.base) + len(whole.model.nonlinear_names),
+            aic=np.nan,
+            bic=np.nan,
+        )
+
+    def doubtful(self, friction: Sequence[Terms]) -> tuple[Terms, ...]:
+        """Return each joint's terms that the data do not tell from nothing."""
+        estimate = estimate_smoothed(with_friction(self.robot, friction), self.parts)
+        model = estimate.model
+        names = (*estimate.base.names, *model.nonlinear_names)
+        values = np.append(estimate.values, model.nonlinear_values)
+        sigmas = np.append(estimate.sigma, estimate.nonlinear_sigma)
+        small = np.flatnonzero(np.abs(values) < DISTINCT_SIGMAS * sigmas)
+        names_of_small = {names[i] for i in small} | set(model.nonlinear_at_bound)
+        return doubtful_terms(self.robot, friction, names_of_small)
+
+
+def squares(fit: FittedSignals, part: SmoothedSignals) -> list[FloatArray]:
+    """Return the mean squared error of each second, (n,); NaN where a joint stands still."""
+    predicted = predict(fit, part.position, part.velocity, part.acceleration)
+    moving = np.abs(fit.model.actuator_speed(part.velocity)) >= STANDSTILL_RAD_S
+    error = np.where(moving, (part.torque_nm - predicted) ** 2, 0.0)
+    second = np.floor(part.time_s - part.time_s[0])
+    found = []
+    for number in np.unique(second):
+        rows = second == number
+        counted = moving[rows].sum(axis=0)
+        mean = error[rows].sum(axis=0) / np.maximum(counted, 1)
+        found.append(np.where(counted > 0, mean, np.nan))
+    return found
+
+
+def recording(samples: int) -> SmoothedSignals:
+    """Return a Fourier motion of an arm with these terms of friction, and torques with noise."""
+    robot = with_friction(load_robot("ur10e"), TRUTH)
+    random = np.random.default_rng(3)
+    time_s: FloatArray = np.arange(samples, dtype=np.float64) * STEP_S
+    omega = 2.0 * np.pi / PERIOD_S * np.arange(1, 9)
+    sine, cosine = 0.15 * random.normal(size=(2, 8, 6))
+    s, c = np.sin(np.outer(time_s, omega)), np.cos(np.outer(time_s, omega))
+    q = s @ sine + c @ cosine
+    v = (c * omega) @ sine - (s * omega) @ cosine
+    a = -(s * omega**2) @ sine - (c * omega**2) @ cosine
+    model = RobotModel.from_description(robot)
+    start = model.nonlinear_values
+    start[:] = [0.1 if name.startswith("vs") else 0.08 for name in model.nonlinear_names]
+    model = model.with_nonlinear(start)
+    values = random.uniform(0.5, 2.0, len(model.parameter_names))
+    values[model.parameter_groups["friction"]] *= 10.0
+    noise = low_pass(20.0 * random.normal(size=q.shape), STEP_S, CUTOFF_HZ)
+    return SmoothedSignals(
+        joint_names=robot.joint_names,
+        time_s=time_s,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        torque_nm=torque(model, q, v, a, values) + noise,
+        segment=np.zeros(samples, dtype=np.int64),
+        sample_period_s=STEP_S,
+        cutoff_hz=CUTOFF_HZ,
+    )
+
+
+def seconds(work: Callable[[], object], rounds: int) -> float:
+    """Return the least processor time of some rounds [s]; the first compiles and is not counted."""
+    work()
+    times = []
+    for _ in range(rounds):
+        began_s = time.process_time()
+        work()
+        times.append(time.process_time() - began_s)
+    return min(times)
+
+
+def main() -> int:
+    """Measure and print; the last line is one JSON object."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.choose")
+    parser.add_argument("--quick", action="store_true", help="without the exhaustive way")
+    options = parser.parse_args()
+    robot, signals = load_robot("ur10e"), recording(SAMPLES)
+    plain_s = seconds(lambda: estimate_smoothed(robot, [signals]), 3)
+    print(f"one plain fit of {SAMPLES} samples: {plain_s:.2f} s")
+    choose_s = seconds(lambda: choose_friction(robot, [signals]), 2)
+    found = choose_friction(robot, [signals])
+    ratio = choose_s / plain_s
+    print(
+        f"{len(FRICTION_CANDIDATES)} candidates, joint by joint: {choose_s:.2f} s, {ratio:.1f} fits"
+    )
+    for name, terms in zip(robot.joint_names, found.chosen, strict=True):
+        print(f"{name}: {', '.join(terms)}")
+    ratios = {"plain fits": round(ratio, 1)}
+    holds = ratio <= BAR
+    if not options.quick:
+        trials = ExhaustiveTrials(robot, tuple(cut(thinned(signals), FOLDS)))
+        began_s = time.process_time()
+        same = select(robot.joint_names, FRICTION_CANDIDATES, trials).chosen == found.chosen
+        spent_s = time.process_time() - began_s
+        ratios["exhaustive way on thinned rows"] = round(spent_s / choose_s, 1)
+        words = "the same" if same else "other"
+        print(f"the exhaustive way on thinned rows: {spent_s:.1f} s, {words} terms")
+        holds &= same
+    print(
+        json.dumps(
+            {
+                "name": "choose",
+                "value": round(choose_s, 2),
+                "unit": "s",
+                "ratios": ratios,
+                "bar": f"at most {BAR:g} plain fits, and the terms that the exhaustive way chooses",
+                "holds": bool(holds),
+            }
+        )
+    )
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
