@@ -25,6 +25,7 @@ STANDSTILL_SPEED = 0.02
 COMPARED_OVER_S = 0.1
 RATIO_TOLERANCE = 0.03
 ALIKE = 0.015
+STUCK = 1e-4
 STUCK_ROWS = 100
 STUCK_SHARE = 0.2
 _FACTORS = (
@@ -32,8 +33,8 @@ _FACTORS = (
     (180.0 / math.pi, "radians are read as degrees"),
     (2.0 * math.pi, "radians are read as turns"),
     (0.5 / math.pi, "turns are read as radians"),
-    (1e-3, "of two columns one is in thousandths"),
-    (1e3, "of two columns one is in thousandths"),
+    (1e-3, "the unit of time, or of one of the two columns, is wrong by a thousand"),
+    (1e3, "the unit of time, or of one of the two columns, is wrong by a thousand"),
 )
 
 
@@ -150,9 +151,9 @@ def _velocity_ratios(rows: ImportRows, import_map: ImportMap) -> list[float | No
 
 def _likely(moved: float, said: float) -> str:
     """Say what makes positions and velocities contradict each other, where that is plain."""
-    if moved < 0.01 * said and moved < STANDSTILL:
+    if moved < STUCK * said:
         return " (the position is stuck)"
-    if said < 0.01 * moved and said < STANDSTILL:
+    if said < STUCK * moved:
         return " (the velocity is stuck)"
     close = [words for factor, words in _FACTORS if abs(said / moved / factor - 1.0) < 0.05]
     return f" ({close[0]})" if close else ""

@@ -93,7 +93,7 @@ def import_csv(
         cause = cause_of_loss(read, damaged, columns, import_map, robot)
         raise DataQualityError(
             f"{file.name}: only {used} of {table.rows_read} rows are sound by map"
-            f" {import_map.name!r} ({needed}): {_counted(damaged)}. Wrong map or broken file:"
+            f" {import_map.name!r} ({needed}): {_counted(damaged)}; wrong map or broken file:"
             f" {cause}. {named}{more}"
         )
     try:

@@ -48,6 +48,15 @@ class TestClock:
         assert found.startswith("The clock is wrong: positions over time stamps are 0.909 times")
         assert "Multiply the times by 0.909" in found
 
+    @pytest.mark.parametrize("unit", ["ms", "us"])
+    def test_of_another_unit_is_refused(self, tmp_path: Path, unit: str) -> None:
+        table, import_map = sound_table(), two_joint_map(time={"column": 0, "unit": unit})
+        with pytest.raises(DataQualityError, match=r"raise it, or check the unit of .*time"):
+            report_of(tmp_path, table, import_map)
+        table[:, 0] *= 1e3
+        with pytest.raises(DataQualityError, match=r"the unit of time, .* is wrong by a thousand"):
+            report_of(tmp_path, table)
+
     def test_is_not_blamed_for_one_joint_whose_unit_or_gear_is_wrong(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 2] *= 1.2
