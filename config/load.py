@@ -23,6 +23,7 @@ from config.formats.bounded_file import read_file
 from config.formats.eds import ElectronicDataSheet
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, YamlTree, dump_yaml, parse_yaml
+from config.plausible import implausible, key_name
 from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
@@ -216,19 +217,28 @@ def to_yaml(model: BaseModel, comment: str = "") -> str:
 def validate(tree: YamlTree, model: type[T]) -> T:
     """Turn a YAML tree into a validated model, strictly: no value is converted silently.
 
+    Values outside their plausible range are refused, unless the file overrules that by their keys.
+
     Raises
     ------
     ConfigError
         One line an error, each with `file:line:column`, the key, and what is allowed.
     """
     try:
-        return TypeAdapter(model).validate_json(tree.json())
+        file = TypeAdapter(model).validate_json(tree.json())
     except ValidationError as error:
         details = error.errors(include_url=False)
-        lines = [_describe(tree, detail, model) for detail in details[:20]]
-        if len(details) > 20:
-            lines.append(f"{tree.name}: … and {len(details) - 20} more")
-        raise ConfigError("\n".join(lines)) from None
+        raise _refused(tree, [_describe(tree, detail, model) for detail in details]) from None
+    found = [f"{tree.where(path)}: {key_name(path)}: {words}" for path, words in implausible(file)]
+    if found:
+        raise _refused(tree, found)
+    return file
+
+
+def _refused(tree: YamlTree, lines: list[str]) -> ConfigError:
+    """Return the error that says what is wrong with a file, a line each, as far as one can read."""
+    more = [f"{tree.name}: … and {len(lines) - 20} more"] if len(lines) > 20 else []
+    return ConfigError("\n".join((*lines[:20], *more)))
 
 
 def _is_run_folder(folder: Path) -> bool:
@@ -272,7 +282,7 @@ def _check_line(
 def _describe(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     path = _known_path(tree, detail["loc"])
     where = tree.where(path)
-    key = ".".join(str(part) for part in path)
+    key = key_name(path)
     prefix = f"{where}: {key}: " if key else f"{where}: "
     if detail["type"] == "extra_forbidden":
         kinds = {part for part in detail["loc"] if part not in path}
@@ -305,8 +315,8 @@ def _unknown_kind(tree: YamlTree, path: tuple[int | str, ...], given: Any, kinds
     close = difflib.get_close_matches(str(kind), kinds, n=1)
     meant = f"; did you mean {close[0]}?" if close else "."
     path = (*path, "kind")
-    key = ".".join(str(part) for part in path)
-    return f"{tree.where(path)}: {key}: there is no {kind!r}{meant} Allowed: {', '.join(kinds)}"
+    where = f"{tree.where(path)}: {key_name(path)}"
+    return f"{where}: there is no {kind!r}{meant} Allowed: {', '.join(kinds)}"
 
 
 def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | str, ...]:

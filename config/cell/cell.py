@@ -9,11 +9,14 @@ from pydantic import Field, model_validator
 from config.cell.monitor import MonitorConfig
 from config.cell.plate import PlateConfig
 from config.model import ConfigModel
+from config.plausible import PhysicalFile, Plausible
 from config.robot.bodies import Workspace
 from config.robot.robot import NonNegative, Positive
 
 Milliseconds = Annotated[int, Field(gt=0, le=65535)]
 LONGEST_SILENCE_MS = 100
+FollowingError = Annotated[Positive, Plausible(1e-5, 0.6, "rad or m")]
+LoopFrequency = Annotated[Positive, Plausible(1e-3, 5e3, "Hz")]
 Unsigned32 = Annotated[int, Field(ge=0, lt=2**32)]
 
 
@@ -81,10 +84,10 @@ class DriveSafety(ConfigModel):
     abort_connection: Literal[1, 2, 3] = 3
     quick_stop_option: Literal[1, 2, 5, 6] = 2
     fault_reaction_option: Literal[0, 1, 2] = 2
-    quick_stop_deceleration_rad_s2: Positive
-    following_error_rad: Positive
+    quick_stop_deceleration_rad_s2: Annotated[Positive, Plausible(0.1, 2e3, "rad/s² or m/s²")]
+    following_error_rad: FollowingError
     following_error_timeout_ms: Annotated[int, Field(ge=0, le=65535)] = 20
-    torque_limit_fraction: Annotated[float, Field(gt=0.0, le=6.5)] = 3.0
+    torque_limit_fraction: Annotated[float, Field(gt=0.0, le=6.5), Plausible(0.05, 6.5, "")] = 3.0
     allow_drive_without_watchdog: tuple[int, ...] = ()
     trip_watchdog_with_power: bool = False
 
@@ -123,10 +126,10 @@ class Supervision(ConfigModel):
     late_by_cycles_limit: Annotated[float, Field(gt=0.0)] = 2.0
     late_answers_limit: Annotated[int, Field(ge=1, le=100)] = 3
     second_answers_limit: Annotated[int, Field(ge=1, le=100)] = 20
-    following_error_min_rad: Positive = 0.02
-    following_error_per_velocity_s: NonNegative = 0.1
+    following_error_min_rad: FollowingError = 0.02
+    following_error_per_velocity_s: Annotated[NonNegative, Plausible(1e-4, 2.0, "s")] = 0.1
     stuck_encoder_cycles: Annotated[int, Field(ge=2)] = 5
-    stuck_encoder_velocity_rad_s: Positive = 0.05
+    stuck_encoder_velocity_rad_s: Annotated[Positive, Plausible(1e-4, 5.0, "rad/s or m/s")] = 0.05
     stuck_encoder_torque_fraction: Annotated[float, Field(gt=0.0, le=2.0)] = 0.35
     limit_margin_fraction: Annotated[float, Field(ge=0.0, le=0.5)] = 0.1
 
@@ -135,10 +138,10 @@ class ButterworthFilter(ConfigModel):
     """The analog anti-alias filter before the drives' torque converters."""
 
     order: Annotated[int, Field(ge=1, le=12)]
-    cutoff_hz: Positive
+    cutoff_hz: Annotated[Positive, Plausible(0.5, 2e4, "Hz")]
 
 
-class CellConfig(ConfigModel):
+class CellConfig(PhysicalFile):
     """A cell: one robot, its drives, their bus, its force plate, the cycle, and the limits held.
 
     `monitor` is a second way to the drives (Modbus), for temperatures and nominal data.
@@ -162,13 +165,15 @@ class CellConfig(ConfigModel):
     cycle_time_ms: Annotated[int, Field(ge=1, le=100)]
     can: CanBusConfig
     axes: tuple[DriveAxis, ...] = Field(min_length=1, max_length=16)
-    position_gain_per_s: Annotated[float, Field(gt=0.0, le=200.0)]
+    position_gain_per_s: Annotated[float, Field(gt=0.0, le=200.0), Plausible(0.3, 200.0, "1/s")]
     drive_safety: DriveSafety
     exchange: Literal["full", "trimmed"] = "full"
     supervision: Supervision = Supervision()
     torque_filter: ButterworthFilter | None = None
-    velocity_loop_band_hz: tuple[Positive, Positive] | None = None
-    validation_limits_percent: tuple[Positive, ...] | None = None
+    velocity_loop_band_hz: tuple[LoopFrequency, LoopFrequency] | None = None
+    validation_limits_percent: (
+        tuple[Annotated[Positive, Plausible(0.1, 500.0, "%")], ...] | None
+    ) = None
     workspace: Workspace = Workspace()
     plate: PlateConfig | None = None
     monitor: MonitorConfig | None = None

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
-from config.robot.robot import Positive
+from config.robot.robot import Temperature
 
 
 class ModbusTls(ConfigModel):
@@ -61,7 +61,7 @@ class MonitorConfig(ConfigModel):
     profile: str = "servo_registers"
     period_s: Annotated[float, Field(ge=0.05, le=3600.0)] = 1.0
     timeout_s: Annotated[float, Field(ge=0.01, le=10.0)] = 0.3
-    warmest_k: Positive = 393.15
+    warmest_k: Temperature = 393.15
 
     @model_validator(mode="after")
     def _units_differ(self) -> MonitorConfig:

@@ -12,16 +12,24 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
-from config.robot.robot import Positive, Vector3
+from config.plausible import Plausible
+from config.robot.robot import Place, Positive, Turn
 
 CHANNELS: Final = 8
 CHANNEL_NAMES: Final = ("fx12", "fx34", "fy14", "fy23", "fz1", "fz2", "fz3", "fz4")
 WORST_CROSSTALK: Final = 1e3
 
 Eight = Annotated[tuple[float, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
-EightPositive = Annotated[tuple[Positive, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
+Force = Annotated[Positive, Plausible(0.1, 1e6, "N")]
+Moment = Annotated[Positive, Plausible(0.1, 1e6, "N m")]
+EightForces = Annotated[tuple[Force, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
+EightSensitivities = Annotated[
+    tuple[Annotated[float, Plausible(0.1, 500.0, "pC/N")], ...],
+    Field(min_length=CHANNELS, max_length=CHANNELS),
+]
 SquareMatrix = Annotated[tuple[Eight, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
-ThreePositive = tuple[Positive, Positive, Positive]
+ThreeForces = tuple[Force, Force, Force]
+ThreeMoments = tuple[Moment, Moment, Moment]
 
 
 class AmplifierConfig(ConfigModel):
@@ -40,10 +48,10 @@ class AmplifierConfig(ConfigModel):
     profile: str = "kistler_style"
     format: Literal["ascii", "binary"] = "binary"
     rate_hz: Annotated[float, Field(gt=0.0, le=100_000.0)]
-    low_pass_hz: Positive
+    low_pass_hz: Annotated[Positive, Plausible(0.5, 1e5, "Hz")]
     low_pass_order: Annotated[int, Field(ge=1, le=8)] = 2
-    range_n: EightPositive
-    sensitivity_pc_n: Eight
+    range_n: EightForces
+    sensitivity_pc_n: EightSensitivities
     trigger: bool = False
     bits: Annotated[int, Field(ge=8, le=16)] = 16
 
@@ -87,8 +95,8 @@ class PlateZero(ConfigModel):
 class PlateLimits(ConfigModel):
     """What the floor may see: the largest force and moment about the base's axes, either sign."""
 
-    force_n: ThreePositive
-    moment_nm: ThreePositive
+    force_n: ThreeForces
+    moment_nm: ThreeMoments
 
 
 class PlateConfig(ConfigModel):
@@ -102,24 +110,19 @@ class PlateConfig(ConfigModel):
     in which a channel drifts faster than `drift_limit_n_s` is not averaged.
     """
 
-    a_m: Positive
-    b_m: Positive
-    az0_m: Annotated[float, Field(le=0.0)]
-    position_m: Vector3
-    rotation_rad: Vector3
+    a_m: Annotated[Positive, Plausible(5e-3, 2.0, "m")]
+    b_m: Annotated[Positive, Plausible(5e-3, 2.0, "m")]
+    az0_m: Annotated[float, Field(le=0.0), Plausible(0.0, 2.0, "m")]
+    position_m: Place
+    rotation_rad: Turn
     sensitivity: SquareMatrix | None = None
     zero: PlateZero | None = None
-    drift_limit_n_s: Positive = 0.5
+    drift_limit_n_s: Annotated[Positive, Plausible(1e-4, 1e3, "N/s")] = 0.5
     limits: PlateLimits | None = None
     amplifier: AmplifierConfig
 
     @model_validator(mode="after")
-    def _plausible(self) -> PlateConfig:
-        if max(self.a_m, self.b_m, -self.az0_m) > 2.0:
-            raise ValueError(
-                f"a_m, b_m and az0_m are metres, they are {self.a_m:g}, {self.b_m:g} and"
-                f" {self.az0_m:g}: a certificate's millimetres must be divided by 1000"
-            )
+    def _invertible(self) -> PlateConfig:
         if self.sensitivity is not None:
             sizes = np.linalg.svd(np.array(self.sensitivity), compute_uv=False)
             if sizes[-1] * WORST_CROSSTALK < sizes[0]:

@@ -8,9 +8,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
+from config.plausible import Plausible
 
-Point = tuple[float, float, float]
-Length = Annotated[float, Field(gt=0.0)]
+Point = Annotated[tuple[float, float, float], Plausible(0.0, 200.0, "m")]
+Length = Annotated[float, Field(gt=0.0), Plausible(1e-4, 5.0, "m")]
 
 
 class Capsule(ConfigModel):
@@ -46,8 +47,8 @@ class Plane(ConfigModel):
     """A wall or a floor, in the base frame: the robot stays where `normal` . p > `offset_m`."""
 
     name: str
-    normal: Point
-    offset_m: float
+    normal: tuple[float, float, float]
+    offset_m: Annotated[float, Plausible(0.0, 200.0, "m")]
 
     @model_validator(mode="after")
     def _unit_normal(self) -> Plane:
@@ -77,4 +78,4 @@ class Workspace(ConfigModel):
 
     planes: tuple[Plane, ...] = ()
     boxes: tuple[Box, ...] = ()
-    clearance_m: Annotated[float, Field(ge=0.0)] = 0.02
+    clearance_m: Annotated[float, Field(ge=0.0), Plausible(1e-4, 1.0, "m")] = 0.02

@@ -8,11 +8,27 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from config.model import ConfigModel
+from config.plausible import Derived, PhysicalFile, Plausible, radius_of_gyration
 from config.robot.bodies import Body
 
 Vector3 = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
+
+Angle = Annotated[float, Plausible(0.0, 6.3, "rad")]
+Distance = Annotated[float, Plausible(0.0, 20.0, "m")]
+Place = Annotated[Vector3, Plausible(0.0, 20.0, "m")]
+Turn = Annotated[Vector3, Plausible(0.0, 11.0, "rad")]
+Temperature = Annotated[Positive, Plausible(220.0, 450.0, "K")]
+Mass = Annotated[Positive, Plausible(1e-4, 3e3, "kg")]
+Inertia = Annotated[float, Plausible(0.0, 1e4, "kg m²")]
+InertiaElements = tuple[Inertia, Inertia, Inertia, Inertia, Inertia, Inertia]
+JointPosition = Annotated[float, Plausible(0.0, 15.0, "rad", Plausible(0.0, 50.0, "m"))]
+JointVelocity = Annotated[Positive, Plausible(1e-3, 60.0, "rad/s", Plausible(1e-3, 20.0, "m/s"))]
+JointAcceleration = Annotated[
+    Positive, Plausible(1e-2, 1e3, "rad/s²", Plausible(1e-2, 500.0, "m/s²"))
+]
+JointTorque = Annotated[Positive, Plausible(1e-2, 2e5, "N m", Plausible(0.1, 5e5, "N"))]
 
 WORST_COUPLING: Final = 1e6
 
@@ -38,11 +54,11 @@ class KinematicRow(ConfigModel):
     modified convention only.
     """
 
-    alpha_rad: float = 0.0
-    beta_rad: float = 0.0
-    theta_rad: float = 0.0
-    a_m: float = 0.0
-    d_m: float = 0.0
+    alpha_rad: Angle = 0.0
+    beta_rad: Angle = 0.0
+    theta_rad: Angle = 0.0
+    a_m: Distance = 0.0
+    d_m: Distance = 0.0
 
 
 _ROW_FIELDS: Final = tuple(KinematicRow.model_fields)
@@ -113,11 +129,11 @@ class JointLimits(ConfigModel):
     velocity bounds both, each on its own side.
     """
 
-    position_min: float
-    position_max: float
-    velocity: Positive
-    acceleration: Positive
-    torque: Positive
+    position_min: JointPosition
+    position_max: JointPosition
+    velocity: JointVelocity
+    acceleration: JointAcceleration
+    torque: JointTorque
 
     @model_validator(mode="after")
     def _ordered(self) -> JointLimits:
@@ -165,13 +181,15 @@ class Joint(ConfigModel):
     name: str = Field(pattern=r"^[A-Za-z][\w-]{0,31}$")
     type: JointType = "revolute"
     limits: JointLimits
-    gear_ratio: float = 1.0
+    gear_ratio: Annotated[float, Plausible(0.05, 5e3, "", Plausible(0.05, 1e5, "rad/m"))] = 1.0
     rotor: Rotor | None = None
-    torque_constant_nm_per_a: Positive | None = None
+    torque_constant_nm_per_a: Annotated[Positive, Plausible(1e-3, 5e3, "N m/A")] | None = None
     torque_constant_per_k: Annotated[float, Field(ge=-0.01, le=0.01)] = 0.0
     friction: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
-    stribeck_velocity: Positive = 0.05
-    reference_temperature_k: Positive = 298.15
+    stribeck_velocity: Annotated[
+        Positive, Plausible(1e-5, 10.0, "rad/s", Plausible(1e-5, 10.0, "m/s"))
+    ] = 0.05
+    reference_temperature_k: Temperature = 298.15
     armature: bool = False
     efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
 
@@ -205,8 +223,8 @@ class GravitySpring(ConfigModel):
 
     joint: str
     form: Literal["physical", "fourier"] = "physical"
-    l_m: Positive | None = None
-    r_m: Positive | None = None
+    l_m: Annotated[Positive, Plausible(1e-3, 5.0, "m")] | None = None
+    r_m: Annotated[Positive, Plausible(1e-3, 5.0, "m")] | None = None
 
     @model_validator(mode="after")
     def _needs_distances(self) -> GravitySpring:
@@ -215,17 +233,17 @@ class GravitySpring(ConfigModel):
         return self
 
 
-class LinkCad(ConfigModel):
+class LinkCad(Derived):
     """What the drawing says of a link, in its frame (modified convention, frame i on axis i).
 
     `inertia_kg_m2` is xx, xy, xz, yy, yz, zz about the centre of gravity, elements of the matrix.
     `uncertainty` is the standard deviation of every value as a share of its size.
     """
 
-    mass_kg: NonNegative
-    centre_m: Vector3 = (0.0, 0.0, 0.0)
-    inertia_kg_m2: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    uncertainty: Annotated[float, Field(gt=0.0)] = 0.1
+    mass_kg: Annotated[NonNegative, Plausible(1e-4, 3e3, "kg")]
+    centre_m: Place = (0.0, 0.0, 0.0)
+    inertia_kg_m2: InertiaElements = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    uncertainty: Annotated[float, Field(gt=0.0), Plausible(1e-3, 2.0, "")] = 0.1
 
     @model_validator(mode="after")
     def _physical(self) -> Self:
@@ -240,8 +258,13 @@ class LinkCad(ConfigModel):
             )
         return self
 
+    def derived(self) -> dict[str, tuple[float, Plausible]]:
+        """Return the radius of gyration."""
+        xx, _, _, yy, _, zz = self.inertia_kg_m2
+        return radius_of_gyration(self.mass_kg, (xx, yy, zz))
 
-class RobotDescription(ConfigModel):
+
+class RobotDescription(PhysicalFile):
     """A serial robot: kinematics, joints, rotors, spring, gravity. Inertias are measured.
 
     `coupling` is C of q = C alpha (5.18), for wrists whose motors move several joints: alpha are
@@ -253,11 +276,11 @@ class RobotDescription(ConfigModel):
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
-    gravity_m_s2: Vector3 = (0.0, 0.0, -9.81)
-    base_offset_m: Vector3 = (0.0, 0.0, 0.0)
+    gravity_m_s2: Annotated[Vector3, Plausible(9.7, 9.9, "m/s²")] = (0.0, 0.0, -9.81)
+    base_offset_m: Place = (0.0, 0.0, 0.0)
     kinematics: Kinematics
-    tool_offset_m: Vector3 = (0.0, 0.0, 0.0)
-    tool_rpy_rad: Vector3 = (0.0, 0.0, 0.0)
+    tool_offset_m: Place = (0.0, 0.0, 0.0)
+    tool_rpy_rad: Turn = (0.0, 0.0, 0.0)
     joints: tuple[Joint, ...] = Field(min_length=1)
     spring: GravitySpring | None = None
     coupling: tuple[tuple[float, ...], ...] | None = None

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.urdf import MOVING, UrdfCollision, UrdfJoint, UrdfTree, rpy_of_rotation
+from config.plausible import implausible, key_name
 from config.robot.axis_lines import AxisFrames, rows_of_axes
 from config.robot.bodies import Body, Capsule, Hull
 from config.robot.robot import Joint, JointLimits, Kinematics, LinkCad, RobotDescription, Vector3
@@ -97,6 +98,10 @@ def robot_of_urdf(tree: UrdfTree, *, base: str | None = None, tip: str | None = 
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ConfigError(f"{tree.file}: makes no robot: {where}: {first['msg']}") from error
+    notes += [
+        f"robot.yaml is refused until {key_name(path)} is corrected: {why}"
+        for path, why in implausible(robot)
+    ]
     return UrdfRobot(robot, tuple(notes))
 
 

@@ -13,19 +13,32 @@ from pydantic import Field, field_validator, model_validator
 from config.cell.plate import Eight, SquareMatrix
 from config.errors import ConfigError
 from config.model import ConfigModel
-from config.robot.robot import Kinematics, NonNegative, Positive, Vector3
+from config.plausible import Derived, PhysicalFile, Plausible, radius_of_gyration
+from config.robot.robot import (
+    InertiaElements,
+    Kinematics,
+    Mass,
+    NonNegative,
+    Place,
+    Positive,
+    Temperature,
+)
 
 
-class LinkInertia(ConfigModel):
+class LinkInertia(Derived):
     """A rigid link: mass, centre of gravity in the link frame, inertia about it in its axes.
 
     `inertia_kg_m2` is Ixx, Iyy, Izz, Ixy, Ixz, Iyz. The rotors' masses and transverse inertias are
     part of the links that carry them; their polar inertias are not.
     """
 
-    mass_kg: Positive
-    centre_m: Vector3
-    inertia_kg_m2: tuple[float, float, float, float, float, float]
+    mass_kg: Mass
+    centre_m: Place
+    inertia_kg_m2: InertiaElements
+
+    def derived(self) -> dict[str, tuple[float, Plausible]]:
+        """Return the radius of gyration."""
+        return radius_of_gyration(self.mass_kg, self.inertia_kg_m2[:3])
 
 
 class PayloadBody(LinkInertia):
@@ -53,9 +66,9 @@ class SimulatedThermal(ConfigModel):
     reference temperature (robot file); friction never falls below a fifth.
     """
 
-    initial_k: Positive = 298.15
-    ambient_k: Positive = 298.15
-    time_constant_s: Positive
+    initial_k: Temperature = 298.15
+    ambient_k: Temperature = 298.15
+    time_constant_s: Annotated[Positive, Plausible(0.1, 1e5, "s")]
     rise_k_per_w: Positive
     loss_at_rated_w: NonNegative
     friction_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5
@@ -71,25 +84,25 @@ class SimulatedAxis(ConfigModel):
     it.
     """
 
-    rotor_inertia_kg_m2: NonNegative
-    coulomb_nm: NonNegative
-    viscous_nm_s: NonNegative
+    rotor_inertia_kg_m2: Annotated[NonNegative, Plausible(1e-9, 10.0, "kg m²")]
+    coulomb_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")]
+    viscous_nm_s: Annotated[NonNegative, Plausible(0.0, 1e5, "N m s/rad")]
     velocity_gain_nm_s: Positive
-    velocity_integral_time_s: Positive
-    current_loop_bandwidth_hz: Positive = 300.0
-    rated_motor_torque_nm: Positive
-    peak_motor_torque_nm: Positive
+    velocity_integral_time_s: Annotated[Positive, Plausible(1e-4, 100.0, "s")]
+    current_loop_bandwidth_hz: Annotated[Positive, Plausible(1.0, 2e4, "Hz")] = 300.0
+    rated_motor_torque_nm: Annotated[Positive, Plausible(1e-6, 1e4, "N m")]
+    peak_motor_torque_nm: Annotated[Positive, Plausible(1e-6, 1e5, "N m")]
     encoder_increments_per_motor_rev: Annotated[int, Field(ge=16, le=2**24)]
     torque_noise_nm: NonNegative = 0.0
-    brake_torque_nm: Positive
-    initial_position: float = 0.0
+    brake_torque_nm: Annotated[Positive, Plausible(1e-4, 1e6, "N m")]
+    initial_position: Annotated[float, Plausible(0.0, 50.0, "rad or m")] = 0.0
 
 
 class SimulatedSpring(ConfigModel):
     """The gravity spring's stiffness and free length (3.36); its geometry is the robot file's."""
 
-    stiffness_n_per_m: Positive
-    free_length_m: Positive
+    stiffness_n_per_m: Annotated[Positive, Plausible(1.0, 1e8, "N/m")]
+    free_length_m: Annotated[Positive, Plausible(1e-3, 5.0, "m")]
 
 
 class SimulatedPlate(ConfigModel):
@@ -133,7 +146,7 @@ class Unmodelled(ConfigModel):
     kinematics: Kinematics | None = None
 
 
-class PlantConfig(ConfigModel):
+class PlantConfig(PhysicalFile):
     """A simulated robot; lists run base to flange, one entry a joint of the robot file.
 
     `payloads` are bodies for its flange, by name; `attached` is the one that hangs there when the

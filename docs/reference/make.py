@@ -23,6 +23,7 @@ from acquisition.motion.paths.segments import Segment
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
+from config.plausible import Plausible
 from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
@@ -66,7 +67,9 @@ def files() -> str:
     """Return the page of the file formats: every key, its kind, its default."""
     parts = [
         "# Files\n\nGenerated from the schema. Every file is YAML; an unknown key is an error."
-        " `rid-daq init DIR` writes commented examples.\n"
+        " `rid-daq init DIR` writes commented examples.\n\nA value outside its plausible range is"
+        " refused, with the unit that it may be in. Where it is meant, its key is named as the"
+        " message names it: `implausible_on_purpose: [joints.0.limits.torque]`.\n"
     ]
     for title, model in PAGES.items():
         parts.append(f"## {title[0].upper()}{title[1:]}\n")
@@ -161,6 +164,7 @@ def _bounds(metadata: list[Any]) -> str:
         for key, sign in signs.items()
         if getattr(m, key, None) is not None
     ]
+    words += [str(m) for m in metadata if isinstance(m, Plausible)]
     return f" ({', '.join(words)})" if words else ""
 
 

@@ -15,12 +15,13 @@ from acquisition.motion.kinds.fourier import (
     periodic_samples,
     refuse_endless,
 )
-from acquisition.motion.kinds.motion import Motion
+from acquisition.motion.kinds.motion import Motion, Position, Seconds, ToolSpeed
 from acquisition.motion.samples import MotionSamples
 from acquisition.signals.bins import to_bins
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.robot.robot import Positive, RobotDescription, Vector3
+from config.plausible import Plausible
+from config.robot.robot import Place, Positive, RobotDescription, Vector3
 from dynamics.geometry.inverse_kinematics import follow
 from dynamics.geometry.kinematics import Chain, link_transforms
 
@@ -38,14 +39,14 @@ class CircleMotion(Motion):
     """
 
     kind: Literal["circle"]
-    centre_m: Vector3
-    radius_m: Positive
+    centre_m: Place
+    radius_m: Annotated[Positive, Plausible(1e-5, 10.0, "m")]
     normal: Vector3 = (0.0, 0.0, 1.0)
-    speed_m_s: Positive
-    near: tuple[float, ...] = Field(min_length=1)
+    speed_m_s: ToolSpeed
+    near: tuple[Position, ...] = Field(min_length=1)
     periods: Annotated[int, Field(ge=1, le=10_000)] = 15
     transient_periods: Annotated[int, Field(ge=0, le=1000)] = 2
-    ramp_s: Positive = 2.0
+    ramp_s: Seconds = 2.0
 
     @model_validator(mode="after")
     def _has_a_plane(self) -> CircleMotion:

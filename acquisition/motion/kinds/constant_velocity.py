@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from acquisition.motion.kinds.motion import Motion, refuse_longer
+from acquisition.motion.kinds.motion import Motion, Position, Speed, refuse_longer
 from acquisition.motion.ramps import QUINTIC_PEAK_VELOCITY, rest_to_rest, rest_to_rest_duration
 from acquisition.motion.samples import (
     JointTrajectory,
@@ -23,7 +23,7 @@ from acquisition.motion.samples import (
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.model import ConfigModel
-from config.robot.robot import Positive, RobotDescription
+from config.robot.robot import RobotDescription
 
 SHORTEST_RAMP_S: Final = 0.15
 SHORTEST_RUN_S: Final = 0.3
@@ -34,9 +34,9 @@ class SpeedRuns(ConfigModel):
     """The speeds of one joint, each run from `low` to `high` and back; rad (m), per second."""
 
     joint: str
-    low: float
-    high: float
-    speeds: tuple[Positive, ...] = Field(min_length=1, max_length=50)
+    low: Position
+    high: Position
+    speeds: tuple[Speed, ...] = Field(min_length=1, max_length=50)
 
     @model_validator(mode="after")
     def _ordered(self) -> SpeedRuns:
@@ -75,7 +75,7 @@ class ConstantVelocityMotion(Motion):
     """
 
     kind: Literal["constant_velocity"]
-    pose: tuple[float, ...] = Field(min_length=1)
+    pose: tuple[Position, ...] = Field(min_length=1)
     joints: tuple[SpeedRuns, ...] = Field(min_length=1)
     acceleration_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
     longest_run_s: Annotated[float, Field(ge=1.0, le=600.0)] = 8.0

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from acquisition.motion.approach import approach
 from acquisition.motion.fourier import FourierTrajectory, samples_of_period
-from acquisition.motion.kinds.motion import Motion, refuse_longer
+from acquisition.motion.kinds.motion import Motion, Position, Seconds, refuse_longer
 from acquisition.motion.limits import beyond_limits, refuse, violations
 from acquisition.motion.ramps import run_in, run_out
 from acquisition.motion.samples import (
@@ -26,7 +26,7 @@ from acquisition.motion.samples import (
 from config.arrays import PhaseArray
 from config.errors import ConfigError
 from config.model import ConfigModel
-from config.robot.robot import Positive, RobotDescription
+from config.robot.robot import RobotDescription
 
 RAMP_GROWTH: Final = 1.25
 RAMP_ATTEMPTS: Final = 20
@@ -40,9 +40,9 @@ class FourierJoint(ConfigModel):
     """
 
     joint: str
-    offset: float = 0.0
-    sine: tuple[float, ...] = Field(min_length=1, max_length=MOST_HARMONICS)
-    cosine: tuple[float, ...] = Field(min_length=1, max_length=MOST_HARMONICS)
+    offset: Position = 0.0
+    sine: tuple[Position, ...] = Field(min_length=1, max_length=MOST_HARMONICS)
+    cosine: tuple[Position, ...] = Field(min_length=1, max_length=MOST_HARMONICS)
 
     @model_validator(mode="after")
     def _same_length(self) -> FourierJoint:
@@ -57,10 +57,10 @@ class FourierMotion(Motion):
     """Periodic excitation: `transient_periods` to settle, then `periods` that count."""
 
     kind: Literal["fourier"]
-    period_s: Positive
+    period_s: Seconds
     periods: Annotated[int, Field(ge=1, le=10_000)] = 16
     transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
-    ramp_s: Positive = 4.0
+    ramp_s: Seconds = 4.0
     joints: tuple[FourierJoint, ...] = Field(min_length=1)
 
     def describe(self) -> str:

@@ -10,12 +10,12 @@ import numpy as np
 from pydantic import Field
 from scipy.interpolate import CubicSpline
 
-from acquisition.motion.kinds.motion import Motion
+from acquisition.motion.kinds.motion import Motion, Position, Seconds
 from acquisition.motion.paths.speed import driven, speed_limits
 from acquisition.motion.samples import MotionSamples, with_rests
 from config.arrays import FloatArray
 from config.errors import ConfigError, LimitError
-from config.robot.robot import Positive, RobotDescription
+from config.robot.robot import RobotDescription
 from dynamics.geometry.inverse_kinematics import PathSlopes
 
 POINTS_A_CHORD: Final = 40
@@ -31,9 +31,9 @@ class JointPathMotion(Motion):
     """
 
     kind: Literal["joint_path"]
-    points: tuple[tuple[float, ...], ...] = Field(min_length=2, max_length=10_000)
+    points: tuple[tuple[Position, ...], ...] = Field(min_length=2, max_length=10_000)
     speed_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
-    jerk_time_s: Positive = 0.1
+    jerk_time_s: Seconds = 0.1
     dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
 
     def describe(self) -> str:

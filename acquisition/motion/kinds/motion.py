@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from pathlib import Path
-from typing import Final, Self, final
+from typing import Annotated, Final, Self, final
 
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.samples import MotionSamples
 from config.errors import ConfigError
-from config.model import ConfigModel
-from config.robot.robot import RobotDescription
+from config.plausible import PhysicalFile, Plausible
+from config.robot.robot import Positive, RobotDescription
 
 LONGEST_MOTION_S: Final = 4 * 3600.0
 
+Position = Annotated[float, Plausible(0.0, 50.0, "rad or m")]
+Speed = Annotated[Positive, Plausible(1e-6, 60.0, "rad/s or m/s")]
+ToolSpeed = Annotated[Positive, Plausible(1e-5, 20.0, "m/s")]
+Seconds = Annotated[Positive, Plausible(1e-3, LONGEST_MOTION_S, "s")]
 
-class Motion(ConfigModel):
+
+class Motion(PhysicalFile):
     """What a robot is to do, before a single sample of it is computed."""
 
     kind: str

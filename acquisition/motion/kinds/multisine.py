@@ -22,12 +22,14 @@ from acquisition.motion.kinds.fourier import (
     in_turn,
     refuse_endless,
 )
-from acquisition.motion.kinds.motion import Motion
+from acquisition.motion.kinds.motion import Motion, Position, Seconds
 from acquisition.motion.samples import MotionSamples
 from config.arrays import FloatArray, IntArray
+from config.cell.cell import LoopFrequency
 from config.errors import ConfigError
 from config.model import ConfigModel
-from config.robot.robot import Positive, RobotDescription
+from config.plausible import Plausible
+from config.robot.robot import RobotDescription
 
 Phasors = NDArray[np.complex128]
 
@@ -46,9 +48,9 @@ class MultisineJoint(ConfigModel):
     """
 
     joint: str
-    offset: float = 0.0
-    velocity: Annotated[float, Field(ge=0.0)]
-    slow_amplitude: Annotated[float, Field(ge=0.0)] = 0.0
+    offset: Position = 0.0
+    velocity: Annotated[float, Field(ge=0.0), Plausible(1e-6, 60.0, "rad/s or m/s")]
+    slow_amplitude: Annotated[float, Field(ge=0.0), Plausible(0.0, 50.0, "rad or m")] = 0.0
 
 
 class MultisineMotion(Motion):
@@ -64,16 +66,16 @@ class MultisineMotion(Motion):
     """
 
     kind: Literal["multisine"]
-    period_s: Positive
-    lowest_hz: Positive
-    highest_hz: Positive
+    period_s: Seconds
+    lowest_hz: LoopFrequency
+    highest_hz: LoopFrequency
     grid: Literal["odd", "random_odd", "full"] = "random_odd"
     phases: Literal["random", "schroeder"] = "random"
     seed: Annotated[int, Field(ge=0)] = 0
     realisations: Annotated[int, Field(ge=1, le=100)] = 4
     periods: Annotated[int, Field(ge=2, le=1000)] = 4
     transient_periods: Annotated[int, Field(ge=0, le=100)] = 1
-    ramp_s: Positive = 2.0
+    ramp_s: Seconds = 2.0
     joints: tuple[MultisineJoint, ...] = Field(min_length=1)
 
     @model_validator(mode="after")

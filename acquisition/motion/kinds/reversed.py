@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion, in_turn, refuse_endless
-from acquisition.motion.kinds.motion import Motion
+from acquisition.motion.kinds.motion import Motion, Seconds
 from acquisition.motion.samples import MotionSamples
-from config.robot.robot import Positive, RobotDescription
+from config.robot.robot import RobotDescription
 
 
 class ReversedMotion(Motion):
@@ -21,10 +21,10 @@ class ReversedMotion(Motion):
     """
 
     kind: Literal["reversed"]
-    period_s: Positive
+    period_s: Seconds
     periods: Annotated[int, Field(ge=2, le=5000)] = 8
     transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
-    ramp_s: Positive = 4.0
+    ramp_s: Seconds = 4.0
     dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
     joints: tuple[FourierJoint, ...] = Field(min_length=1)
 

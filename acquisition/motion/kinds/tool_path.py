@@ -12,10 +12,10 @@ import numpy as np
 from pydantic import Field
 from scipy.interpolate import CubicSpline
 
-from acquisition.motion.kinds.motion import Motion, refuse_longer
+from acquisition.motion.kinds.motion import Motion, Position, ToolSpeed, refuse_longer
 from acquisition.motion.limits import refuse, violations
 from acquisition.motion.paths.sections import PathPoints, PathSection, path_sections
-from acquisition.motion.paths.segments import Segment
+from acquisition.motion.paths.segments import Blend, Segment
 from acquisition.motion.paths.speed import (
     SpeedLimits,
     bend_speed,
@@ -33,7 +33,8 @@ from acquisition.motion.samples import (
 )
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.robot.robot import NonNegative, Positive, RobotDescription, Vector3
+from config.plausible import Plausible
+from config.robot.robot import Place, Positive, RobotDescription
 from dynamics.geometry.inverse_kinematics import PathSlopes, reach, refine
 from dynamics.geometry.kinematics import Chain, link_transforms
 
@@ -56,12 +57,12 @@ class PathMotion(Motion):
     """
 
     kind: Literal["path"]
-    start_m: Vector3
-    near: tuple[float, ...] = Field(min_length=1)
-    speed_m_s: Positive
-    acceleration_m_s2: Positive = 4.0
-    jerk_m_s3: Positive = 80.0
-    blend_m: NonNegative = 0.0
+    start_m: Place
+    near: tuple[Position, ...] = Field(min_length=1)
+    speed_m_s: ToolSpeed
+    acceleration_m_s2: Annotated[Positive, Plausible(1e-3, 500.0, "m/s²")] = 4.0
+    jerk_m_s3: Annotated[Positive, Plausible(1e-2, 1e6, "m/s³")] = 80.0
+    blend_m: Blend = 0.0
     keep_speed: bool = False
     dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.2
     segments: tuple[Segment, ...] = Field(min_length=1, max_length=10_000)

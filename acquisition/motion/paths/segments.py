@@ -14,10 +14,13 @@ from scipy.interpolate import CubicSpline
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.model import ConfigModel
-from config.robot.robot import NonNegative, Positive, Vector3
+from config.plausible import Plausible
+from config.robot.robot import NonNegative, Place, Positive, Vector3
 
 SHORTEST_M: Final = 1e-6
 CELLS: Final = 256
+
+Blend = Annotated[NonNegative, Plausible(0.0, 5.0, "m")]
 
 Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Point and its first two derivatives, each (len(x), 3), at parameters x."""
@@ -45,8 +48,8 @@ class PathSegment(ConfigModel):
     next one; with 0 the tool point stops in the corner.
     """
 
-    speed_m_s: Positive | None = None
-    blend_m: NonNegative | None = None
+    speed_m_s: Annotated[Positive, Plausible(1e-5, 20.0, "m/s")] | None = None
+    blend_m: Blend | None = None
 
     @abstractmethod
     def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
@@ -70,7 +73,7 @@ class LineSegment(PathSegment):
     """A straight line to a point."""
 
     kind: Literal["line"]
-    to_m: Vector3
+    to_m: Place
 
     def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
         """Return the line."""
@@ -90,8 +93,8 @@ class ArcSegment(PathSegment):
     """A circular arc through one point to another."""
 
     kind: Literal["arc"]
-    through_m: Vector3
-    to_m: Vector3
+    through_m: Place
+    to_m: Place
 
     def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
         """Return the arc: its centre is where two bisecting planes meet the points' own."""
@@ -120,7 +123,7 @@ class CircleSegment(PathSegment):
     """
 
     kind: Literal["circle"]
-    centre_m: Vector3
+    centre_m: Place
     normal: Vector3 = (0.0, 0.0, 1.0)
     turns: float = 1.0
 
@@ -153,7 +156,7 @@ class SplineSegment(PathSegment):
     """A smooth curve (of class C2) through points, the last of which is its end."""
 
     kind: Literal["spline"]
-    through_m: tuple[Vector3, ...] = Field(min_length=2, max_length=10_000)
+    through_m: tuple[Place, ...] = Field(min_length=2, max_length=10_000)
 
     def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
         """Return the spline."""

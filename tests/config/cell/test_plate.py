@@ -66,7 +66,7 @@ def test_seven_channels_are_refused(tmp_path: Path) -> None:
 
 
 def test_millimetres_are_recognised(tmp_path: Path) -> None:
-    assert "divided by 1000" in refusal(tmp_path, "a_m: 0.12", "a_m: 120.0")
+    assert "120 mm would be 0.12 m" in refusal(tmp_path, "a_m: 0.12", "a_m: 120.0")
 
 
 def test_a_sensor_plane_above_the_surface_is_refused(tmp_path: Path) -> None:

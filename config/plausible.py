@@ -1,0 +1,210 @@
+"""`Plausible`: the range in which a physical value of a real robot lies.
+
+A key says it beside its type, `Annotated[float, Plausible(0.0, 6.3, "rad")]`; it is asked when a
+file is loaded. What lies outside is most often right in another unit: the message says in which.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import types
+import typing
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+from pydantic import BaseModel, RootModel
+
+from config.model import ConfigModel
+
+ON_PURPOSE: Final = "implausible_on_purpose"
+
+_DEGREE: Final = math.pi / 180.0
+_GYRATION: Final = "m (root of moments of inertia over twice the mass)"
+_OTHER_UNITS: Final[dict[str, dict[str, float]]] = {
+    "rad": {"degrees": _DEGREE},
+    "rad/s": {"degrees/s": _DEGREE, "rpm": math.pi / 30.0},
+    "rad/s²": {"degrees/s²": _DEGREE},
+    "m": {"mm": 1e-3},
+    "m/s": {"mm/s": 1e-3},
+    "m/s²": {"cm/s²": 1e-2, "mm/s²": 1e-3},
+    "m/s³": {"mm/s³": 1e-3},
+    "kg": {"g": 1e-3},
+    "kg m²": {"kg cm²": 1e-4, "kg mm²": 1e-6, "g mm²": 1e-9},
+    "N": {"kN": 1e3, "mN": 1e-3},
+    "N m": {"N mm": 1e-3, "kN m": 1e3},
+    "N m s/rad": {"N mm s/rad": 1e-3},
+    "N m/A": {"N mm/A": 1e-3},
+    "N/m": {"N/mm": 1e3},
+    "s": {"ms": 1e-3, "µs": 1e-6},
+    "Hz": {"kHz": 1e3, "mHz": 1e-3},
+    "1/s": {"1/ms": 1e3, "1/min": 1.0 / 60.0},
+    "%": {"parts of 1": 100.0},
+    "pC/N": {"nC/N": 1e3},
+    _GYRATION: {
+        "with a mass in g": 1e3**0.5,
+        "with an inertia in kg cm²": 1e-2,
+        "with an inertia in kg mm²": 1e-3,
+        "with an inertia in g mm²": 1e-4 * 0.1**0.5,
+    },
+}
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """Sizes from `low` to `high`; zero is a size of its own, and never implausible.
+
+    Of a vector its length counts.
+
+    Attributes
+    ----------
+    low, high : float
+        The smallest and the largest size.
+    unit : str
+        Of the value; empty for a ratio.
+    prismatic : Plausible or None
+        The range of a prismatic joint, where that has another unit.
+    """
+
+    low: float
+    high: float
+    unit: str
+    prismatic: Plausible | None = None
+
+    def __str__(self) -> str:
+        """Return the range in words, for the reference."""
+        words = f"plausible {self.low:g} to {self.high:g} {self.unit}".rstrip()
+        return f"{words}, prismatic {str(self.prismatic)[10:]}" if self.prismatic else words
+
+    def holds(self, size: float) -> bool:
+        """Return whether a size lies within the range."""
+        return size == 0.0 or self.low <= size <= self.high
+
+    def refusal(self, value: float | Sequence[float]) -> str | None:
+        """Return why a value is implausible, and what it may be; None where it is plausible."""
+        size = math.hypot(*value) if isinstance(value, Sequence) else abs(value)
+        if self.holds(size):
+            return None
+        shown = f"a length of {size:.6g}" if isinstance(value, Sequence) else f"{value:.6g}"
+        expected = f"expected is {self.low:g} to {self.high:g}"
+        words = f"{shown} {self.unit} is implausible, {expected} {self.unit}".rstrip()
+        return words.replace("  ", " ") + self._likely(size)
+
+    def _likely(self, size: float) -> str:
+        """Say in which other unit the size would be plausible; empty where in none is."""
+        for right in self.unit.split(" or "):
+            for unit, factor in _OTHER_UNITS.get(right, {}).items():
+                if self.holds(size * factor):
+                    return f"; {size:.6g} {unit} would be {size * factor:.4g} {right}"
+        if self.unit == "K" and self.holds(size + 273.15):
+            return f"; {size:.6g} °C would be {size + 273.15:.6g} K"
+        if not self.unit and self.holds(1.0 / size):
+            return f"; its inverse would be {1.0 / size:.4g}"
+        return ""
+
+
+class Derived(ConfigModel):
+    """A model whose values have a size with a range together, such as a radius of gyration."""
+
+    @abstractmethod
+    def derived(self) -> dict[str, tuple[float, Plausible]]:
+        """Return the sizes with their ranges, by name."""
+
+
+def radius_of_gyration(
+    mass_kg: float, moments_kg_m2: tuple[float, float, float]
+) -> dict[str, tuple[float, Plausible]]:
+    """Return how far from its centre a body's mass lies (RMS) [m], with its range.
+
+    Parameters
+    ----------
+    mass_kg : float
+        Its mass [kg].
+    moments_kg_m2 : tuple of float
+        Its three moments of inertia about the centre [kg m²].
+    """
+    radius_m = math.sqrt(max(sum(moments_kg_m2), 0.0) / (2.0 * mass_kg)) if mass_kg else 0.0
+    return {"radius_of_gyration_m": (radius_m, Plausible(2e-3, 5.0, _GYRATION))}
+
+
+class PhysicalFile(ConfigModel):
+    """A file whose values have plausible ranges; it may overrule them by key."""
+
+    implausible_on_purpose: tuple[str, ...] = ()
+
+
+Path = tuple[str | int, ...]
+
+
+def implausible(file: object) -> Iterator[tuple[Path, str]]:
+    """Yield where a loaded file is implausible, and why.
+
+    A name of `implausible_on_purpose` that is no key, or a plausible one, is told too.
+    """
+    file = file.root if isinstance(file, RootModel) else file
+    if not isinstance(file, PhysicalFile):
+        return
+    values = {
+        key_name(path): (path, value, found) for path, value, found in _ranges(file, (), False)
+    }
+    refusals = {name: found.refusal(value) for name, (_, value, found) in values.items()}
+    for number, name in enumerate(file.implausible_on_purpose):
+        where = (ON_PURPOSE, number)
+        if name not in values:
+            close = difflib.get_close_matches(name, values, n=1)
+            yield (
+                where,
+                f"no key {name!r} has a range" + (f"; did you mean {close[0]}?" if close else ""),
+            )
+        elif refusals[name] is None:
+            yield where, f"{name} is plausible: take its name out"
+    for name, refusal in refusals.items():
+        if refusal is not None and name not in file.implausible_on_purpose:
+            words = f"{refusal}. Correct it, or, if it is meant, add {name} to {ON_PURPOSE}"
+            yield values[name][0], words
+
+
+def key_name(path: Path) -> str:
+    """Return a key as messages and `implausible_on_purpose` have it."""
+    return ".".join(map(str, path))
+
+
+def _ranges(value: object, path: Path, prismatic: bool) -> Iterator[tuple[Path, Any, Plausible]]:
+    """Yield every value below a model that has a range, and the range."""
+    assert isinstance(value, BaseModel)
+    prismatic = prismatic or getattr(value, "type", None) == "prismatic"
+    if isinstance(value, Derived):
+        for name, (size, found) in value.derived().items():
+            yield (*path, name), size, found
+    for name, field in type(value).model_fields.items():
+        inner = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+        yield from _within(getattr(value, name), inner, (*path, field.alias or name), prismatic)
+
+
+def _within(
+    value: object, annotation: Any, path: Path, prismatic: bool
+) -> Iterator[tuple[Path, Any, Plausible]]:
+    """Yield what of a value with an annotation has a range."""
+    if value is None:
+        return
+    if isinstance(value, BaseModel):
+        yield from _ranges(value, path, prismatic)
+        return
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        for found in arguments[1:]:
+            if isinstance(found, Plausible):
+                yield path, value, (found.prismatic if prismatic else None) or found
+        yield from _within(value, arguments[0], path, prismatic)
+    elif origin in (typing.Union, types.UnionType):
+        for argument in arguments:
+            yield from _within(value, argument, path, prismatic)
+    elif isinstance(value, tuple) and origin is tuple:
+        inner = [arguments[0]] * len(value) if arguments[-1] is Ellipsis else arguments
+        for number, (item, each) in enumerate(zip(value, inner, strict=True)):
+            yield from _within(item, each, (*path, number), prismatic)
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from _within(item, arguments[1], (*path, key), prismatic)

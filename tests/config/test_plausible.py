@@ -1,0 +1,200 @@
+"""Physical values in the wrong unit are refused by key, unit, range and the likely mistake."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+from acquisition.motion.motion_file import load_motion
+from config.errors import ConfigError
+from config.load import load_cell, load_robot
+from rid_daq.app import run
+
+
+def bundled(kind: str, name: str = "ir361") -> str:
+    return files("config").joinpath(f"bundled/{kind}/{name}.yaml").read_text()
+
+
+def loaded(folder: Path, kind: str, text: str) -> None:
+    """Load a file of a kind: a robot, cell, plant or motion."""
+    path = folder / f"{kind}.yaml"
+    path.write_text(text)
+    if kind == "robot":
+        load_robot(str(path))
+    elif kind == "motion":
+        load_motion(path)
+    elif kind == "cell":
+        load_cell(str(path))
+    else:
+        (folder / "cell.yaml").write_text(
+            bundled("cells").replace("plant: ir361", "plant: plant.yaml")
+        )
+        load_cell(str(folder / "cell.yaml"))
+
+
+def refusal(folder: Path, kind: str, text: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        loaded(folder, kind, text)
+    return str(caught.value)
+
+
+MOTION = """
+kind: path
+robot: ir361
+start_m: [0.8, 0.0, 1.0]
+near: [0.0, 0.0, 0.0]
+speed_m_s: 0.1
+segments: [{kind: line, to_m: [0.9, 0.0, 1.0]}]
+"""
+
+MISTAKES = [
+    ("robot", "position_max: 2.7", "position_max: 155.0", "155 degrees would be 2.705 rad"),
+    ("robot", "velocity: 2.6", "velocity: 149.0", "149 degrees/s would be 2.601 rad/s"),
+    ("robot", "a_m: 0.480", "a_m: 480.0", "480 mm would be 0.48 m"),
+    ("robot", "alpha_rad: 1.5707963267948966", "alpha_rad: 90.0", "90 degrees would be 1.571 rad"),
+    ("robot", "0.0, 9.81]", "0.0, 981.0]", "981 cm/s² would be 9.81 m/s²"),
+    ("robot", "torque: 600.0", "torque: 600000.0", "600000 N mm would be 600 N m"),
+    ("robot", "gear_ratio: 121.0", "gear_ratio: 0.00826", "its inverse would be 121.1"),
+    ("robot", "l_m: 0.488", "l_m: 488", "488 mm would be 0.488 m"),
+    ("robot", "name: ir361", "name: a\ntool_rpy_rad: [0.0, 90.0, 0.0]", "90 degrees would be"),
+    ("cell", "error_rad: 0.1", "error_rad: 5.7", "5.7 degrees would be 0.09948 rad"),
+    ("cell", "position_gain_per_s: 15.0", "position_gain_per_s: 0.01", "0.01 1/ms would be 10 1/s"),
+    ("cell", "deceleration_rad_s2: 12.0", "deceleration_rad_s2: 1.0e-30", "expected is 0.1 to"),
+    ("cell", "deceleration_rad_s2: 12.0", "deceleration_rad_s2: 0.01", "expected is 0.1 to"),
+    ("cell", "cutoff_hz: 40.0", "cutoff_hz: 0.04", "0.04 kHz would be 40 Hz"),
+    ("cell", "a_m: 0.120", "a_m: 120.0", "120 mm would be 0.12 m"),
+    ("cell", "percent: [5.0,", "percent: [0.05,", "0.05 parts of 1 would be 5 %"),
+    (
+        "cell",
+        "0.0, 0.0, 0.0]\n  rotation",
+        "0.0, 0.0, 250.0]\n  rotation",
+        "250 mm would be 0.25 m",
+    ),
+    ("motion", "speed_m_s: 0.1", "speed_m_s: 100.0", "100 mm/s would be 0.1 m/s"),
+    ("motion", "near: [0.0", "near: [90.0", "90 degrees would be 1.571 rad"),
+    ("motion", "[0.9, 0.0, 1.0]", "[900.0, 0.0, 1000.0]", "mm would be 1.345 m"),
+]
+
+
+@pytest.mark.parametrize(("kind", "right", "wrong", "words"), MISTAKES)
+def test_a_value_in_another_unit_is_refused_with_that_unit(
+    kind: str, right: str, wrong: str, words: str, tmp_path: Path
+) -> None:
+    text = MOTION if kind == "motion" else bundled(f"{kind}s")
+    assert right in text
+    loaded(tmp_path, kind, text)
+    message = refusal(tmp_path, kind, text.replace(right, wrong, 1))
+    assert words in message
+    assert re.search(r"\.yaml:\d+:\d+: [a-z]", message)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        ("mass_kg: 5.8444", "mass_kg: 5844.4", "5844.4 g would be 5.844 kg"),
+        ("mass_kg: 1.2 ", "mass_kg: 1200.0 ", "with a mass in g"),
+        ("[0.022, 0.014, 0.020,", "[22000.0, 14000.0, 20000.0,", "kg cm² would be"),
+        ("centre_m: [0.0537,", "centre_m: [53.7,", "mm would be"),
+    ],
+)
+def test_a_body_s_grams_and_square_millimetres_are_recognised(
+    right: str, wrong: str, words: str, tmp_path: Path
+) -> None:
+    text = bundled("plants", "kr15")
+    assert right in text
+    (tmp_path / "cell.yaml").write_text(
+        bundled("cells", "kr15").replace("plant: kr15", "plant: plant.yaml")
+    )
+    (tmp_path / "plant.yaml").write_text(text.replace(right, wrong, 1))
+    with pytest.raises(ConfigError, match="is implausible") as caught:
+        load_cell(str(tmp_path / "cell.yaml"))
+    assert words in str(caught.value)
+
+
+def test_all_of_a_file_s_problems_are_told_at_once(tmp_path: Path) -> None:
+    text = bundled("robots")
+    for right, wrong in (("-2.7", "-155.0"), ("position_max: 1.0", "position_max: 57.0")):
+        text = text.replace(right, wrong, 1)
+    first, second = refusal(
+        tmp_path, "robot", text.replace("a_m: 0.480", "a_m: 480.0")
+    ).splitlines()[:2]
+    assert "kinematics.rows.2.a_m: 480 m is implausible, expected is 0 to 20 m" in first
+    assert "joints.0.limits.position_min: -155 rad" in second
+
+
+def test_a_value_that_is_meant_is_named_in_its_file(tmp_path: Path) -> None:
+    text = bundled("robots").replace("torque: 600.0", "torque: 600000.0")
+    loaded(tmp_path, "robot", f"{text}\nimplausible_on_purpose: [joints.1.limits.torque]\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("joints.1.limits.torqe", "no key 'joints.1.limits.torqe' has a range; did you mean"),
+        ("name", "no key 'name' has a range"),
+        ("joints.1.limits.torque", "joints.1.limits.torque is plausible: take its name out"),
+    ],
+)
+def test_a_name_that_overrules_nothing_is_refused(name: str, words: str, tmp_path: Path) -> None:
+    text = bundled("robots") + f"\nimplausible_on_purpose: [{name}]\n"
+    assert words in refusal(tmp_path, "robot", text)
+
+
+def test_a_linear_axis_is_held_to_metres(tmp_path: Path) -> None:
+    text = bundled("robots").replace("- name: axis1", "- name: axis1\n    type: prismatic")
+    text = text.replace("spring: {joint: axis2, l_m: 0.488, r_m: 0.100}", "")
+    text = text.replace("position_max: 2.7", "position_max: 14.0")
+    loaded(tmp_path, "robot", text)
+    message = refusal(tmp_path, "robot", text.replace("position_max: 14.0", "position_max: 2700.0"))
+    assert "2700 mm would be 2.7 m" in message
+
+
+ARM = """
+name: arm
+kinematics:
+  convention: modified_dh
+  rows: [{{a_m: {length}, d_m: 0.0}}]
+joints:
+  - name: axis1
+    limits:
+      position_min: -{angle}
+      position_max: {angle}
+      velocity: {speed}
+      acceleration: {rate}
+      torque: {torque}
+    gear_ratio: {gear}
+cad: [{{mass_kg: {mass}, inertia_kg_m2: [{i}, 0.0, 0.0, {i}, 0.0, {i}]}}]
+"""
+
+
+@pytest.mark.parametrize(
+    "size",
+    [
+        {"length": 0.02, "angle": 1.0, "speed": 3.0, "rate": 10.0, "torque": 0.3, "gear": 1.0}
+        | {"mass": 0.02, "i": 3e-6},
+        {"length": 0.29, "angle": 6.28, "speed": 3.14, "rate": 20.0, "torque": 9.0, "gear": 100.0}
+        | {"mass": 0.1, "i": 5e-5},
+        {"length": 1.6, "angle": 2.6, "speed": 0.8, "rate": 0.8, "torque": 9e4, "gear": 370.0}
+        | {"mass": 1500.0, "i": 900.0},
+        {"length": 0.1, "angle": 12.6, "speed": 45.0, "rate": 700.0, "torque": 12.0, "gear": 30.0}
+        | {"mass": 1.0, "i": 1e-3},
+    ],
+    ids=["toy servo", "desktop arm", "payload of 1.3 t", "fast wrist"],
+)
+def test_small_large_and_fast_robots_are_plausible(size: dict[str, float], tmp_path: Path) -> None:
+    loaded(tmp_path, "robot", ARM.format(**size))
+
+
+def test_a_command_refuses_limits_in_degrees(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["init", str(tmp_path / "cell")]) == 0
+    robot = tmp_path / "cell" / "robot.yaml"
+    robot.write_text(robot.read_text().replace("position_max: 2.7", "position_max: 155.0"))
+    assert run(["check", str(tmp_path / "cell" / "cell.yaml")]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "155 rad is implausible, expected is 0 to 15 rad" in said
+    assert "155 degrees would be 2.705 rad" in said
