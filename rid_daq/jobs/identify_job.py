@@ -34,6 +34,7 @@ from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
 from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.sections.model_file import ModelFile
 from rid_daq.report.sections.plate import PlateSection
 from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
 from rid_daq.terminal.console import Console
@@ -168,7 +169,8 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     mistakes = None
     if request.diagnose and how.options.model.kind != "external":
         mistakes = diagnose_wiring(data, how, first.robot)
-    result = result_of(first, notes).updated(
+    result = result_of(first, notes).by_model(
+        ModelFile.of(output),
         estimate=EstimateSection.of(estimate, findings=findings, mistakes=mistakes),
         plate=plate,
         comparison=None if comparison is None else ComparisonSection.of(comparison),

@@ -27,6 +27,7 @@ from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.base_load import BaseLoadSection
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.sections.model_file import ModelFile
 from rid_daq.report.sections.reaction import ReactionSection
 from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict
@@ -173,10 +174,11 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
             base_load(estimate, validation.time_s, *motion, limits, mass_kg=request.mass_kg)
         )
     verdict = _verdict(section, load, estimate.robot.name)
-    result = result_of(data, notes)
-    curves = result.curves or CurvesSection()
+    result, model = result_of(data, notes), ModelFile.of(request.model)
+    curves = (result.curves if result.model == model else None) or CurvesSection()
     torque = TorqueCurves.of(validation, data.robot)
-    result = result.updated(
+    result = result.by_model(
+        model,
         title=f"Validation of {estimate.robot.name}",
         validation=section,
         estimate=EstimateSection.of(estimate),

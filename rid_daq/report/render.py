@@ -21,12 +21,8 @@ from rid_daq.report.figures.curves import (
 from rid_daq.report.figures.paths import error_figure, path_figure
 from rid_daq.report.formats import duration, moment, number, unit
 from rid_daq.report.result import Result
+from rid_daq.report.sections.model_file import BY_MODEL
 from rid_daq.terminal.console import printable
-
-_NOT_SHOWN_APART = {
-    *("format", "title", "robot", "verdict", "software", "notes", "cell", "seed"),
-    "without_unmodelled",
-}
 
 
 def render_report(result: Result) -> str:
@@ -43,14 +39,21 @@ def render_report(result: Result) -> str:
         A section holds numbers that cannot be shown.
     """
     parts = []
-    for name in Result.model_fields:
-        section = getattr(result, name)
-        if section is not None and name not in _NOT_SHOWN_APART:
-            template = _environment().get_template(f"{name}.html")
-            with _shown(name):
-                parts.append(Markup(template.render(result=result, section=section)))
+    for name, section in result.sections():
+        template = _environment().get_template(f"{name}.html")
+        with _shown(name):
+            parts.append(Markup(template.render(result=result, section=section)))
+            parts.append(_origin(result, name))
     with _shown("the document"):
         return _environment().get_template("page.html").render(result=result, parts=parts)
+
+
+def _origin(result: Result, name: str) -> Markup:
+    """Say which model a section is of, and when it was made; empty where neither is known."""
+    model = str(result.model) if result.model is not None and name in BY_MODEL else ""
+    made = "" if result.timing is None else (result.timing.made or {}).get(name, "")
+    words = ", ".join(filter(None, (model, made and moment(made))))
+    return Markup('<p class="soft">{}.</p>').format(words) if words else Markup()
 
 
 @functools.cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final, Literal
 
 from pydantic import Field
@@ -12,6 +13,7 @@ from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.friction import FrictionSection
+from rid_daq.report.sections.model_file import BY_MODEL, ModelFile
 from rid_daq.report.sections.payload import PayloadSection
 from rid_daq.report.sections.plate import PlateSection
 from rid_daq.report.sections.plate_zero import PlateZeroSection
@@ -27,6 +29,13 @@ from rid_daq.report.sections.verdict import Verdict
 from rid_daq.session.versions import software_versions
 
 SCHEMA: Final = "rid-daq result 1"
+
+
+_NOT_SECTIONS: Final = (
+    *("format", "title", "robot", "verdict", "software", "notes", "cell", "model", "seed"),
+    "without_unmodelled",
+)
+_NOTHING_JUDGED: Final = Verdict.of([], "Nothing to judge", "No limit was set for this run.")
 
 
 class WithoutUnmodelled(Section):
@@ -59,6 +68,9 @@ class Result(Section):
         What the runs lack that it rests on.
     cell : CellSection
         The cell that it was recorded on.
+    model : ModelFile
+        The model that the sections `validation`, `curves`, `estimate`, `plate`, `comparison`,
+        `reaction` and `base_load` are of, all of them.
     seed : int
         Of the demo.
     without_unmodelled : WithoutUnmodelled
@@ -74,6 +86,7 @@ class Result(Section):
     software: dict[str, str]
     notes: Texts | None = None
     cell: CellSection | None = None
+    model: ModelFile | None = None
     seed: int | None = None
 
     payload: PayloadSection | None = None
@@ -109,7 +122,7 @@ class Result(Section):
         return cls(
             title=title,
             robot=robot,
-            verdict=Verdict.of([], "Nothing to judge", "No limit was set for this run."),
+            verdict=_NOTHING_JUDGED,
             software=software_versions(),
         )
 
@@ -123,3 +136,37 @@ class Result(Section):
         """
         own = {name: getattr(self, name) for name in type(self).model_fields if name != "format"}
         return Result.model_validate({**own, **sections})
+
+    def by_model(self, model: ModelFile, **sections: object) -> Result:
+        """Return the document with sections by a model; those of another model are left out.
+
+        A verdict on another model goes with it, unless `sections` hold a new one.
+
+        Parameters
+        ----------
+        model : ModelFile
+            The model that the sections are of.
+        **sections : object
+            The sections, and whatever else is replaced.
+        """
+        if self.model == model:
+            return self.updated(**sections)
+        gone = [name for name in BY_MODEL if getattr(self, name) is not None]
+        gone = [name for name in gone if sections.get(name) is None]
+        judged = {"validation", "base_load"} & set(gone)
+        cleared: dict[str, object] = {}
+        cleared.update(dict.fromkeys(BY_MODEL))
+        if judged:
+            title, older = f"Model of {self.robot}", self.model or "an older model"
+            words = ", ".join(name.replace("_", " ") for name in gone)
+            note = f"what was of {older} is left out ({words}): validate the new model"
+            cleared |= {"title": title, "verdict": _NOTHING_JUDGED}
+            cleared |= {"notes": (*(self.notes or ()), note)}
+        return self.updated(**{**cleared, **sections, "model": model})
+
+    def sections(self) -> Iterator[tuple[str, Section]]:
+        """Yield the sections that are there, and their names, in the order of the page."""
+        for name in type(self).model_fields:
+            section = getattr(self, name)
+            if section is not None and name not in _NOT_SECTIONS:
+                yield name, section

@@ -81,12 +81,15 @@ class Timing(Section):
         The runs that a result of several rests on; left out for one that was recorded.
     loops : tuple of LoopTiming
         One a motion that was driven; left out for an imported run.
+    made : dict of str
+        When each section was made, ISO 8601, by its name.
     """
 
     elapsed_s: float | None = None
     created_utc: str | None = None
     run_ids: Texts | None = None
     loops: tuple[LoopTiming, ...] | None = None
+    made: dict[str, str] | None = None
 
 
 def loop_sentence(statistics: CycleStatistics) -> str:

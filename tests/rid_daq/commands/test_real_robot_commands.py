@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from acquisition.runs.catalogue import find_run
 from rid_daq.app import run
+from rid_daq.report.result_file import read_result
+from rid_daq.report.sections.model_file import ModelFile
 
 FILES = {
     "long": ("ur-20_02_12-50sec_12harm.csv", "355-5090"),
@@ -55,6 +58,25 @@ def test_a_payload_is_weighed_from_runs_with_and_without_it(
     mass = next(p for p in parameters if p["name"] == "mL")
     assert abs(mass["value"] - 2.805) < 0.02 * 2.805
     assert abs(mass["value"] - 2.805) < 2.0 * mass["std"]
+
+
+def test_a_report_is_of_one_model_however_many_were_made(workshop: Path) -> None:
+    runs, of_it = ["--runs", str(workshop / "runs")], find_run(workshop / "runs", "unloaded")
+    other, own = workshop / "other.json", workshop / "own.json"
+    graded = (0, 6)  # how well these fit is no matter here
+    assert run(["identify", "loaded", "-o", str(other), *runs]) in graded
+    assert run(["identify", "unloaded", "-o", str(own), *runs]) in graded
+    assert run(["validate", str(other), "unloaded", "--limits", "900", *runs]) == 0
+    result = read_result(of_it)
+    assert result.model == ModelFile.of(other)
+    assert result.verdict.passed
+    words = ["identify", "unloaded", "--band", "8", "-o", str(own), "--overwrite", *runs]
+    assert run(words) in graded
+    result = read_result(of_it)
+    assert result.model == ModelFile.of(own)
+    assert result.validation is None
+    assert result.verdict.passed is None
+    assert any("what was of other.json" in note for note in result.notes or ())
 
 
 @pytest.mark.long

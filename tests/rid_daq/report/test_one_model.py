@@ -1,0 +1,60 @@
+"""A report is of one model: what a newer one replaces is left out, and each part names its own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from acquisition.runs.folder import RunFolder
+from rid_daq.report.result import Result
+from rid_daq.report.result_file import read_result, write_result
+from rid_daq.report.sections.model_file import BY_MODEL, ModelFile
+from tests.builders.invented import whole_result
+
+
+def judged() -> Result:
+    """A result with every section, of a model."""
+    return Result.model_validate_json(json.dumps(whole_result())).updated(
+        model=ModelFile(name="model.json", sha256="1" * 64)
+    )
+
+
+def test_a_newer_model_takes_the_place_of_all_that_was_of_the_older_one() -> None:
+    old = judged()
+    new = old.by_model(ModelFile(name="model.json", sha256="2" * 64), estimate=old.estimate)
+    assert [name for name in BY_MODEL if getattr(new, name) is not None] == ["estimate"]
+    assert new.verdict.passed is None
+    assert new.verdict.headline == "Nothing to judge"
+    assert new.title == f"Model of {old.robot}"
+    assert new.notes is not None
+    assert "of model.json (11111111) is left out (validation, curves)" in new.notes[-1]
+    assert (new.runs, new.average, new.tracking) == (old.runs, old.average, old.tracking)
+
+
+def test_the_same_model_leaves_what_was_said_of_it() -> None:
+    old = judged()
+    assert old.model is not None
+    assert old.by_model(old.model, plate=None) == old.updated(plate=None)
+
+
+def test_every_section_has_the_time_at_which_it_was_made(tmp_path: Path) -> None:
+    folder, result = RunFolder.create(tmp_path, "one"), judged()
+    timing = result.timing
+    assert timing is not None
+    write_result(folder, result)
+    first = read_result(folder).timing
+    assert first is not None
+    assert first.made is not None
+    assert set(first.made) == {name for name, _ in result.sections()} - {"timing"}
+    early = dict.fromkeys(first.made, "2026-01-02T03:04:05+00:00")
+    stored = json.loads(folder.read("result.json"))
+    stored["timing"]["made"] = early
+    folder.write("result.json", json.dumps(stored).encode())
+    write_result(folder, result.updated(average=None))
+    write_result(folder, result)
+    again = read_result(folder).timing
+    assert again is not None
+    assert again.made is not None
+    assert {n for n, when in again.made.items() if when != early[n]} == {"average"}
+    page = folder.read("report.html").decode()
+    assert "model.json (11111111), 2026-01-02 03:04 UTC." in page
