@@ -32,6 +32,12 @@ JointTorque = Annotated[Positive, Plausible(1e-2, 2e5, "N m", Plausible(0.1, 5e5
 
 WORST_COUPLING: Final = 1e6
 
+_IDENTITY: Final = ("name", "gravity_m_s2", "kinematics", "spring", "coupling")
+_JOINT_IDENTITY: Final = (
+    *("name", "type", "gear_ratio"),
+    *("torque_constant_nm_per_a", "torque_constant_per_k"),
+)
+
 JointType = Literal["revolute", "prismatic"]
 FrictionTerm = Literal[
     "coulomb",
@@ -339,6 +345,21 @@ class RobotDescription(PhysicalFile):
                     f" the base (0), on a link before its joint, or on link {number} that it moves"
                 )
         return self
+
+    def differences(self, other: RobotDescription) -> tuple[str, ...]:
+        """Return the keys in which another description is that of another robot.
+
+        Limits, friction terms, drawings and bodies may differ: they may be known better by now.
+        """
+        own, others = self.joints, other.joints
+        of_joints = [
+            f"joints.{number}.{key}"
+            for number, pair in enumerate(zip(own, others, strict=False))
+            for key in _JOINT_IDENTITY
+            if getattr(pair[0], key) != getattr(pair[1], key)
+        ]
+        of_robot = [key for key in _IDENTITY if getattr(self, key) != getattr(other, key)]
+        return (*of_robot, *(["joints"] if len(own) != len(others) else of_joints))
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.formats.yaml_tree import MAX_BYTES
 from config.load import LoadedCell
+from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 
@@ -40,18 +41,20 @@ def motion_bytes(motion: AnyMotion, path: Path) -> bytes:
     return motion.to_keep(read_file(path, MAX_BYTES))
 
 
-def estimate_for(path: Path, loaded: LoadedCell) -> Estimate:
-    """Return the model of a file, of the robot of a cell.
+def estimate_for(path: Path, robot: RobotDescription) -> Estimate:
+    """Return the model of a file, which must be of a robot.
 
     Raises
     ------
     ConfigError
-        It is none, or of another robot.
+        It is none, or of another robot, be it one with the same joint names.
     """
     estimate = read_estimate(path)
-    if estimate.robot.name != loaded.robot.name:
+    differences = robot.differences(estimate.robot)
+    if differences:
         raise ConfigError(
-            f"{path}: is of robot {estimate.robot.name!r}, the cell has {loaded.robot.name!r}"
+            f"{path}: is of robot {estimate.robot.name!r}, which is not this {robot.name!r}: they"
+            f" differ in {', '.join(differences)}. Identify this robot, or correct its file"
         )
     return estimate
 

@@ -11,7 +11,6 @@ from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import MotionSamples
 from compensation.loops.multisine_motion import MultisineOptions, limit_use, multisine_motion
 from config.arrays import FloatArray
-from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
 from identification.design.task import chosen_criterion, excitation_problem
@@ -20,8 +19,8 @@ from identification.design.two_harmonic import (
     condition_number,
     design_two_harmonic,
 )
-from identification.estimation.file import read_estimate
 from identification.friction.motions import constant_velocity_motion, reversed_motion
+from rid_daq.jobs.cell_files import estimate_for
 from rid_daq.jobs.excitation_search import Search, SearchOptions, search
 from rid_daq.terminal.console import Console
 
@@ -142,8 +141,8 @@ def _excitation(
         period_s=how.period_s,
         harmonics=how.harmonics,
         criterion=chosen_criterion(robot, how.criterion, how.wanted),
-        model=None if request.model is None else read_estimate(request.model),
-        given=[read_estimate(path) for path in request.given],
+        model=None if request.model is None else estimate_for(request.model, robot),
+        given=[estimate_for(path, robot) for path in request.given],
     )
     found = search(problem, config, how, console)
     origin = (
@@ -156,12 +155,7 @@ def _excitation(
 
 def _multisine(request: DesignRequest, cell: LoadedCell) -> Designed:
     robot, model = cell.robot, request.model
-    estimate = None if model is None else read_estimate(model)
-    if estimate is not None and estimate.robot.joint_names != robot.joint_names:
-        raise ConfigError(
-            f"{model}: is of robot {estimate.robot.name!r}, the cell's is {robot.name!r}: give a"
-            " model of this robot"
-        )
+    estimate = None if model is None else estimate_for(model, robot)
     motion = multisine_motion(robot, cell.config, request.multisine, estimate)
     samples = _written(request, cell, motion)
     return Designed(cell, motion, samples, use=limit_use(samples, robot, estimate))

@@ -23,8 +23,7 @@ from compensation.online.online import in_order
 from config.errors import ConfigError, DataQualityError
 from config.load import load_cell
 from identification.estimation.estimate import Estimate
-from identification.estimation.file import read_estimate
-from rid_daq.jobs.cell_files import loops_for, motion_for
+from rid_daq.jobs.cell_files import estimate_for, loops_for, motion_for
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run, sha256_of
 from rid_daq.runs.run_data import lacks
 from rid_daq.terminal.output_file import refuse_output
@@ -151,7 +150,7 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
     motion = motion_for(request.motion, loaded)
     loops = loops_for(request.loop, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
-    estimate = read_estimate(request.model)
+    estimate = estimate_for(request.model, loaded.robot)
     tuning, notes = None, []
     if request.reference is not None:
         folder = find_run(request.runs, request.reference)
@@ -191,7 +190,7 @@ def refine_feedforward(request: RefineRequest) -> Refined:
     first = driven[0]
     _refuse_mixed(driven)
     samples = first.samples()
-    estimate = read_estimate(request.model)
+    estimate = estimate_for(request.model, first.data.robot)
     names = samples.joint_names
     loops = in_order(names, estimate.robot.joint_names, read_loops(request.loop)[1])
     measured = repeated_error(samples, [one.data.recording for one in driven])

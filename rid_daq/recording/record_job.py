@@ -116,7 +116,7 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
     motion = motion_for(request.motion, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     if request.model is not None:
-        refuse_torque(motion, samples, estimate_for(request.model, loaded), loaded.robot)
+        refuse_torque(motion, samples, estimate_for(request.model, loaded.robot), loaded.robot)
     if request.feedforward is not None:
         samples = with_feedforward(request.feedforward, motion, samples)
     accuracy = None

@@ -17,8 +17,7 @@ from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.load import LoadedCell, load_cell
 from identification.estimation import file as estimate_file
-from identification.estimation.file import read_estimate
-from rid_daq.jobs.cell_files import loops_for, motion_bytes, motion_for
+from rid_daq.jobs.cell_files import estimate_for, loops_for, motion_bytes, motion_for
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Record, RunRequest, open_session
 from rid_daq.runs.run_data import MOTION
@@ -79,7 +78,7 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
     loaded = load_cell(request.cell)
     words, samples, files = _planned(request, loaded)
     loops = loops_for(request.loop, loaded)
-    estimate = read_estimate(request.model)
+    estimate = estimate_for(request.model, loaded.robot)
     forward = OnlineFeedforward.identified(loaded.config, loaded.robot, estimate, loops)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)

@@ -22,17 +22,14 @@ from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
 from dynamics.model.robot_model import torque
 from identification.design.criteria import Condition, DOptimal, Goals
-from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
 from identification.design.search import refine
 from identification.design.task import chosen_criterion, excitation_problem
 from identification.design.verification import check_motion
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
-from identification.model.base_parameters import base_parameters
-from identification.model.options import ModelOptions
 from rid_daq.app import run
-from rid_daq.jobs.truth import true_parameters
+from tests.builders.known_model import known
 from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
@@ -41,34 +38,6 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def cell() -> LoadedCell:
     return load_cell("ir361")
-
-
-def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
-    """Return the bundled arm's true values as an estimate, some known worse than by 1 %."""
-    assert cell.plant is not None
-    model = design_model(cell.robot)
-    base = base_parameters(model)
-    values = base.from_standard(true_parameters(model, cell.robot, cell.plant))
-    sigma = 0.01 * np.abs(values) + 1e-3
-    for name, worse in deviations.items():
-        sigma[base.names.index(name)] *= worse
-    return Estimate(
-        robot=cell.robot,
-        options=ModelOptions(),
-        base=base,
-        values=values,
-        covariance_noise=None,
-        covariance_residual=np.diag(sigma**2),
-        covariance_jackknife=np.diag(sigma**2),
-        condition_number=30.0,
-        equations=600,
-        residual_nm=np.array([6.0, 6.0, 3.0]),
-        noise_nm=None,
-        left_out_fraction=np.zeros(3),
-        method="smoothed",
-        band_hz=10.0,
-        standstill_rad_s=0.02,
-    )
 
 
 def problem(
@@ -140,7 +109,7 @@ def test_a_model_holds_the_torques_and_a_wall_the_arm(
             "    - {name: the wall, normal: [-1.0, 0.0, 0.0], offset_m: -0.9}\n"
         )
     model = tmp_path / "model.json"
-    write_estimate(model, known(cell, {}))
+    write_estimate(model, known(load_cell(str(folder / "cell.yaml")), {}))
     capsys.readouterr()
     words = ["design", str(folder / "cell.yaml"), "-o", str(tmp_path / "m.yaml"), "--starts", "2"]
     assert run([*words, "--model", str(model), "--json"]) == 0

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from acquisition.motion.kinds.multipoint import MultipointMotion
+from compensation.loops.loop_file import write_loops
+from compensation.loops.velocity_loop import VelocityLoop
 from config.errors import ConfigError
-from config.load import LoadedCell, load_cell, to_yaml
-from rid_daq.jobs.cell_files import motion_bytes, motion_for
+from config.load import LoadedCell, load_cell, load_robot, to_yaml
+from identification.estimation.file import write_estimate
+from rid_daq.app import run
+from rid_daq.jobs.cell_files import estimate_for, motion_bytes, motion_for
+from tests.builders.known_model import known
 
 
 @pytest.fixture
@@ -41,3 +47,59 @@ def test_a_motion_of_another_robot_is_refused_by_both_names(
         motion_for(path, cell)
     for word in (str(path), "'another'", repr(cell.robot.name), cell.config.name):
         assert word in str(refused.value)
+
+
+def test_a_model_of_the_cells_robot_may_have_other_limits_and_friction(
+    cell: LoadedCell, tmp_path: Path
+) -> None:
+    write_estimate(tmp_path / "model.json", known(cell, {}))
+    text = cell.files["robot.yaml"].decode().replace("velocity: 2.6", "velocity: 2.0")
+    (tmp_path / "robot.yaml").write_text(text.replace("[coulomb, viscous]", "[coulomb, cubic]"))
+    robot = load_robot(str(tmp_path / "robot.yaml"))
+    assert estimate_for(tmp_path / "model.json", robot).robot == cell.robot
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "key"),
+    [
+        ("a_m: 0.480", "a_m: 0.580", "kinematics"),
+        ("gear_ratio: 153.0", "gear_ratio: 100.0", "joints.1.gear_ratio"),
+        ("0.0, 9.81]", "0.0, -9.81]", "gravity_m_s2"),
+        ("name: ir361", "name: ir362", "name"),
+        ("r_m: 0.100", "r_m: 0.110", "spring"),
+    ],
+)
+def test_a_model_of_another_robot_with_the_same_joints_is_refused_by_what_differs(
+    cell: LoadedCell, tmp_path: Path, right: str, wrong: str, key: str
+) -> None:
+    write_estimate(tmp_path / "model.json", known(cell, {}))
+    (tmp_path / "robot.yaml").write_text(cell.files["robot.yaml"].decode().replace(right, wrong))
+    robot = load_robot(str(tmp_path / "robot.yaml"))
+    with pytest.raises(ConfigError, match=rf"they differ in {key}\. Identify this robot"):
+        estimate_for(tmp_path / "model.json", robot)
+
+
+@pytest.mark.parametrize("command", ["design", "compensate", "stream", "record"])
+def test_every_command_beside_a_cell_compares_the_model_with_its_robot(
+    command: str, cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["init", str(tmp_path / "cell")]) == 0
+    robot, mine = tmp_path / "cell" / "robot.yaml", str(tmp_path / "cell" / "cell.yaml")
+    robot.write_text(robot.read_text().replace("name: my_robot", "name: ir361"))
+    model, loops = tmp_path / "model.json", tmp_path / "loops.json"
+    write_estimate(model, known(load_cell(mine), {}))
+    robot.write_text(robot.read_text().replace("a_m: 0.480", "a_m: 0.580"))
+    motion = written(tmp_path, "ir361")
+    fitted = [
+        VelocityLoop(joint, 500.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
+        for joint in cell.robot.joint_names
+    ]
+    write_loops(loops, fitted, "ir361", "a run")
+    words = {
+        "design": ["-o", str(tmp_path / "new.yaml")],
+        "compensate": [str(motion), "--loop", str(loops), "-o", str(tmp_path / "new.json")],
+        "stream": [str(motion), "--loop", str(loops)],
+        "record": [str(motion)],
+    }[command]
+    assert run([command, mine, *words, "--model", str(model)]) == 2
+    assert "they differ in kinematics" in " ".join(capsys.readouterr().err.split())
