@@ -30,6 +30,8 @@ JointAcceleration = Annotated[
 ]
 JointTorque = Annotated[Positive, Plausible(1e-2, 2e5, "N m", Plausible(0.1, 5e5, "N"))]
 
+_STEEL_KG_M3: Final = 7850.0
+_HOLLOW_KG_M3: Final = 100.0
 WORST_COUPLING: Final = 1e6
 
 _IDENTITY: Final = ("name", "gravity_m_s2", "kinematics", "spring", "coupling")
@@ -239,11 +241,18 @@ class GravitySpring(ConfigModel):
         return self
 
 
+def _ball_kg_m2(mass_kg: float, density_kg_m3: float) -> float:
+    """Return the moment of inertia of a ball about its centre [kg m²]."""
+    radius_m = (3.0 * mass_kg / (4.0 * np.pi * density_kg_m3)) ** (1.0 / 3.0)
+    return float(0.4 * mass_kg * radius_m**2)
+
+
 class LinkCad(Derived):
     """What the drawing says of a link, in its frame (modified convention, frame i on axis i).
 
     `inertia_kg_m2` is xx, xy, xz, yy, yz, zz about the centre of gravity, elements of the matrix.
-    `uncertainty` is the standard deviation of every value as a share of its size.
+    `uncertainty` is the standard deviation of every value as a share of its size. An inertia below
+    that of a ball of steel counts as unknown: zeros, or values that were rounded away.
     """
 
     mass_kg: Annotated[NonNegative, Plausible(1e-4, 3e3, "kg")]
@@ -263,6 +272,17 @@ class LinkCad(Derived):
                 " xx, xy, xz, yy, yz, zz and the signs"
             )
         return self
+
+    @property
+    def unknown_inertia_kg_m2(self) -> float | None:
+        """The moment of inertia of a body of the mass, where the stated one is none; else None.
+
+        None is what a ball of steel is above: zeros, or values that were rounded away.
+        """
+        xx, _, _, yy, _, zz = self.inertia_kg_m2
+        if (xx + yy + zz) / 3.0 >= _ball_kg_m2(self.mass_kg, _STEEL_KG_M3):
+            return None
+        return _ball_kg_m2(self.mass_kg, _HOLLOW_KG_M3)
 
     def derived(self) -> dict[str, tuple[float, Plausible]]:
         """Return the radius of gyration."""

@@ -20,6 +20,7 @@ from config.robot.robot import Joint, JointLimits, Kinematics, LinkCad, RobotDes
 GRAVITY_M_S2: Final = 9.81
 ACCELERATION_PER_VELOCITY: Final = 5.0
 CYLINDER_CORNERS: Final = 16
+LEAST_GYRATION_M: Final = 0.002
 
 
 @dataclass(frozen=True)
@@ -248,6 +249,10 @@ def _cad(
         for m, c, about_centre in parts:
             r = c - centre
             inertia += about_centre + m * (r @ r * np.eye(3) - np.outer(r, r))
+        told = f"link {number} ({', '.join(names)})"
+        gyration_m = float(np.sqrt(np.trace(inertia) / (2.0 * mass)))
+        if gyration_m < LEAST_GYRATION_M:  # placeholders
+            inertia = np.zeros((3, 3))
         try:
             cad.append(
                 LinkCad(
@@ -260,10 +265,16 @@ def _cad(
             )
         except ValidationError as error:
             notes.append(
-                f"link {number} ({', '.join(names)}) cannot exist, so no `cad` was made:"
+                f"{told} cannot exist, so no `cad` was made:"
                 f" {error.errors()[0]['msg'].removeprefix('Value error, ')}"
             )
             return None
+        unknown = cad[-1].unknown_inertia_kg_m2
+        if unknown:
+            notes.append(
+                f"{told} has {mass:.3g} kg and next to no inertia (zero, or rounded away):"
+                f" --cad-prior takes it as unknown, 0 ± {unknown:.2g} kg m²"
+            )
     return tuple(cad)
 
 

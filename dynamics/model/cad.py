@@ -32,7 +32,8 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
         The links' inertial parameters about their frames' origins; zero for all others.
     sigmas : (parameters,) array
         Their standard deviations: the stated share of the link's mass, of its first moment and of
-        the size of its inertia; infinite where the drawings say nothing (friction, rotors, spring).
+        the size of its inertia, or all of the inertia that a body of the mass may have where the
+        drawings tell none; infinite where the drawings say nothing (friction, rotors, spring).
 
     Raises
     ------
@@ -50,6 +51,7 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
         columns = slice(PARAMETERS_PER_LINK * link, PARAMETERS_PER_LINK * (link + 1))
         values[columns] = _about_origin(cad)
         sigmas[columns] = cad.uncertainty * _sizes(values[columns])
+        sigmas[columns][4:] += cad.unknown_inertia_kg_m2 or 0.0
     return values, sigmas
 
 

@@ -249,6 +249,18 @@ def test_gravity_is_written_in_the_axes_of_the_base() -> None:
     assert on_wall.robot.gravity_m_s2 == pytest.approx((9.81, 0.0, 0.0), abs=1e-12)
 
 
+def test_a_link_whose_inertia_was_rounded_away_is_said() -> None:
+    zeros = '<inertia ixx="0.000" ixy="0" ixz="0" iyy="0.000" iyz="0" izz="0.000"/>'
+    flange = f'<link name="flange"><inertial><mass value="0.2"/>{zeros}</inertial></link>'
+    one = joint("one", "revolute", "base", "flange", axis="0 0 1")
+    made = robot_of_urdf(read_urdf(robot(link("base"), flange, one), "r.urdf"))
+    note = next(note for note in made.notes if "no inertia" in note)
+    assert "link 1 (flange) has 0.2 kg and next to no inertia" in note
+    assert "--cad-prior takes it as unknown" in note
+    assert made.robot.cad is not None
+    validate(parse_yaml(to_yaml(made.robot).encode(), "robot.yaml"), RobotDescription)
+
+
 def test_a_link_that_cannot_exist_gives_no_cad_and_a_reason() -> None:
     bad = (
         '<link name="tool"><inertial><mass value="1"/>'

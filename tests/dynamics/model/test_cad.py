@@ -52,6 +52,20 @@ def test_uncertainty_is_a_share_of_mass_moment_and_inertia_as_a_whole(robot) -> 
     assert np.all(sigmas[:10] > 0.0)
 
 
+@pytest.mark.parametrize("moment", [0.0, 1e-6])
+def test_zeros_in_a_drawing_are_unknown_not_zero_within_little(ir361, moment: float) -> None:
+    """A wrist of 0.2 kg has some 5e-4 kg m² about its centre, whatever three decimals say."""
+    flange = LinkCad(mass_kg=0.2, inertia_kg_m2=(moment, 0.0, 0.0, moment, 0.0, moment))
+    wrist = ir361.model_copy(update={"cad": (LINK, LINK, flange)})
+    _, sigmas = cad_parameters(RobotModel.from_description(wrist), wrist)
+    assert np.all(sigmas[24:30] > 0.5 * 5e-4)
+    assert np.all(sigmas[24:30] < 5.0 * 5e-4)
+
+
+def test_inertias_of_real_links_are_believed() -> None:
+    assert all(cad.unknown_inertia_kg_m2 is None for cad in load_robot("ur10e").cad or ())
+
+
 def test_nothing_is_known_of_friction_rotors_and_spring(robot) -> None:
     _, sigmas = cad_parameters(RobotModel.from_description(robot), robot)
     assert np.isfinite(sigmas[:30]).all()
