@@ -99,12 +99,14 @@ def bag_as_table(
     moving = np.ptp(np.frombuffer(stamps, dtype=np.int64)) > 0
     times = np.frombuffer(stamps if moving else received, dtype=np.int64)
     _write(table, (times - times[0]) * 1e-9, values[:, there].reshape(len(times), -1))
+    efforts, is_torque = 1 + (1 + int(there[1])) * n, states.effort == "torque"
     joints = tuple(
         ImportJoint(
             joint=name,
             position=1 + i,
             velocity=1 + n + i if there[1] else None,
-            **{states.effort: 1 + (1 + int(there[1])) * n + i},
+            torque=efforts + i if is_torque else None,
+            current=None if is_torque else efforts + i,
         )
         for i, name in enumerate(joint_names)
     )

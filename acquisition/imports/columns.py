@@ -89,20 +89,21 @@ class ImportColumns:
         known = [_known(import_map, joint, robot) for joint in joints]
         gears = [_gear(import_map, *pair) for pair in zip(joints, known, strict=True)]
         columns = [joint.position for joint in joints]
-        factors = [_POSITION[units.position] / gear for gear in gears]
+        turns = [gear * joint.position_sign for gear, joint in zip(gears, joints, strict=True)]
+        factors = [_POSITION[units.position] / turn for turn in turns]
         offsets = [-f * joint.zero_offset for f, joint in zip(factors, joints, strict=True)]
         for joint, gear, description in zip(joints, gears, known, strict=True):
             if joint.torque is not None:
                 columns.append(joint.torque)
-                factors.append(_TORQUE[units.torque] * gear)
+                factors.append(_TORQUE[units.torque] * gear * joint.torque_sign)
             else:
                 columns.append(joint.position if joint.current is None else joint.current)
                 constant = _torque_constant(import_map, joint, gear, description)
-                factors.append(_CURRENT[units.current] * constant)
-        for joint, gear in zip(joints, gears, strict=True):
+                factors.append(_CURRENT[units.current] * constant * joint.torque_sign)
+        for joint, turn in zip(joints, turns, strict=True):
             columns.append(joint.position if joint.velocity is None else joint.velocity)
             factor = math.nan if joint.velocity is None else _VELOCITY[units.velocity]
-            factors.append(factor / gear)
+            factors.append(factor / turn)
         warmths = [joint.temperature for joint in joints if joint.temperature is not None]
         offsets += [0.0] * (len(columns) - len(offsets))
         coupling = None

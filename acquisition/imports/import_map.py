@@ -70,7 +70,9 @@ class ImportJoint(ConfigModel):
     states. Where a joint's columns are its motor's, `gear_ratio` (motor turns per joint turn,
     negative where the motor turns against the joint) brings them to the link side; the map's torque
     constant is then the motor's too. `zero_offset` is what the position column reads where the
-    robot file's joint is at 0, in the column's own unit. `velocity` is optional: it is not used in
+    robot file's joint is at 0, in the column's own unit. `position_sign` and `torque_sign` are -1
+    where a column counts the other way than the robot file's joint; the first is the velocity's
+    too. `velocity` is optional: it is not used in
     place of the position's derivative, but compared with it, so that a wrong column, unit or clock
     is found. `temperature` is the drive's, for friction that depends on it: every joint has it, or
     none.
@@ -85,6 +87,8 @@ class ImportJoint(ConfigModel):
     torque_constant_nm_per_a: Positive | None = None
     gear_ratio: float | None = None
     zero_offset: float = 0.0
+    position_sign: Literal[1, -1] = 1
+    torque_sign: Literal[1, -1] = 1
 
     @model_validator(mode="after")
     def _one_torque(self) -> ImportJoint:

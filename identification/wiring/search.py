@@ -14,7 +14,6 @@ from identification.wiring.mistakes import OFFSET_STEPS, Kind, Mistake, common_m
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import Condensed, Trial
 
-FAR_BETTER: Final = 0.2
 AS_GOOD: Final = 0.1
 MOST_MISTAKES: Final = 3
 MOST_ALTERNATIVES: Final = 3
@@ -85,7 +84,7 @@ def _best(signals: WiredSignals) -> Found | None:
     cost, best, after = tried[0]
     if best.kind is Kind.POSITION_OFFSET:
         best, after = _exact(signals, best)
-    if before.cost - cost < FAR_BETTER:
+    if not after.far_better_than(before):
         return None
     near = [mistake for other, mistake, _ in tried[1:] if other - cost < AS_GOOD]
     return Found(best, _distinct(best, near), before, after)

@@ -9,13 +9,14 @@ from typing import Final
 import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
-from config.arrays import FloatArray, freeze
+from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
 
 ROWS_PER_CYCLE: Final = 2.2
 MOST_ROWS: Final = 1000
+MOVING_RAD_S: Final = 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,8 @@ class WiredSignals:
         The motors' motion at the link side, alpha of q = C alpha [rad or m, per s, per s^2].
     torque_nm : ndarray, shape (rows, n)
         Their torques [N m or N].
+    moving : ndarray of bool, shape (n,)
+        Which motors move: the others' friction is stiction, which explains nothing.
     """
 
     robot: RobotDescription
@@ -37,6 +40,7 @@ class WiredSignals:
     velocity: FloatArray
     acceleration: FloatArray
     torque_nm: FloatArray
+    moving: BoolArray
 
     def __post_init__(self) -> None:
         shape = (len(self.position), len(self.robot.joints))
@@ -60,8 +64,9 @@ class WiredSignals:
             moved = coupling is not None and name != "torque_nm"
             return coupling.to_motors(values) if coupling is not None and moved else values
 
-        names = ("position", "velocity", "acceleration", "torque_nm")
-        return cls(robot, *(together(name) for name in names))
+        q, v, a = (together(name) for name in ("position", "velocity", "acceleration"))
+        moving = np.sqrt(np.mean(np.square(v), axis=0)) >= MOVING_RAD_S
+        return cls(robot, q, v, a, together("torque_nm"), moving)
 
     def joints(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return q, v and a of the joints, each (rows, n)."""
@@ -89,4 +94,5 @@ class WiredSignals:
             position=self.position @ matrix.T + offset_rad,
             velocity=self.velocity @ matrix.T / clock,
             acceleration=self.acceleration @ matrix.T / clock**2,
+            moving=(matrix != 0.0) @ self.moving,
         )

@@ -19,6 +19,8 @@ from identification.wiring.signals import WiredSignals
 SLOW_SHARE: Final = 0.05
 FEWEST_ROWS: Final = 20
 RIDGE: Final = 1e-9
+LEAST_GAIN: Final = 0.2
+FAR_BETTER_TIMES: Final = 2.0
 SMALLEST_SHARE: Final = 0.01
 DRIVING_SHARE: Final = 0.03
 DRIVING_COST: Final = 1.0
@@ -45,11 +47,22 @@ class Trial:
         """Whether no joint leaves more than a good fit does."""
         return not (np.any(self.residual_share > GOOD_SHARE) or np.any(self.driving))
 
+    def far_better_than(self, other: Trial) -> bool:
+        """Whether another fit is far worse: friction drives a joint, or a residual is twice it.
+
+        All joints together must gain as well. Less than that a model gains by any freedom that
+        happens to follow what friction it lacks.
+        """
+        if other.cost - self.cost < LEAST_GAIN:
+            return False
+        halved = np.nanmax(other.residual_share / self.residual_share) >= FAR_BETTER_TIMES
+        return bool(halved or np.sum(self.driving) < np.sum(other.driving))
+
     @property
     def cost(self) -> float:
         """Sum of the logarithms of the shares, and one for each joint that friction would drive."""
-        shares = self.residual_share[~np.isnan(self.residual_share)]
-        return float(np.sum(np.log(shares)) + DRIVING_COST * np.sum(self.driving))
+        shares = np.log(self.residual_share)
+        return float(np.nansum(shares) + DRIVING_COST * np.sum(self.driving))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +96,7 @@ class Condensed:
         slowest = np.minimum(
             STANDSTILL_RAD_S, SLOW_SHARE * np.sqrt(np.mean(np.square(speed), axis=0))
         )
-        use = np.abs(speed) > slowest
+        use = (np.abs(speed) > slowest) & signals.moving
         products, brakes = np.zeros((n, p + n, p + n)), np.zeros((n, p))
         power = np.zeros((n, n))
         braking = np.array([name.startswith(BRAKES) for name in model.parameter_names])

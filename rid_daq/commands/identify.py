@@ -183,9 +183,10 @@ def _print(console: Console, identified: IdentifiedRuns) -> None:
         console.verdict(False, mistake.sentence)
         console.say(f"  Change {' or '.join(mistake.change)}; read the run again.")
         if mistake.alternatives:
-            console.say(f"  As good an explanation: {'; '.join(mistake.alternatives)}.")
+            as_good = "; ".join(other.words for other in mistake.alternatives)
+            console.say(f"  As good an explanation: {as_good}.")
     if estimate.mistakes == ():
-        console.say("None of the common mistakes of wiring, units and files explains more.")
+        console.say("No common mistake of wiring, units or files explains the data far better.")
     bad = identified.bad_joints
     console.verdict(not bad, f"Model: {identified.model}")
     console.say(f"Report: {identified.report}")

@@ -10,7 +10,7 @@ from config.robot.robot import RobotDescription
 from identification.wiring.mistakes import DEGREES, Kind, Mistake
 from identification.wiring.search import Found
 from rid_daq.report.formats import number
-from rid_daq.report.sections.mistake import MistakeEntry
+from rid_daq.report.sections.mistake import Explanation, MistakeEntry
 
 _IN_MAP: Final[dict[Kind, str]] = {
     Kind.POSITION_SIGN: "map: `position_sign` of {each}",
@@ -57,25 +57,31 @@ def mistake_entry(found: Found, robot: RobotDescription, *, imported: bool) -> M
     imported : bool
         Whether a map said how the recording was read; else a cell file did.
     """
-    mistake = found.mistake
+    best, *others = (
+        Explanation(
+            kind=each.kind,
+            joints=tuple(robot.joint_names[j] for j in each.joints),
+            factor=each.factor,
+            words=_words(each, robot),
+            change=_changes(each, robot, imported),
+        )
+        for each in (found.mistake, *found.alternatives)
+    )
     gains = found.times_better
     worst = max(range(len(gains)), key=lambda j: _finite(float(gains[j])))
     before, after = (100.0 * trial.residual_share[worst] for trial in (found.before, found.after))
-    means = _words(mistake, robot)
     sentence = (
-        f"{means[0].upper()}{means[1:]}: that explains the data far better. Undone, the residual"
-        f" of {robot.joint_names[worst]} falls from {before:.0f} to {after:.0f} % of the torque."
+        f"{best.words[0].upper()}{best.words[1:]}: that explains the data far better."
+        f" Undone, the residual of {robot.joint_names[worst]} falls from {before:.0f} to"
+        f" {after:.0f} % of the torque."
     )
     if found.before.driving.any() and not found.after.driving.any():
         sentence += " As stated, friction would drive the joint."
-    return MistakeEntry(
-        kind=mistake.kind,
-        joints=tuple(robot.joint_names[j] for j in mistake.joints),
-        factor=mistake.factor,
+    return MistakeEntry.taken(
+        best,
         times_better=_finite(float(gains[worst])),
         sentence=sentence,
-        change=_changes(mistake, robot, imported),
-        alternatives=tuple(_words(other, robot) for other in found.alternatives),
+        alternatives=tuple(others),
     )
 
 

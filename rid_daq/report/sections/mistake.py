@@ -6,8 +6,8 @@ from identification.wiring.mistakes import Kind
 from rid_daq.report.sections.section import Section, Texts
 
 
-class MistakeEntry(Section):
-    """One mistake, and what to change.
+class Explanation(Section):
+    """What may be wrong, and what to change then.
 
     Attributes
     ----------
@@ -18,20 +18,32 @@ class MistakeEntry(Section):
     factor : float
         What the stated numbers must be multiplied with, or have added [rad] where a zero position
         is wrong.
-    times_better : float
-        By which factor the residual falls where it falls most.
-    sentence : str
-        The finding in words.
+    words : str
+        What is wrong, in words.
     change : tuple of str
         The keys to change, file by file.
-    alternatives : tuple of str
-        What else would explain the data as well.
     """
 
     kind: Kind
     joints: Texts
     factor: float
+    words: str
+    change: Texts
+
+
+class MistakeEntry(Explanation):
+    """The best explanation, and what explains the data as well.
+
+    Attributes
+    ----------
+    times_better : float
+        By which factor the residual falls where it falls most.
+    sentence : str
+        The finding in words.
+    alternatives : tuple of Explanation
+        What else would explain the data as well.
+    """
+
     times_better: float
     sentence: str
-    change: Texts
-    alternatives: Texts
+    alternatives: tuple[Explanation, ...]

@@ -24,7 +24,7 @@ def wired(sound: Sound) -> WiredSignals:
         coupling = np.linalg.inv(np.array(sound.robot.coupling))
     moved = (sound.position, sound.velocity, sound.acceleration)
     q, v, a = (each[::5] @ coupling.T for each in moved)
-    return WiredSignals(sound.robot, q, v, a, sound.torque_nm[::5])
+    return WiredSignals(sound.robot, q, v, a, sound.torque_nm[::5], np.ones(q.shape[1], bool))
 
 
 @pytest.fixture(scope="module")

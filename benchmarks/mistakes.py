@@ -1,0 +1,199 @@
+"""Which mistakes in files and wiring are told: `python -m benchmarks.mistakes`.
+
+Every mistake is made in a recording that the commands read and identify, as a user would: on
+invented three- and six-axis arms with effects that no model has and, where `RID_DAQ_DATA` names
+the recordings, on a real UR10e. A mistake is told where a command refuses it, or where `identify`
+names its kind and its joints. The data show a mistake at all where the truth explains them far
+better than what was stated; the others are listed. Then sound runs are searched for mistakes: none
+may be found. `--sound` and `--arms` set how much is tried; the last line is one JSON object.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+import os
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from acquisition.motion.samples import Phase
+from acquisition.processing.smoothing import smooth_nonperiodic
+from acquisition.recording.recording import Recording
+from benchmarks.mistakes_made import DEGREE, Made, Stated, mistakes
+from benchmarks.sound_robots import sound_run, sound_runs
+from config.errors import RidDaqError
+from config.load import load_robot, to_yaml
+from config.robot.robot import RobotDescription
+from identification.estimation.options import BAND_HZ
+from identification.wiring.search import find_mistakes
+from identification.wiring.signals import WiredSignals
+from identification.wiring.trial import Condensed, Trial
+from rid_daq.app import run
+
+TOLD_BAR: Final = 0.9
+SOUND_RUNS: Final = 200
+ARMS: Final = ("ir361", "kr15", "ur10e")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a mistake: refused with an exit status, named by `identify`, or neither."""
+
+    arm: str
+    made: Made
+    refused: bool
+    named: bool
+    visible: bool
+
+
+def sources(arms: tuple[str, ...]) -> Iterator[Stated]:
+    """Yield sound recordings of the arms."""
+    for number, arm in enumerate(arms):
+        robot = load_robot(arm)
+        real = os.environ.get("RID_DAQ_DATA")
+        if arm == "ur10e" and real is not None:
+            yield _real(Path(real) / "ur10e")
+            continue
+        sound = sound_run(robot, np.random.default_rng(number))
+        yield Stated(robot, sound.time_s, sound.position, sound.torque_nm)
+
+
+def _real(folder: Path) -> Stated:
+    """Return a real UR10e's recording."""
+    robot = load_robot("ur10e")
+    table = np.loadtxt(folder / "ur-20_02_12-50sec_12harm.csv", delimiter=",")[354:5090]
+    constants = np.array([joint.torque_constant_nm_per_a or 0.0 for joint in robot.joints])
+    return Stated(robot, table[:, 0], table[:, 1:7], table[:, 13:19] * constants)
+
+
+def tell(stated: Stated, folder: Path) -> tuple[bool, set[tuple[str, tuple[str, ...]]]]:
+    """Import and identify a recording by the commands.
+
+    Returns
+    -------
+    refused : bool
+        Whether a command refused it, or called the fit bad.
+    named : set of (kind, joints)
+        What `identify` named, alternatives too.
+    """
+    table = np.column_stack([stated.time_s, stated.position, stated.torque_nm])
+    np.savetxt(folder / "rec.csv", table, delimiter=",", fmt="%.9g")
+    (folder / "robot.yaml").write_text(to_yaml(stated.robot))
+    (folder / "map.yaml").write_text(stated.map_text)
+    runs = ["--runs", str(folder / "runs"), "--json"]
+    code, imported = _run(
+        ["import", str(folder / "rec.csv"), "--map", str(folder / "map.yaml"), *runs]
+    )
+    if code != 0:
+        return True, set()
+    code, document = _run(["identify", str(imported["folder"]), *runs])
+    estimate = document.get("estimate") or {}
+    found = estimate.get("mistakes") or []
+    told = [each for mistake in found for each in (mistake, *mistake["alternatives"])]
+    return code != 0, {(each["kind"], tuple(each["joints"])) for each in told}
+
+
+def _run(words: list[str]) -> tuple[int, dict[str, Any]]:
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
+        code = run(words)
+    return code, json.loads(out.getvalue() or "{}")
+
+
+def outcomes(sound: Stated) -> Iterator[Outcome]:
+    """Yield what became of every mistake made in a sound recording."""
+    truth = _trial(sound, sound.robot)
+    assert truth is not None
+    for made in mistakes(sound):
+        with tempfile.TemporaryDirectory() as folder:
+            refused, named = tell(made.stated, Path(folder))
+        joints = tuple(sound.robot.joint_names[j] for j in made.joints)
+        right = any((kind, joints) in named for kind in made.kinds)
+        stated = _trial(made.stated, made.stated.robot)
+        visible = stated is None or truth.far_better_than(stated)
+        yield Outcome(sound.robot.name, made, refused and not named, right, visible)
+
+
+def _trial(stated: Stated, robot: RobotDescription) -> Trial | None:
+    """Return how well a robot explains a recording; None where stamps of it leave nothing."""
+    recording = _recording(stated, DEGREE if stated.unit == "deg" else 1.0)
+    try:
+        signals = WiredSignals.of(robot, [smooth_nonperiodic(recording, BAND_HZ)])
+    except RidDaqError:
+        return None
+    return Condensed.of(signals).trial(np.eye(len(robot.joints)))
+
+
+def _recording(stated: Stated, factor: float) -> Recording:
+    time_s, first = np.unique(stated.time_s, return_index=True)
+    rows = len(first)
+    return Recording(
+        joint_names=stated.robot.joint_names,
+        time_s=time_s,
+        position=factor * stated.position[first],
+        torque_nm=stated.torque_nm[first],
+        valid=np.ones(rows, dtype=np.bool_),
+        phase=np.full(rows, Phase.MAIN, dtype=np.uint8),
+        sample_index=np.full(rows, -1, dtype=np.int64),
+        source="import",
+        robot_name=stated.robot.name,
+        run_id="",
+    )
+
+
+def false_alarms(count: int) -> int:
+    """Return in how many sound runs a mistake is found."""
+    found = 0
+    for sound in sound_runs(count):
+        signals = _recording(
+            Stated(sound.robot, sound.time_s, sound.position, sound.torque_nm), 1.0
+        )
+        thinned = WiredSignals.of(sound.robot, [smooth_nonperiodic(signals, BAND_HZ)])
+        found += bool(find_mistakes(thinned))
+    return found
+
+
+def main() -> int:
+    """Make the mistakes, search the sound runs, print both; 0 where the bars hold."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sound", type=int, default=SOUND_RUNS, help="sound runs to search")
+    parser.add_argument("--arms", nargs="*", default=ARMS, choices=ARMS, help="arms to try")
+    options = parser.parse_args()
+    all_outcomes: list[Outcome] = []
+    for sound in sources(tuple(options.arms)):
+        for outcome in outcomes(sound):
+            all_outcomes.append(outcome)
+            said = "refused" if outcome.refused else "named" if outcome.named else "-"
+            seen = "" if outcome.visible or said != "-" else "the data do not show it"
+            print(f"{outcome.arm:8} {outcome.made.name:45} {said:8} {seen}", flush=True)
+    shown = [each for each in all_outcomes if each.visible or each.refused]
+    told = [each for each in shown if each.refused or each.named]
+    missed = Counter(each.made.name for each in shown if not (each.refused or each.named))
+    alarms = false_alarms(options.sound)
+    share = len(told) / max(len(shown), 1)
+    document = {
+        "kinds": len({each.made.name for each in all_outcomes}),
+        "made": len(all_outcomes),
+        "shown_by_data": len(shown),
+        "told": len(told),
+        "share": round(share, 3),
+        "bar": TOLD_BAR,
+        "missed": sorted(missed),
+        "sound_runs": options.sound,
+        "false_alarms": alarms,
+    }
+    print(json.dumps(document))
+    return 0 if share >= TOLD_BAR and alarms == 0 else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,216 @@
+"""The mistakes that `benchmarks.mistakes` makes, each in a copy of a sound recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from identification.wiring.mistakes import Kind
+
+DEGREE: Final = math.pi / 180.0
+
+
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """What an engineer hands over: a table of columns, and the robot's file.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot's file.
+    time_s : ndarray, shape (samples,)
+        Time stamps [s].
+    position, torque_nm : ndarray, shape (samples, n)
+        Link side [rad, N m].
+    unit : str
+        What the map says that positions are in.
+    """
+
+    robot: RobotDescription
+    time_s: FloatArray
+    position: FloatArray
+    torque_nm: FloatArray
+    unit: str = "rad"
+
+    @property
+    def map_text(self) -> str:
+        """The map that reads the table."""
+        n = len(self.robot.joints)
+        lines = [
+            "name: arm",
+            "robot: robot.yaml",
+            f"columns: {1 + 2 * n}",
+            "time: {column: 0}",
+            f"units: {{position: {self.unit}}}",
+            "joints:",
+        ]
+        for j, name in enumerate(self.robot.joint_names):
+            lines.append(f"  - {{joint: {name}, position: {1 + j}, torque: {1 + n + j}}}")
+        return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A mistake that was made.
+
+    Attributes
+    ----------
+    name : str
+        What was done.
+    kinds : tuple of Kind
+        As what it may be named: the keys to change are these kinds'.
+    joints : tuple of int
+        The joints that must be named, from 0; none where all are meant.
+    stated : Stated
+        What is handed over then.
+    """
+
+    name: str
+    kinds: tuple[Kind, ...]
+    joints: tuple[int, ...]
+    stated: Stated
+
+
+def mistakes(sound: Stated) -> Iterator[Made]:
+    """Yield the mistakes, each made alone in a sound recording."""
+    n = len(sound.robot.joints)
+    yield from _of_one_joint(sound, 1)
+    yield from _of_one_joint(sound, n - 1)
+    for first, second in sorted({(0, 1), (1, 2), (n - 2, n - 1)}):
+        order = list(range(n))
+        order[first], order[second] = second, first
+        yield from _orders(
+            sound, f"axes {first + 1} and {second + 1} swapped", (first, second), order
+        )
+    for name, order in (
+        ("shifted by one", [*range(1, n), 0]),
+        ("in reverse order", [*reversed(range(n))]),
+    ):
+        yield from _orders(sound, name, None, order)
+    yield from _of_all(sound)
+    yield from _of_the_robot(sound)
+
+
+def _of_one_joint(sound: Stated, j: int) -> Iterator[Made]:
+    gear, one = abs(sound.robot.joints[j].gear_ratio), f"axis {j + 1}"
+
+    def moved(change: Callable[[FloatArray], FloatArray]) -> Stated:
+        position = sound.position.copy()
+        position[:, j] = change(position[:, j])
+        return replace(sound, position=position)
+
+    def driven(factor: float) -> Stated:
+        torque_nm = sound.torque_nm.copy()
+        torque_nm[:, j] *= factor
+        return replace(sound, torque_nm=torque_nm)
+
+    signs = (Kind.POSITION_SIGN, Kind.TORQUE_SIGN, Kind.DIRECTION)
+    yield Made(f"{one}: position backwards", signs, (j,), moved(lambda q: -q))
+    yield Made(f"{one}: torque backwards", signs, (j,), driven(-1.0))
+    both = replace(moved(lambda q: -q), torque_nm=driven(-1.0).torque_nm)
+    yield Made(f"{one}: turns the other way", signs, (j,), both)
+    factors = (Kind.POSITION_FACTOR,)
+    for factor in (2.0, 0.5, 10.0, 0.1, DEGREE, 1.0 / DEGREE, gear, 1.0 / gear):
+        stated = moved(lambda q, factor=factor: factor * q)  # type: ignore[misc]
+        yield Made(f"{one}: position times {factor:.4g}", factors, (j,), stated)
+    for factor in (2.0, 0.5, 10.0, 0.1, 1000.0, 0.001, gear, 1.0 / gear):
+        kinds = (Kind.TORQUE_FACTOR,)
+        yield Made(f"{one}: torque times {factor:.4g}", kinds, (j,), driven(factor))
+    for degrees in (90.0, -90.0, 180.0, 30.0):
+        stated = moved(lambda q, degrees=degrees: q + degrees * DEGREE)  # type: ignore[misc]
+        yield Made(f"{one}: zero off by {degrees:g} degrees", (Kind.POSITION_OFFSET,), (j,), stated)
+
+
+def _orders(
+    sound: Stated, name: str, joints: tuple[int, ...] | None, order: list[int]
+) -> Iterator[Made]:
+    own = tuple(np.argsort(order).tolist()) if joints is None else joints
+    position, torque_nm = sound.position[:, order], sound.torque_nm[:, order]
+    kind = Kind.POSITION_ORDER
+    yield Made(f"positions: {name}", (kind,), own, replace(sound, position=position))
+    kind = Kind.TORQUE_ORDER
+    yield Made(f"torques: {name}", (kind,), own, replace(sound, torque_nm=torque_nm))
+    both = replace(sound, position=position, torque_nm=torque_nm)
+    yield Made(f"columns: {name}", (Kind.AXIS_ORDER,), own, both)
+
+
+def _of_all(sound: Stated) -> Iterator[Made]:
+    in_degrees = replace(sound, position=sound.position / DEGREE)
+    yield Made("degrees read as radians", (Kind.POSITION_FACTOR,), (), in_degrees)
+    as_degrees = replace(sound, unit="deg")
+    yield Made("radians read as degrees", (Kind.POSITION_FACTOR,), (), as_degrees)
+    for name, factor in (
+        ("10 % fast", 1.0 / 0.9),
+        ("10 % slow", 1.0 / 1.1),
+        ("twice as fast", 0.5),
+        ("in milliseconds", 1000.0),
+    ):
+        timed = replace(sound, time_s=factor * sound.time_s)
+        yield Made(f"clock: {name}", (Kind.CLOCK,), (), timed)
+    yield Made(
+        "torques in mN m",
+        (Kind.TORQUE_FACTOR,),
+        (),
+        replace(sound, torque_nm=1e3 * sound.torque_nm),
+    )
+    twice = replace(
+        sound,
+        time_s=np.repeat(sound.time_s, 2),
+        position=np.repeat(sound.position, 2, axis=0),
+        torque_nm=np.repeat(sound.torque_nm, 2, axis=0),
+    )
+    yield Made("every row twice", (), (), twice)
+    stuck = sound.torque_nm.copy()
+    stuck[:, 1] = stuck[0, 1]
+    yield Made("axis 2: torque stuck", (), (1,), replace(sound, torque_nm=stuck))
+
+
+def _of_the_robot(sound: Stated) -> Iterator[Made]:
+    robot, n = sound.robot, len(sound.robot.joints)
+    table, joints = robot.kinematics, robot.joints
+
+    def of(**changes: object) -> Stated:
+        return replace(sound, robot=robot.model_copy(update=changes))
+
+    other = "standard_dh" if table.convention == "modified_dh" else "modified_dh"
+    convention = table.model_copy(update={"convention": other})
+    yield Made("the other convention", (Kind.CONVENTION,), (), of(kinematics=convention))
+    matrix = np.eye(n)
+    matrix[n - 1, n - 2] = 1.0
+    coupled = tuple(tuple(row) for row in matrix.tolist())
+    yield Made(
+        "a coupling that is not there", (Kind.COUPLING,), (n - 2, n - 1), of(coupling=coupled)
+    )
+    long = max(range(n), key=lambda i: abs(table.rows[i].a_m))
+    for name, key, value in (
+        ("a link in mm", "a_m", 1000.0 * table.rows[long].a_m),
+        ("a link a fifth too long", "a_m", 1.2 * table.rows[long].a_m),
+        ("a twist in degrees", "alpha_rad", 90.0),
+    ):
+        rows = list(table.rows)
+        rows[long] = rows[long].model_copy(update={key: value})
+        yield Made(name, (), (long,), of(kinematics=table.model_copy(update={"rows": tuple(rows)})))
+    yield Made("gravity in cm", (), (), of(gravity_m_s2=(0.0, 0.0, -981.0)))
+    down = tuple(-each for each in robot.gravity_m_s2)
+    yield Made("mounted upside down", (), (), of(gravity_m_s2=down))
+    limits = [joint.limits for joint in joints]
+    degrees = tuple(
+        joint.model_copy(
+            update={
+                "limits": own.model_copy(
+                    update={
+                        "position_min": own.position_min / DEGREE,
+                        "position_max": own.position_max / DEGREE,
+                    }
+                )
+            }
+        )
+        for joint, own in zip(joints, limits, strict=True)
+    )
+    yield Made("limits in degrees", (), (), of(joints=degrees))

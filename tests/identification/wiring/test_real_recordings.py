@@ -1,0 +1,49 @@
+"""Recordings of real robots that were read correctly: no mistake is found, and one made is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from acquisition.imports.import_map import ImportMap, RowRange
+from acquisition.imports.read import import_csv
+from acquisition.processing.smoothing import smooth_nonperiodic
+from config.load import load_bundled_or_path, load_robot
+from identification.wiring.mistakes import Kind
+from identification.wiring.search import find_mistakes
+from identification.wiring.signals import WiredSignals
+
+LONG = ("ur-20_02_12-50sec_12harm", 355, 5090)
+SOUND = [
+    LONG,
+    ("ur-20_02_10-30sec_12harm", 635, 3510),
+    ("ur-20_01_17-ptp_10_points", 700, 4200),
+    ("ur-20_01_31-unload", 300, 2623),
+    ("ur-20_01_31-load", 370, 2881),
+    ("ur-20_01_22-joint_2", 1, None),
+    ("ur-20_01_22-joint_4", 1, None),
+]
+
+
+def of_ur10e(folder: Path, name: str, first: int, last: int | None) -> WiredSignals:
+    layout = load_bundled_or_path("ur10e_31", "maps", ImportMap)
+    rows = layout.model_copy(update={"rows": RowRange(first=first, last=last)})
+    recording, _ = import_csv(folder / f"{name}.csv", rows)
+    return WiredSignals.of(load_robot("ur10e"), [smooth_nonperiodic(recording, 10.0)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "first", "last"), SOUND)
+def test_nothing_is_found_in_a_ur10es_recordings(
+    real_robot: Path, name: str, first: int, last: int | None
+) -> None:
+    assert find_mistakes(of_ur10e(real_robot, name, first, last)) == ()
+
+
+def test_columns_that_are_swapped_are_found_in_them(real_robot: Path) -> None:
+    sound = of_ur10e(real_robot, *LONG)
+    order = [0, 2, 1, 3, 4, 5]
+    (found,) = find_mistakes(replace(sound, torque_nm=sound.torque_nm[:, order]))
+    assert (found.mistake.kind, found.mistake.joints) == (Kind.TORQUE_ORDER, (1, 2))
