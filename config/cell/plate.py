@@ -27,6 +27,14 @@ EightSensitivities = Annotated[
     tuple[Annotated[float, Plausible(0.1, 500.0, "pC/N")], ...],
     Field(min_length=CHANNELS, max_length=CHANNELS),
 ]
+EightOffsets = Annotated[
+    tuple[Annotated[float, Plausible(0.0, 1e6, "N")], ...],
+    Field(min_length=CHANNELS, max_length=CHANNELS),
+]
+EightDrifts = Annotated[
+    tuple[Annotated[float, Plausible(0.0, 1e4, "N/s")], ...],
+    Field(min_length=CHANNELS, max_length=CHANNELS),
+]
 SquareMatrix = Annotated[tuple[Eight, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
 ThreeForces = tuple[Force, Force, Force]
 ThreeMoments = tuple[Moment, Moment, Moment]
@@ -86,10 +94,10 @@ class PlateZero(ConfigModel):
     channels show there beyond the offset: the moment of gravity.
     """
 
-    offset_n: Eight
-    drift_n_s: Eight = (0.0,) * CHANNELS
-    pose: tuple[float, ...] = ()
-    rest_n: Eight = (0.0,) * CHANNELS
+    offset_n: EightOffsets
+    drift_n_s: EightDrifts = (0.0,) * CHANNELS
+    pose: tuple[Annotated[float, Plausible(0.0, 50.0, "rad or m")], ...] = ()
+    rest_n: EightOffsets = (0.0,) * CHANNELS
 
 
 class PlateLimits(ConfigModel):

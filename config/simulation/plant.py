@@ -10,7 +10,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from config.cell.plate import Eight, SquareMatrix
+from config.cell.plate import Eight, EightSensitivities, SquareMatrix
 from config.errors import ConfigError
 from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible, radius_of_gyration
@@ -87,13 +87,13 @@ class SimulatedAxis(ConfigModel):
     rotor_inertia_kg_m2: Annotated[NonNegative, Plausible(1e-9, 10.0, "kg m²")]
     coulomb_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")]
     viscous_nm_s: Annotated[NonNegative, Plausible(0.0, 1e5, "N m s/rad")]
-    velocity_gain_nm_s: Positive
+    velocity_gain_nm_s: Annotated[Positive, Plausible(1e-4, 1e7, "N m s/rad")]
     velocity_integral_time_s: Annotated[Positive, Plausible(1e-4, 100.0, "s")]
     current_loop_bandwidth_hz: Annotated[Positive, Plausible(1.0, 2e4, "Hz")] = 300.0
     rated_motor_torque_nm: Annotated[Positive, Plausible(1e-6, 1e4, "N m")]
     peak_motor_torque_nm: Annotated[Positive, Plausible(1e-6, 1e5, "N m")]
     encoder_increments_per_motor_rev: Annotated[int, Field(ge=16, le=2**24)]
-    torque_noise_nm: NonNegative = 0.0
+    torque_noise_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")] = 0.0
     brake_torque_nm: Annotated[Positive, Plausible(1e-4, 1e6, "N m")]
     initial_position: Annotated[float, Plausible(0.0, 50.0, "rad or m")] = 0.0
 
@@ -116,11 +116,11 @@ class SimulatedPlate(ConfigModel):
     been sent.
     """
 
-    sensitivity_pc_n: Eight
+    sensitivity_pc_n: EightSensitivities
     crosstalk: SquareMatrix | None = None
     zero_jump_pc: Eight = (0.0,) * 8
     drift_pc_s: Eight = (0.0,) * 8
-    noise_v: NonNegative = 0.0
+    noise_v: Annotated[NonNegative, Plausible(0.0, 10.0, "V")] = 0.0
     clock_offset_s: float = 0.0
     clock_ppm: Annotated[float, Field(ge=-10_000.0, le=10_000.0)] = 0.0
     line_jitter_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
@@ -129,10 +129,10 @@ class SimulatedPlate(ConfigModel):
 class UnmodelledAxis(ConfigModel):
     """Effects of one axis that no model of the estimators has."""
 
-    stribeck_nm: NonNegative = 0.0
-    stribeck_velocity_rad_s: Positive = 0.05
+    stribeck_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")] = 0.0
+    stribeck_velocity_rad_s: Annotated[Positive, Plausible(1e-5, 10.0, "rad/s or m/s")] = 0.05
     load_friction: NonNegative = 0.0
-    cogging_nm: NonNegative = 0.0
+    cogging_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")] = 0.0
     cogging_periods_per_motor_rev: Annotated[int, Field(ge=1)] = 12
     tachometer_ripple: NonNegative = 0.0
     friction_drift_per_s: float = 0.0

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import inspect
 import re
+import typing
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import pytest
+from annotated_types import Le, Lt
+from pydantic import BaseModel
 
-from acquisition.motion.motion_file import load_motion
+from acquisition.motion.motion_file import MotionFile, load_motion
+from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import load_cell, load_robot
+from config.plausible import Plausible
+from config.robot.robot import RobotDescription
+from config.simulation.plant import PlantConfig
 from rid_daq.app import run
 
 
@@ -186,6 +196,47 @@ cad: [{{mass_kg: {mass}, inertia_kg_m2: [{i}, 0.0, 0.0, {i}, 0.0, {i}]}}]
 )
 def test_small_large_and_fast_robots_are_plausible(size: dict[str, float], tmp_path: Path) -> None:
     loaded(tmp_path, "robot", ARM.format(**size))
+
+
+WITHOUT_RANGE = {
+    *("late_by_cycles_limit", "normal", "sensitivity", "axis", "coupling", "crosstalk", "turns"),
+    *("zero_jump_pc", "drift_pc_s", "clock_offset_s"),
+    *("load_friction", "tachometer_ripple", "friction_drift_per_s", "rise_k_per_w"),
+    *("loss_at_rated_w", "friction_per_k", "torque_constant_per_k"),
+    *("time_s", "position"),  # of a table: the robot's limits judge its rows
+}
+"""Numbers without a unit, directions and matrices; and what a simulation invents."""
+
+
+def numbers(model: type[BaseModel], seen: set[type[BaseModel]]) -> Iterator[tuple[str, Any]]:
+    """Yield every number that a file may hold: its key, and its annotation."""
+    seen.add(model)
+    for name, field in model.model_fields.items():
+        parts = [*pieces(field.annotation), *field.metadata]
+        for part in parts:
+            if inspect.isclass(part) and issubclass(part, BaseModel) and part not in seen:
+                yield from numbers(part, seen)
+        if float in parts:
+            yield name, parts
+
+
+def pieces(annotation: Any) -> Iterator[Any]:
+    """Yield an annotation and all that it is made of."""
+    yield annotation
+    for part in (*typing.get_args(annotation), *getattr(annotation, "metadata", ())):
+        yield from pieces(part)
+
+
+def test_every_physical_key_of_every_file_has_a_range() -> None:
+    seen: set[type[BaseModel]] = set()
+    files = (CellConfig, RobotDescription, PlantConfig, MotionFile)
+    lacking = {
+        name
+        for file in files
+        for name, parts in numbers(file, seen)
+        if not any(isinstance(part, Plausible | Le | Lt) for part in parts)
+    }
+    assert lacking - WITHOUT_RANGE == set()
 
 
 def test_a_command_refuses_limits_in_degrees(
