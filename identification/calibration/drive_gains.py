@@ -30,6 +30,16 @@ ITERATIONS: Final = 50
 SETTLED: Final = 1e-6
 SIGNIFICANT_P: Final = 0.01
 MASS: Final = "mL"
+PLAUSIBLE_GAINS: Final = (0.7, 1.4)
+ALIKE: Final = 1.3
+COMMON_FACTORS: Final = {
+    1000.0: "grams were given as kilograms",
+    0.001: "tonnes were given as kilograms",
+    9.81: "newtons were given as kilograms",
+    2.2: "pounds were given as kilograms",
+    2.0: "the load weighs half of that",
+    0.5: "the load weighs twice that",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +76,43 @@ class DriveGains:
         deviation = np.abs(self.values - 1.0) / self.sigma
         chance = 2.0 * len(self.values) * ndtr(-deviation)
         return tuple((chance < SIGNIFICANT_P).tolist())
+
+    def require_plausible(self, mass_kg: float) -> None:
+        """Refuse gains that no drive has, and name the likely mistake.
+
+        Parameters
+        ----------
+        mass_kg : float
+            The mass of the load as it was given.
+
+        Raises
+        ------
+        EstimationError
+            A gain is not within `PLAUSIBLE_GAINS`.
+        """
+        low, high = PLAUSIBLE_GAINS
+        bad = [j for j, gain in enumerate(self.values) if not low <= gain <= high]
+        if not bad:
+            return
+        told = ", ".join(f"{self.joint_names[j]} {self.values[j]:.3g}" for j in bad)
+        common = float(np.median(self.values))
+        spread = np.exp(np.abs(np.log(self.values / common)))
+        if (spread < ALIKE).all():
+            factor = min(COMMON_FACTORS, key=lambda each: abs(np.log(common / each)))
+            near = abs(np.log(common / factor)) < np.log(ALIKE)
+            mistake = (
+                f"all by one factor, as if the load had {mass_kg / common:.3g} kg in place of"
+                f" {mass_kg:g} kg"
+                + (f" ({COMMON_FACTORS[factor]})" if near else "")
+                + ": give its mass in kg (--load-mass), or correct all torque constants by the"
+                " factor"
+            )
+        else:
+            mistake = (
+                "not all by one factor, so that the load's mass is not the reason: correct the"
+                " torque constant or gear ratio of these joints, or move them more"
+            )
+        raise EstimationError(f"drive gains outside {low} to {high}: {told}; {mistake}")
 
     def sentences(self) -> list[str]:
         """Say of each joint what it is."""

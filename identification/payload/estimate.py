@@ -19,7 +19,8 @@ from identification.consistency.programme import ConsistencyProgramme
 from identification.consistency.pseudo_inertia import pseudo_inertia
 from identification.payload.body import PARAMETERS, REPORTED, PayloadBody, reported, reported_slopes
 from identification.payload.equations import PayloadEquations, Procedure
-from identification.payload.solution import SEEN, Known, PayloadSolution, solve_payload, with_held
+from identification.payload.known import Known, with_held
+from identification.payload.solution import SEEN, PayloadSolution, solve_payload
 
 PULL: Final = 1e-9
 FLOOR_SHARE: Final = 0.02

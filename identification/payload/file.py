@@ -16,7 +16,7 @@ from config.robot.robot import RobotDescription
 from identification.payload.body import PARAMETERS, REPORTED, REPORTED_UNITS
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.solution import Known
+from identification.payload.known import Known
 from identification.payload.verdict import Check, PayloadResult
 
 LARGEST_FILE_BYTES = 5_000_000

@@ -27,8 +27,8 @@ class MeasuredRuns(Protocol):
         """RMS of each joint's torque in all runs, shape (n,) [N m or N]."""
 
     @abstractmethod
-    def part(self, chosen: Sequence[int]) -> Self:
-        """Return some of the runs, by number from 0."""
+    def part(self, chosen: Sequence[int], *, carrying: bool = False) -> Self:
+        """Return some of the runs, by number from 0; `carrying`, as if all carried something."""
 
     @abstractmethod
     def equations(

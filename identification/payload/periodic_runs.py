@@ -66,12 +66,12 @@ class PeriodicRuns:
         torque = np.vstack([average.torque_nm for average in self.averages])
         return np.asarray(np.sqrt(np.mean(torque**2, axis=0)))
 
-    def part(self, chosen: Sequence[int]) -> PeriodicRuns:
+    def part(self, chosen: Sequence[int], *, carrying: bool = False) -> PeriodicRuns:
         """Return some of the runs; see `MeasuredRuns`."""
         return replace(
             self,
             averages=tuple(self.averages[i] for i in chosen),
-            loaded=tuple(self.loaded[i] for i in chosen),
+            loaded=tuple(carrying or self.loaded[i] for i in chosen),
         )
 
     def estimate(
@@ -120,8 +120,6 @@ class PeriodicRuns:
         sizes = []
         for run, average in enumerate(averages):
             own = base_values(layout, values, run)
-            if robot is not None and not layout.with_robot:
-                own[model.links] = robot_values(model, robot)
             sizes.append(inertia_size(model.model, model.base, average.position, own))
         return _condensed(model, layout, procedure, binned, sizes, divisors, known)
 
@@ -139,12 +137,6 @@ class PeriodicRuns:
             )
             for average, loaded in zip(self.averages, self.loaded, strict=True)
         ]
-
-
-def robot_values(model: PayloadModel, robot: Estimate) -> FloatArray:
-    """Return the values of the robot's base parameters, friction left out, from an estimate."""
-    places = [robot.base.expressions.index(model.base.expressions[j]) for j in model.links]
-    return np.asarray(robot.values[places])
 
 
 def _condensed(

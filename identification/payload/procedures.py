@@ -17,8 +17,9 @@ from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS
 from identification.payload.equations import PayloadEquations, PayloadModel, Procedure, condense
 from identification.payload.estimate import PayloadEstimate, estimate_payload
+from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
-from identification.payload.solution import Known, solve_payload
+from identification.payload.solution import SEEN, solve_payload
 
 PASSES: Final = 4
 
@@ -34,7 +35,8 @@ class PayloadOptions:
     options : ModelOptions
         The terms of the robot's model.
     robot : Estimate or None
-        The robot without payload, for the procedure `model`.
+        The robot without payload, for `model` and `apart`; with the others it is what the runs
+        without payload are compared with. Its friction terms stand for the robot file's.
     known : tuple of Known
         What is known of the payload otherwise.
     torque_constant_sigma : float
@@ -103,9 +105,9 @@ def equations_of(
                 raise EstimationError("the procedure `model` needs a model of the robot alone")
         case "apart":
             return _apart(robot, runs, how)
-    model = PayloadModel.of(robot, _options(how))
+    model = PayloadModel.of(_described(robot, how), _options(how))
     if not model.model.nonlinear_names:
-        return runs.equations(model, how.procedure, robot=how.robot, standard=None)
+        return runs.equations(model, how.procedure, robot=how.robot)
     if how.procedure == "together":
         joint = runs.estimate(robot, model.options, runs.loaded)
         model = model.with_nonlinear(joint.model)
@@ -122,10 +124,53 @@ def equations_of(
     return equations
 
 
+def left_on_flange(
+    robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions
+) -> tuple[float, float] | None:
+    """Weigh what hung on the flange in the runs without payload, by the model of the robot.
+
+    Returns
+    -------
+    tuple of float, or None
+        Mass and its standard deviation [kg]; None without a model or such runs, or where their
+        motion does not show mass.
+
+    Raises
+    ------
+    EstimationError
+        The model is of another robot.
+    """
+    empty = [i for i, carried in enumerate(runs.loaded) if not carried]
+    if how.robot is None or not empty:
+        return None
+    weighed = replace(how, procedure="model")
+    solution = solve_payload(equations_of(robot, runs.part(empty, carrying=True), weighed))
+    if np.linalg.norm(solution.unseen[0]) > SEEN:
+        return None
+    variance = max(solution.covariance_jackknife[0, 0], solution.covariance_noise[0, 0])
+    return float(solution.values[0]), float(np.sqrt(variance))
+
+
 def _options(how: PayloadOptions) -> ModelOptions:
-    if how.robot is not None and how.procedure == "model":
-        return replace(how.robot.options, payload=True)
-    return replace(how.options, payload=True)
+    return replace(how.options if how.robot is None else how.robot.options, payload=True)
+
+
+def _described(robot: RobotDescription, how: PayloadOptions) -> RobotDescription:
+    """Return the robot with the friction terms of its model, which may have been chosen."""
+    if how.robot is None:
+        return robot
+    described = how.robot.robot
+    if _without_friction(described) != _without_friction(robot):
+        raise EstimationError(
+            f"the model is of robot {described.name}, the runs are of {robot.name} (or of another"
+            " description of it): identify the robot without payload from runs of this one"
+        )
+    return described
+
+
+def _without_friction(robot: RobotDescription) -> RobotDescription:
+    joints = tuple(joint.model_copy(update={"friction": ()}) for joint in robot.joints)
+    return robot.model_copy(update={"joints": joints})
 
 
 def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> PayloadEquations:
@@ -134,7 +179,8 @@ def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> 
     A payload on the last link adds to that link's ten parameters, so that the base parameters
     change by the columns of K that belong to it.
     """
-    options = replace(how.options, payload=False)
+    options = replace(_options(how), payload=False)
+    described = _described(robot, how)
 
     def identified(loaded: bool) -> Estimate:
         chosen = [i for i, own in enumerate(runs.loaded) if own is loaded]
@@ -143,7 +189,7 @@ def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> 
                 f"there is no run {'with' if loaded else 'without'} the payload to identify the"
                 " robot from: add one"
             )
-        return runs.part(chosen).estimate(robot, options, [False] * len(chosen))
+        return runs.part(chosen).estimate(described, options, [False] * len(chosen))
 
     alone = how.robot or identified(False)
     return equations_of_two_robots(identified(True), alone, runs.torque_nm)

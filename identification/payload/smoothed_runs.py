@@ -63,12 +63,12 @@ class SmoothedRuns:
         torque = np.vstack([signals.torque_nm for signals in self.signals])
         return np.asarray(np.sqrt(np.mean(torque**2, axis=0)))
 
-    def part(self, chosen: Sequence[int]) -> SmoothedRuns:
+    def part(self, chosen: Sequence[int], *, carrying: bool = False) -> SmoothedRuns:
         """Return some of the runs; see `MeasuredRuns`."""
         return replace(
             self,
             signals=tuple(self.signals[i] for i in chosen),
-            loaded=tuple(self.loaded[i] for i in chosen),
+            loaded=tuple(carrying or self.loaded[i] for i in chosen),
         )
 
     def estimate(

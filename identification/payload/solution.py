@@ -12,8 +12,9 @@ from scipy.linalg import null_space
 from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.payload.body import REPORTED, PayloadBody, reported, reported_slopes
+from identification.payload.body import REPORTED, reported, reported_slopes
 from identification.payload.equations import Layout, PayloadEquations, independent
+from identification.payload.known import Known, require_once, rows_of, started, with_held
 from identification.regression.intervals import Cluster, jackknife
 from identification.regression.least_squares import triangular_factor
 
@@ -21,41 +22,6 @@ MOST_STEPS: Final = 30
 SETTLED: Final = 1e-9
 UNSEEN: Final = 1e-7
 SEEN: Final = 1e-5
-
-
-@dataclass(frozen=True)
-class Known:
-    """A quantity of the payload that was measured otherwise, such as on scales.
-
-    Attributes
-    ----------
-    name : str
-        One of `REPORTED`: m, cx, cy, cz, or an inertia about the centre of gravity.
-    value, sigma : float
-        Its value and standard deviation; 0 holds it, whatever the recordings say.
-    """
-
-    name: str
-    value: float
-    sigma: float
-
-    def __post_init__(self) -> None:
-        if self.name not in REPORTED:
-            raise EstimationError(
-                f"{self.name!r} is no quantity of a payload: they are {', '.join(REPORTED)}"
-            )
-        if not np.isfinite(self.value) or not 0.0 <= self.sigma < np.inf:
-            raise EstimationError(
-                f"what is known of {self.name} must be a number with a standard deviation that is"
-                " not negative"
-            )
-        if self.name == "m" and self.value <= 0.0:
-            raise EstimationError("a known mass must be positive")
-
-    @property
-    def held(self) -> bool:
-        """Whether the estimate has exactly this value."""
-        return self.sigma == 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,10 +86,7 @@ def solve_payload(
     EstimationError
         The equations say nothing of a payload, or what is known contradicts itself.
     """
-    names = [quantity.name for quantity in known]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise EstimationError(f"{twice} is known twice: leave one of them out")
+    require_once(known)
     system = _System.of(equations)
     if len(equations.known) and intervals:
         first = _measured(equations, system, True)
@@ -226,9 +189,9 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
     target = metric @ found.coordinates
     weighed = [quantity for quantity in known if not quantity.held]
     held = [quantity for quantity in known if quantity.held]
-    values = _started(found.values[:ten], known)
+    values = started(found.values[:ten], known)
     for _ in range(MOST_STEPS):
-        rows, bound = _rows_of(weighed, values), _rows_of(held, values)
+        rows, bound = rows_of(weighed, values), rows_of(held, values)
         rows /= np.array([[quantity.sigma] for quantity in weighed]).reshape(-1, 1)
         matrix = np.vstack([measured, rows[:, :ten] @ axes])
         rhs = np.concatenate([target, rows[:, ten]])
@@ -401,31 +364,3 @@ def _cluster(
     residual = factor[:, p:].sum(axis=1) - factor[:, :p] @ system.all_unknowns(values)
     matrix = np.hstack([factor[:, :PARAMETERS_PER_LINK] @ subspace.seen, factor[:, system.kept]])
     return Cluster.of(matrix, residual)
-
-
-def _rows_of(known: Sequence[Known], values: FloatArray) -> FloatArray:
-    """Return what is known as equations of the ten parameters near some values, (any, 11)."""
-    slopes, at = reported_slopes(values), reported(values)
-    rows = np.zeros((len(known), PARAMETERS_PER_LINK + 1))
-    for row, quantity in zip(rows, known, strict=True):
-        index = REPORTED.index(quantity.name)
-        row[:-1] = slopes[index]
-        row[-1] = quantity.value - at[index] + slopes[index] @ values
-    return rows
-
-
-def with_held(known: Sequence[Known], values: FloatArray) -> FloatArray:
-    """Return ten parameters that differ from others in what is held alone, which is exact."""
-    held = [quantity for quantity in known if quantity.held]
-    if not held:
-        return values
-    body = reported(values)
-    for quantity in held:
-        body[REPORTED.index(quantity.name)] = quantity.value
-    return PayloadBody.of_reported(body).parameters
-
-
-def _started(values: FloatArray, known: Sequence[Known]) -> FloatArray:
-    """Return values that Gauss-Newton can begin at: with the known mass, or a positive one."""
-    mass = next((q.value for q in known if q.name == "m"), max(float(values[0]), 0.1))
-    return np.array([mass, *values[1:]])

@@ -27,6 +27,10 @@ CONTRADICTED: Final = (
     "What is known is held to, and the recordings contradict it: look for grams given as kilograms,"
     " millimetres as metres, or another payload on the scales than on the flange."
 )
+LEFT_ON: Final = (
+    "By the model of the robot, something hung on the flange in the runs without payload: it is"
+    " missing from the payload. Take it off and record them again."
+)
 NO_BODY: Final = (
     "What hung on the flange in the unloaded runs is subtracted from the payload, and leaves a body"
     " that cannot exist where it was heavy: look there first, then for a wrong torque constant."
@@ -128,7 +132,10 @@ class Repeats:
 
 
 def checks(
-    estimate: PayloadEstimate, limits: PayloadLimits, repeats: Repeats | None = None
+    estimate: PayloadEstimate,
+    limits: PayloadLimits,
+    repeats: Repeats | None = None,
+    left_on: tuple[float, float] | None = None,
 ) -> tuple[Check, ...]:
     """Hold an estimate against limits.
 
@@ -140,6 +147,8 @@ def checks(
         What it must keep.
     repeats : Repeats, optional
         The same from each run alone, where there were several.
+    left_on : tuple of float, optional
+        Mass and standard deviation of what `left_on_flange` finds.
     """
     rank = Check(
         "independent parameters that the motion shows", estimate.rank, "≥", PARAMETERS_PER_LINK
@@ -168,6 +177,11 @@ def checks(
         )
         for known, off in zip(estimate.known, estimate.contradictions, strict=True)
     ]
+    if left_on is not None:
+        mass, sigma = left_on
+        said = "mass on the flange in the runs without payload, by the model"
+        limit = LARGEST_CONTRADICTION * sigma
+        agreed.append(Check(said, abs(mass), "≤", limit, "kg", LEFT_ON))
     if not rank.passed:
         return (rank, *agreed, *fit)
     two_sigma = 2.0 * estimate.sigma

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, cast, get_args
+from typing import Annotated, get_args
 
 import typer
 
@@ -12,7 +12,7 @@ from config.errors import ConfigError
 from config.robot.robot import FrictionTerm
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, EstimationOptions
 from identification.model.options import ModelOptions
-from rid_daq.jobs.identification_job import EstimationRequest
+from rid_daq.jobs.identification_job import EstimationRequest, friction_terms_of
 from rid_daq.jobs.identify_job import MODEL, IdentifiedRuns, IdentifyRequest, identify_runs
 from rid_daq.runs.run_data import Unfinished
 from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
@@ -125,7 +125,7 @@ def identify(
                     rotors=rotors,
                     friction=friction,
                     spring=spring,
-                    friction_terms=_terms(friction_terms),
+                    friction_terms=friction_terms_of(friction_terms),
                     payload=bool(loaded),
                 ),
                 weighting=estimator.value,
@@ -199,19 +199,3 @@ def _print(console: Console, identified: IdentifiedRuns) -> None:
         return
     unused = ", with a run that was not used here"
     console.next_step("validate", identified.model, "RUN", then=unused)
-
-
-def _terms(text: str | None) -> tuple[FrictionTerm, ...] | None:
-    if text is None:
-        return None
-    terms = tuple(term.strip() for term in text.split(",") if term.strip())
-    if not terms:
-        raise ConfigError("--friction-terms names none; --no-friction leaves friction out")
-    known = get_args(FrictionTerm)
-    unknown = [term for term in terms if term not in known]
-    if unknown or len(set(terms)) != len(terms):
-        raise ConfigError(
-            f"--friction-terms {text}: {', '.join(unknown) or 'a term stands twice'}; the terms"
-            f" are {', '.join(known)}"
-        )
-    return cast(tuple[FrictionTerm, ...], terms)

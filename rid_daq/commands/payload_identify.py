@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 
 import typer
 
+from config.robot.robot import FrictionTerm
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.model.options import ModelOptions
 from identification.payload.body import REPORTED
 from identification.payload.verdict import PayloadLimits
+from rid_daq.jobs.identification_job import friction_terms_of
 from rid_daq.jobs.payload.identify_job import PayloadIdentifyRequest, identify_payload_runs
 from rid_daq.jobs.payload.payload_job import PAYLOAD, known_quantity
 from rid_daq.runs.run_data import Unfinished
@@ -41,7 +44,9 @@ def identify(
     model: Annotated[
         Path | None,
         typer.Option(
-            metavar="MODEL", help="A model file of `identify`: the robot without payload."
+            metavar="MODEL",
+            help="A model file of `identify`: the robot without payload. Runs of --unloaded are"
+            " compared with it.",
         ),
     ] = None,
     procedure: Annotated[
@@ -99,6 +104,14 @@ def identify(
         float, typer.Option("--standstill", min=0.0, help="Lowest speed used for friction [rad/s].")
     ] = STANDSTILL_RAD_S,
     rotors: Annotated[bool, typer.Option(help="Rotors with their coupling.")] = True,
+    friction_terms: Annotated[
+        str | None,
+        typer.Option(
+            "--friction-terms",
+            metavar="TERM,...",
+            help=f"Friction of every joint: {', '.join(get_args(FrictionTerm))}.",
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
@@ -124,7 +137,7 @@ def identify(
         ),
         band_hz=band_hz,
         standstill_rad_s=standstill_rad_s,
-        rotors=rotors,
+        options=ModelOptions(rotors=rotors, friction_terms=friction_terms_of(friction_terms)),
         unfinished=unfinished,
         output=output,
     )
@@ -141,6 +154,7 @@ def identify(
     )
     section.print(console)
     console.verdict(verdict.passed, verdict.headline)
+    console.say(verdict.sentence)
     console.say(f"Payload: {file}")
     console.say(f"Report: {identified.report}")
     if not verdict.passed:

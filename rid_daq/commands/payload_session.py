@@ -155,5 +155,6 @@ def _print(console: Console, ended: PayloadSessionResult) -> None:
     if result.payload is not None:
         result.payload.print(console)
     console.verdict(ended.judged.passed, result.verdict.headline)
+    console.say(result.verdict.sentence)
     console.say(f"Payload: {ended.file}")
     console.say(f"Report: {ended.report}")

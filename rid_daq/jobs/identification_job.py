@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import cast, get_args
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.errors import ConfigError
-from config.robot.robot import RobotDescription
+from config.robot.robot import FrictionTerm, RobotDescription
 from dynamics.model.cad import cad_parameters
 from identification.accuracy.plate_benefit import Improvement, improvement
 from identification.calibration.drive_gains import DriveGains, drive_gains
@@ -155,11 +156,13 @@ def gains_of_drives(
     Raises
     ------
     EstimationError
-        The runs or the model do not tell them.
+        The runs or the model do not tell them, or they are such as no drive has.
     """
     loaded = [item.folder.run_id in how.loaded for item in data]
     runs = time_runs(estimate.model, signals_of(data, how), loaded)
-    return drive_gains(estimate, runs, mass_kg, mass_sigma_kg)
+    gains = drive_gains(estimate, runs, mass_kg, mass_sigma_kg)
+    gains.require_plausible(mass_kg)
+    return gains
 
 
 def signals_of(data: Sequence[RunData], how: EstimationRequest) -> list[SmoothedSignals]:
@@ -195,3 +198,26 @@ def one_robot(data: Sequence[RunData]) -> RobotDescription:
             f"some runs are periodic and some are not ({names}): identify them one by one"
         )
     return robot
+
+
+def friction_terms_of(text: str | None) -> tuple[FrictionTerm, ...] | None:
+    """Return the friction terms that a comma-separated list names; None where there is none.
+
+    Raises
+    ------
+    ConfigError
+        It names none, an unknown one, or one twice.
+    """
+    if text is None:
+        return None
+    terms = tuple(term.strip() for term in text.split(",") if term.strip())
+    if not terms:
+        raise ConfigError("--friction-terms names none; --no-friction leaves friction out")
+    known = get_args(FrictionTerm)
+    unknown = [term for term in terms if term not in known]
+    if unknown or len(set(terms)) != len(terms):
+        raise ConfigError(
+            f"--friction-terms {text}: {', '.join(unknown) or 'a term stands twice'}; the terms"
+            f" are {', '.join(known)}"
+        )
+    return cast(tuple[FrictionTerm, ...], terms)

@@ -13,8 +13,8 @@ from pydantic import JsonValue
 from acquisition.motion.kinds.fourier import FourierMotion
 from config.errors import ConfigError, PreflightError
 from config.load import to_yaml
+from identification.payload.known import Known
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.solution import Known
 from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload.payload_job import PayloadRequest
 from rid_daq.live.live_page import LiveOptions

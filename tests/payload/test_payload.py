@@ -19,10 +19,10 @@ from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS, REPORTED, PayloadBody
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
+from identification.payload.known import Known
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import PayloadOptions, identify_payload
-from identification.payload.solution import Known
-from identification.payload.verdict import PayloadLimits, PayloadResult, checks
+from identification.payload.procedures import PayloadOptions, identify_payload, left_on_flange
+from identification.payload.verdict import NO_BODY, PayloadLimits, PayloadResult, checks
 
 OPTIONS = ModelOptions(rotors=False)
 
@@ -109,6 +109,43 @@ def test_two_sigma_intervals_hold_in_at_least_nine_of_ten_cases(
     assert inside.mean() >= 0.9
     # Neither are they wide for safety's sake: scatter over quoted sigma, all parameters together.
     assert 0.7 < float(np.sqrt(np.mean(np.square(off)))) < 1.4
+
+
+def test_what_the_unloaded_run_carried_is_weighed_by_a_model(
+    lab: SimpleNamespace,
+    robot: RobotDescription,
+    motion: FourierMotion,
+    both: PeriodicRuns,
+    alone: Estimate,
+) -> None:
+    how = PayloadOptions("together", OPTIONS, alone)
+    sound = lab.averaged(robot, motion, None, seed=7)
+    mass, sigma = left_on_flange(robot, runs((sound, False)), how) or (np.inf, 0.0)
+    assert abs(mass) < 4.0 * sigma
+    rest = PayloadBody(0.3, np.array([0.0, 0.0, 0.04]), 1e-3 * np.eye(3))
+    heavy = lab.averaged(robot, motion, rest, seed=8)
+    mass, sigma = left_on_flange(robot, runs((heavy, False)), how) or (0.0, 0.0)
+    assert mass == pytest.approx(0.3, abs=0.02)
+    assert mass > 4.0 * sigma
+    assert left_on_flange(robot, both, PayloadOptions("together", OPTIONS)) is None
+
+
+def test_a_heavy_load_in_the_unloaded_run_is_named_as_the_likely_mistake(
+    lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion, loaded: PeriodAverage
+) -> None:
+    other = PayloadBody(5.8, np.array([0.0, 0.0, 0.1]), 0.02 * np.eye(3))
+    pair = runs((lab.averaged(robot, motion, other, seed=3), False), (loaded, True))
+    found = identify_payload(robot, pair, PayloadOptions("together", OPTIONS))
+    failed = [line for line in checks(found, PayloadLimits()) if not line.passed]
+    assert [line.advice for line in failed] == [NO_BODY]
+
+
+def test_a_model_of_another_robot_is_refused(
+    lab: SimpleNamespace, both: PeriodicRuns, alone: Estimate
+) -> None:
+    other = lab.six_axes(tool_offset_m=(0.0, 0.0, 0.3))
+    with pytest.raises(EstimationError, match="or of another description of it"):
+        identify_payload(other, both, PayloadOptions("model", OPTIONS, alone))
 
 
 def test_friction_belongs_to_its_run_and_not_to_the_payload(

@@ -11,15 +11,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from acquisition.runs.catalogue import find_run
+from identification.estimation.file import write_estimate
+from identification.estimation.options import EstimationOptions
+from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import LoadFormat
 from identification.payload.file import read_payload
 from rid_daq.app import run
+from rid_daq.jobs.identification_job import EstimationRequest, estimate_runs
+from rid_daq.runs.run_data import RunData
 
 FILES = {
     "unloaded": ("ur-20_01_31-unload.csv", "300-2623"),
     "loaded": ("ur-20_01_31-load.csv", "370-2881"),
+    "other motion": ("ur-20_02_10-30sec_12harm.csv", "635-3510"),
 }
 WEIGHED_KG = 2.805
+IMPORTED = ("empty", "first", "second", "third", "left on")
 
 
 @pytest.fixture(scope="module")
@@ -59,24 +67,75 @@ def test_a_real_payload_is_weighed_within_two_percent_and_inside_its_interval(
     assert (Path(document["report"]).parent / "payload.json").exists()
 
 
-def test_two_identified_robots_subtracted_say_the_same(
+@pytest.mark.parametrize(
+    ("procedure", "trained"),
+    [
+        ("together", None),
+        ("apart", None),
+        ("model", "unloaded"),
+        ("model", "other motion"),
+        ("apart", "other motion"),
+    ],
+)
+def test_every_procedure_weighs_a_real_payload_inside_its_interval(
+    workshop: Path, procedure: str, trained: str | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = identify(workshop, "--loaded", "loaded", "--procedure", procedure, "--json")
+    if trained is None:
+        words += ["--unloaded", "unloaded"]
+    else:
+        model = workshop / f"{trained}.json"
+        base = ["--band", "9.4", "--runs", str(workshop / "runs"), "--overwrite"]
+        assert run(["identify", trained, "-o", str(model), *base]) == 0
+        words += ["--model", str(model)]
+    capsys.readouterr()
+    assert run([*words, "-o", str(workshop / "procedure.json"), "--overwrite"]) == 0
+    mass = json.loads(capsys.readouterr().out)["payload"]["parameters"][0]
+    assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"] < 0.04 * WEIGHED_KG
+
+
+def test_a_model_with_friction_terms_of_its_own_weighs_a_payload(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    model = workshop / "unloaded.json"
-    base = ["--band", "9.4", "--runs", str(workshop / "runs")]
-    assert run(["identify", "unloaded", "-o", str(model), *base]) == 0
-    capsys.readouterr()
-    words = identify(workshop, "--loaded", "loaded", "--model", str(model), "--json")
-    words += ["-o", str(workshop / "by_model.json")]
-    assert run(
-        [*words, "--mass-limit", "20", "--centre-limit", "50", "--inertia-limit", "500"]
-    ) in (
-        0,
-        1,
+    """As `identify --choose` finds them: load-dependent friction in the joints that carry."""
+    data = RunData.load(find_run(workshop / "runs", "other motion"))
+    joints = tuple(
+        joint.model_copy(update={"friction": (*joint.friction, "load")})
+        if joint.name in ("joint2", "joint3")
+        else joint
+        for joint in data.robot.joints
     )
-    mass = json.loads(capsys.readouterr().out)["payload"]["parameters"][0]
-    assert abs(mass["value"] - WEIGHED_KG) < 0.05 * WEIGHED_KG
-    assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"]
+    chosen = data.robot.model_copy(update={"joints": joints})
+    how = EstimationRequest(EstimationOptions(band_hz=9.4))
+    model = workshop / "chosen.json"
+    write_estimate(model, estimate_runs([data], how, robot=chosen).estimate)
+    for procedure in ("model", "apart"):
+        words = identify(workshop, "--loaded", "loaded", "--model", str(model), "--json")
+        words += ["--procedure", procedure, "-o", str(workshop / f"{procedure}_chosen.json")]
+        capsys.readouterr()
+        assert run(words) == 0
+        mass = json.loads(capsys.readouterr().out)["payload"]["parameters"][0]
+        assert abs(mass["value"] - WEIGHED_KG) < 0.02 * WEIGHED_KG
+        assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"]
+
+
+def test_friction_terms_are_an_option_where_no_model_brings_its_own(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--json")
+    words += ["-o", str(workshop / "terms.json")]
+    std = []
+    for terms in ("coulomb,viscous,offset", "coulomb,viscous,offset,load"):
+        capsys.readouterr()
+        assert run([*words, "--friction-terms", terms, "--overwrite"]) == 0
+        mass = json.loads(capsys.readouterr().out)["payload"]["parameters"][0]
+        assert abs(mass["value"] - WEIGHED_KG) < 0.02 * WEIGHED_KG
+        std.append(mass["std"])
+    assert std[1] < 0.5 * std[0]
+    model = str(workshop / "chosen.json")
+    words = identify(workshop, "--loaded", "loaded", "--model", model, "--friction-terms", "load")
+    assert run(words) == 2
+    assert "the terms are those of --model" in capsys.readouterr().err
 
 
 def test_a_weighed_mass_is_held(workshop: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,7 +166,8 @@ def test_a_session_with_the_currents_of_two_axes_swapped_does_not_pass(
     workshop: Path, real_robot: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     second, third = 14, 15  # columns of their currents
-    for label, (name, rows) in FILES.items():
+    for label in ("unloaded", "loaded"):
+        name, rows = FILES[label]
         with (real_robot / name).open(newline="") as file:
             table = list(csv.reader(file))
         for row in table:
@@ -200,13 +260,13 @@ def test_what_cannot_be_meant_is_refused_in_words(
     assert said in capsys.readouterr().err
 
 
-def test_repeated_periodic_runs_from_another_makers_csv(
-    lab: SimpleNamespace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Imported periodic runs: three with the payload, one without; scatter is told."""
+@pytest.fixture(scope="module")
+def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Periodic runs of another maker's six axes: empty, loaded three times, with a rest left on."""
+    place = tmp_path_factory.mktemp("imported")
     robot = lab.six_axes(name="six")
     motion = lab.motion_of(robot)
-    (tmp_path / "six.yaml").write_text(robot.model_dump_json(), encoding="utf-8")
+    (place / "six.yaml").write_text(robot.model_dump_json(), encoding="utf-8")
     columns = {
         "name": "six",
         "robot": "six.yaml",
@@ -220,27 +280,47 @@ def test_repeated_periodic_runs_from_another_makers_csv(
         "plausible": {"position": 7.0, "speed": 8.0, "torque": 900.0},
         "period_s": 8.0,
     }
-    (tmp_path / "map.yaml").write_text(json.dumps(columns), encoding="utf-8")
-    for label, payload, seed in (
-        ("empty", None, 1),
-        ("first", lab.medium, 2),
-        ("second", lab.medium, 3),
-        ("third", lab.medium, 4),
-    ):
+    (place / "map.yaml").write_text(json.dumps(columns), encoding="utf-8")
+    rest = PayloadBody(0.3, np.array([0.0, 0.0, 0.04]), 1e-3 * np.eye(3))
+    carried = [None, lab.medium, lab.medium, lab.medium, rest]
+    for seed, (label, payload) in enumerate(zip(IMPORTED, carried, strict=True), 1):
         recording = lab.measured(robot, motion, payload, seed=seed, friction=1.0 + 0.05 * seed)
         table = np.column_stack([recording.time_s, recording.position, recording.torque_nm])
-        with (tmp_path / f"{label}.csv").open("w", newline="") as file:
+        with (place / f"{label}.csv").open("w", newline="") as file:
             csv.writer(file).writerows(table.tolist())
-        words = ["import", str(tmp_path / f"{label}.csv"), "--map", str(tmp_path / "map.yaml")]
-        assert run([*words, "--label", label, "--runs", str(tmp_path / "runs")]) == 0
+        words = ["import", str(place / f"{label}.csv"), "--map", str(place / "map.yaml")]
+        assert run([*words, "--label", label, "--runs", str(place / "runs")]) == 0
+    return place
+
+
+def test_repeated_periodic_runs_from_another_makers_csv(
+    lab: SimpleNamespace, imported: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Three with the payload, one without; scatter is told."""
     capsys.readouterr()
     words = ["payload", "identify", "--unloaded", "empty", "--no-rotors", "--json"]
     for label in ("first", "second", "third"):
         words += ["--loaded", label]
-    assert run([*words, "--runs", str(tmp_path / "runs")]) == 0
+    assert run([*words, "--runs", str(imported / "runs")]) == 0
     document = json.loads(capsys.readouterr().out)
     section = document["payload"]
     assert section["repeats"]["runs"] == 3
     assert section["repeats"]["ratio"] < 2.0
     for entry, truth in zip(section["parameters"], lab.medium.reported, strict=True):
         assert abs(entry["value"] - truth) < 3.0 * entry["std"]
+
+
+def test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given(
+    imported: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs, model = ["--runs", str(imported / "runs")], str(imported / "empty.json")
+    assert run(["identify", "empty", "--no-rotors", "-o", model, *runs]) == 0
+    words = ["payload", "identify", "--loaded", "first", "--procedure", "together", *runs]
+    capsys.readouterr()
+    # The torques of both runs alone cannot tell: it passes, and says what it counts on.
+    assert run([*words, "--no-rotors", "--unloaded", "left on"]) == 0
+    assert "The runs without payload count as empty" in capsys.readouterr().out
+    assert run([*words, "--unloaded", "left on", "--model", model]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Failed: mass on the flange in the runs without payload, by the model" in said
+    assert "Take it off and record them again." in said

@@ -13,8 +13,8 @@ from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.model.options import ModelOptions
 from identification.payload.equations import Procedure
 from identification.payload.file import write_payload
+from identification.payload.known import Known
 from identification.payload.procedures import PayloadOptions
-from identification.payload.solution import Known
 from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
 from rid_daq.report.result_file import write_result
@@ -36,7 +36,7 @@ class PayloadIdentifyRequest:
     runs : Path
         The folder of the run folders.
     model : Path or None
-        The robot without payload.
+        The robot without payload; runs without payload are compared with it.
     procedure : Procedure or None
         How robot and payload are told apart; by the model where there is one, else together.
     known : tuple of Known
@@ -47,8 +47,10 @@ class PayloadIdentifyRequest:
         How sure the payload must be.
     band_hz, standstill_rad_s : float
         Highest frequency and lowest speed used.
-    rotors, unfinished : bool
-        Whether the model has rotors, and a run that was never finished will do.
+    options : ModelOptions
+        The terms of the robot's model where no model is given.
+    unfinished : bool
+        Whether a run that was never finished will do.
     output : Path or None
         The payload file; that of the first loaded run if None.
     """
@@ -63,7 +65,7 @@ class PayloadIdentifyRequest:
     limits: PayloadLimits = field(default_factory=PayloadLimits)
     band_hz: float = BAND_HZ
     standstill_rad_s: float = STANDSTILL_RAD_S
-    rotors: bool = True
+    options: ModelOptions = field(default_factory=ModelOptions)
     unfinished: bool = False
     output: Path | None = None
 
@@ -112,11 +114,13 @@ def identify_payload_runs(request: PayloadIdentifyRequest, console: Console) -> 
     procedure = request.procedure or ("together" if robot is None else "model")
     if procedure == "model" and robot is None:
         raise ConfigError("--procedure model needs the robot without payload: --model MODEL")
-    if procedure in ("together", "difference") and robot is not None:
-        raise ConfigError(f"--procedure {procedure} takes no --model: leave one of them out")
+    if robot is not None and request.options != ModelOptions():
+        raise ConfigError(
+            "the terms are those of --model: leave --friction-terms and --no-rotors out"
+        )
     how = PayloadOptions(
         procedure=procedure,
-        options=ModelOptions(rotors=request.rotors),
+        options=request.options,
         robot=robot,
         known=request.known,
         torque_constant_sigma=request.torque_constant_sigma,

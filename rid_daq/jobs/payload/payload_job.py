@@ -10,11 +10,11 @@ from acquisition.processing.smoothing import smooth_nonperiodic
 from config.errors import ConfigError, EstimationError
 from identification.equations.deconvolution import without_torque_filter
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.procedures import PayloadOptions, identify_payload
+from identification.payload.procedures import PayloadOptions, identify_payload, left_on_flange
 from identification.payload.smoothed_runs import SmoothedRuns
-from identification.payload.solution import Known
 from identification.payload.verdict import PayloadLimits, PayloadResult, Repeats, checks, repeated
 from rid_daq.jobs.identification_job import one_robot
 from rid_daq.runs.run_data import RunData
@@ -85,19 +85,30 @@ def payload_from_runs(
     DataQualityError, EstimationError
         The data do not show a payload.
     """
+    how = payload_request.how
     runs = payload_runs(data, loaded, payload_request.band_hz, payload_request.standstill_rad_s)
     robot = data[0].robot
     estimate = identify_payload(
         robot,
         runs,
-        payload_request.how,
+        how,
         cell_name=data[0].tally.head.cell_name,
         run_ids=tuple(item.folder.run_id for item in data),
     )
     repeats = None
-    if payload_request.how.procedure != "difference" and estimate.rank == len(estimate.values):
-        repeats = repeated(robot, runs, payload_request.how)
-    return PayloadResult(estimate, checks(estimate, payload_request.limits, repeats)), repeats
+    if how.procedure != "difference" and estimate.rank == len(estimate.values):
+        repeats = repeated(robot, runs, how)
+    left_on = left_on_flange(robot, runs.part(_compared(data, loaded, how)), how)
+    return PayloadResult(
+        estimate, checks(estimate, payload_request.limits, repeats, left_on)
+    ), repeats
+
+
+def _compared(data: Sequence[RunData], loaded: Sequence[bool], how: PayloadOptions) -> list[int]:
+    """Return the runs without payload that the model was not identified from."""
+    own = () if how.robot is None else how.robot.run_ids
+    pairs = enumerate(zip(data, loaded, strict=True))
+    return [i for i, (run, carried) in pairs if not carried and run.folder.run_id not in own]
 
 
 def known_quantity(text: str) -> Known:

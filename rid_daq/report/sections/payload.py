@@ -241,6 +241,16 @@ def payload_verdict(payload: PayloadResult) -> Verdict:
         else f"Passed: the payload has {mass.split(' (')[0]}"
     )
     sentence = f"Mass: {mass}. Load data are exported where this verdict is passed."
+    if estimate.procedure != "model":
+        sentence += (
+            " The runs without payload count as empty: what hung on the flange there is missing"
+            " from this mass."
+        )
+    if estimate.seen[0]:
+        sentence += (
+            " Unless --torque-constant-sigma says otherwise, torque constants count as right: 1 %"
+            f" of all of them is another {0.01 * abs(estimate.reported[0]):.2g} kg."
+        )
     return Verdict.of(checks, headline, sentence)
 
 

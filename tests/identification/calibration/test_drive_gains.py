@@ -123,6 +123,32 @@ def test_all_torques_times_a_factor_is_a_gain(
     np.testing.assert_allclose(after.values * factor, before.values, rtol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("mass_kg", "factors", "said"),
+    [
+        (15000.0, (1.0, 1.0, 1.0), r"in place of 15000 kg \(grams were given as kilograms\)"),
+        (7.5, (1.0, 1.0, 1.0), r"in place of 7.5 kg \(the load weighs twice that\)"),
+        (15.0, (1.0, 2.0, 1.0), "axis2 .*correct the torque constant or gear ratio"),
+        (15.0, (3.0, 3.0, 3.0), "correct all torque constants by the factor"),
+    ],
+)
+def test_gains_that_no_drive_has_are_refused_with_the_likely_mistake(
+    loaded: tuple[Estimate, tuple[TimeRun, ...]],
+    mass_kg: float,
+    factors: tuple[float, ...],
+    said: str,
+) -> None:
+    estimate, runs = loaded
+    scaled = tuple(
+        replace(run, signals=replace(run.signals, torque_nm=run.signals.torque_nm * factors))
+        for run in runs
+    )
+    gains = drive_gains(estimate, scaled, mass_kg, 0.01)
+    with pytest.raises(EstimationError, match=said):
+        gains.require_plausible(mass_kg)
+    drive_gains(estimate, runs, LOAD["mL"], 0.01).require_plausible(LOAD["mL"])
+
+
 def test_the_scales_error_is_in_every_gain(loaded: tuple[Estimate, tuple[TimeRun, ...]]) -> None:
     estimate, runs = loaded
     fine, coarse = (drive_gains(estimate, runs, LOAD["mL"], sigma) for sigma in (0.001, 1.5))

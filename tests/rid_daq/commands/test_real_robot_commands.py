@@ -79,6 +79,21 @@ def test_a_report_is_of_one_model_however_many_were_made(workshop: Path) -> None
     assert any("what was of other.json" in note for note in result.notes or ())
 
 
+@pytest.mark.parametrize(
+    ("mass", "said"), [("2805", "grams were given as kilograms"), ("1.4", "weighs twice that")]
+)
+def test_a_load_mass_that_no_drive_gain_explains_is_refused(
+    workshop: Path, mass: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = workshop / f"{mass}.json"
+    words = ["identify", "unloaded", "loaded", "--loaded", "loaded", "--band", "9.4"]
+    words += ["-o", str(model), "--runs", str(workshop / "runs"), "--load-mass", mass]
+    capsys.readouterr()
+    assert run(words) == 6
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not model.exists()
+
+
 @pytest.mark.long
 def test_drive_gains_by_the_weighed_payload_and_three_cross_checks(
     workshop: Path, capsys: pytest.CaptureFixture[str]

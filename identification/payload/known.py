@@ -1,0 +1,84 @@
+"""`Known`: what is known of a payload otherwise, such as its mass off the scales."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.payload.body import REPORTED, PayloadBody, reported, reported_slopes
+
+
+@dataclass(frozen=True)
+class Known:
+    """A quantity of the payload that was measured otherwise, such as on scales.
+
+    Attributes
+    ----------
+    name : str
+        One of `REPORTED`: m, cx, cy, cz, or an inertia about the centre of gravity.
+    value, sigma : float
+        Its value and standard deviation; 0 holds it, whatever the recordings say.
+    """
+
+    name: str
+    value: float
+    sigma: float
+
+    def __post_init__(self) -> None:
+        if self.name not in REPORTED:
+            raise EstimationError(
+                f"{self.name!r} is no quantity of a payload: they are {', '.join(REPORTED)}"
+            )
+        if not np.isfinite(self.value) or not 0.0 <= self.sigma < np.inf:
+            raise EstimationError(
+                f"what is known of {self.name} must be a number with a standard deviation that is"
+                " not negative"
+            )
+        if self.name == "m" and self.value <= 0.0:
+            raise EstimationError("a known mass must be positive")
+
+    @property
+    def held(self) -> bool:
+        """Whether the estimate has exactly this value."""
+        return self.sigma == 0.0
+
+
+def require_once(known: Sequence[Known]) -> None:
+    """Raise an `EstimationError` where a quantity is known twice."""
+    names = [quantity.name for quantity in known]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise EstimationError(f"{twice[0]} is known twice: leave one of them out")
+
+
+def rows_of(known: Sequence[Known], values: FloatArray) -> FloatArray:
+    """Return what is known as equations of the ten parameters near some values, (any, 11)."""
+    slopes, at = reported_slopes(values), reported(values)
+    rows = np.zeros((len(known), PARAMETERS_PER_LINK + 1))
+    for row, quantity in zip(rows, known, strict=True):
+        index = REPORTED.index(quantity.name)
+        row[:-1] = slopes[index]
+        row[-1] = quantity.value - at[index] + slopes[index] @ values
+    return rows
+
+
+def with_held(known: Sequence[Known], values: FloatArray) -> FloatArray:
+    """Return ten parameters that differ from others in what is held alone, which is exact."""
+    held = [quantity for quantity in known if quantity.held]
+    if not held:
+        return values
+    body = reported(values)
+    for quantity in held:
+        body[REPORTED.index(quantity.name)] = quantity.value
+    return PayloadBody.of_reported(body).parameters
+
+
+def started(values: FloatArray, known: Sequence[Known]) -> FloatArray:
+    """Return values that Gauss-Newton can begin at: with the known mass, or a positive one."""
+    mass = next((q.value for q in known if q.name == "m"), max(float(values[0]), 0.1))
+    return np.array([mass, *values[1:]])
