@@ -14,6 +14,7 @@ import pytest
 from acquisition.runs.catalogue import find_run
 from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
+from identification.model.options import ModelOptions
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import LoadFormat
 from identification.payload.file import read_payload
@@ -314,7 +315,9 @@ def test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given(
     imported: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs, model = ["--runs", str(imported / "runs")], str(imported / "empty.json")
-    assert run(["identify", "empty", "--no-rotors", "-o", model, *runs]) == 0
+    how = EstimationRequest(EstimationOptions(ModelOptions(rotors=False)))
+    empty = RunData.load(find_run(imported / "runs", "empty"))
+    write_estimate(Path(model), estimate_runs([empty], how).estimate)
     words = ["payload", "identify", "--loaded", "first", "--procedure", "together", *runs]
     capsys.readouterr()
     # The torques of both runs alone cannot tell: it passes, and says what it counts on.
