@@ -159,17 +159,16 @@ def _described(robot: RobotDescription, how: PayloadOptions) -> RobotDescription
     """Return the robot with the friction terms of its model, which may have been chosen."""
     if how.robot is None:
         return robot
-    described = how.robot.robot
-    if _without_friction(described) != _without_friction(robot):
+    differences = robot.differences(how.robot.robot)
+    if differences:
         raise EstimationError(
-            f"the model is of robot {described.name}, the runs are of {robot.name} (or of another"
-            " description of it): identify the robot without payload from runs of this one"
+            f"the model is of another robot than the runs: {', '.join(differences)} differ."
+            " Identify the robot without payload from runs of this one"
         )
-    return described
-
-
-def _without_friction(robot: RobotDescription) -> RobotDescription:
-    joints = tuple(joint.model_copy(update={"friction": ()}) for joint in robot.joints)
+    joints = tuple(
+        joint.model_copy(update={"friction": own.friction})
+        for joint, own in zip(robot.joints, how.robot.robot.joints, strict=True)
+    )
     return robot.model_copy(update={"joints": joints})
 
 

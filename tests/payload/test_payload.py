@@ -143,8 +143,8 @@ def test_a_heavy_load_in_the_unloaded_run_is_named_as_the_likely_mistake(
 def test_a_model_of_another_robot_is_refused(
     lab: SimpleNamespace, both: PeriodicRuns, alone: Estimate
 ) -> None:
-    other = lab.six_axes(tool_offset_m=(0.0, 0.0, 0.3))
-    with pytest.raises(EstimationError, match="or of another description of it"):
+    other = lab.six_axes(gravity_m_s2=(0.0, 9.81, 0.0))
+    with pytest.raises(EstimationError, match="another robot than the runs: gravity_m_s2 differ"):
         identify_payload(other, both, PayloadOptions("model", OPTIONS, alone))
 
 
