@@ -93,7 +93,7 @@ def tell(stated: Stated, folder: Path) -> tuple[bool, set[tuple[str, tuple[str, 
     code, imported = _run(
         ["import", str(folder / "rec.csv"), "--map", str(folder / "map.yaml"), *runs]
     )
-    if code != 0:
+    if code != 0 or imported["findings"]:
         return True, set()
     code, document = _run(["identify", str(imported["folder"]), *runs])
     estimate = document.get("estimate") or {}

@@ -198,7 +198,7 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
         yield Made(name, (), (long,), of(kinematics=table.model_copy(update={"rows": tuple(rows)})))
     yield Made("gravity in cm", (), (), of(gravity_m_s2=(0.0, 0.0, -981.0)))
     down = tuple(-each for each in robot.gravity_m_s2)
-    yield Made("mounted upside down", (), (), of(gravity_m_s2=down))
+    yield Made("mounted upside down", (Kind.MOUNTING,), (), of(gravity_m_s2=down))
     limits = [joint.limits for joint in joints]
     degrees = tuple(
         joint.model_copy(

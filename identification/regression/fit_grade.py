@@ -70,6 +70,8 @@ def grade_fit(
     residual_nm: FloatArray,
     torque_nm: FloatArray,
     noise_nm: FloatArray | None = None,
+    *,
+    of: str = "torque",
 ) -> tuple[FitGrade, ...]:
     """Grade the fit of every joint.
 
@@ -82,12 +84,14 @@ def grade_fit(
         joint that does not move.
     noise_nm : ndarray, shape (n,), optional
         RMS that the measured noise alone leaves.
+    of : str
+        What the fit explains, in words.
     """
     grades = []
     for j, joint in enumerate(joint_names):
         noise = None if noise_nm is None else float(noise_nm[j])
         residual, torque = float(residual_nm[j]), float(torque_nm[j])
-        grade, reason = _grade(residual, torque, noise or 0.0)
+        grade, reason = _grade(residual, torque, noise or 0.0, of)
         grades.append(FitGrade(joint, residual, torque, noise, grade, reason))
     return tuple(grades)
 
@@ -114,18 +118,17 @@ def limit_share(torque_nm: FloatArray, noise_nm: FloatArray | None) -> FloatArra
     return np.hypot(BAD_SHARE, share)
 
 
-def _grade(residual: float, torque: float, noise: float) -> tuple[Grade | None, str]:
+def _grade(residual: float, torque: float, noise: float, of: str) -> tuple[Grade | None, str]:
     if not (math.isfinite(residual) and math.isfinite(torque)) or torque <= 0.0:
         return None, "the joint does not move"
     share = math.sqrt(max(residual**2 - noise**2, 0.0)) / torque
     if share <= GOOD_SHARE:
         if residual > GOOD_SHARE * torque:
             return Grade.GOOD, "the residual is the noise of the measurement"
-        return Grade.GOOD, f"the residual is at most {100.0 * GOOD_SHARE:g} % of the torque"
+        return Grade.GOOD, f"the residual is at most {100.0 * GOOD_SHARE:g} % of the {of}"
     beyond = " beyond the noise" if noise > 0.1 * residual else ""
     grade = Grade.BAD if share > BAD_SHARE else Grade.DOUBTFUL
     limit = BAD_SHARE if grade is Grade.BAD else GOOD_SHARE
     return grade, (
-        f"the residual{beyond} is {100.0 * share:.0f} % of the torque, more than"
-        f" {100.0 * limit:g} %"
+        f"the residual{beyond} is {100.0 * share:.0f} % of the {of}, more than {100.0 * limit:g} %"
     )

@@ -37,6 +37,7 @@ class Kind(StrEnum):
     CLOCK = "clock"
     CONVENTION = "convention"
     COUPLING = "coupling"
+    MOUNTING = "mounting"
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +114,11 @@ def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
     for other in _conventions(robot):
         yield replace(_mistake(Kind.CONVENTION, (), 1.0, position=everyone), robot=other)
     for joints, other in _couplings(robot):
-        yield replace(_mistake(Kind.COUPLING, joints, 1.0, position=everyone), robot=other)
+        mistake = replace(_mistake(Kind.COUPLING, joints, 1.0, position=everyone), robot=other)
+        yield mistake  # the motors' positions are right, and the joints' follow from them
+        yield replace(mistake, position=np.linalg.inv(_matrix(other)) @ _matrix(robot))
+    for other in _mountings(robot):
+        yield replace(_mistake(Kind.MOUNTING, (), 1.0, position=everyone), robot=other)
 
 
 def offset(robot: RobotDescription, joint: int, offset_rad: float) -> Mistake:
@@ -204,6 +209,22 @@ def _couplings(
             matrix = np.eye(n)
             matrix[moved, moved - 1] = sign
             yield (moved - 1, moved), _coupled(robot, matrix)
+
+
+def _matrix(robot: RobotDescription) -> FloatArray:
+    """Return C of q = C alpha."""
+    n = len(robot.joints)
+    return np.eye(n) if robot.coupling is None else np.array(robot.coupling, dtype=np.float64)
+
+
+def _mountings(robot: RobotDescription) -> Iterator[RobotDescription]:
+    """Yield the robot on the ceiling and on walls, where its file says the floor, and so on."""
+    stated = np.array(robot.gravity_m_s2)
+    size = float(np.linalg.norm(stated))
+    for axis in (*np.eye(3), *-np.eye(3)):
+        if stated @ axis < 0.99 * size:
+            gravity = tuple((size * axis).tolist())
+            yield robot.model_copy(update={"gravity_m_s2": gravity})
 
 
 def _coupled(robot: RobotDescription, matrix: FloatArray) -> RobotDescription:

@@ -25,6 +25,7 @@ _IN_MAP: Final[dict[Kind, str]] = {
     Kind.CLOCK: "map: `time.unit`, or `rate_hz`",
     Kind.CONVENTION: "robot file: `kinematics.convention`",
     Kind.COUPLING: "robot file: `coupling`",
+    Kind.MOUNTING: "robot file: `gravity_m_s2`",
 }
 _IN_CELL: Final[dict[Kind, str]] = {
     Kind.POSITION_SIGN: "robot file: the sign of `alpha_rad` in {rows}; cell file: `direction` in"
@@ -42,6 +43,7 @@ _IN_CELL: Final[dict[Kind, str]] = {
     Kind.CLOCK: "cell file: `cycle_time_ms`",
     Kind.CONVENTION: "robot file: `kinematics.convention`",
     Kind.COUPLING: "robot file: `coupling`",
+    Kind.MOUNTING: "robot file: `gravity_m_s2`",
 }
 
 
@@ -131,8 +133,16 @@ def _words(mistake: Mistake, robot: RobotDescription) -> str:
             if robot.coupling is not None
             else f"the wrist is coupled at {swapped}"
         ),
+        Kind.MOUNTING: lambda: f"gravity points along {_direction(mistake.robot)}",
     }
     return says[mistake.kind]()
+
+
+def _direction(robot: RobotDescription | None) -> str:
+    """Return the axis of the base along which gravity points."""
+    gravity = (0.0, 0.0, -1.0) if robot is None else robot.gravity_m_s2
+    axis = max(range(3), key=lambda i: abs(gravity[i]))
+    return f"{'-' if gravity[axis] < 0.0 else '+'}{'xyz'[axis]} of the base"
 
 
 def _factor(what: str, mistake: Mistake, robot: RobotDescription) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
+from identification.regression.fit_grade import FitGrade, Grade, grade_fit
 from rid_daq.report.formats import number
 from rid_daq.report.sections.section import Numbers, Section, Texts, units
 from rid_daq.terminal.console import Console
@@ -112,6 +113,11 @@ class JointFriction(Section):
         The models, the best first.
     lines : FrictionLines
         What is drawn of them.
+    percent, over_noise : float or None
+        RMS error of the best model in percent of the friction, and over its standard deviation.
+    grade, reason : str or None
+        "good", "doubtful" or "bad", and what decides it. All four are left out in results of
+        version 0.1.
     """
 
     joint: str
@@ -121,6 +127,10 @@ class JointFriction(Section):
     curve: MeasuredFriction
     fits: tuple[FrictionModel, ...]
     lines: FrictionLines
+    percent: float | None = None
+    over_noise: float | None = None
+    grade: Grade | None = None
+    reason: str | None = None
 
     def print(self, console: Console) -> None:
         """Print the measured friction and the models."""
@@ -154,6 +164,11 @@ class JointFriction(Section):
                 for fit in self.fits
             ],
         )
+        if self.grade is not None:
+            console.verdict(
+                None if self.grade is Grade.GOOD else False,
+                f"{self.joint}: the fit is {self.grade}, {self.reason}",
+            )
         console.verdict(None, self.sentence)
 
 
@@ -224,6 +239,7 @@ def _joint(
             f" The model file is off by {np.sqrt(np.mean(error**2)):.3g} {torque_unit} (rms),"
             f" {100.0 * np.sqrt(np.mean(error**2) / np.mean(curve.odd**2)):.2g} %."
         )
+    graded = _graded(curve, fits)
     return JointFriction(
         joint=curve.joint,
         unit=unit,
@@ -232,7 +248,20 @@ def _joint(
         curve=MeasuredFriction.of(curve),
         fits=tuple(FrictionModel.of(fit) for fit in fits),
         lines=FrictionLines(speed=tuple(speed.tolist()), torque=torque),
+        percent=None if graded is None else graded.percent,
+        over_noise=None if graded is None else graded.over_noise,
+        grade=None if graded is None else graded.grade,
+        reason=None if graded is None else graded.reason,
     )
+
+
+def _graded(curve: FrictionCurve, fits: tuple[FrictionFit, ...]) -> FitGrade | None:
+    """Grade the best model by the friction and what is known of it; None without a model."""
+    if not fits:
+        return None
+    rms = [np.array([np.sqrt(np.mean(each**2))]) for each in (curve.odd, curve.odd_sigma)]
+    (graded,) = grade_fit((curve.joint,), np.array([fits[0].rms_nm]), *rms, of="friction")
+    return graded
 
 
 def _sentence(curve: FrictionCurve, fits: tuple[FrictionFit, ...], clearly_better: float) -> str:

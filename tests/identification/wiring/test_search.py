@@ -118,3 +118,20 @@ def test_a_coupling_that_is_missing_or_reversed_is_found(
 @pytest.mark.slow
 def test_nothing_is_found_where_nothing_is_wrong() -> None:
     assert [find_mistakes(wired(sound)) for sound in sound_runs(3, first_seed=1000)] == [()] * 3
+
+
+def test_another_mounting_is_found(arm: WiredSignals) -> None:
+    up = tuple(-each for each in arm.robot.gravity_m_s2)
+    (found,) = find_mistakes(replace(arm, robot=arm.robot.model_copy(update={"gravity_m_s2": up})))
+    assert found.mistake.kind is Kind.MOUNTING
+    assert found.mistake.robot == arm.robot
+
+
+def test_a_coupling_that_is_too_much_is_found_whichever_side_was_recorded(
+    arm: WiredSignals,
+) -> None:
+    coupled = arm.robot.model_copy(update={"coupling": COUPLING})
+    for position in (np.eye(3), np.linalg.inv(np.array(COUPLING))):
+        stated = replace(arm.moved(position, np.zeros(3), 1.0), robot=coupled)
+        (found,) = find_mistakes(stated)
+        assert found.mistake.kind is Kind.COUPLING

@@ -63,19 +63,21 @@ def test_a_sound_recording_is_good_and_nothing_is_wrong(identify: Identify) -> N
 
 
 def test_swapped_columns_are_told_with_the_keys_to_change(identify: Identify) -> None:
-    code, document = identify((1, 3, 2, 4, 5, 6))
+    code, document = identify((1, 2, 3, 4, 6, 5))
     assert code == 6
     (mistake,) = document["estimate"]["mistakes"]
-    assert mistake["kind"] == "order of positions"
+    assert mistake["kind"] == "order of torques"
     assert mistake["joints"] == ["axis2", "axis3"]
-    assert mistake["change"] == ["map: `position` of joints[1] (axis2), joints[2] (axis3)"]
+    assert mistake["change"] == [
+        "map: `torque` or `current` of joints[1] (axis2), joints[2] (axis3)"
+    ]
     assert "axis2 and axis3 are swapped" in mistake["sentence"]
 
 
 def test_a_model_that_does_not_explain_its_data_is_not_exported(
     identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, document = identify((2, 3, 1, 5, 4, 6))
+    _, document = identify((1, 2, 3, 6, 4, 5))
     assert "bad" in [axis["grade"] for axis in document["estimate"]["axes"]]
     export = ["export", document["model"], "--to", "urdf", "-o", str(tmp_path / "arm.urdf")]
     assert run(export) == 6
@@ -87,7 +89,7 @@ def test_a_model_that_does_not_explain_its_data_is_not_exported(
 def test_a_recording_that_a_model_cannot_predict_fails_without_limits(
     identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, wrong = identify((3, 2, 1, 4, 5, 6))
+    _, wrong = identify((1, 2, 3, 6, 4, 5))
     _, right = identify(RIGHT)
     run_of_right = str(Path(right["model"]).parent)
     assert run(["validate", wrong["model"], run_of_right]) == 1
