@@ -108,7 +108,9 @@ def cause_of_loss(
         return "record more"
     ((reason, _),) = Counter(row.reason for row in damaged).most_common(1)
     if reason != "with an absurd value":
-        return _BY_REASON.get(reason, "check the files and the map")
+        return _BY_REASON.get(
+            reason, "the files' clocks start at different times, or a unit of time is wrong"
+        )
     plausible = import_map.plausible
     position, torque = np.abs(rows.position), np.abs(rows.torque)
     with np.errstate(invalid="ignore"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from acquisition.imports.bags import bag_as_table, is_bag
@@ -105,9 +105,10 @@ def import_files(request: ImportRequest) -> list[ImportedRun]:
                 (file, *request.further),
                 layout,
                 robot,
-                *recording,
+                recording,
+                replace(report, file=request.file.name),
             )
-            for label, layout, recording in zip(labels, maps, read, strict=True)
+            for label, layout, (recording, report) in zip(labels, maps, read, strict=True)
         ]
 
 

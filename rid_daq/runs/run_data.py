@@ -299,7 +299,7 @@ def _require_header(folder: RunFolder, header: JournalHeader, robot: RobotDescri
 
 
 def lacks(runs: Sequence[RunData]) -> list[str]:
-    """Return what runs lack, one sentence each: their end, rows that are lost."""
+    """Return what runs lack, one sentence each: their end, rows that are lost, sound imports."""
     said = []
     for data in runs:
         manifest = data.folder.manifest()
@@ -314,7 +314,8 @@ def lacks(runs: Sequence[RunData]) -> list[str]:
                 said.append(f"{name}: was recovered; {lost} rows are known to be lost")
             case _:
                 pass
-        said += [f"{name}: {note}" for note in data.damage]
+        found = () if data.import_report is None else data.import_report.findings
+        said += [f"{name}: {note}" for note in (*data.damage, *found)]
     return said
 
 

@@ -75,7 +75,9 @@ class TestTwoFiles:
     def test_that_do_not_overlap_are_refused(self, tmp_path: Path) -> None:
         positions = save(tmp_path / "q.csv", T, POSITION)
         torques = save(tmp_path / "tau.csv", T + 1.5, TORQUE)
-        with pytest.raises(DataQualityError, match=r"150 without a row in tau\.csv at its time"):
+        with pytest.raises(
+            DataQualityError, match=r"150 without a row in tau\.csv at its time.*clocks start"
+        ):
             import_csv(positions, layout(self.MAP, 3), further=[torques])
 
     def test_must_both_be_named(self, tmp_path: Path) -> None:

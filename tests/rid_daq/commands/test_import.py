@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition.runs.folder import RunFolder
 from config.load import to_yaml
 from rid_daq.app import run
+from rid_daq.runs.run_data import RunData
 from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
 
 Change = Callable[[np.ndarray], Any]
@@ -137,9 +139,11 @@ def test_two_files_are_kept_and_read_back(
     (tmp_path / "map.yaml").write_text(to_yaml(two_joint_map(robot="robot.yaml", **changes)))
     runs = ["--runs", str(tmp_path / "runs")]
     words = ["import", str(tmp_path / "q.csv"), str(tmp_path / "tau.csv")]
-    assert run([*words, "--map", str(tmp_path / "map.yaml"), *runs]) == 0
-    assert run(["identify", "latest", *runs]) == 0
-    capsys.readouterr()
+    assert run([*words, "--map", str(tmp_path / "map.yaml"), *runs, "--json"]) == 0
+    folder = json.loads(capsys.readouterr().out)["folder"]
+    recording = RunData.load(RunFolder.open(Path(folder))).recording
+    np.testing.assert_array_equal(recording.position, table[:, 1:3])
+    np.testing.assert_array_equal(recording.torque_nm, table[:, 5:7])
 
 
 @pytest.mark.slow
@@ -150,7 +154,9 @@ def test_a_bag_becomes_a_validated_model_by_three_commands(
     runs, model = ["--runs", str(tmp_path / "runs")], str(tmp_path / "model.json")
     halves = ["--rows", "1-1720", "--label", "first", "--rows", "1721-3441", "--label", "second"]
     assert run(["import", str(bag), "--map", "ur10_ros", *halves, *runs]) == 0
-    assert "no damaged rows" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert said.startswith("ur10_exciting_trajectory.db3: 1720 of 1720 rows used, 13.752 s")
+    assert "no damaged rows" in said
     assert run(["identify", "first", "--choose", "-o", model, *runs]) in (0, 6)  # wrist 3: doubtful
     limits = ["--limits", "8,7,6,13,12,16"]
     assert run(["validate", model, "second", *limits, *runs]) == 0
@@ -176,4 +182,6 @@ def test_a_static_recording_is_compared_with_a_model_by_its_gravity(
     assert imported.findings[0].startswith("Static: no joint moves")
     capsys.readouterr()
     assert run(["validate", model, "standing", "--standstill", "0", *runs]) == 1
-    assert "faster (100, 100 % of each axis)" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "note: standing: Static: no joint moves" in said
+    assert "faster (100, 100 % of each axis)" in said
