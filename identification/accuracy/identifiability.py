@@ -111,6 +111,37 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     return tuple(found)
 
 
+_OF_TERMS: Final = {"vs": "stribeck", "cl": "load", "eta": "efficiency"}
+
+
+def bound_findings(estimate: Estimate) -> tuple[str, ...]:
+    """Say of nonlinear parameters that ended at the end of their range that they are no estimates.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The estimate.
+    """
+    model = estimate.model
+    found = []
+    for name, unit, value, (low, high) in zip(
+        model.nonlinear_names,
+        model.nonlinear_units,
+        model.nonlinear_values,
+        model.nonlinear_bounds,
+        strict=True,
+    ):
+        if name in model.nonlinear_at_bound:
+            symbol, joint = name.split("_", 1)
+            of_unit = "" if unit == "1" else f" {unit}"
+            found.append(
+                f"{name} = {value:.3g}{of_unit} is at a bound of its range ({low:.3g} to"
+                f" {high:.3g}): the runs do not show it, and its interval means nothing. Leave"
+                f" `{_OF_TERMS[symbol]}` of {joint} out of the model."
+            )
+    return tuple(found)
+
+
 def _information(
     estimate: Estimate, motion: tuple[FloatArray, FloatArray, FloatArray], noise: FloatArray
 ) -> FloatArray:

@@ -27,6 +27,7 @@ MODELS: Final[dict[str, tuple[FrictionTerm, ...]]] = {
 
 
 CLEARLY_BETTER: Final = 2.0
+AT_BOUND_SHARE: Final = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,8 @@ class FrictionFit:
     criterion : float
         Akaike's criterion, corrected for few values: the smallest is best (Burnham and Anderson
         2002).
+    at_bound : bool
+        Whether the Stribeck speed ended at a bound: the speeds measured do not show it.
     """
 
     name: str
@@ -67,6 +70,7 @@ class FrictionFit:
     rms_nm: float
     misfit: float
     criterion: float
+    at_bound: bool
 
     def torque(self, speed: FloatArray) -> FloatArray:
         """Return the friction at signed speeds, the shape of `speed` [N m or N]."""
@@ -77,7 +81,8 @@ class FrictionFit:
 def fit_friction(curve: FrictionCurve, robot: RobotDescription) -> tuple[FrictionFit, ...]:
     """Fit every model that the curve has values enough for, the best first.
 
-    Of models whose criteria are less than 2 above the smallest the simplest is the best.
+    Of models whose criteria are less than 2 above the smallest the simplest is the best. A model
+    with a parameter at its bound comes last.
 
     The odd part is fitted and, where it was measured, the even part with its covariance; a model
     that is the same in both directions then has to explain the difference by its misfit.
@@ -98,9 +103,13 @@ def fit_friction(curve: FrictionCurve, robot: RobotDescription) -> tuple[Frictio
         parameters = len(terms) + ("asymmetric" in terms) + ("stribeck" in terms)
         if len(curve.speed) * (1 if curve.even is None else 2) > parameters + 2:
             fits.append(_fit(curve, name, terms, model, joint))
-    fits.sort(key=lambda fit: fit.criterion)
-    undecided = [fit for fit in fits if fit.criterion - fits[0].criterion < CLEARLY_BETTER]
+    fits.sort(key=lambda fit: (fit.at_bound, fit.criterion))
+    undecided = [fit for fit in fits if not fit.at_bound and _close(fit, fits[0])]
     return tuple(sorted(undecided, key=lambda fit: len(fit.values)) + fits[len(undecided) :])
+
+
+def _close(fit: FrictionFit, best: FrictionFit) -> bool:
+    return fit.criterion - best.criterion < CLEARLY_BETTER
 
 
 def _fit(
@@ -153,6 +162,7 @@ def _fit(
         criterion=count * np.log(max(left / count, 1e-300))
         + 2.0 * k
         + 2.0 * k * (k + 1) / max(count - k - 1, 0.5),
+        at_bound=vs in model.nonlinear_names and _is_at_bound(curve, _speed(model, vs)),
     )
 
 
@@ -203,14 +213,26 @@ def _with_best_speed(curve: FrictionCurve, model: RobotModel, joint: int, name: 
         _, residual, _ = _solve(curve, _at_speed(model, name, float(np.exp(log_speed))), joint)
         return float(residual @ residual)
 
-    # What falls off below half the slowest speed is a step like any other.
-    low = np.log(max(SLOWEST_STRIBECK, 0.5 * curve.speed.min()))
-    high = np.log(min(FASTEST_STRIBECK, curve.speed.max()))
+    low, high = _log_range(curve)
     grid = np.linspace(low, high, 30)
     start = int(np.argmin([left(x) for x in grid]))
     bounds = (grid[max(start - 1, 0)], grid[min(start + 1, len(grid) - 1)])
     best = minimize_scalar(left, bounds=bounds, method="bounded")
     return _at_speed(model, name, float(np.exp(best.x)))
+
+
+def _log_range(curve: FrictionCurve) -> tuple[float, float]:
+    """Return the logarithms of the slowest and the fastest Stribeck speed that a curve can show."""
+    # What falls off below half the slowest speed is a step like any other.
+    low = max(SLOWEST_STRIBECK, 0.5 * float(curve.speed.min()))
+    high = min(FASTEST_STRIBECK, float(curve.speed.max()))
+    return float(np.log(low)), float(np.log(high))
+
+
+def _is_at_bound(curve: FrictionCurve, speed: float) -> bool:
+    low, high = _log_range(curve)
+    margin = AT_BOUND_SHARE * (high - low)
+    return not low + margin < np.log(speed) < high - margin
 
 
 def _speed(model: RobotModel, name: str) -> float:

@@ -32,6 +32,9 @@ class ParameterEntry(Section):
         Of a simulated robot: the true value, and how far the estimate is off, in `std`.
     inside_two_sigma : bool
         Whether that is at most two.
+    at_bound : bool
+        True where the fit ended at an end of the parameter's range: the data do not show it, and
+        its standard deviation means nothing. Left out elsewhere.
     """
 
     name: str
@@ -44,6 +47,7 @@ class ParameterEntry(Section):
     truth: float | None = None
     deviation_sigmas: float | None = None
     inside_two_sigma: bool | None = None
+    at_bound: bool | None = None
 
 
 class AxisResidual(Section):
@@ -185,7 +189,7 @@ class EstimateSection(Section):
                     str(i),
                     each.words,
                     number(each.value, 5),
-                    number(2.0 * each.std, 2),
+                    "at its bound" if each.at_bound else number(2.0 * each.std, 2),
                     each.unit,
                 )
                 for i, each in enumerate(self.parameters, start=1)
@@ -248,6 +252,7 @@ def _nonlinear_parameters(estimate: Estimate) -> tuple[ParameterEntry, ...]:
         std=estimate.nonlinear_sigma,
         std_noise=unknown,
         std_residual=unknown,
+        at_bound=[name in model.nonlinear_at_bound or None for name in model.nonlinear_names],
     )
 
 

@@ -73,6 +73,9 @@ class FrictionModel(Section):
         Akaike's, corrected for few values.
     parameters : tuple of FrictionCoefficient
         The coefficients.
+    at_bound : bool
+        True where the Stribeck speed ended at a bound, so that the model is not recommended. Left
+        out elsewhere.
     """
 
     name: str
@@ -81,6 +84,7 @@ class FrictionModel(Section):
     misfit: float
     criterion: float
     parameters: tuple[FrictionCoefficient, ...]
+    at_bound: bool | None = None
 
     @classmethod
     def of(cls, fit: FrictionFit) -> FrictionModel:
@@ -88,7 +92,9 @@ class FrictionModel(Section):
         coefficients = FrictionCoefficient.for_each(
             name=fit.parameter_names, value=fit.values, std=fit.sigmas, unit=fit.parameter_units
         )
-        return cls.taken(fit, rms=fit.rms_nm, parameters=coefficients)
+        return cls.taken(
+            fit, rms=fit.rms_nm, parameters=coefficients, at_bound=fit.at_bound or None
+        )
 
 
 class FrictionLines(Section):
@@ -159,7 +165,8 @@ class JointFriction(Section):
                     ", ".join(
                         f"{p.name} {number(p.value)} ± {number(2.0 * p.std, 2)} {p.unit}"
                         for p in fit.parameters
-                    ),
+                    )
+                    + (" (at its bound)" if fit.at_bound else ""),
                 )
                 for fit in self.fits
             ],
@@ -269,8 +276,10 @@ def _sentence(curve: FrictionCurve, fits: tuple[FrictionFit, ...], clearly_bette
     if not fits:
         return f"{curve.joint}: too few speeds to fit a model; run more of them."
     best = fits[0]
-    smallest = min(fit.criterion for fit in fits)
-    close = [fit.name for fit in fits[1:] if fit.criterion - smallest < clearly_better]
+    sound = [fit for fit in fits if not fit.at_bound]
+    smallest = min((fit.criterion for fit in sound), default=best.criterion)
+    close = [fit.name for fit in sound if fit.criterion - smallest < clearly_better]
+    close = [name for name in close if name != best.name]
     text = f"{curve.joint}: {best.name} fits best"
     text += f" ({', '.join(close)} not clearly worse)" if close else ""
     speed = next(

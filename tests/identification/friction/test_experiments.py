@@ -24,6 +24,7 @@ from identification.friction.curve import FrictionCurve, friction_columns, joine
 from identification.friction.experiments import constant_velocity_curves, reversed_curves
 from identification.friction.fits import MODELS, fit_friction
 from identification.model.options import ModelOptions
+from rid_daq.report.sections.friction import FrictionSection
 
 CYCLE_S = 0.008
 IR361 = load_robot("ir361")
@@ -257,6 +258,17 @@ def test_the_model_that_made_the_curve_wins_and_is_recovered(name: str) -> None:
         assert 0.2 < own.misfit < 3.0
         np.testing.assert_allclose(own.torque(v), friction(v), atol=0.2)
     assert wins >= 7  # noise alone makes a richer model look better now and then
+
+
+def test_a_stribeck_speed_at_its_bound_is_not_recommended() -> None:
+    # It falls until 1.2 rad/s: over a range of speeds that the Stribeck term does not reach.
+    slow = curve_of(lambda v: np.sign(v) * (8.0 + 6.0 * np.exp(-np.abs(v) / 1.2)) + v, 0.01)
+    fits = fit_friction(slow, IR361)
+    assert [fit.name for fit in fits if fit.at_bound] == ["Stribeck"] == [fits[-1].name]
+    assert fits[-1].criterion < fits[0].criterion
+    sentence = FrictionSection.of([slow], [fits], IR361).joints[0].sentence
+    assert "Stribeck" not in sentence
+    assert "stribeck" not in sentence
 
 
 def test_without_directions_asymmetry_is_not_fitted() -> None:
