@@ -3,7 +3,7 @@
 `python -m benchmarks.choose [--quick]`. Timed is everything between arrays of q, v, a, tau and a
 `Comparison`, against a single plain fit of the same arrays in the same run, with its intervals. The
 exhaustive way fits every candidate, with and without each part, from the rows; it chooses too,
-from thinned rows, and must choose the same. `--quick` leaves that out.
+from thinned rows, and must choose the same: the terms that made the data. `--quick` leaves it out.
 """
 
 from __future__ import annotations
@@ -138,7 +138,8 @@ def recording(samples: int) -> SmoothedSignals:
     model = model.with_nonlinear(start)
     values = random.uniform(0.5, 2.0, len(model.parameter_names))
     values[model.parameter_groups["friction"]] *= 10.0
-    noise = low_pass(20.0 * random.normal(size=q.shape), STEP_S, CUTOFF_HZ)
+    values[model.parameter_groups["rotors"]] *= 1e-4  # some kg m^2 at the link side
+    noise = low_pass(5.0 * random.normal(size=q.shape), STEP_S, CUTOFF_HZ)
     return SmoothedSignals(
         joint_names=robot.joint_names,
         time_s=time_s,
@@ -180,7 +181,7 @@ def main() -> int:
     for name, terms in zip(robot.joint_names, found.chosen, strict=True):
         print(f"{name}: {', '.join(terms)}")
     ratios = {"plain fits": round(ratio, 1)}
-    holds = ratio <= BAR
+    holds = ratio <= BAR and found.chosen == TRUTH
     if not options.quick:
         trials = ExhaustiveTrials(robot, tuple(cut(thinned(signals), FOLDS)))
         began_s = time.process_time()
@@ -197,7 +198,7 @@ def main() -> int:
                 "value": round(choose_s, 2),
                 "unit": "s",
                 "ratios": ratios,
-                "bar": f"at most {BAR:g} plain fits, and the terms that the exhaustive way chooses",
+                "bar": f"at most {BAR:g} plain fits; the terms that made the data, in both ways",
                 "holds": bool(holds),
             }
         )
