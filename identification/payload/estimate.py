@@ -53,15 +53,17 @@ class PayloadEstimate:
         Of the payload's columns with all else projected out.
     known : tuple of Known
         What was known otherwise.
-    contradictions : ndarray, shape (k,)
-        How far each of `known` lies from what the recordings say without it [standard deviations].
-    torque_nm, residual_nm, payload_nm : ndarray, shape (n,)
-        RMS of each joint's torque, of what the fit leaves of it, and of what the payload makes
-        [N m or N].
+    residual_nm, payload_nm : ndarray, shape (n,)
+        RMS of what the fit leaves of each joint's torque, and of what the payload makes [N m or N].
     equations : int
         How many there were.
     cell_name, run_ids : str, tuple of str
         Where it was measured.
+    torque_nm : ndarray, shape (n,), or None
+        RMS of each joint's torque [N m or N]; None in files of version 0.1.
+    contradictions : ndarray, shape (k,), or None
+        How far each of `known` lies from what the recordings say without it [standard deviations];
+        None in files of version 0.1.
     """
 
     robot: RobotDescription
@@ -73,13 +75,13 @@ class PayloadEstimate:
     unseen: FloatArray
     condition_number: float
     known: tuple[Known, ...]
-    contradictions: FloatArray
-    torque_nm: FloatArray
     residual_nm: FloatArray
     payload_nm: FloatArray
     equations: int
     cell_name: str = ""
     run_ids: tuple[str, ...] = ()
+    torque_nm: FloatArray | None = None
+    contradictions: FloatArray | None = None
 
     def __post_init__(self) -> None:
         ten, n = PARAMETERS_PER_LINK, len(self.robot.joints)
@@ -144,12 +146,14 @@ class PayloadEstimate:
         return np.where(self.seen_parameters, sigma, np.inf)
 
     @property
-    def residual_share(self) -> FloatArray:
-        """What the fit leaves of each joint's torque, as a share of it, shape (n,).
+    def residual_share(self) -> FloatArray | None:
+        """What the fit leaves of each joint's torque, as a share of it, shape (n,); None unknown.
 
         A joint that hardly works has little to explain: its torque counts as at least
         `IDLE_SHARE` of its limit.
         """
+        if self.torque_nm is None:
+            return None
         limits = np.array([joint.limits.torque for joint in self.robot.joints])
         return np.asarray(self.residual_nm / np.maximum(self.torque_nm, IDLE_SHARE * limits))
 

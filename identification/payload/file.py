@@ -61,7 +61,7 @@ class PayloadDocument(ConfigModel):
     principal_moments_kg_m2: Row | None
     principal_axes: Matrix | None
     known: tuple[_Known, ...]
-    contradictions: Row = ()
+    contradictions: Row | None = None
     parameters: tuple[str, ...]
     values: Row
     covariance: Matrix
@@ -69,7 +69,7 @@ class PayloadDocument(ConfigModel):
     gain_slopes: Matrix
     unseen: Matrix
     condition_number: float
-    torque_nm: Row = ()
+    torque_nm: Row | None = None
     residual_nm: Row
     payload_nm: Row
     equations: int
@@ -102,7 +102,7 @@ def read_payload(path: Path) -> PayloadResult:
     try:
         return _to_payload(document)
     except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix
-        raise ConfigError(f"{path}: not a payload that can be used: {error}") from error
+        raise ConfigError(f"{path}: not a payload that fits itself: {error}") from error
 
 
 def payload_document(payload: PayloadResult) -> PayloadDocument:
@@ -135,11 +135,6 @@ def payload_document(payload: PayloadResult) -> PayloadDocument:
 
 def _to_payload(document: PayloadDocument) -> PayloadResult:
     """Return the payload that stands in a file."""
-    if document.format == 1:
-        raise EstimationError(
-            "it was written before the residual of every axis was part of the verdict: identify"
-            " the payload again"
-        )
     if document.parameters != PARAMETERS:
         raise EstimationError(f"the parameters must be {', '.join(PARAMETERS)}")
     estimate = document.into(

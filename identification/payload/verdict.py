@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
+from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.closest_robot import SMALLEST_P
@@ -153,11 +154,15 @@ def checks(
     rank = Check(
         "independent parameters that the motion shows", estimate.rank, "≥", PARAMETERS_PER_LINK
     )
-    shares = 100.0 * estimate.residual_share
+    shares, contradictions = estimate.residual_share, estimate.contradictions
+    if shares is None or contradictions is None:
+        raise EstimationError(
+            "a payload's file of version 0.1 cannot be judged again: identify the payload again"
+        )
     fit = [
         Check(
             f"residual of {joint} (RMS, of its torque)",
-            share,
+            100.0 * share,
             "≤",
             limits.residual_percent,
             "%",
@@ -175,7 +180,7 @@ def checks(
             "σ",
             CONTRADICTED,
         )
-        for known, off in zip(estimate.known, estimate.contradictions, strict=True)
+        for known, off in zip(estimate.known, contradictions, strict=True)
     ]
     if left_on is not None:
         mass, sigma = left_on

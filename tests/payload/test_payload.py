@@ -169,6 +169,7 @@ def test_a_known_mass_is_held_and_makes_the_rest_sharper(
     assert held.reported[0] == 9.579
     assert held.sigma[0] == 0.0
     assert held.body.mass_kg == 9.579
+    assert held.contradictions is not None
     assert held.contradictions[0] < 2.0
     assert np.all(held.sigma[1:4] <= 1.1 * free.sigma[1:4])
     by_scales = PayloadOptions("together", OPTIONS, known=(Known("m", 9.6, 0.002),))
@@ -247,6 +248,7 @@ def test_every_axis_of_a_sound_pair_keeps_its_residual_limit(
 ) -> None:
     for procedure in ("together", "apart", "difference"):
         found = identify_payload(robot, both, PayloadOptions(procedure, OPTIONS))
+        assert found.residual_share is not None
         assert np.max(found.residual_share) < 0.1
 
 

@@ -168,7 +168,9 @@ class PayloadSection(Section):
                 payload=estimate.payload_nm,
                 residual=estimate.residual_nm,
                 mass_per_percent=0.01 * estimate.gain_effects[0],
-                residual_percent=100.0 * estimate.residual_share,
+                residual_percent=[None] * len(estimate.robot.joints)
+                if estimate.residual_share is None
+                else 100.0 * estimate.residual_share,
             ),
             existence=_existence(estimate) if whole else None,
         )
