@@ -72,11 +72,12 @@ def mistake_entry(found: Found, robot: RobotDescription, *, imported: bool) -> M
     gains = found.times_better
     worst = max(range(len(gains)), key=lambda j: _finite(float(gains[j])))
     before, after = (100.0 * trial.residual_share[worst] for trial in (found.before, found.after))
-    sentence = (
-        f"{best.words[0].upper()}{best.words[1:]}: that explains the data far better."
-        f" Undone, the residual of {robot.joint_names[worst]} falls from {before:.0f} to"
-        f" {after:.0f} % of the torque."
-    )
+    sentence = f"{best.words[0].upper()}{best.words[1:]}: that explains the data far better."
+    if before >= 1.2 * after:
+        sentence += (
+            f" Undone, the residual of {robot.joint_names[worst]} falls from {before:.0f} to"
+            f" {after:.0f} % of the torque."
+        )
     if found.before.driving.any() and not found.after.driving.any():
         sentence += " As stated, friction would drive the joint."
     return MistakeEntry.taken(

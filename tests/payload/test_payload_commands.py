@@ -327,3 +327,15 @@ def test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given(
     said = " ".join(capsys.readouterr().out.split())
     assert "Failed: mass on the flange in the runs without payload, by the model" in said
     assert "Take it off and record them again." in said
+
+
+def test_a_payload_file_of_version_0_1_is_still_read(workshop: Path, tmp_path: Path) -> None:
+    document = json.loads((workshop / "payload.json").read_text())
+    document["format"] = 1
+    for key in ("torque_nm", "contradictions"):
+        del document[key]
+    old = tmp_path / "old.json"
+    old.write_text(json.dumps(document))
+    read = read_payload(old).estimate
+    assert (read.residual_share, read.contradictions) == (None, None)
+    assert run(["payload", "export", str(old), "--to", "ur", "-o", str(tmp_path / "l.txt")]) == 0

@@ -157,7 +157,7 @@ def test_a_bag_becomes_a_validated_model_by_three_commands(
     said = capsys.readouterr().out
     assert said.startswith("ur10_exciting_trajectory.db3: 1720 of 1720 rows used, 13.752 s")
     assert "no damaged rows" in said
-    assert run(["identify", "first", "--choose", "-o", model, *runs]) in (0, 6)  # wrist 3: doubtful
+    assert run(["identify", "first", "--choose", "-o", model, *runs]) == 0
     limits = ["--limits", "8,7,6,13,12,16"]
     assert run(["validate", model, "second", *limits, *runs]) == 0
     text = (resources.files("config") / "bundled" / "maps" / "ur10_ros.yaml").read_text()
@@ -176,7 +176,7 @@ def test_a_static_recording_is_compared_with_a_model_by_its_gravity(
 
     runs, model = ["--runs", str(tmp_path / "runs")], str(tmp_path / "model.json")
     assert bring(moving, "--label", "moving").code == 0
-    assert run(["identify", "moving", "-o", model, *runs]) in (0, 6)
+    assert run(["identify", "moving", "-o", model, *runs]) == 6  # friction would drive this arm
     imported = bring(standing, "--label", "standing")
     assert imported.static
     assert imported.findings[0].startswith("Static: no joint moves")
