@@ -120,8 +120,8 @@ def bag_as_table(
 
 def _messages(path: Path, topic: str | None) -> Iterator[tuple[int, Any]]:
     """Yield when messages were recorded [ns], and the messages of one topic."""
-    from rosbags.highlevel import AnyReader  # pyright: ignore[reportMissingImports]  # slow: here
-    from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingImports]
+    from rosbags.highlevel import AnyReader  # slow: here
+    from rosbags.typesys import Stores, get_typestore
 
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
         found = [each for each in reader.connections if each.msgtype == JOINT_STATE]

@@ -21,6 +21,7 @@ from identification.payload.body import PARAMETERS, REPORTED, PayloadBody, repor
 from identification.payload.equations import PayloadEquations, Procedure
 from identification.payload.known import Known, with_held
 from identification.payload.solution import SEEN, PayloadSolution, solve_payload
+from identification.regression.fit_grade import FitGrade, grade_fit
 
 PULL: Final = 1e-9
 FLOOR_SHARE: Final = 0.02
@@ -154,8 +155,18 @@ class PayloadEstimate:
         """
         if self.torque_nm is None:
             return None
+        return np.asarray(self.residual_nm / self._work_nm(self.torque_nm))
+
+    @property
+    def fit(self) -> tuple[FitGrade, ...]:
+        """How well the payload and the robot explain each joint's torque, as `residual_share`."""
+        n = len(self.robot.joints)
+        work = np.full(n, np.nan) if self.torque_nm is None else self._work_nm(self.torque_nm)
+        return grade_fit(self.robot.joint_names, self.residual_nm, work)
+
+    def _work_nm(self, torque_nm: FloatArray) -> FloatArray:
         limits = np.array([joint.limits.torque for joint in self.robot.joints])
-        return np.asarray(self.residual_nm / np.maximum(self.torque_nm, IDLE_SHARE * limits))
+        return np.asarray(np.maximum(torque_nm, IDLE_SHARE * limits))
 
     @property
     def gain_effects(self) -> FloatArray:

@@ -44,10 +44,14 @@ def test_a_quick_stop_that_is_none_is_exit_3_and_no_drive_gets_power(
         CellSimulation(config, loaded.robot, loaded.plant, realtime=False, seed=3, log=log)
     ) as simulated:
         cell = simulated.cell.model_dump(mode="json") | {"simulated": False, "plant": None}
+        key = "drive_safety.quick_stop_deceleration_rad_s2"
         cell["drive_safety"]["quick_stop_deceleration_rad_s2"] = deceleration
         file = str(tmp_path / "cell.json")
         Path(file).write_text(json.dumps(cell))
         runs = ["--runs", str(tmp_path / "runs")]
+        assert run(["check", file, "--i-have-cleared-the-cell", *runs]) == 2
+        assert "implausible" in capsys.readouterr().err
+        Path(file).write_text(json.dumps(cell | {"implausible_on_purpose": [key]}))
         assert run(["check", file, "--i-have-cleared-the-cell", "--json", *runs]) == 3
         checked = json.loads(capsys.readouterr().out)
         motion = str(tmp_path / "motion.yaml")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, cast
 
+from identification.regression.fit_grade import Grade
 from rid_daq.report.formats import number
 from rid_daq.report.sections.section import Numbers, Section, Texts, units
 from rid_daq.report.sections.verdict import Check, Relation, Verdict
@@ -83,6 +84,8 @@ class PayloadAxis(Section):
         Torque of the payload, and the residual (RMS), in `unit`.
     residual_percent : float
         The residual, of the axis' torque [%]; left out by versions that did not judge it.
+    grade, reason : str or None
+        "good", "doubtful" or "bad", and what decides it; left out by versions that did not grade.
     mass_per_percent : float
         By how much the mass changes for 1 % of this axis' torque [kg].
     """
@@ -93,6 +96,8 @@ class PayloadAxis(Section):
     residual: float
     mass_per_percent: float
     residual_percent: float | None = None
+    grade: Grade | None = None
+    reason: str | None = None
 
 
 class PayloadSection(Section):
@@ -171,6 +176,8 @@ class PayloadSection(Section):
                 residual_percent=[None] * len(estimate.robot.joints)
                 if estimate.residual_share is None
                 else 100.0 * estimate.residual_share,
+                grade=[fit.grade for fit in estimate.fit],
+                reason=[fit.reason for fit in estimate.fit],
             ),
             existence=_existence(estimate) if whole else None,
         )
@@ -210,13 +217,14 @@ class PayloadSection(Section):
         for finding in self.findings:
             console.say(finding)
         console.table(
-            ("axis", "torque of the payload (RMS)", "left over (RMS)", "mass per 1 % of torque"),
+            ("axis", "payload (RMS)", "residual (RMS)", "fit", "mass per 1 % of torque"),
             [
                 (
                     axis.joint,
                     f"{number(axis.payload, 3)} {axis.unit}",
                     f"{number(axis.residual, 3)} {axis.unit}"
                     f" ({number(axis.residual_percent, 2)} % of its torque)",
+                    axis.grade or "–",
                     f"{number(axis.mass_per_percent, 2)} kg",
                 )
                 for axis in self.axes

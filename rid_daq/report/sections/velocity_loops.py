@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from config.robot.robot import RobotDescription
+from identification.regression.fit_grade import Grade, grade_fit
 from rid_daq.report.formats import number
 from rid_daq.report.sections.loop_curves import (
     CascadeCurves,
@@ -71,6 +72,9 @@ class AxisLoop(Section):
         The curves.
     findings : tuple of str
         What is wrong, if anything.
+    grade, reason : str or None
+        "good", "doubtful" or "bad" by the share that the mechanics leave unexplained, and what
+        decides it; left out by versions that did not grade.
     """
 
     joint: str
@@ -97,6 +101,8 @@ class AxisLoop(Section):
     mechanics_response: MechanicsResponse
     cascade: CascadeCurves
     findings: Texts
+    grade: Grade | None = None
+    reason: str | None = None
 
     @classmethod
     def of(
@@ -110,6 +116,9 @@ class AxisLoop(Section):
         loop, axis = cascade.loop, cascade.mechanics
         position_unit, torque_unit = units(robot.joints[robot.joint_names.index(loop.joint_name)])
         sigma = np.sqrt(np.diagonal(axis.covariance))
+        (fit,) = grade_fit(
+            (loop.joint_name,), np.array([axis.misfit]), np.ones(1), of="mechanics' response"
+        )
         return cls.taken(
             loop,
             joint=loop.joint_name,
@@ -129,6 +138,8 @@ class AxisLoop(Section):
             mechanics_response=MechanicsResponse.of(mechanics),
             cascade=CascadeCurves.of(controller, mechanics, cascade),
             findings=tuple(_findings(controller, cascade)),
+            grade=fit.grade,
+            reason=fit.reason,
         )
 
 
@@ -218,6 +229,8 @@ class VelocityLoopsSection(Section):
                 f"{axis.joint}: {len(lines)} lines from {lines[0]:.3g} to {lines[-1]:.3g} Hz;"
                 f" {_distortion(axis)}."
             )
+            if axis.grade is not None:
+                console.say(f"{axis.joint}: the fit is {axis.grade}, {axis.reason}.")
             for finding in axis.findings:
                 console.say(f"{axis.joint}: {finding}.")
         console.say(self.advice)
