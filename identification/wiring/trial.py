@@ -11,7 +11,6 @@ from scipy.linalg import cho_factor, cho_solve
 from config.arrays import BoolArray, FloatArray
 from dynamics.model.robot_model import RobotModel, regressor
 from dynamics.model.transmission import Transmission
-from identification.estimation.options import STANDSTILL_RAD_S
 from identification.model.options import ModelOptions
 from identification.regression.fit_grade import GOOD_SHARE
 from identification.wiring.signals import WiredSignals
@@ -93,9 +92,7 @@ class Condensed:
         q, v, a = signals.joints()
         phi, speed = regressor(model, q, v, a), signals.velocity
         n, p = len(signals.robot.joints), phi.shape[2]
-        slowest = np.minimum(
-            STANDSTILL_RAD_S, SLOW_SHARE * np.sqrt(np.mean(np.square(speed), axis=0))
-        )
+        slowest = SLOW_SHARE * np.sqrt(np.mean(np.square(speed), axis=0))  # the same in any unit
         use = (np.abs(speed) > slowest) & signals.moving
         products, brakes = np.zeros((n, p + n, p + n)), np.zeros((n, p))
         power = np.zeros((n, n))

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.mistakes import tell
+from benchmarks.mistakes_made import Stated, mistakes
 from benchmarks.sound_robots import Sound, sound_run
 from config.load import load_robot
 from rid_daq.app import run
@@ -94,3 +96,36 @@ def test_a_recording_that_a_model_cannot_predict_fails_without_limits(
     run_of_right = str(Path(right["model"]).parent)
     assert run(["validate", wrong["model"], run_of_right]) == 1
     assert "No limits were given: an error beyond 30 % of the torque" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        "axis 2: turns the other way",
+        "axis 2: position backwards",
+        "axis 2: position times 2",
+        "axis 3: position times 0.5",
+        "axis 2: torque times 0.5",
+        "axis 2: torque times 10",
+        "axis 2: zero off by 90 degrees",
+        "positions: axes 2 and 3 swapped",
+        "torques: axes 1 and 2 swapped",
+        "columns: axes 2 and 3 swapped",
+        "degrees read as radians",
+        "clock: in milliseconds",
+        "every row twice",
+        "axis 2: torque stuck",
+        "the other convention",
+        "a coupling that is not there",
+        "a link in mm",
+        "gravity in cm",
+        "limits in degrees",
+    ],
+)
+def test_a_mistake_is_refused_or_named(name: str, sound: Sound, tmp_path: Path) -> None:
+    right = Stated(sound.robot, sound.time_s, sound.position, sound.torque_nm)
+    made = next(each for each in mistakes(right) if each.name == name)
+    refused, named = tell(made.stated, tmp_path)
+    joints = tuple(sound.robot.joint_names[j] for j in made.joints)
+    assert refused or any((kind, joints) in named for kind in made.kinds)
