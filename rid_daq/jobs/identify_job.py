@@ -28,7 +28,7 @@ from rid_daq.jobs.identification_job import (
     gains_of_drives,
 )
 from rid_daq.jobs.wiring_job import diagnose_wiring
-from rid_daq.report.result import Result
+from rid_daq.report.result import NOTHING_JUDGED, Result
 from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.comparison import ComparisonSection
@@ -36,10 +36,13 @@ from rid_daq.report.sections.curves import CurvesSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.model_file import ModelFile
 from rid_daq.report.sections.plate import PlateSection
+from rid_daq.report.sections.verdict import Verdict
 from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
 from rid_daq.terminal.console import Console
 
 MODEL = "model.json"
+BAD_FIT = "Failed: the model does not explain this run"
+MISTAKEN = "Failed: a file of this run is probably wrong"
 
 
 @dataclass(frozen=True)
@@ -169,12 +172,16 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     mistakes = None
     if request.diagnose and how.options.model.kind != "external":
         mistakes = diagnose_wiring(data, how, first.robot)
-    result = result_of(first, notes).by_model(
+    before = result_of(first, notes)
+    section = EstimateSection.of(estimate, findings=findings, mistakes=mistakes)
+    result = before.by_model(
         ModelFile.of(output),
-        estimate=EstimateSection.of(estimate, findings=findings, mistakes=mistakes),
+        estimate=section,
         plate=plate,
         comparison=None if comparison is None else ComparisonSection.of(comparison),
     )
+    verdict = _verdict(before.verdict, section)
+    result = result if verdict is None else result.updated(verdict=verdict)
     if first.is_periodic:
         average = identified.averages[0]
         period = compare_period(estimate, average)
@@ -185,6 +192,17 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     report = write_result(first.folder, result)
     has_plate = first.is_periodic and all(item.has_plate for item in data)
     return IdentifiedRuns(output, result, report, notes, gains, has_plate and plate is None)
+
+
+def _verdict(before: Verdict, section: EstimateSection) -> Verdict | None:
+    """Return the verdict of a bad fit or a mistake, what takes its place, or None to leave it."""
+    bad = [axis.joint for axis in section.axes if axis.grade is Grade.BAD]
+    if not bad and not section.mistakes:
+        return NOTHING_JUDGED if before.headline in (BAD_FIT, MISTAKEN) else None
+    why = [mistake.sentence for mistake in section.mistakes or ()]
+    if bad:
+        why.append(f"The model does not explain the torque of {', '.join(bad)}.")
+    return Verdict.failed(MISTAKEN if section.mistakes else BAD_FIT, " ".join(why))
 
 
 def _loaded(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ _NOT_SECTIONS: Final = (
     *("format", "title", "robot", "verdict", "software", "notes", "cell", "model", "seed"),
     "without_unmodelled",
 )
-_NOTHING_JUDGED: Final = Verdict.of([], "Nothing to judge", "No limit was set for this run.")
+NOTHING_JUDGED: Final = Verdict.of([], "Nothing to judge", "No limit was set for this run.")
 
 
 class WithoutUnmodelled(Section):
@@ -122,7 +122,7 @@ class Result(Section):
         return cls(
             title=title,
             robot=robot,
-            verdict=_NOTHING_JUDGED,
+            verdict=NOTHING_JUDGED,
             software=software_versions(),
         )
 
@@ -160,7 +160,7 @@ class Result(Section):
             title, older = f"Model of {self.robot}", self.model or "an older model"
             words = ", ".join(name.replace("_", " ") for name in gone)
             note = f"what was of {older} is left out ({words}): validate the new model"
-            cleared |= {"title": title, "verdict": _NOTHING_JUDGED}
+            cleared |= {"title": title, "verdict": NOTHING_JUDGED}
             cleared |= {"notes": (*(self.notes or ()), note)}
         return self.updated(**{**cleared, **sections, "model": model})
 

@@ -196,7 +196,7 @@ class EstimateSection(Section):
             ],
         )
         console.table(
-            ("axis", "rms torque", "residual (RMS)", "of torque", "of noise", "fit"),
+            ("axis", "rms torque", "residual (RMS)", "of torque", "over noise", "fit"),
             [
                 (
                     axis.joint,

@@ -74,6 +74,10 @@ def test_swapped_columns_are_told_with_the_keys_to_change(identify: Identify) ->
         "map: `torque` or `current` of joints[1] (axis2), joints[2] (axis3)"
     ]
     assert "axis2 and axis3 are swapped" in mistake["sentence"]
+    page = Path(document["report"]).read_text(encoding="utf-8")
+    assert mistake["sentence"] in page
+    assert "Failed: a file of this run is probably wrong" in page
+    assert "Change map: `torque` or `current` of joints[1] (axis2)" in page
 
 
 def test_a_model_that_does_not_explain_its_data_is_not_exported(
