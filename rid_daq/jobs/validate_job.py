@@ -23,11 +23,11 @@ from identification.validation.base_wrench_validation import validate_base_wrenc
 from identification.validation.diagnosis import diagnose
 from identification.validation.torque_prediction import Validation, validate
 from rid_daq.report.formats import number
+from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.base_load import BaseLoadSection
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
-from rid_daq.report.sections.model_file import ModelFile
 from rid_daq.report.sections.reaction import ReactionSection
 from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict

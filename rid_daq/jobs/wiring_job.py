@@ -1,16 +1,53 @@
-"""From runs to the mistakes that explain them far better than their files."""
+"""From runs to the mistakes that explain them far better, with the key of the file to change."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from typing import Final
 
 from config.robot.robot import RobotDescription
-from identification.wiring.search import find_mistakes
+from identification.wiring.mistakes import DEGREES, Kind, Mistake
+from identification.wiring.search import Found, find_mistakes
 from identification.wiring.signals import WiredSignals
 from rid_daq.jobs.identification_job import EstimationRequest, signals_of
-from rid_daq.jobs.wiring_words import mistake_entry
-from rid_daq.report.sections.mistake import MistakeEntry
+from rid_daq.report.formats import number
+from rid_daq.report.sections.estimate import Explanation, MistakeEntry
 from rid_daq.runs.run_data import RunData
+
+_IN_MAP: Final[dict[Kind, str]] = {
+    Kind.POSITION_SIGN: "map: `position_sign` of {each}",
+    Kind.TORQUE_SIGN: "map: `torque_sign` of {each}",
+    Kind.DIRECTION: "map: `position_sign` and `torque_sign` of {each}",
+    Kind.POSITION_FACTOR: "map: `units.position`, or `gear_ratio` of {each}",
+    Kind.POSITION_OFFSET: "map: `zero_offset` of {each}",
+    Kind.POSITION_ORDER: "map: `position` of {each}",
+    Kind.TORQUE_FACTOR: "map: `units`, or `torque_constant_nm_per_a` of {each}",
+    Kind.TORQUE_ORDER: "map: `torque` or `current` of {each}",
+    Kind.AXIS_ORDER: "map: the columns of {each}",
+    Kind.CLOCK: "map: `time.unit`, or `rate_hz`",
+    Kind.CONVENTION: "robot file: `kinematics.convention`",
+    Kind.COUPLING: "robot file: `coupling`",
+    Kind.MOUNTING: "robot file: `gravity_m_s2`",
+}
+_IN_CELL: Final[dict[Kind, str]] = {
+    Kind.POSITION_SIGN: "robot file: the sign of `alpha_rad` in {rows}; cell file: `direction` in"
+    " {axes}",
+    Kind.TORQUE_SIGN: "cell file: `direction` in {axes}; the drive: its torque's sign (6077h)",
+    Kind.DIRECTION: "cell file: `direction` in {axes}",
+    Kind.POSITION_FACTOR: "robot file: `gear_ratio` in {joints}; the drive: its encoder's"
+    " resolution (608Fh)",
+    Kind.POSITION_OFFSET: "cell file: `position_zero_counts` in {axes}; robot file: `theta_rad` in"
+    " {rows}",
+    Kind.POSITION_ORDER: "cell file: `node_id` in {axes}",
+    Kind.TORQUE_FACTOR: "robot file: `gear_ratio` in {joints}; the drive: its rated torque (6076h)",
+    Kind.TORQUE_ORDER: "cell file: `node_id` in {axes}",
+    Kind.AXIS_ORDER: "cell file: `node_id` in {axes}",
+    Kind.CLOCK: "cell file: `cycle_time_ms`",
+    Kind.CONVENTION: "robot file: `kinematics.convention`",
+    Kind.COUPLING: "robot file: `coupling`",
+    Kind.MOUNTING: "robot file: `gravity_m_s2`",
+}
 
 
 def diagnose_wiring(
@@ -38,3 +75,113 @@ def diagnose_wiring(
     signals = WiredSignals.of(robot, signals_of(empty, how))
     imported = data[0].import_report is not None
     return tuple(mistake_entry(each, robot, imported=imported) for each in find_mistakes(signals))
+
+
+def mistake_entry(found: Found, robot: RobotDescription, *, imported: bool) -> MistakeEntry:
+    """Return a mistake in words, with the keys to change.
+
+    Parameters
+    ----------
+    found : Found
+        The mistake and its alternatives.
+    robot : RobotDescription
+        The robot, for its joints' names.
+    imported : bool
+        Whether a map said how the recording was read; else a cell file did.
+    """
+    best, *others = (
+        Explanation(
+            kind=each.kind,
+            joints=tuple(robot.joint_names[j] for j in each.joints),
+            factor=each.factor,
+            words=_words(each, robot),
+            change=_changes(each, robot, imported),
+        )
+        for each in (found.mistake, *found.alternatives)
+    )
+    gains = found.times_better
+    worst = max(range(len(gains)), key=lambda j: _finite(float(gains[j])))
+    before, after = (100.0 * trial.residual_share[worst] for trial in (found.before, found.after))
+    sentence = f"{best.words[0].upper()}{best.words[1:]}: that explains the data far better."
+    if before >= 1.2 * after:
+        sentence += (
+            f" Undone, the residual of {robot.joint_names[worst]} falls from {before:.0f} to"
+            f" {after:.0f} % of the torque."
+        )
+    if found.before.driving.any() and not found.after.driving.any():
+        sentence += " As stated, friction would drive the joint."
+    return MistakeEntry.taken(
+        best,
+        times_better=_finite(float(gains[worst])),
+        sentence=sentence,
+        alternatives=tuple(others),
+    )
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else 0.0
+
+
+def _changes(mistake: Mistake, robot: RobotDescription, imported: bool) -> tuple[str, ...]:
+    text = (_IN_MAP if imported else _IN_CELL)[mistake.kind]
+    joints = mistake.joints or range(len(robot.joints))
+
+    def listed(of: str) -> str:
+        return ", ".join(f"{of}[{j}]" for j in joints)
+
+    names = ", ".join(f"joints[{j}] ({robot.joint_names[j]})" for j in joints)
+    filled = text.format(
+        each=names, joints=listed("joints"), axes=listed("axes"), rows=listed("kinematics.rows")
+    )
+    return tuple(filled.split("; "))
+
+
+def _words(mistake: Mistake, robot: RobotDescription) -> str:
+    """Return what is wrong, as a sentence without its full stop."""
+    names = [robot.joint_names[j] for j in mistake.joints]
+    joint, swapped = (names or ["every joint"])[0], " and ".join(names)
+    order = f"{swapped} are swapped" if len(names) == 2 else f"come in the order {swapped}"
+    says: dict[Kind, Callable[[], str]] = {
+        Kind.POSITION_SIGN: lambda: f"the position of {joint} has the wrong sign",
+        Kind.TORQUE_SIGN: lambda: f"the torque of {joint} has the wrong sign",
+        Kind.DIRECTION: lambda: f"{joint} turns the other way than its file says",
+        Kind.POSITION_FACTOR: lambda: _factor(f"the position of {joint}", mistake, robot),
+        Kind.POSITION_OFFSET: lambda: (
+            f"the zero position of {joint} is off: add {math.degrees(mistake.factor):.3g}° to its"
+            " position"
+        ),
+        Kind.POSITION_ORDER: lambda: f"the positions of {order}",
+        Kind.TORQUE_FACTOR: lambda: _factor(f"the torque of {joint}", mistake, robot),
+        Kind.TORQUE_ORDER: lambda: f"the torques of {order}",
+        Kind.AXIS_ORDER: lambda: f"the axes {order}",
+        Kind.CLOCK: lambda: f"a second of the time stamps is {number(mistake.factor, 3)} s",
+        Kind.CONVENTION: lambda: (
+            "the kinematic table is written in the other convention than"
+            f" {robot.kinematics.convention}"
+        ),
+        Kind.COUPLING: lambda: (
+            f"the wrist's coupling at {swapped} is another"
+            if robot.coupling is not None
+            else f"the wrist is coupled at {swapped}"
+        ),
+        Kind.MOUNTING: lambda: f"gravity points along {_direction(mistake.robot)}",
+    }
+    return says[mistake.kind]()
+
+
+def _direction(robot: RobotDescription | None) -> str:
+    """Return the axis of the base along which gravity points."""
+    gravity = (0.0, 0.0, -1.0) if robot is None else robot.gravity_m_s2
+    axis = max(range(3), key=lambda i: abs(gravity[i]))
+    return f"{'-' if gravity[axis] < 0.0 else '+'}{'xyz'[axis]} of the base"
+
+
+def _factor(what: str, mistake: Mistake, robot: RobotDescription) -> str:
+    if mistake.kind is Kind.POSITION_FACTOR and mistake.factor == DEGREES:
+        return f"{what} is in degrees"
+    if mistake.kind is Kind.POSITION_FACTOR and mistake.factor == 1.0 / DEGREES:
+        return f"{what} is in radians"
+    gear = abs(robot.joints[mistake.joints[0]].gear_ratio) if mistake.joints else 1.0
+    if gear != 1.0 and mistake.factor in (gear, 1.0 / gear):
+        return f"{what} is on the other side of the gear ({gear:g})"
+    return f"{what} must be {number(mistake.factor, 3)} times what is stated"

@@ -20,8 +20,8 @@ from rid_daq.report.figures.curves import (
 )
 from rid_daq.report.figures.paths import error_figure, path_figure
 from rid_daq.report.formats import duration, moment, number, unit
+from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
-from rid_daq.report.sections.model_file import BY_MODEL
 from rid_daq.terminal.console import printable
 
 

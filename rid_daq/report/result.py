@@ -7,13 +7,13 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from rid_daq.report.model_file import BY_MODEL, ModelFile
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.base_load import BaseLoadSection
 from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.friction import FrictionSection
-from rid_daq.report.sections.model_file import BY_MODEL, ModelFile
 from rid_daq.report.sections.payload import PayloadSection
 from rid_daq.report.sections.plate import PlateSection
 from rid_daq.report.sections.plate_zero import PlateZeroSection

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from identification.regression.fit_grade import Grade
+from identification.wiring.mistakes import Kind
 from rid_daq.report.formats import number
-from rid_daq.report.sections.mistake import MistakeEntry
 from rid_daq.report.sections.section import Section, Texts, finite, units
 from rid_daq.terminal.console import Console
 
@@ -80,6 +80,49 @@ class AxisResidual(Section):
     over_noise: float | None = None
     grade: Grade | None = None
     reason: str | None = None
+
+
+class Explanation(Section):
+    """What may be wrong, and what to change then.
+
+    Attributes
+    ----------
+    kind : Kind
+        What is wrong.
+    joints : tuple of str
+        Of which joints; none where all are meant.
+    factor : float
+        What the stated numbers must be multiplied with, or have added [rad] where a zero position
+        is wrong.
+    words : str
+        What is wrong, in words.
+    change : tuple of str
+        The keys to change, file by file.
+    """
+
+    kind: Kind
+    joints: Texts
+    factor: float
+    words: str
+    change: Texts
+
+
+class MistakeEntry(Explanation):
+    """The best explanation, and what explains the data as well.
+
+    Attributes
+    ----------
+    times_better : float
+        By which factor the residual falls where it falls most.
+    sentence : str
+        The finding in words.
+    alternatives : tuple of Explanation
+        What else would explain the data as well.
+    """
+
+    times_better: float
+    sentence: str
+    alternatives: tuple[Explanation, ...]
 
 
 class EstimateSection(Section):

@@ -9,8 +9,8 @@ import pytest
 
 from acquisition.runs.catalogue import find_run
 from rid_daq.app import run
+from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result_file import read_result
-from rid_daq.report.sections.model_file import ModelFile
 
 FILES = {
     "long": ("ur-20_02_12-50sec_12harm.csv", "355-5090"),
