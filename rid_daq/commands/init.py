@@ -39,7 +39,7 @@ def init(
     console = Console(as_json)
     notes: tuple[str, ...] = ()
     if urdf is not None:
-        from rid_daq.jobs.urdf_starter import urdf_files
+        from rid_daq.jobs.starter.urdf_starter import urdf_files
 
         files, made = urdf_files(urdf, base, tip)
         notes = made.notes

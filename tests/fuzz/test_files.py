@@ -33,7 +33,7 @@ from identification.estimation.file import read_estimate
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import LoadFormat, load_data, read_load_data
 from identification.payload.file import read_payload
-from rid_daq.jobs.urdf_starter import urdf_files
+from rid_daq.jobs.starter.urdf_starter import urdf_files
 from rid_daq.recording.payload_state import SessionState
 from rid_daq.report.result_file import read_result
 

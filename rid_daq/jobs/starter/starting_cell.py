@@ -1,0 +1,38 @@
+"""The cell to start from: drives, bus, cycle and supervision for a robot."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
+from config.robot.robot import RobotDescription
+
+VALIDATION_LIMIT_PERCENT: Final = 15.0
+
+
+def starting_cell(robot: RobotDescription, *, simulated: bool) -> CellConfig:
+    """Return a cell of drives at node ids 1, 2, ... with the robot's name."""
+    return CellConfig(
+        name=robot.name,
+        robot="robot.yaml",
+        simulated=simulated,
+        plant="plant.yaml" if simulated else None,
+        cycle_time_ms=8,
+        can=CanBusConfig(
+            interface="rid_sim" if simulated else "socketcan",
+            channel=robot.name if simulated else "can0",
+        ),
+        axes=tuple(
+            DriveAxis(joint=name, node_id=number)
+            for number, name in enumerate(robot.joint_names, start=1)
+        ),
+        position_gain_per_s=10.0,
+        supervision=Supervision(stuck_encoder_velocity_rad_s=0.2, late_by_cycles_limit=8.0)
+        if simulated
+        else Supervision(),
+        drive_safety=DriveSafety(
+            quick_stop_deceleration_rad_s2=max(j.limits.acceleration for j in robot.joints),
+            following_error_rad=0.1,
+        ),
+        validation_limits_percent=(VALIDATION_LIMIT_PERCENT,) * len(robot.joints),
+    )
