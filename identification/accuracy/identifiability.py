@@ -15,6 +15,7 @@ from dynamics.terms.conditions import Conditions
 from identification.consistency.closest_robot import jackknife_metric
 from identification.estimation.estimate import Estimate
 from identification.model.torque_columns import torque_columns
+from identification.regression.intervals import FEW_CLUSTERS, widening
 
 SAMPLES: Final = 80
 LIMIT_SHARE: Final = 0.8
@@ -112,6 +113,24 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
 
 
 _OF_TERMS: Final = {"vs": "stribeck", "cl": "load", "eta": "efficiency"}
+
+
+def few_findings(estimate: Estimate) -> tuple[str, ...]:
+    """Say of intervals that rest on few stretches of the recording that they are rough.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The estimate.
+    """
+    clusters = estimate.clusters
+    if clusters is None or clusters >= FEW_CLUSTERS:
+        return ()
+    parts = "bins of the spectrum" if estimate.method == "periodic" else "seconds of motion"
+    return (
+        f"The intervals rest on {clusters} {parts} only. They are {widening(clusters):.2g} times"
+        f" wider for that, and rough: record longer ({FEW_CLUSTERS} are enough).",
+    )
 
 
 def bound_findings(estimate: Estimate) -> tuple[str, ...]:

@@ -180,7 +180,7 @@ def drive_gains(
         )
 
     stretches = joint_equations(model, base, runs, standstill)
-    covariance = jackknife(solution.information, (cluster(rows) for rows in stretches))
+    covariance = jackknife(solution.information, (cluster(rows) for rows in stretches)).quoted
     # The load's weight is no stretch of time: its part comes beside what the stretches show.
     to_mass = solution.covariance[b:, scales.mass] / mass_sigma_kg
     of_shares = covariance[b:, b:] + np.outer(to_mass, to_mass)

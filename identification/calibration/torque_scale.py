@@ -128,8 +128,7 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
     known = [prior]
     if fitted.fit.nonlinear:
         known.append(step_prior(fitted.model, len(fitted.base), width + n))
-    covariance = np.zeros((n, n))
-    clusters = 2
+    covariance, clusters = np.zeros((n, n)), 2
     for _ in range(STEPS):
         white = tuple(tuple(_scaled(parts, near, scale)) for parts in fitted.fit.white)
         triangles = [
@@ -139,8 +138,8 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
         ]
         solution = solve([*triangles, *known], [1.0] * (len(triangles) + len(known)), names)
         near, scale = solution.values[:width], scale + solution.values[width:]
-        clusters = sum(len(parts[0].rhs) // 2 + 1 for parts in white)
-        clustered = jackknife(solution.information, bin_clusters(white, solution.values))
+        scatter = jackknife(solution.information, bin_clusters(white, solution.values))
+        clustered, clusters = scatter.covariance, scatter.clusters
         covariance = np.where(
             np.outer(*[np.diagonal(clustered) >= np.diagonal(solution.covariance)] * 2),
             clustered,

@@ -63,7 +63,7 @@ def estimate_by_energy(
         for matrix, work, event in _intervals(estimate, runs)
         for rows in np.split(np.arange(len(work)), np.flatnonzero(np.diff(event)) + 1)
     )
-    return solution.values, jackknife(solution.information, clusters)
+    return solution.values, jackknife(solution.information, clusters).quoted
 
 
 def _intervals(

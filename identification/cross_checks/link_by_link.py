@@ -79,7 +79,7 @@ def estimate_link_by_link(
     own = [step / size[:, np.newaxis] for step in steps]
     information = _condensed([(f[:, :-1], f[:, -1]) for f in factors], own, basis, values).gram
     clusters = (_condensed(rows, own, basis, values) for rows in _equations(estimate, runs))
-    return values, np.asarray(basis @ jackknife(information, clusters) @ basis.T)
+    return values, np.asarray(basis @ jackknife(information, clusters).quoted @ basis.T)
 
 
 def _condensed(

@@ -236,7 +236,7 @@ class CondensedProblem:
 
     def covariance(self, fit: CondensedFit) -> FloatArray:
         """Return the cluster-robust covariance of linear and nonlinear parameters."""
-        return jackknife(fit.fit.solution.information, self._clusters(fit))
+        return jackknife(fit.fit.solution.information, self._clusters(fit)).quoted
 
     def _clusters(self, fit: CondensedFit) -> Iterator[Cluster]:
         made = [self._combination(j, fit) for j in range(len(self.data.factors))]

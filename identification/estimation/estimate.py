@@ -48,6 +48,8 @@ class Estimate:
         From the residuals, whatever their colour (`identification.regression.intervals`).
     nonlinear_covariance : ndarray, shape (s, s)
         The cluster-robust covariance of the nonlinear parameters.
+    clusters : int or None
+        Stretches or bins that `covariance_jackknife` rests on; None in files of version 0.1.
     condition_number : float
         Of the weighted regressor, columns scaled to length one (2.25, 2.26).
     equations : int
@@ -95,6 +97,7 @@ class Estimate:
     plate: PlateFit | None = None
     nonlinear_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     torque_nm: FloatArray | None = None
+    clusters: int | None = None
     periods: int = 0
     cell_name: str = ""
     run_ids: tuple[str, ...] = ()

@@ -71,7 +71,8 @@ class FittedPeriods:
         """Return the estimate, with where it was measured."""
         problem, fit, weighting = self.problem, self.fit, self.problem.weighting
         covariance, of_base, of_nonlinear = fit.solution.covariance, fit.of_base, fit.of_nonlinear
-        clustered = problem.jackknife_covariance(fit)
+        scatter = problem.scatter(fit)
+        clustered = scatter.quoted
         residual = residual_covariance(fit.white, fit.solution.values, covariance)
         unfitted = np.zeros((len(self.model.nonlinear_names),) * 2)
         plate = None
@@ -96,6 +97,7 @@ class FittedPeriods:
             nonlinear_covariance=(
                 clustered[of_nonlinear, of_nonlinear] if fit.nonlinear else unfitted
             ),
+            clusters=scatter.clusters,
             condition_number=fit.solution.condition_number,
             equations=fit.solution.rows,
             residual_nm=fit.residual_nm,

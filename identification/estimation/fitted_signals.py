@@ -79,7 +79,8 @@ class FittedSignals:
         """Return the estimate with its intervals, and where it was measured."""
         fit, problem, b = self.fit, self.problem, len(self.base)
         covariance = fit.solution.covariance
-        clustered = problem.jackknife_covariance(self.model, self.standard, fit)
+        scatter = problem.scatter(self.model, self.standard, fit)
+        clustered = scatter.quoted
         return Estimate(
             robot=self.robot,
             options=self.options,
@@ -89,6 +90,7 @@ class FittedSignals:
             covariance_residual=covariance[:b, :b],
             covariance_jackknife=clustered[:b, :b],
             nonlinear_covariance=clustered[b:, b:],
+            clusters=scatter.clusters,
             condition_number=fit.solution.condition_number,
             equations=fit.solution.rows,
             residual_nm=fit.residual_nm,

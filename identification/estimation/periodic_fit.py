@@ -21,7 +21,7 @@ from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.options import Weighting
 from identification.estimation.prior import PriorRows
 from identification.model.base_parameters import BaseParameters, ModelKind
-from identification.regression.intervals import jackknife
+from identification.regression.intervals import Scatter, jackknife
 from identification.regression.least_squares import Solution, Triangle, huber_weights, solve
 
 REWEIGHTINGS = 20
@@ -226,8 +226,8 @@ class PeriodicProblem:
         reaction = reaction.with_motion_noise(equations.position_sigma, self.base_inertia[run])
         return whiten_base_wrench(reaction, uniform=self.weighting == "ls")
 
-    def jackknife_covariance(self, fit: PeriodicFit) -> FloatArray:
-        """Return the covariance of the solution that coloured residuals leave."""
+    def scatter(self, fit: PeriodicFit) -> Scatter:
+        """Return how the solution scatters, whatever the residuals' colour."""
         return jackknife(fit.solution.information, bin_clusters(fit.white, fit.solution.values))
 
 

@@ -126,7 +126,7 @@ class RunningEstimate:
             ]
         solution, scale = weighted_by_residuals(triangles, [], self.base.names)
         clusters = (_cluster(parts, solution.values, scale) for parts in self.stretches.values())
-        covariance = jackknife(solution.information, clusters)
+        covariance = jackknife(solution.information, clusters).quoted
         power = [
             [triangle.residual_sum(values) / max(triangle.rows, 1) for triangle in triangles]
             for values in (solution.values, np.zeros(len(self.base)))

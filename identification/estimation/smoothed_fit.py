@@ -19,7 +19,7 @@ from identification.estimation.options import Weighting
 from identification.estimation.prior import PriorRows
 from identification.model.base_parameters import BaseParameters
 from identification.model.torque_columns import torque_structure
-from identification.regression.intervals import Cluster, jackknife
+from identification.regression.intervals import Cluster, Scatter, jackknife
 from identification.regression.least_squares import Solution, Triangle, huber_weights, solve
 
 REWEIGHTINGS = 20
@@ -93,10 +93,8 @@ class SmoothedProblem:
                 break
         return fit
 
-    def jackknife_covariance(
-        self, model: RobotModel, standard: FloatArray | None, fit: SmoothedFit
-    ) -> FloatArray:
-        """Return the covariance of the solution that coloured residuals leave."""
+    def scatter(self, model: RobotModel, standard: FloatArray | None, fit: SmoothedFit) -> Scatter:
+        """Return how the solution scatters, whatever the residuals' colour."""
         structure = torque_structure(model, self.base, standard is not None)
         return jackknife(fit.solution.information, self._events(model, standard, structure, fit))
 

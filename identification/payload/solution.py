@@ -160,7 +160,7 @@ def _measured(equations: PayloadEquations, system: _System, intervals: bool) -> 
             _cluster(system, subspace, factor, values, len(equations.joint_names))
             for factor in equations.factors
         )
-        clustered = jackknife(matrix.T @ matrix, clusters)
+        clustered = jackknife(matrix.T @ matrix, clusters).quoted
         # What is known of the robot is no cluster: its error comes beside what they show.
         brought = covariance @ matrix[system.measured :].T
         clustered = clustered + brought @ brought.T

@@ -9,7 +9,7 @@ import numpy as np
 
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
-from identification.accuracy.identifiability import bound_findings, weak_parameters
+from identification.accuracy.identifiability import bound_findings, few_findings, weak_parameters
 from identification.calibration.base_reaction import weight_words
 from identification.calibration.drive_gains import DriveGains
 from identification.consistency.closest_robot import consistent
@@ -243,7 +243,11 @@ def _cross_checked(
 def _findings(estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, ...]) -> list[str]:
     """Return what a person should know of an estimate."""
     weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
-    findings = [*bound_findings(estimate), *(each.sentence for each in weak)]
+    findings = [
+        *few_findings(estimate),
+        *bound_findings(estimate),
+        *(each.sentence for each in weak),
+    ]
     for item in data:
         drifts = (drift for drift in friction_drift(item.parts()) if drift.significant)
         findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from config.errors import EstimationError
-from identification.regression.intervals import Cluster, jackknife
+from identification.regression.intervals import FEW_CLUSTERS, Cluster, jackknife, widening
 
 
 @pytest.fixture
@@ -35,7 +35,8 @@ def test_it_is_what_leaving_out_each_cluster_gives(lumps) -> None:
     found = jackknife(
         matrix.T @ matrix, (Cluster.of(matrix[rows], residual[rows]) for rows in clusters)
     )
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-9)
+    assert found.clusters == 30
 
 
 def test_it_tells_lumps_from_independent_rows() -> None:
@@ -45,7 +46,7 @@ def test_it_tells_lumps_from_independent_rows() -> None:
     ones = np.ones((len(error), 1))
     residual = error - error.mean()
     clusters = (Cluster.of(ones[k : k + 10], residual[k : k + 10]) for k in range(0, 4000, 10))
-    sigma = np.sqrt(jackknife(ones.T @ ones, clusters)[0, 0])
+    sigma = np.sqrt(jackknife(ones.T @ ones, clusters).quoted[0, 0])
     assert sigma == pytest.approx(1.0 / np.sqrt(400), rel=0.1)
     assert sigma > 2.5 * np.sqrt(error.var() / len(error))
 
@@ -58,11 +59,32 @@ def test_parameters_of_any_size_are_served_alike(lumps) -> None:
         values = np.linalg.lstsq(columns, rhs, rcond=None)[0]
         residual = rhs - columns @ values
         parts = (Cluster.of(columns[rows], residual[rows]) for rows in clusters)
-        return jackknife(columns.T @ columns, parts)
+        return jackknife(columns.T @ columns, parts).covariance
 
     np.testing.assert_allclose(
         covariance(matrix * size) * np.outer(size, size), covariance(matrix), rtol=1e-6
     )
+
+
+@pytest.mark.parametrize("clusters", [3, 5, 12])
+def test_two_sigma_hold_with_few_clusters(clusters: int) -> None:
+    """The mean of a few lumps lies within two quoted sigma as often as that of many does."""
+    random = np.random.default_rng(clusters)
+    inside = {"quoted": 0, "covariance": 0}
+    ones = np.ones((10, 1))
+    for _ in range(1000):
+        lumps = random.normal(size=clusters)
+        parts = [Cluster.of(ones, np.full(10, lump - lumps.mean())) for lump in lumps]
+        found = jackknife(np.array([[10.0 * clusters]]), parts)
+        for kind in inside:
+            inside[kind] += abs(lumps.mean()) <= 2.0 * np.sqrt(getattr(found, kind)[0, 0])
+    assert 935 <= inside["quoted"] <= 975
+    assert inside["covariance"] < inside["quoted"] - 10
+
+
+def test_many_clusters_widen_nothing() -> None:
+    assert widening(FEW_CLUSTERS) == 1.0
+    assert widening(FEW_CLUSTERS - 1) == pytest.approx(1.04, abs=0.01)
 
 
 def test_a_single_stretch_says_nothing() -> None:
