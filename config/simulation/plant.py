@@ -79,12 +79,13 @@ class SimulatedThermal(ConfigModel):
 class SimulatedAxis(ConfigModel):
     """One simulated axis: motor, friction, servo loop and what its drive reports.
 
-    Friction and torques are the motor's, at the link side of its gear. The velocity loop is
+    Friction and torques are the motor's, at the link side of its gear; the rotor's inertia is as it
+    spins, and the link side's where `gear_ratio` is 1. The velocity loop is
     tau = K_p (1 + 1/(T_i s)) of the velocity error, with the current loop a first-order lag behind
     it.
     """
 
-    rotor_inertia_kg_m2: Annotated[NonNegative, Plausible(1e-9, 10.0, "kg m²")]
+    rotor_inertia_kg_m2: Annotated[NonNegative, Plausible(1e-9, 1e4, "kg m² or kg")]
     coulomb_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")]
     viscous_nm_s: Annotated[NonNegative, Plausible(0.0, 1e5, "N m s/rad")]
     velocity_gain_nm_s: Annotated[Positive, Plausible(1e-4, 1e7, "N m s/rad")]

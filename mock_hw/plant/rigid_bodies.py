@@ -4,7 +4,7 @@ A rotor turns in the full model of 2n coordinates about its axis on the link tha
 gear ties it to its actuator, q_full = G alpha with G = [C; diag(mu)] constant, where C turns the
 actuators' angles into the joints' (5.18), 1 without a coupled wrist. The reduced equations are
 Gᵀ M G and Gᵀ b: the rotors' coupling (theory: section 3) and the wrist's (5.19) follow without a
-formula for them.
+formula for them. A plain armature is a rotor that nothing carries: it turns in the world.
 
 What holds the base still is the generalised force of a free joint under it that does not move.
 """
@@ -19,7 +19,7 @@ import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
 from config.errors import ConfigError
-from config.robot.robot import KinematicRow, RobotDescription, Rotor
+from config.robot.robot import KinematicRow, RobotDescription, Vector3
 from config.simulation.plant import LinkInertia, PlantConfig
 
 Vector = NDArray[np.float64]
@@ -88,8 +88,13 @@ def build_rigid_bodies(
         for index, joint in enumerate(robot.joints):
             if joint.rotor is not None and joint.rotor.link == number:
                 inertia = plant.axes[index].rotor_inertia_kg_m2
-                _add_rotor(model, parent, joint.rotor, inertia, f"{joint.name}-rotor")
+                _add_rotor(model, parent, joint.rotor.axis, inertia, f"{joint.name}-rotor")
                 gearing.append(joint.gear_ratio * np.eye(count)[index])
+    for index, (joint, axis) in enumerate(zip(robot.joints, plant.axes, strict=True)):
+        if joint.armature:
+            name = f"{joint.name}-armature"
+            _add_rotor(model, 0, (0.0, 0.0, 1.0), axis.rotor_inertia_kg_m2, name)
+            gearing.append(joint.gear_ratio * np.eye(count)[index])
     return GearedModel(model, np.array(gearing))
 
 
@@ -149,9 +154,9 @@ class BaseWrench:
         return self(motion)
 
 
-def _add_rotor(model: Any, carrier: int, rotor: Rotor, inertia_kg_m2: float, name: str) -> None:
+def _add_rotor(model: Any, carrier: int, axis: Vector3, inertia_kg_m2: float, name: str) -> None:
     """Add a body of polar inertia alone, turning about its axis on the carrier's frame."""
-    spin = np.array(rotor.axis)
+    spin = np.array(axis)
     identity = pin.SE3.Identity()
     number = model.addJoint(carrier, pin.JointModelRevoluteUnaligned(spin), identity, name)
     body = pin.Inertia(0.0, np.zeros(3), inertia_kg_m2 * np.outer(spin, spin))
@@ -176,11 +181,11 @@ def _check(robot: RobotDescription, plant: PlantConfig) -> None:
             " neither"
         )
     for joint, axis in zip(robot.joints, plant.axes, strict=True):
-        if joint.rotor is None and axis.rotor_inertia_kg_m2 > 0.0:
+        if joint.rotor is None and not joint.armature and axis.rotor_inertia_kg_m2 > 0.0:
             raise ConfigError(
                 f"plant {plant.name!r} gives joint {joint.name!r} a rotor inertia, but robot"
-                f" {robot.name!r} does not say where its rotor sits: add `rotor` to that joint, or"
-                " set rotor_inertia_kg_m2 to 0"
+                f" {robot.name!r} does not say where its rotor sits: add `rotor` or `armature: true`"
+                " to that joint, or set rotor_inertia_kg_m2 to 0"
             )
 
 

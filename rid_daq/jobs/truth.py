@@ -61,7 +61,7 @@ def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConf
         known[f"Im{number}"] = axis.rotor_inertia_kg_m2
         known[f"fc_{joint.name}"] = axis.coulomb_nm
         known[f"fv_{joint.name}"] = axis.viscous_nm_s
-        known[f"Ia{number}"] = 0.0  # a plant's rotors stand where the robot file says
+        known[f"Ia{number}"] = joint.gear_ratio**2 * axis.rotor_inertia_kg_m2
         known |= {f"{side}_{joint.name}": axis.coulomb_nm for side in ("fcp", "fcn")}
         known |= {f"{term}_{joint.name}": 0.0 for term in ("fo", "f3", "fcr", "fs", "fcT", "fvT")}
     if plant.spring is not None:

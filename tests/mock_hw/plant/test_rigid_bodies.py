@@ -10,7 +10,7 @@ from config.errors import ConfigError
 from config.load import load_cell
 from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription, Rotor
 from config.simulation.plant import LinkInertia, PlantConfig, SimulatedAxis
-from mock_hw.plant.rigid_bodies import build_rigid_bodies
+from mock_hw.plant.rigid_bodies import BaseWrench, build_rigid_bodies
 
 LIMITS = JointLimits(
     position_min=-3.0, position_max=3.0, velocity=3.0, acceleration=9.0, torque=99.0
@@ -110,6 +110,32 @@ def test_the_mass_matrix_and_the_bias_are_those_of_inverse_dynamics(seed: int, j
     inverse = np.array(pin.rnea(bodies.model, data, q, v, a))
     forward = pin.crba(bodies.model, data, q) @ a + pin.nonLinearEffects(bodies.model, data, q, v)
     np.testing.assert_allclose(forward, inverse, rtol=1e-10, atol=1e-10 * abs(inverse).max())
+
+
+def test_an_armature_adds_to_its_own_joint_alone_and_nothing_to_the_base() -> None:
+    robot, plant = random_arm(seed=1, joints=3)
+    bare = tuple(joint.model_copy(update={"rotor": None}) for joint in robot.joints)
+    axes = tuple(axis.model_copy(update={"rotor_inertia_kg_m2": 0.0}) for axis in plant.axes)
+    still = plant.model_copy(update={"axes": axes})
+    without = build_rigid_bodies(robot.model_copy(update={"joints": bare}), still)
+    plain = tuple(joint.model_copy(update={"armature": True}) for joint in bare)
+    armed = robot.model_copy(update={"joints": plain})
+    bodies = build_rigid_bodies(armed, plant)
+    q, v, a = np.random.default_rng(2).normal(size=(3, 3))
+    masses = [
+        each.gearing.T
+        @ pin.crba(each.model, each.model.createData(), each.gearing @ q)
+        @ each.gearing
+        for each in (bodies, without)
+    ]
+    added = [
+        joint.gear_ratio**2 * axis.rotor_inertia_kg_m2
+        for joint, axis in zip(robot.joints, plant.axes, strict=True)
+    ]
+    np.testing.assert_allclose(masses[0] - masses[1], np.diag(added), atol=1e-9)
+    motion = np.array([q, v, a])
+    expected = BaseWrench(armed, still)(motion)
+    np.testing.assert_allclose(BaseWrench(armed, plant)(motion), expected, atol=1e-9)
 
 
 def test_the_bundled_arm_has_the_rotor_terms_of_appendix_d() -> None:

@@ -74,6 +74,18 @@ def test_a_rotor_on_link_2_adds_its_polar_inertia_there(
     assert value["fc_axis3"] == 9.0
 
 
+def test_an_armature_is_the_rotors_inertia_behind_its_gear(
+    robot: RobotDescription, plant: PlantConfig
+) -> None:
+    joints = tuple(
+        j.model_copy(update={"rotor": None, "armature": True, "gear_ratio": -60.0})
+        for j in robot.joints
+    )
+    model = RobotModel.from_description(armed := robot.model_copy(update={"joints": joints}))
+    value = dict(zip(model.parameter_names, true_parameters(model, armed, plant), strict=True))
+    assert value["Ia3"] == pytest.approx(60.0**2 * plant.axes[2].rotor_inertia_kg_m2)
+
+
 def test_friction_terms_that_the_plant_does_not_have_are_zero(
     robot: RobotDescription, plant: PlantConfig
 ) -> None:
