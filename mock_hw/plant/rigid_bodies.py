@@ -184,8 +184,8 @@ def _check(robot: RobotDescription, plant: PlantConfig) -> None:
         if joint.rotor is None and not joint.armature and axis.rotor_inertia_kg_m2 > 0.0:
             raise ConfigError(
                 f"plant {plant.name!r} gives joint {joint.name!r} a rotor inertia, but robot"
-                f" {robot.name!r} does not say where its rotor sits: add `rotor` or `armature: true`"
-                " to that joint, or set rotor_inertia_kg_m2 to 0"
+                f" {robot.name!r} does not say where its rotor sits: add `rotor`, or `armature:"
+                " true`, to that joint, or set rotor_inertia_kg_m2 to 0"
             )
 
 

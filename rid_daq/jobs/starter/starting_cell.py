@@ -27,7 +27,11 @@ def starting_cell(robot: RobotDescription, *, simulated: bool) -> CellConfig:
             for number, name in enumerate(robot.joint_names, start=1)
         ),
         position_gain_per_s=10.0,
-        supervision=Supervision(stuck_encoder_velocity_rad_s=0.2, late_by_cycles_limit=8.0)
+        supervision=Supervision(
+            following_error_min_rad=0.05,
+            stuck_encoder_velocity_rad_s=0.2,
+            late_by_cycles_limit=8.0,
+        )
         if simulated
         else Supervision(),
         drive_safety=DriveSafety(

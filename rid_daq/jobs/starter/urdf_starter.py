@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +16,7 @@ from config.model import ConfigModel
 from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
 from rid_daq.jobs.starter.simulated_plant import simulated_plant
 from rid_daq.jobs.starter.starting_cell import starting_cell
+from rid_daq.jobs.starter.workload import held_by_motors
 
 
 def urdf_files(path: Path, base: str | None, tip: str | None) -> tuple[dict[str, str], UrdfRobot]:
@@ -33,6 +35,13 @@ def urdf_files(path: Path, base: str | None, tip: str | None) -> tuple[dict[str,
         raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
     made = robot_of_urdf(read_urdf(data, str(path)), base=base, tip=tip)
     robot = made.robot
+    if robot.cad is not None:
+        joints = tuple(
+            joint if joint.rotor else joint.model_copy(update={"armature": True})
+            for joint in robot.joints
+        )
+        robot, notes = held_by_motors(robot.model_copy(update={"joints": joints}))
+        made = replace(made, robot=robot, notes=(*made.notes, *notes))
     files = {"robot.yaml": _text(robot, _robot_comment(path, made))}
     plant = None
     if robot.cad is not None:

@@ -1,0 +1,128 @@
+"""The loops that `init --urdf` invents: stiff enough and slow enough in every pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.robot.robot import (
+    Joint,
+    JointLimits,
+    KinematicRow,
+    Kinematics,
+    LinkCad,
+    RobotDescription,
+)
+from dynamics.model.cad import cad_parameters
+from dynamics.model.inverse_dynamics import mass_matrix
+from dynamics.model.robot_model import RobotModel
+from mock_hw.plant.plant import Plant
+from rid_daq.jobs.starter.simulated_plant import (
+    ERROR_AT_LIMIT_RAD,
+    FASTEST_LOOP_RAD_S,
+    INTEGRAL_TIME_S,
+    simulated_plant,
+)
+from rid_daq.jobs.starter.workload import GRAVITY_SHARE, Workload, held_by_motors
+
+CYCLE_S = 0.008
+
+
+def arm(torques: tuple[float, ...], wrist_kg: float = 0.05) -> RobotDescription:
+    """Return an upright shoulder, an upper arm of 8 kg and a wrist, with next to no rotors."""
+    rows = (
+        KinematicRow(d_m=0.3),
+        KinematicRow(alpha_rad=np.pi / 2),
+        KinematicRow(a_m=0.5),
+    )
+    cad = (
+        LinkCad(mass_kg=4.0, inertia_kg_m2=(0.02, 0.0, 0.0, 0.02, 0.0, 0.02)),
+        LinkCad(mass_kg=8.0, centre_m=(0.3, 0.0, 0.0), inertia_kg_m2=(0.02, 0, 0, 0.2, 0, 0.2)),
+        LinkCad(
+            mass_kg=wrist_kg,
+            centre_m=(0.01, 0.0, 0.05),
+            inertia_kg_m2=(wrist_kg * 1e-3, 0, 0, wrist_kg * 1e-3, 0, wrist_kg * 1e-3),
+        ),
+    )
+    limits = JointLimits(
+        position_min=-2.8, position_max=2.8, velocity=3.0, acceleration=15.0, torque=1.0
+    )
+    return RobotDescription(
+        name="arm",
+        kinematics=Kinematics(convention="modified_dh", rows=rows),
+        joints=tuple(
+            Joint(
+                name=f"j{number}",
+                limits=limits.model_copy(update={"torque": torque}),
+                gear_ratio=50.0,
+                armature=True,
+            )
+            for number, torque in enumerate(torques, start=1)
+        ),
+        cad=cad,
+    )
+
+
+def test_no_loop_is_too_fast_in_any_pose_however_the_joints_are_coupled() -> None:
+    robot = arm((120.0, 150.0, 4.0))
+    plant = simulated_plant(robot)
+    model = RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
+    values, _ = cad_parameters(model, robot)
+    poses = np.random.default_rng(5).uniform(-2.8, 2.8, (50, 3))
+    rotors = [axis.rotor_inertia_kg_m2 * 50.0**2 for axis in plant.axes]
+    gains = np.diag([axis.velocity_gain_nm_s for axis in plant.axes])
+    for mass in mass_matrix(model, poses, values):
+        fastest = np.abs(np.linalg.eigvals(np.linalg.solve(mass + np.diag(rotors), gains))).max()
+        assert fastest <= FASTEST_LOOP_RAD_S * 1.001
+
+
+def test_the_torque_limit_pushes_no_joint_farther_off_than_the_loops_are_made_for() -> None:
+    robot = arm((120.0, 150.0, 4.0))
+    for joint, axis in zip(robot.joints, simulated_plant(robot).axes, strict=True):
+        off = joint.limits.torque * INTEGRAL_TIME_S / axis.velocity_gain_nm_s
+        assert off <= ERROR_AT_LIMIT_RAD * 1.001
+
+
+@pytest.mark.parametrize("wrist_kg", [0.002, 0.05, 2.0])
+def test_a_light_wrist_stands_still_while_a_heavy_arm_swings_below_it(wrist_kg: float) -> None:
+    robot = arm((120.0, 150.0, 4.0), wrist_kg)
+    robot, _ = held_by_motors(robot)
+    plant = Plant(robot, simulated_plant(robot))
+    told = np.array(plant.position)
+    command = np.zeros(3)
+    off = np.zeros(3)
+    top = np.array([joint.limits.velocity for joint in robot.joints])
+    slope = np.array([joint.limits.acceleration for joint in robot.joints])
+    for cycle in range(400):
+        swing = 0.7 * np.minimum(top, slope / (2.0 * np.pi * 0.8))
+        after = swing * np.sin(2.0 * np.pi * 0.8 * (cycle + 1) * CYCLE_S) * (1.0, 1.0, 0.0)
+        plant.advance(CYCLE_S, command, after, [True] * 3, [False] * 3)
+        told += 0.5 * CYCLE_S * (command + after)
+        command = after
+        off = np.maximum(off, np.abs(told - plant.position))
+    assert (off < 2.0 * ERROR_AT_LIMIT_RAD).all()
+
+
+def test_a_torque_limit_below_gravity_is_raised_and_said_by_name() -> None:
+    robot = arm((120.0, 20.0, 4.0))
+    fitted, notes = held_by_motors(robot)
+    load = Workload.of(robot)
+    assert fitted.joints[1].limits.torque >= load.gravity_nm[1] / GRAVITY_SHARE
+    assert fitted.joints[0].limits.torque == 120.0
+    assert notes[0].startswith("joint 'j2': gravity takes up to 23.8 N m")
+    assert "limits.torque 20 leaves too little" in notes[0]
+
+
+def test_weak_motors_make_every_joint_slower_in_the_same_path() -> None:
+    fitted, notes = held_by_motors(arm((9.0, 150.0, 4.0)))
+    first, second = fitted.joints[0].limits, fitted.joints[1].limits
+    share = first.velocity / 3.0
+    assert share < 0.9
+    assert second.velocity == pytest.approx(first.velocity)
+    assert second.acceleration == pytest.approx(15.0 * share**2)
+    assert "the torque of joint 'j1'" in notes[-1]
+
+
+def test_strong_motors_keep_their_limits() -> None:
+    robot = arm((500.0, 500.0, 40.0))
+    assert held_by_motors(robot) == (robot, ())
