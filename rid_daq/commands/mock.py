@@ -15,6 +15,14 @@ def mock(
     cell: Annotated[
         str, typer.Argument(metavar="CELL", help="A bundled name or a simulated cell's file.")
     ],
+    devices: Annotated[
+        str | None,
+        typer.Option(
+            "--as",
+            metavar="OTHER",
+            help="Serve this other simulated cell's devices, so that CELL's files can be wrong.",
+        ),
+    ] = None,
     lockstep: Annotated[
         bool,
         typer.Option(
@@ -43,17 +51,19 @@ def mock(
     """Serve a cell's simulated drives and force plate until Ctrl-C.
 
     Other commands that name this cell join it meanwhile, and so does anything that speaks
-    python-can, such as its logger. With --eds their data sheets are written and nothing else is
-    done: one file a drive, for the axes' eds in the cell file and for other CANopen tools.
+    python-can, such as its logger. With --as the devices are another cell's, on this cell's bus:
+    mistakes in wiring and files can be practised. With --eds their data sheets are written and
+    nothing else is done: one file a drive, for the axes' eds in the cell file and for other
+    CANopen tools.
     """
     console = Console(as_json)
     if eds is not None:
-        name, files = write_eds_files(cell, eds)
+        name, files = write_eds_files(devices or cell, eds)
         console.document({"cell": name, "folder": str(eds), "files": files})
         console.say(f"{eds}: wrote {', '.join(files)}.")
         console.say("Name each in its axis of the cell file (eds), by its path from there.")
         return
-    request = MockRequest(cell, lockstep, seed, payload, log, faults)
+    request = MockRequest(cell, lockstep, seed, payload, log, faults, devices)
     with serve_cell(request) as served:
         _print(console, request, served)
         served.wait()
@@ -64,6 +74,7 @@ def _print(console: Console, request: MockRequest, served: ServedCell) -> None:
     config = served.loaded.config
     document: dict[str, Any] = {
         "cell": config.name,
+        "devices": request.devices or config.name,
         "channel": served.channel,
         "listen": served.listen,
         "registers": served.registers,
@@ -71,9 +82,11 @@ def _print(console: Console, request: MockRequest, served: ServedCell) -> None:
     if served.address:
         document["plate"] = served.address
     console.document(document)
-    nodes = ", ".join(f"{axis.joint} node {axis.node_id}" for axis in config.axes)
+    what = ", ".join(f"{axis.joint} node {axis.node_id}" for axis in config.axes)
+    if request.devices is not None:  # which nodes those are is for whoever practises to find out
+        what = f"with the devices of {request.devices}"
     pace = "lock-step" if request.lockstep else "real"
-    console.say(f"Cell {config.name} is served: {nodes}; {pace} time. Ctrl-C ends it.")
+    console.say(f"Cell {config.name} is served: {what}; {pace} time. Ctrl-C ends it.")
     if request.faults is not None:
         console.say(f"Faults:     as {request.faults} says")
     if served.listen:

@@ -6,7 +6,7 @@ import contextlib
 import os
 import signal
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Final
@@ -46,6 +46,8 @@ class MockRequest:
         What the robot carries, by its name in the plant file.
     log, faults : Path or None
         Where all frames are written; a fault script.
+    devices : str or None
+        The simulated cell whose devices are served in place of this cell's own; None for its own.
     """
 
     cell: str
@@ -54,6 +56,7 @@ class MockRequest:
     payload: str | None = None
     log: Path | None = None
     faults: Path | None = None
+    devices: str | None = None
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ class ServedCell:
     Attributes
     ----------
     loaded : LoadedCell
-        The cell and its files.
+        The devices' cell and its files, on the bus that commands join.
     cell : CellConfig
         The cell as it is served.
     channel, address : str
@@ -129,7 +132,7 @@ def serve_cell(request: MockRequest) -> Iterator[ServedCell]:
     RidDaqError
         As `SimulatedCell`.
     """
-    loaded, plant = _simulated(request.cell)
+    loaded, plant = _devices(request)
     script = NO_SCRIPT if request.faults is None else load_faults(request.faults, loaded.config)
     if script.program:
         raise ConfigError(
@@ -201,6 +204,29 @@ def _simulated(cell: str) -> tuple[LoadedCell, PlantConfig]:
             f"cell {loaded.config.name}: is not simulated; say simulated: true and name a plant"
         )
     return loaded, loaded.plant
+
+
+def _devices(request: MockRequest) -> tuple[LoadedCell, PlantConfig]:
+    """Return the cell that is simulated, where commands that name the served cell look for it.
+
+    Of another cell come robot, plant, drives and everything else that hangs on the lines; the lines
+    themselves, and what a program says on them, are the served cell's.
+    """
+    loaded, plant = _simulated(request.cell)
+    if request.devices is None:
+        return loaded, plant
+    other, plant = _simulated(request.devices)
+    cell, devices = loaded.config, other.config
+    monitor = devices.monitor
+    if monitor is not None and cell.monitor is not None:
+        monitor = monitor.model_copy(update={"link": cell.monitor.link})
+    hung = {
+        "axes": devices.axes,
+        "torque_filter": devices.torque_filter,
+        "plate": devices.plate,
+        "monitor": monitor,
+    }
+    return replace(other, config=cell.model_copy(update=hung)), plant
 
 
 def _check_channel(cell: CellConfig) -> None:

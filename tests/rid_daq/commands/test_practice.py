@@ -1,0 +1,97 @@
+"""`mock CELL --as OTHER`: files that are wrong against the devices are told by the commands."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from config.errors import ConfigError
+from config.load import load_cell
+from mock_hw.host.runtime_directory import plate_path, runtime_directory
+from rid_daq.app import run
+from rid_daq.jobs.mock_job import MockRequest, serve_cell
+
+Serve = Callable[[str], AbstractContextManager[None]]
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """The files of whoever practises: a new cell, on a bus of its own."""
+    assert run(["init", str(tmp_path / "mine")]) == 0
+    cell = tmp_path / "mine" / "cell.yaml"
+    change(cell, "channel: my_cell", f"channel: {tmp_path.name[-40:]}")
+    return tmp_path / "mine"
+
+
+@pytest.fixture
+def serve(files: Path) -> Serve:
+    """Return how to serve another cell's devices where commands look for those of `files`."""
+
+    @contextmanager
+    def served(devices: str) -> Iterator[None]:
+        with serve_cell(MockRequest(str(files / "cell.yaml"), lockstep=True, devices=devices)):
+            yield
+
+    return served
+
+
+def change(file: Path, old: str, new: str) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def red(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, list[dict[str, Any]]]:
+    """Check a cell; return the exit status and the red lines."""
+    capsys.readouterr()
+    code = run(["check", *words, "--seconds", "0.3", "--json"])
+    lines = json.loads(capsys.readouterr().out)["lines"]
+    return code, [line for line in lines if line["verdict"] == "red"]
+
+
+def test_a_file_that_is_wrong_against_the_devices_is_red_until_it_is_corrected(
+    files: Path, tmp_path: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["init", str(tmp_path / "true")]) == 0
+    change(tmp_path / "true" / "robot.yaml", "gear_ratio: 101.0", "gear_ratio: 81.0")
+    cell = str(files / "cell.yaml")
+    with serve(str(tmp_path / "true" / "cell.yaml")):
+        code, lines = red(capsys, cell)
+        assert code != 0
+        assert [line["what"] for line in lines] == ["6091h:00 gear ratio"]
+        change(files / "robot.yaml", "gear_ratio: 101.0", "gear_ratio: 81.0")
+        assert red(capsys, cell) == (0, [])
+
+
+def test_drives_that_are_not_there_are_told_by_their_nodes(
+    files: Path, tmp_path: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["init", str(tmp_path / "true")]) == 0
+    change(tmp_path / "true" / "cell.yaml", "joint: axis3, node_id: 3", "joint: axis3, node_id: 7")
+    with serve(str(tmp_path / "true" / "cell.yaml")):
+        assert run(["check", str(files / "cell.yaml")]) != 0
+    assert "no boot-up message within 5 s from axis3 (node 3)" in capsys.readouterr().err
+
+
+def test_everything_that_hangs_on_the_lines_is_the_other_cells(files: Path) -> None:
+    request = MockRequest(str(files / "cell.yaml"), lockstep=True, devices="ir361")
+    with serve_cell(request) as served:
+        mine, other = load_cell(str(files / "cell.yaml")).config, load_cell("ir361").config
+        assert served.channel == str(runtime_directory() / f"{mine.can.channel}.sock")
+        assert served.address == str(plate_path(mine.can.channel))
+        assert served.cell.axes == other.axes
+        assert served.cell.drive_safety == mine.drive_safety
+
+
+def test_devices_that_are_not_simulated_are_refused(files: Path, tmp_path: Path) -> None:
+    assert run(["init", str(tmp_path / "real")]) == 0
+    cell = tmp_path / "real" / "cell.yaml"
+    change(cell, "simulated: true\n", "")
+    request = MockRequest(str(files / "cell.yaml"), devices=str(cell))
+    with pytest.raises(ConfigError, match="is not simulated"), serve_cell(request):
+        pass
