@@ -11,6 +11,7 @@ from rid_daq.jobs.friction_job import FrictionRequest, measure_friction
 from rid_daq.runs.run_data import Unfinished
 from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
 
 
 def friction(
@@ -43,3 +44,5 @@ def friction(
     )
     found.section.print(console)
     console.say(f"Report: {found.report}")
+    if found.section.bad_joints:
+        raise typer.Exit(ExitCode.DATA_QUALITY)

@@ -11,6 +11,7 @@ from rid_daq.jobs.loop_job import LoopRequest, measure_velocity_loops
 from rid_daq.runs.run_data import Unfinished
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.output_file import Overwrite
 
 
@@ -47,6 +48,8 @@ def loop(
     found.section.print(console)
     console.say(f"Report: {found.report}")
     console.say(f"Loops: {found.output}")
+    if found.section.bad_joints:
+        raise typer.Exit(ExitCode.DATA_QUALITY)
     console.say(
         f"Next: rid-daq compensate CELL MOTION --model MODEL --loop {found.output} -o FEEDFORWARD"
     )

@@ -216,6 +216,11 @@ class FrictionSection(Section):
             ),
         )
 
+    @property
+    def bad_joints(self) -> tuple[str, ...]:
+        """The joints whose friction no model explains."""
+        return tuple(joint.joint for joint in self.joints if joint.grade is Grade.BAD)
+
     def print(self, console: Console) -> None:
         """Print all joints."""
         console.say(self.sentence)
@@ -238,7 +243,8 @@ def _joint(
     torque: dict[str, Numbers] = {
         name: tuple(_odd(fit.torque, speed).tolist()) for name, fit in lines.items()
     }
-    sentence = _sentence(curve, fits, clearly_better)
+    graded = _graded(curve, fits)
+    sentence = _sentence(curve, fits, graded, clearly_better)
     if model is not None:
         torque["the model file"] = tuple(_odd(lambda v: model(j, v), speed).tolist())
         error = curve.odd - _odd(lambda v: model(j, v), curve.speed)
@@ -246,7 +252,6 @@ def _joint(
             f" The model file is off by {np.sqrt(np.mean(error**2)):.3g} {torque_unit} (rms),"
             f" {100.0 * np.sqrt(np.mean(error**2) / np.mean(curve.odd**2)):.2g} %."
         )
-    graded = _graded(curve, fits)
     return JointFriction(
         joint=curve.joint,
         unit=unit,
@@ -271,11 +276,21 @@ def _graded(curve: FrictionCurve, fits: tuple[FrictionFit, ...]) -> FitGrade | N
     return graded
 
 
-def _sentence(curve: FrictionCurve, fits: tuple[FrictionFit, ...], clearly_better: float) -> str:
+def _sentence(
+    curve: FrictionCurve,
+    fits: tuple[FrictionFit, ...],
+    graded: FitGrade | None,
+    clearly_better: float,
+) -> str:
     """Say which model is best, and what to write into the robot file."""
-    if not fits:
+    if not fits or graded is None:
         return f"{curve.joint}: too few speeds to fit a model; run more of them."
     best = fits[0]
+    if graded.grade is Grade.BAD:
+        return (
+            f"{curve.joint}: no model fits, {best.name} comes closest. Look at the curve in the"
+            " report for a warming or slipping joint, and measure again."
+        )
     sound = [fit for fit in fits if not fit.at_bound]
     smallest = min((fit.criterion for fit in sound), default=best.criterion)
     close = [fit.name for fit in sound if fit.criterion - smallest < clearly_better]

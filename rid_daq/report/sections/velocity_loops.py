@@ -192,6 +192,11 @@ class VelocityLoopsSection(Section):
             ),
         )
 
+    @property
+    def bad_joints(self) -> tuple[str, ...]:
+        """The joints whose measured response the fitted loop does not explain."""
+        return tuple(axis.joint for axis in self.axes if axis.grade is Grade.BAD)
+
     def print(self, console: Console) -> None:
         """Print controllers, margins, distortion and advice."""
         console.table(

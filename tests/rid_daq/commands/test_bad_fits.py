@@ -1,0 +1,65 @@
+"""`friction` and `loop` end with exit code 6 where no model explains a joint."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from config.load import load_robot
+from identification.friction.curve import FrictionCurve
+from identification.friction.fits import fit_friction
+from identification.regression.fit_grade import Grade
+from rid_daq.app import run
+from rid_daq.commands import friction, loop
+from rid_daq.jobs.friction_job import FrictionMeasured
+from rid_daq.jobs.loop_job import LoopsMeasured
+from rid_daq.report.result import Result
+from rid_daq.report.sections.friction import FrictionSection
+
+RESULTS = Path(__file__).parents[1] / "report" / "results"
+SPEED = np.array([0.1, 0.2, 0.4, 0.8, 1.2, 1.6])
+
+
+@pytest.mark.parametrize(
+    ("torque", "code", "said"),
+    [
+        (30.0 + 8.0 * SPEED, 0, "in the robot file: friction: [coulomb, viscous]"),
+        (
+            np.array([40.0, 5.0, 60.0, 3.0, 70.0, 10.0]),
+            6,
+            "axis1: no model fits, cube root comes closest. Look at the curve in the report",
+        ),
+    ],
+)
+def test_friction_that_no_model_explains(
+    torque: np.ndarray,
+    code: int,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    robot = load_robot("ir361")
+    curve = FrictionCurve("axis1", SPEED, torque, np.full(len(SPEED), 0.1))
+    section = FrictionSection.of([curve], [fit_friction(curve, robot)], robot)
+    found = FrictionMeasured("a-run", section, Path("report.html"), [])
+    monkeypatch.setattr(friction, "measure_friction", lambda request: found)
+    assert run(["friction", "a-run"]) == code
+    assert said in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(("grade", "code"), [(Grade.DOUBTFUL, 0), (Grade.BAD, 6)])
+def test_a_loop_that_does_not_explain_its_response(
+    grade: Grade, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (RESULTS / "velocity_loops.json").read_text(encoding="utf-8")
+    section = Result.model_validate_json(text).velocity_loops
+    assert section is not None
+    first, *others = section.axes
+    first = first.model_copy(update={"grade": grade, "reason": "40 % is left"})
+    section = section.model_copy(update={"axes": (first, *others)})
+    found = LoopsMeasured("a-run", section, Path("loops.json"), Path("report.html"), [])
+    monkeypatch.setattr(loop, "measure_velocity_loops", lambda request: found)
+    assert run(["loop", "a-run"]) == code
+    assert f"{first.joint}: the fit is {grade}, 40 % is left." in capsys.readouterr().out
