@@ -82,7 +82,7 @@ def stage_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
     ring.write(points)
     source = PointSource(feedforward_of(cell), ring)
     source.prepare()
-    source.begin(lockstep=False)
+    source.begin(False, np.zeros(3))
     return source.at
 
 

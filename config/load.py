@@ -84,6 +84,7 @@ def load_cell(reference: str) -> LoadedCell:
             f"{cell_tree.where(('axes',))}: axes move {', '.join(moved)}, but robot {robot.name}"
             f" has {', '.join(robot.joint_names)}: list one axis a joint, in the robot's order"
         )
+    _check_home(cell_tree, cell, robot)
     plant = profile = drive_profile = None
     if cell.plant is not None:
         plant_tree, plant = read(cell.plant, "plants", "plant.yaml", PlantConfig)
@@ -251,6 +252,16 @@ def _is_run_folder(folder: Path) -> bool:
     except (OSError, ConfigError):
         return False
     return isinstance(manifest, dict) and {"run_id", "files"} <= manifest.keys()
+
+
+def _check_home(tree: YamlTree, cell: CellConfig, robot: RobotDescription) -> None:
+    for number, (value, joint) in enumerate(zip(cell.home or (), robot.joints, strict=False)):
+        low, high = joint.limits.position_min, joint.limits.position_max
+        if not low <= value <= high:
+            raise ConfigError(
+                f"{tree.where(('home', number))}: home: {joint.name} would be at {value:g}, outside"
+                f" its limits {low:g} to {high:g}"
+            )
 
 
 def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) -> None:

@@ -54,19 +54,49 @@ def refuse_collision(
             f" {-1e3 * at_start[pair]:.0f} mm: lead the robot out by hand, or correct `bodies` in"
             " the robot file and `workspace` in the cell file"
         )
-    least = np.minimum(clearances.margin_m, at_start - TOLERANCE_M)
+    row = clear_rows(clearances, position, meanwhile)
+    if row == len(position):
+        return
+    distance = clearances.nearest(position[row : row + 1])
+    pair = int(np.argmin(distance - _least(clearances, at_start)))
+    raise PreflightError(
+        f"{what} brings {clearances.names[pair]} to {1e3 * distance[pair]:.0f} mm of"
+        f" each other after {row * sample_period_s:.2f} s;"
+        f" {1e3 * clearances.margin_m:.0f} mm is the least that `workspace` in the cell"
+        " file allows. Nothing was moved: design another motion, or start elsewhere"
+    )
+
+
+def clear_rows(
+    clearances: Clearances, position: FloatArray, meanwhile: Callable[[], None] = lambda: None
+) -> int:
+    """Return how many rows a path stays clear for: all of them, or those before the first.
+
+    Bodies that are closer already where the path begins may stay as close, but not come closer.
+
+    Parameters
+    ----------
+    clearances : Clearances
+        What must stay apart.
+    position : ndarray, shape (samples, n)
+        The path's joint positions [rad or m].
+    meanwhile : callable
+        Called every few milliseconds.
+    """
+    if len(clearances) == 0:
+        return len(position)
+    least = _least(clearances, clearances.nearest(position[:1]))
     for first in range(0, len(position), ROWS_AT_ONCE):
         meanwhile()
         rows = position[first : first + ROWS_AT_ONCE]
         if (clearances.nearest(rows) >= least).all():
             continue
         for row, pose in enumerate(rows, start=first):
-            distance = clearances.nearest(pose[np.newaxis])
-            pair = int(np.argmin(distance - least))
-            if distance[pair] < least[pair]:
-                raise PreflightError(
-                    f"{what} brings {clearances.names[pair]} to {1e3 * distance[pair]:.0f} mm of"
-                    f" each other after {row * sample_period_s:.2f} s;"
-                    f" {1e3 * clearances.margin_m:.0f} mm is the least that `workspace` in the cell"
-                    " file allows. Nothing was moved: design another motion, or start elsewhere"
-                )
+            if (clearances.nearest(pose[np.newaxis]) < least).any():
+                return row
+    return len(position)
+
+
+def _least(clearances: Clearances, at_start: FloatArray) -> FloatArray:
+    """Return how close each pair may come on a path, by how close it is where that begins."""
+    return np.minimum(clearances.margin_m, at_start - TOLERANCE_M)

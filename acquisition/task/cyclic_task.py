@@ -131,8 +131,9 @@ class CyclicTask:
             The drives cannot be enabled.
         """
         control, axes = self._control, self._axes
+        refuse_pose(self._robot, axes.answers.position.tolist())
         # once before it counts, so that no first-time cost falls between two cycles
-        start = source.begin(self._lockstep is not None)
+        start = source.begin(self._lockstep is not None, axes.answers.position)
         approach(start, start, self._robot, self._period_s)
         reason = self._order_to_stop()
         if reason is not None:
@@ -163,9 +164,7 @@ class CyclicTask:
     def _refuse_collision(self, start: FloatArray) -> None:
         """Measure the way to the motion, still without power, with signs of life in between."""
         clearances = Clearances.of(self._robot, self._cell.workspace)
-        position = self._axes.answers.position
-        refuse_pose(self._robot, position.tolist())
-        way = approach(position, start, self._robot, self._period_s)
+        way = approach(self._axes.answers.position, start, self._robot, self._period_s)
         refuse_collision(
             clearances,
             way.position,

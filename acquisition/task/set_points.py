@@ -54,13 +54,15 @@ class SetPointSource(Protocol):
         """
 
     @abstractmethod
-    def begin(self, lockstep: bool) -> FloatArray:
+    def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose to begin at, at rest; called before power, and quick.
 
         Parameters
         ----------
         lockstep : bool
             Whether time stands still while the task works.
+        position : ndarray, shape (joints,)
+            Where the robot stands [rad or m].
         """
 
     @abstractmethod
@@ -112,7 +114,7 @@ class PlannedMotion:
     def prepare(self) -> None:
         """Do nothing."""
 
-    def begin(self, lockstep: bool) -> FloatArray:
+    def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the first row's pose."""
         return np.asarray(self.samples.position[0])
 

@@ -189,7 +189,7 @@ class PointSource:
         for _ in range(forward.delay_cycles):
             self._go_on()
 
-    def begin(self, lockstep: bool) -> FloatArray:
+    def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose to begin at."""
         self._lockstep = lockstep
         return np.array(self._nodes[0, 0])

@@ -154,6 +154,8 @@ class CellConfig(PhysicalFile):
     1 Mbit/s. Controlword and statusword then go in frames of their own, when they change and a few
     times a second.
 
+    `home` is the pose that `jog --home` leads to, one position a joint.
+
     `robot` and `plant` name a bundled file or give a path relative to the cell file. A cell with
     `simulated: true` gets its mock hardware started by the command that needs it.
     """
@@ -174,6 +176,7 @@ class CellConfig(PhysicalFile):
     validation_limits_percent: (
         tuple[Annotated[Positive, Plausible(0.1, 500.0, "%")], ...] | None
     ) = None
+    home: tuple[Annotated[float, Plausible(0.0, 50.0, "rad or m")], ...] | None = None
     workspace: Workspace = Workspace()
     plate: PlateConfig | None = None
     monitor: MonitorConfig | None = None
@@ -196,6 +199,8 @@ class CellConfig(PhysicalFile):
             raise ValueError(
                 f"validation_limits_percent has {len(limits)} values for {len(self.axes)} axes"
             )
+        if self.home is not None and len(self.home) != len(self.axes):
+            raise ValueError(f"home has {len(self.home)} positions for {len(self.axes)} axes")
         if self.monitor is not None and len(self.monitor.units) != len(self.axes):
             raise ValueError(
                 f"monitor.units has {len(self.monitor.units)} addresses for {len(self.axes)} axes"

@@ -202,7 +202,7 @@ class SpeedUp:
     def prepare(self) -> None:
         pass
 
-    def begin(self, lockstep: bool) -> Any:
+    def begin(self, lockstep: bool, position: Any) -> Any:
         return np.array(self._middle)
 
     def at(self, row: int) -> SetPoint | None:

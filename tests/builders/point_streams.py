@@ -62,7 +62,7 @@ def source_of(
         ring.end()
     source = PointSource(forward, ring, prefill_patience_s=0.0)
     source.prepare()
-    source.begin(lockstep=False)
+    source.begin(False, np.zeros(3))
     return source
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from config.errors import ConfigError
-from config.load import bundled_names, load_cell, load_robot
+from config.load import bundled_names, load_cell, load_robot, read_named
 
 
 def test_every_bundled_cell_and_robot_loads() -> None:
@@ -115,3 +116,17 @@ def test_the_position_points_at_the_key(tmp_path: Path) -> None:
 def test_an_unknown_cell_lists_the_bundled_ones() -> None:
     with pytest.raises(ConfigError, match=r"Bundled cells: .*ir361"):
         load_cell("nothing-like-it")
+
+
+@pytest.mark.parametrize(
+    ("home", "problem"),
+    [("[0.0, 0.0]", "home has 2 positions for 3 axes"), ("[0.0, 0.0, 9.0]", "axis3 would be at 9")],
+)
+def test_a_home_pose_that_the_robot_cannot_take_is_refused(
+    home: str, problem: str, tmp_path: Path
+) -> None:
+    text = read_named("ir361", "cells", None)[0].decode()
+    path = tmp_path / "cell.yaml"
+    path.write_text(re.sub(r"^home: \[.*\]", f"home: {home}", text, flags=re.MULTILINE))
+    with pytest.raises(ConfigError, match=problem):
+        load_cell(str(path))

@@ -87,7 +87,7 @@ class TestGoodPoints:
         ring.end()
         source = PointSource(forward, ring, compensated=False)
         source.prepare()
-        source.begin(lockstep=True)
+        source.begin(True, np.zeros(3))
         _, velocity, ahead = arrays(drive(source))
         np.testing.assert_array_equal(velocity, ahead)
         assert source.notes == []
@@ -101,7 +101,7 @@ class TestGoodPoints:
         phase[:40] = Phase.RUN_IN
         source = PointSource(forward, ring, phase=phase, samples_per_period=7)
         source.prepare()
-        source.begin(lockstep=True)
+        source.begin(True, np.zeros(3))
         points = drive(source)
         assert [p.phase for p in points[1:100]] == phase[:99].tolist()
         assert source.samples_per_period == 7
@@ -132,7 +132,7 @@ class TestStops:
         assert ring.write(path) == 100
         source = PointSource(forward, ring, prefill_patience_s=0.0)
         source.prepare()
-        source.begin(lockstep=False)
+        source.begin(False, np.zeros(3))
         sent, points = 100, []
         for row in range(3200):
             sent += ring.write(path[sent : sent + 3])
@@ -196,7 +196,7 @@ class TestStops:
         ring.fail(PointsFailed.LOST, "the client hung up")
         source = PointSource(forward, ring, prefill_patience_s=0.0)
         source.prepare()
-        source.begin(lockstep=True)
+        source.begin(True, np.zeros(3))
         held_limits(drive(source))
         assert source.stop is not None
         assert source.stop.code is StopCode.POINTS_LOST
@@ -282,7 +282,7 @@ def test_whatever_comes_and_whenever_the_set_points_hold_every_limit_and_come_to
         source.prepare()
     except (ConfigError, DriverError):
         return  # nothing was moved
-    source.begin(lockstep=False)
+    source.begin(False, np.zeros(3))
     points, cycles = [], []
     for row in range(5000):
         count = pace[row % len(pace)] if pace else 0

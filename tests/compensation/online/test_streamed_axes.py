@@ -45,7 +45,7 @@ def test_no_axis_leaves_its_limits_and_all_come_to_rest(
         source.prepare()
     except (ConfigError, DriverError):
         return  # nothing was moved
-    pose = source.begin(lockstep=False)
+    pose = source.begin(False, np.zeros(3))
     assert CELL.plant is not None
     plant = plant_at(CELL, CELL.plant, pose)
     powered, free = np.ones(3, dtype=np.bool_), np.zeros(3, dtype=np.bool_)

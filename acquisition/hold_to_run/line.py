@@ -1,0 +1,109 @@
+"""`Line`: a straight way in joint space, as far as it is clear, and how fast it may be driven."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from acquisition.motion.collision import clear_rows
+from config.arrays import FloatArray
+from config.cell.cell import CellConfig
+from config.robot.robot import RobotDescription
+from dynamics.geometry.clearances import Clearances
+from dynamics.geometry.kinematics import Chain, forward
+
+REDUCED_SPEED_M_S: Final = 0.25
+"""The tool point's speed beside which people may teach a robot (ISO 10218-1, reduced speed)."""
+
+LIMIT_MARGIN: Final = 0.01
+STEP: Final = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A line that was looked at.
+
+    Attributes
+    ----------
+    start, goal : ndarray, shape (joints,)
+        Where it begins and where it ends [rad or m].
+    pace_per_s : float
+        Which share of it may be driven in a second [1/s].
+    obstacle : str
+        What it ends in front of; empty where it goes all the way.
+    """
+
+    start: FloatArray
+    goal: FloatArray
+    pace_per_s: float
+    obstacle: str = ""
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether it leads nowhere."""
+        return bool((self.start == self.goal).all())
+
+
+class LineCheck:
+    """Looks at lines of one robot in one cell.
+
+    Parameters
+    ----------
+    cell, robot : CellConfig, RobotDescription
+        Limits, bodies, surroundings.
+    speed_share : float
+        Of each joint's velocity limit, that a line is driven at.
+    """
+
+    def __init__(self, cell: CellConfig, robot: RobotDescription, speed_share: float) -> None:
+        self._robot = robot
+        self._clearances = Clearances.of(robot, cell.workspace)
+        self._chain = Chain.from_description(robot)
+        self._speed = speed_share * np.array([each.limits.velocity for each in robot.joints])
+        low = np.array([each.limits.position_min for each in robot.joints])
+        high = np.array([each.limits.position_max for each in robot.joints])
+        margin = np.minimum(LIMIT_MARGIN, 0.05 * (high - low))
+        self._low, self._high = low + margin, high - margin
+
+    def __call__(self, start: FloatArray, wanted: FloatArray) -> Line:
+        """Return the line from a pose towards another, (joints,) each, as far as it is clear.
+
+        It ends before a joint's limit, or before two bodies come too close; where they are close
+        already, it may lead away.
+        """
+        share, obstacle = self._within_limits(start, wanted)
+        goal = start + share * (wanted - start)
+        rows = 1 + max(1, math.ceil(np.abs(goal - start).max() / STEP))
+        poses = start + np.linspace(0.0, 1.0, rows)[:, np.newaxis] * (goal - start)
+        clear = clear_rows(self._clearances, poses)
+        if clear < rows:
+            near = self._clearances.nearest(poses[clear : clear + 1])
+            obstacle = self._clearances.names[int(np.argmin(near))]
+            poses = poses[: max(1, clear)]
+        return Line(start, poses[-1], self._pace(poses), obstacle)
+
+    def _within_limits(self, start: FloatArray, wanted: FloatArray) -> tuple[float, str]:
+        """Return which share of a way stays within the limits, and what ends it."""
+        share, obstacle = 1.0, ""
+        for i, joint in enumerate(self._robot.joints):
+            way = wanted[i] - start[i]
+            if way == 0.0:
+                continue
+            room = (self._high[i] if way > 0.0 else self._low[i]) - start[i]
+            if room / way < share:
+                share, obstacle = max(0.0, float(room / way)), f"the limit of {joint.name}"
+        return share, obstacle
+
+    def _pace(self, poses: FloatArray) -> float:
+        """Return which share of a way may be driven in a second, by joints and tool point."""
+        way = np.abs(poses[-1] - poses[0])
+        if not way.any():
+            return 1.0
+        moving = way > 0.0
+        pace = float((self._speed[moving] / way[moving]).min())
+        steps = np.linalg.norm(np.diff(forward(self._chain, poses), axis=0), axis=1)
+        fastest = float(steps.max()) * len(steps)  # metres, were the whole way driven in a second
+        return pace if fastest == 0.0 else min(pace, REDUCED_SPEED_M_S / fastest)

@@ -1,0 +1,61 @@
+"""`rid-daq jog`: move a cell's robot by hand, while a key is held."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from rid_daq.commissioning.jog_job import FASTEST_PERCENT, JOG_PERCENT, JogRequest
+from rid_daq.commissioning.jog_job import jog as jog_by_hand
+from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.clearance import Cleared
+from rid_daq.terminal.console import AsJson, Console
+
+
+def jog(
+    cell: CellName,
+    home: Annotated[
+        bool, typer.Option("--home", help="To the home pose of the cell file, and nowhere else.")
+    ] = False,
+    speed: Annotated[
+        float,
+        typer.Option(
+            min=0.1,
+            max=FASTEST_PERCENT,
+            metavar="PERCENT",
+            help="Of each joint's velocity limit; the tool point never goes beyond 250 mm/s.",
+        ),
+    ] = JOG_PERCENT,
+    label: Annotated[str, typer.Option(help="What to call the run.")] = "jog",
+    realtime: Realtime = False,
+    seed: Seed = 0,
+    cleared: Cleared = False,
+    runs: RunsFolder = DEFAULT_RUNS,
+    as_json: AsJson = False,
+) -> None:
+    """Move one joint at a time while a key is held; let go, and the robot stops.
+
+    Digits choose a joint, + and - move it while they are held, h goes to the home pose, q ends. The
+    way is looked at before it is driven: it ends before a joint's limit, and before two bodies come
+    too close. A key counts as held from its second repeat on, and for 0.2 s after the last; the
+    process that runs the cycle asks for it in every cycle, so that the robot also stops where this
+    program is suspended, and is switched off where it is killed. After a minute without a key the
+    power is taken away. Ctrl-C is a quick stop. It is not an enabling device.
+    """
+    console = Console(as_json)
+    request = JogRequest(
+        cell=cell,
+        runs=runs,
+        home=home,
+        speed_percent=speed,
+        label=label,
+        simulation=Simulation(realtime=realtime, seed=seed),
+        cleared=cleared,
+    )
+    run = jog_by_hand(request, console)
+    console.document(run.document())
+    run.print_verdict(console)
+    if run.exit_code:
+        raise typer.Exit(run.exit_code)

@@ -1,0 +1,96 @@
+"""`record_held`: a run that moves only while a key is held, recorded as every other."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from acquisition.hold_to_run.dead_man import DeadMan
+from acquisition.hold_to_run.held_motion import HeldMotion
+from acquisition.hold_to_run.pilot import HeldForGood, Keys, Pilot, Plan
+from acquisition.session.outcome import RecordOutcome
+from config.arrays import FloatArray
+from rid_daq.recording.recorded_run import RecordedRun
+from rid_daq.recording.run_session import Record, RunRequest, RunSession
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.keyboard import Keyboard
+
+
+@dataclass(frozen=True, eq=False)
+class HeldRun:
+    """What keys do in one run.
+
+    Attributes
+    ----------
+    label, sentence, role : str
+        What the run is called, what is driven, and what for.
+    plan : Plan
+        Which line a held key leads along.
+    tapped : callable
+        Told of every key that comes; where it returns True the run ends.
+    once : bool
+        Whether the run is over with the first press.
+    until : ndarray, shape (joints,), optional
+        The pose that ends the run, once the robot rests there [rad or m].
+    unattended : str
+        The key that counts as held for good: on a simulated cell that nobody stands at.
+    """
+
+    label: str
+    sentence: str
+    role: str
+    plan: Plan
+    tapped: Callable[[str], bool] = lambda _key: False
+    once: bool = False
+    until: FloatArray | None = None
+    unattended: str = ""
+
+
+def record_held(session: RunSession, asked: HeldRun, console: Console) -> RecordedRun:
+    """Record a run that moves only while a key is held.
+
+    Raises
+    ------
+    PreflightError
+        There is no keyboard, or as `RunSession.recording`.
+    RidDaqError
+        As `RunSession.recording`.
+    """
+    robot = session.loaded.robot
+    dead_man = DeadMan.create()
+    motion = HeldMotion(
+        robot,
+        session.cell.cycle_time_s,
+        dead_man,
+        once=asked.once,
+        unattended=bool(asked.unattended),
+    )
+
+    def ready() -> None:
+        console.say("Ready: hold the key.")
+
+    def drive(record: Record) -> RecordOutcome:
+        with (
+            _keys(asked, dead_man) as keys,
+            Pilot(dead_man, len(robot.joints), keys, asked.plan, asked.until, ready),
+        ):
+            return record(motion)
+
+    # without the force plate, which may still be in reset
+    bare = replace(session, cell=session.cell.model_copy(update={"plate": None}))
+    return bare.record(RunRequest(asked.label, asked.sentence, None, drive, role=asked.role))
+
+
+@contextlib.contextmanager
+def _keys(asked: HeldRun, dead_man: DeadMan) -> Iterator[Keys]:
+    if asked.unattended:
+        yield HeldForGood(asked.unattended)
+        return
+
+    def tapped(key: str) -> None:
+        if asked.tapped(key):
+            dead_man.finish()
+
+    with Keyboard(tapped) as keyboard:
+        yield keyboard

@@ -1,0 +1,103 @@
+"""`Keyboard`: which key of a terminal is held, by its repeats; a terminal says no more than those.
+
+A terminal has no word for a key that is let go. A key counts as held from the second of two
+repeats that follow one another within `DEAD_MAN_S`, and no longer than that after the last: the
+first press, which is long before its first repeat, and a tap move nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import termios
+import time
+import tty
+from collections.abc import Callable
+from typing import Any
+
+from acquisition.hold_to_run.dead_man import DEAD_MAN_S
+from acquisition.hold_to_run.pilot import Held
+from config.errors import PreflightError
+
+_ALIKE = {"=": "+", "_": "-"}
+"""What the same key sends without, or with, the shift key."""
+
+
+class Keyboard:
+    """A terminal's keys for as long as the `with` lasts, in which it shows none of them.
+
+    Parameters
+    ----------
+    tapped : callable
+        Told of every key that comes, held or not.
+    now_s : callable
+        The monotonic clock [s].
+
+    Raises
+    ------
+    PreflightError
+        On entering: standard input is no terminal.
+    """
+
+    def __init__(
+        self,
+        tapped: Callable[[str], None] = lambda _key: None,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._tapped = tapped
+        self._now_s = now_s
+        self._input = -1
+        self._before: list[Any] = []
+        self._key, self._came_s, self._held = "", -1.0, False
+
+    def __enter__(self) -> Keyboard:
+        require_keyboard()
+        self._input = sys.stdin.fileno()
+        self._before = termios.tcgetattr(self._input)
+        tty.setcbreak(self._input)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        # what was typed too much answers no question that comes next
+        termios.tcsetattr(self._input, termios.TCSAFLUSH, self._before)
+
+    def look(self) -> Held | None:
+        """Return which key is held now, by what has come since the last look."""
+        typed = b""
+        while select.select([self._input], [], [], 0.0)[0] and (more := os.read(self._input, 1024)):
+            typed += more
+        keys = typed.decode(errors="replace")
+        for key in keys[:-1]:
+            self._tapped(_ALIKE.get(key, key))
+        if keys:
+            self.take(keys[-1])
+        return self.held
+
+    @property
+    def held(self) -> Held | None:
+        """Which key is held now, by what was taken."""
+        until_s = self._came_s + DEAD_MAN_S
+        return Held(self._key, until_s) if self._held and self._now_s() < until_s else None
+
+    def take(self, key: str) -> None:
+        """Take a key that has come; several at once, after a pause of this program, are one."""
+        key, now_s = _ALIKE.get(key, key), self._now_s()
+        self._held = key == self._key and now_s - self._came_s < DEAD_MAN_S
+        self._key, self._came_s = key, now_s
+        self._tapped(key)
+
+
+def require_keyboard() -> None:
+    """Refuse to begin where no key can be held.
+
+    Raises
+    ------
+    PreflightError
+        Standard input is no terminal.
+    """
+    if not sys.stdin.isatty():
+        raise PreflightError(
+            "a key must be held for the robot to move, and there is no keyboard here: run the"
+            " command in a terminal"
+        )

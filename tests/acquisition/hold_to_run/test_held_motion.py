@@ -1,0 +1,220 @@
+"""Set-points while a key is held: cycle by cycle, on a clock that the test moves on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from acquisition.hold_to_run.dead_man import DEAD_MAN_S, DeadMan
+from acquisition.hold_to_run.held_motion import IDLE_S, HeldMotion
+from acquisition.hold_to_run.line import Line
+from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+
+T = 0.008
+SPEED, ACCELERATION = 2.0, 10.0
+ROBOT = RobotDescription(
+    name="arm",
+    kinematics=Kinematics(convention="modified_dh", rows=(KinematicRow(),) * 2),
+    joints=tuple(
+        Joint(
+            name=name,
+            limits=JointLimits(
+                position_min=-2.0,
+                position_max=2.0,
+                velocity=SPEED,
+                acceleration=ACCELERATION,
+                torque=10.0,
+            ),
+        )
+        for name in ("one", "two")
+    ),
+)
+START = np.array([0.3, -0.2])
+
+
+class Bench:
+    """A motion in real time, whose clock is the test's, and what it has told so far."""
+
+    def __init__(self, *, once: bool = False, unattended: bool = False) -> None:
+        self.now_s = 100.0
+        self.dead_man = DeadMan.create()
+        self.motion = HeldMotion(
+            ROBOT, T, self.dead_man, once=once, unattended=unattended, now_s=lambda: self.now_s
+        )
+        self.motion.prepare()
+        self.motion.begin(False, START)
+        self.row = 0
+        self.positions: list[list[float]] = []
+        self.velocities: list[list[float]] = []
+
+    def cycles(self, count: int, *, held: bool) -> bool:
+        """Let cycles pass, a key held or not; return whether the motion goes on."""
+        for _ in range(count):
+            if held:
+                self.dead_man.hold(self.now_s + DEAD_MAN_S)
+            point = self.motion.at(self.row)
+            self.row += 1
+            self.now_s += T
+            if point is None:
+                return False
+            self.positions.append(point.position)
+            self.velocities.append(point.velocity)
+        return True
+
+    def press(self, goal: NDArray[np.float64], pace: float = 1.0) -> None:
+        pose = self.dead_man.resting(2)
+        assert pose is not None
+        self.dead_man.press(Line(pose, goal, pace), self.now_s + DEAD_MAN_S)
+
+    @property
+    def speed(self) -> float:
+        return float(np.abs(self.velocities[-1]).max())
+
+
+GOAL = START + np.array([0.5, 0.0])
+
+
+def test_nothing_moves_before_a_key_is_held() -> None:
+    bench = Bench()
+    bench.cycles(50, held=False)
+    np.testing.assert_array_equal(bench.positions, np.tile(START, (50, 1)))
+
+
+def test_while_the_key_is_held_the_robot_goes_to_the_lines_end_and_rests_there() -> None:
+    bench = Bench()
+    bench.cycles(1, held=False)
+    bench.press(GOAL, pace=0.4)
+    bench.cycles(400, held=True)
+    np.testing.assert_array_equal(bench.positions[-1], GOAL)
+    assert bench.speed == 0.0
+    assert np.abs(bench.velocities).max() == pytest.approx(0.4 * 0.5)
+    assert bench.dead_man.resting(2) is not None
+
+
+def test_the_cycle_that_finds_the_key_released_is_the_first_that_slows_down() -> None:
+    bench = Bench()
+    bench.cycles(1, held=False)
+    bench.press(GOAL, pace=0.4)
+    bench.cycles(60, held=True)
+    before = bench.speed
+    assert before == pytest.approx(0.2)
+    bench.dead_man.release()
+    bench.cycles(1, held=False)
+    assert bench.speed == pytest.approx(before - 0.3 * ACCELERATION * T)
+
+
+def test_without_another_sign_of_the_key_the_robot_slows_down_after_the_stated_time() -> None:
+    bench = Bench()
+    bench.cycles(1, held=False)
+    bench.press(GOAL, pace=0.4)
+    bench.cycles(60, held=True)
+    last_sign_s = bench.now_s - T
+    while bench.now_s < last_sign_s + DEAD_MAN_S:
+        bench.cycles(1, held=False)
+        assert bench.speed == pytest.approx(0.2)
+    bench.cycles(1, held=False)
+    assert bench.speed < 0.2
+    assert bench.dead_man.resting(2) is None
+    bench.cycles(20, held=False)
+    assert bench.speed == 0.0
+
+
+def test_a_press_that_was_let_go_is_over_and_going_on_takes_another() -> None:
+    bench = Bench()
+    bench.cycles(1, held=False)
+    bench.press(GOAL)
+    bench.cycles(20, held=True)
+    bench.dead_man.release()
+    bench.cycles(1, held=False)
+    bench.cycles(60, held=True)
+    stood = bench.positions[-1]
+    assert bench.speed == 0.0
+    assert stood[0] < GOAL[0]
+    bench.press(GOAL)
+    bench.cycles(10, held=True)
+    assert bench.positions[-1][0] > stood[0]
+
+
+def test_a_sign_that_reaches_too_far_ahead_counts_for_nothing() -> None:
+    bench = Bench()
+    bench.cycles(1, held=False)
+    bench.press(GOAL)
+    bench.dead_man.hold(bench.now_s + 1e6)
+    bench.cycles(20, held=False)
+    np.testing.assert_array_equal(bench.positions[-1], START)
+
+
+def test_a_press_whose_key_was_released_before_it_was_seen_moves_nothing() -> None:
+    bench = Bench()
+    bench.cycles(1, held=False)
+    bench.press(GOAL)
+    bench.now_s += 2.0 * DEAD_MAN_S
+    bench.cycles(5, held=False)
+    np.testing.assert_array_equal(bench.positions[-1], START)
+    assert bench.dead_man.resting(2) is not None
+
+
+@pytest.mark.parametrize("released", [True, False])
+def test_a_motion_of_one_press_is_over_with_it(released: bool) -> None:
+    bench = Bench(once=True)
+    bench.cycles(1, held=False)
+    bench.press(GOAL)
+    bench.cycles(20, held=True)
+    assert not bench.cycles(1000, held=not released)
+    assert bench.speed == 0.0
+
+
+def test_it_ends_when_it_is_told_to_also_with_the_key_held() -> None:
+    bench = Bench()
+    bench.cycles(1, held=False)
+    bench.press(GOAL)
+    bench.cycles(20, held=True)
+    bench.dead_man.finish()
+    assert not bench.cycles(1000, held=True)
+    assert bench.positions[-1][0] < GOAL[0]
+
+
+def test_where_nobody_holds_a_key_it_ends_and_says_so() -> None:
+    bench = Bench()
+    assert not bench.cycles(round(IDLE_S / T) + 2, held=False)
+    assert "no key was held for 60 s" in bench.motion.notes[0]
+
+
+def test_unattended_a_press_goes_to_its_end() -> None:
+    bench = Bench(once=True, unattended=True)
+    bench.cycles(1, held=False)
+    bench.press(GOAL)
+    assert not bench.cycles(1000, held=False)
+    np.testing.assert_array_equal(bench.positions[-1], GOAL)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    goals=st.lists(
+        st.tuples(st.floats(-1.9, 1.9), st.floats(-1.9, 1.9), st.floats(0.01, 50.0)), max_size=4
+    ),
+    holds=st.lists(st.tuples(st.booleans(), st.integers(1, 60)), min_size=1, max_size=12),
+)
+def test_whatever_is_pressed_and_let_go_speed_and_acceleration_stay_reduced(
+    goals: list[tuple[float, float, float]], holds: list[tuple[bool, int]]
+) -> None:
+    bench = Bench()
+    bench.cycles(1, held=False)
+    waiting = list(goals)
+    for held, count in holds:
+        if held and waiting and bench.dead_man.resting(2) is not None:
+            *goal, pace = waiting.pop()
+            bench.press(np.array(goal), pace)
+        bench.cycles(count, held=held)
+        if not held:
+            bench.dead_man.release()
+    bench.cycles(300, held=False)
+    assert bench.speed == 0.0
+    positions, velocities = np.array(bench.positions), np.array(bench.velocities)
+    assert (np.abs(velocities) <= 0.3 * SPEED * (1.0 + 1e-9)).all()
+    slope = np.diff(velocities, axis=0) / T
+    assert (np.abs(slope) <= 0.3 * ACCELERATION * (1.0 + 1e-6)).all()
+    assert (np.abs(np.diff(positions, axis=0)) <= 0.31 * SPEED * T).all()

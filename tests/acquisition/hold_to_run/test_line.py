@@ -1,0 +1,58 @@
+"""Lines that a key leads along: as far as limits and bodies allow, at a reduced speed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.hold_to_run.line import REDUCED_SPEED_M_S, LineCheck
+from config.load import load_cell
+from config.robot.bodies import Plane, Workspace
+from dynamics.geometry.kinematics import Chain, forward
+
+LOADED = load_cell("ir361")
+REST = np.zeros(3)
+
+
+def check(*planes: Plane, speed_share: float = 0.02) -> LineCheck:
+    cell = LOADED.config.model_copy(update={"workspace": Workspace(planes=planes)})
+    return LineCheck(cell, LOADED.robot, speed_share)
+
+
+def test_a_short_line_goes_all_the_way_at_the_share_of_the_speed() -> None:
+    goal = REST + np.array([0.0, 0.0, 0.035])
+    line = check()(REST, goal)
+    np.testing.assert_array_equal(line.goal, goal)
+    assert line.obstacle == ""
+    assert line.pace_per_s * 0.035 == pytest.approx(0.02 * LOADED.robot.joints[2].limits.velocity)
+
+
+def test_a_line_ends_before_the_joints_limit() -> None:
+    high = LOADED.robot.joints[0].limits.position_max
+    line = check()(REST, REST + np.array([10.0, 0.0, 0.0]))
+    assert high - 0.02 < line.goal[0] < high
+    assert line.obstacle == "the limit of axis1"
+
+
+def test_a_line_ends_before_a_wall_and_leads_away_from_it() -> None:
+    tool = forward(
+        Chain.from_description(LOADED.robot), np.array([REST, REST + np.array([0.3, 0.0, 0.0])])
+    )
+    way = tool[1] - tool[0]
+    normal = tuple(-way / np.linalg.norm(way))
+    wall = Plane(name="the wall", normal=normal, offset_m=float(np.dot(normal, tool[0])) - 0.05)
+    to_the_wall = check(wall)(REST, REST + np.array([1.0, 0.0, 0.0]))
+    assert "the wall" in to_the_wall.obstacle
+    assert 0.0 < to_the_wall.goal[0] < 0.2
+    away = check(wall)(to_the_wall.goal, REST - np.array([0.5, 0.0, 0.0]))
+    assert away.goal[0] == pytest.approx(-0.5)
+
+
+def test_the_tool_point_keeps_the_reduced_speed() -> None:
+    line = check(speed_share=0.3)(REST, REST + np.array([1.0, 0.0, 0.0]))
+    ends = forward(
+        Chain.from_description(LOADED.robot),
+        np.array([line.start, line.start + 1e-3 * (line.goal - line.start)]),
+    )
+    speed = np.linalg.norm(ends[1] - ends[0]) / 1e-3 * line.pace_per_s
+    assert speed <= REDUCED_SPEED_M_S * 1.001

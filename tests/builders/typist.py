@@ -1,0 +1,85 @@
+"""A person at a terminal with a program of ours in it, who holds keys and reads what it shows."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pty
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+REPEAT_S = 0.03
+PATIENCE_S = 120.0
+
+
+class Typist:
+    """Runs the command line in a terminal of its own, as long as the `with` lasts."""
+
+    def __init__(self, *words: object, environment: dict[str, str] | None = None) -> None:
+        self._terminal, inside = pty.openpty()
+        self.program = subprocess.Popen(
+            [sys.executable, "-m", "rid_daq", *map(str, words)],
+            stdin=inside, stdout=inside, stderr=inside, start_new_session=True,
+            env={**os.environ, "TERM": "dumb", **(environment or {})},
+        )  # fmt: skip
+        os.close(inside)
+        self._shown = b""
+        self._reader = threading.Thread(target=self._read, daemon=True)
+
+    def __enter__(self) -> Typist:
+        self._reader.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.program.kill()
+        self.program.wait()
+        self._reader.join()
+        os.close(self._terminal)
+
+    def _read(self) -> None:
+        with contextlib.suppress(OSError):  # the terminal is closed on the other side
+            while more := os.read(self._terminal, 4096):
+                self._shown += more
+
+    @property
+    def shown(self) -> str:
+        return self._shown.decode(errors="replace")
+
+    def type(self, text: str) -> None:
+        os.write(self._terminal, text.encode())
+
+    def sees(self, text: str, times: int = 1) -> None:
+        """Wait until a text was shown so many times."""
+        wait_for(lambda: self.shown.count(text) >= times or self.program.poll() is not None)
+        assert self.shown.count(text) >= times, self.shown
+
+    @contextlib.contextmanager
+    def holding(self, key: str) -> Iterator[None]:
+        """Hold a key: it comes once, and again and again."""
+        released = threading.Event()
+
+        def repeat() -> None:
+            while not released.wait(REPEAT_S):
+                self.type(key)
+
+        repeats = threading.Thread(target=repeat, daemon=True)
+        repeats.start()
+        try:
+            yield
+        finally:
+            released.set()
+            repeats.join()
+
+    def ends(self) -> int:
+        return self.program.wait(PATIENCE_S)
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    """Wait until something is so, which must come."""
+    tick, until_s = threading.Event(), time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < until_s
+        tick.wait(0.01)
