@@ -11,11 +11,11 @@ from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
-from identification.estimation.file import read_estimate
 from identification.friction.curve import FrictionCurve, joined
 from identification.friction.experiments import constant_velocity_curves, reversed_curves
 from identification.friction.fits import fit_friction
 from identification.validation.estimated_friction import estimated_friction
+from rid_daq.jobs.cell_files import estimate_for
 from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.friction import FrictionSection
 from rid_daq.runs.run_data import RunData, lacks, result_of
@@ -69,7 +69,7 @@ def measure_friction(request: FrictionRequest) -> FrictionMeasured:
     first = data[0]
     curves: dict[str, list[FrictionCurve]] = {}
     for one in data:
-        if one.robot.joint_names != first.robot.joint_names:
+        if first.robot.differences(one.robot):
             raise ConfigError(
                 f"{one.folder.path}: is of robot {one.robot.name!r},"
                 f" {first.folder.path} of {first.robot.name!r}: give runs of one robot"
@@ -78,7 +78,9 @@ def measure_friction(request: FrictionRequest) -> FrictionMeasured:
             curves.setdefault(curve.joint, []).append(curve)
     whole = [joined(curves[name]) for name in first.robot.joint_names if name in curves]
     model = request.model
-    compared = None if model is None else estimated_friction(read_estimate(model), first.robot)
+    compared = (
+        None if model is None else estimated_friction(estimate_for(model, first.robot), first.robot)
+    )
     fits = [fit_friction(curve, first.robot) for curve in whole]
     section = FrictionSection.of(whole, fits, first.robot, compared)
     report = write_result(first.folder, result_of(first, notes).updated(friction=section))

@@ -15,7 +15,6 @@ from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell
 from dynamics.model.robot_model import RobotModel
 from identification.consistency.closest_robot import consistent
-from identification.estimation.file import read_estimate
 from identification.payload.body import REPORTED, PayloadBody
 from identification.payload.file import read_payload
 from identification.sensitivity.cases import (
@@ -32,6 +31,7 @@ from identification.sensitivity.problem import (
     SensitivityProblem,
     deviation_percent,
 )
+from rid_daq.jobs.cell_files import estimate_for
 from rid_daq.jobs.truth import true_parameters
 from rid_daq.terminal.console import Console
 
@@ -153,9 +153,12 @@ def _problems(cell: LoadedCell, request: SensitivityRequest) -> dict[Motion, Sen
     terms = RobotModel.from_description(robot)
     n = len(robot.joints)
     if model is not None:
-        estimate = read_estimate(model)
+        estimate = estimate_for(model, robot)
         if estimate.model.parameter_names != terms.parameter_names:
-            raise ConfigError(f"{model}: is of another robot than cell {cell.config.name}")
+            raise ConfigError(
+                f"{model}: has other terms than robot.yaml states; identify again without options"
+                " that choose terms"
+            )
         parameters = consistent(estimate).standard_values
         noise = np.maximum(estimate.residual_nm, 1e-6)
     elif cell.plant is not None:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_run
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
@@ -16,12 +15,12 @@ from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
 from config.load import load_cell
 from identification.calibration.base_reaction import base_load
-from identification.estimation.file import read_estimate
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.regression.fit_grade import BAD_SHARE, Grade
 from identification.validation.base_wrench_validation import validate_base_wrench
 from identification.validation.diagnosis import diagnose
 from identification.validation.torque_prediction import Validation, validate
+from rid_daq.jobs.cell_files import estimate_for, motion_for
 from rid_daq.report.formats import number
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result_file import write_result
@@ -122,13 +121,13 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
     RidDaqError
         The run or the model cannot be used.
     """
-    estimate = read_estimate(request.model)
+    data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
+    estimate = estimate_for(request.model, data.robot)
     external = estimate.options.kind == "external"
     if external and request.limits is not None:
         raise ConfigError(
             "--limits: has no effect with an external model, which knows no friction; leave it out"
         )
-    data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
     recovered_from = data.folder.manifest().facts.get("recovered_from")
     if data.folder.run_id in estimate.run_ids or recovered_from in estimate.run_ids:
         raise DataQualityError(
@@ -202,7 +201,7 @@ def predict_motion(request: ValidateRequest) -> Validated:
     EstimationError
         The model is an internal one.
     """
-    estimate, motion = read_estimate(request.model), Path(request.run)
+    motion = Path(request.run)
     if not request.base:
         raise ConfigError(
             f"{motion}: is a motion file: without a run only the reaction on the base can be judged"
@@ -214,12 +213,8 @@ def predict_motion(request: ValidateRequest) -> Validated:
         )
     cell = load_cell(request.cell)
     limits = _limits_of(cell.config, f"cell {cell.config.name}")
-    asked = load_motion(motion)
-    for what, robot in ((str(motion), asked.robot), ("the model", estimate.robot.name)):
-        if robot != cell.robot.name:
-            raise ConfigError(
-                f"{what}: is for robot {robot!r}, cell {cell.config.name} has {cell.robot.name!r}"
-            )
+    estimate = estimate_for(request.model, cell.robot)
+    asked = motion_for(motion, cell)
     samples = asked.plan(cell.robot, cell.config.cycle_time_s).whole()
     time_s = np.arange(len(samples), dtype=np.float64) * samples.sample_period_s
     moved = (samples.position, samples.velocity, samples.acceleration)

@@ -13,7 +13,7 @@ import pytest
 from benchmarks.mistakes import tell
 from benchmarks.mistakes_made import Stated, mistakes
 from benchmarks.sound_robots import Sound, sound_run
-from config.load import load_robot
+from config.load import load_robot, to_yaml
 from rid_daq.app import run
 
 MAP = """\
@@ -109,6 +109,32 @@ def test_a_recording_that_a_model_cannot_predict_fails_without_limits(
     run_of_right = str(Path(right["model"]).parent)
     assert run(["validate", wrong["model"], run_of_right]) == 1
     assert "No limits were given: an error beyond 30 % of the torque" in capsys.readouterr().out
+
+
+def test_a_model_of_another_robot_is_refused(
+    identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The joints' names are the same; a length is not."""
+    _, document = identify(RIGHT)
+    robot = load_robot("ir361")
+    *before, last = robot.kinematics.rows
+    longer = robot.kinematics.model_copy(
+        update={"rows": (*before, last.model_copy(update={"a_m": 0.58}))}
+    )
+    other = robot.model_copy(update={"kinematics": longer})
+    (tmp_path / "other.yaml").write_text(to_yaml(other))
+    text = (tmp_path / "map.yaml").read_text().replace("robot: ir361", "robot: other.yaml")
+    (tmp_path / "map.yaml").write_text(text)
+    runs = ["--runs", str(tmp_path / "runs"), "--json"]
+    files = [str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
+    assert run(["import", *files, *runs]) == 0
+    imported = json.loads(capsys.readouterr().out)["folder"]
+    for command, keys in (
+        (["validate", document["model"], imported], "kinematics"),
+        (["sensitivity", "kr15", "--model", document["model"]], "name, gravity_m_s2, kinematics"),
+    ):
+        assert run(command) == 2
+        assert f"differ in {keys}" in capsys.readouterr().err
 
 
 @pytest.mark.slow
