@@ -11,12 +11,12 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.load import load_robot
+from config.robot.nominal_links import nominal_links
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
 from dynamics.geometry.kinematics import Chain
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import RobotModel, regressor
-from identification.consistency.nominal_robot import cylinders
 
 STEP_S: Final = 0.01
 HARMONICS: Final = 5
@@ -114,6 +114,7 @@ def _motion(
 
 def _bodies(robot: RobotDescription, model: RobotModel, random: np.random.Generator) -> FloatArray:
     """Return parameters of links like cylinders, each of another density and centre."""
+    chain = Chain.from_description(robot)
     links = tuple(
         link.model_copy(
             update={
@@ -123,7 +124,7 @@ def _bodies(robot: RobotDescription, model: RobotModel, random: np.random.Genera
             }
         )
         for link, scale, moved in zip(
-            cylinders(Chain.from_description(robot)),
+            nominal_links(chain.rows, chain.tool_m),
             random.uniform(0.3, 2.0, len(robot.joints)).tolist(),
             random.uniform(-0.05, 0.05, (len(robot.joints), 3)).tolist(),
             strict=True,

@@ -1,4 +1,4 @@
-"""`UrdfTree`: links and joints as a URDF file states them, checked one by one."""
+"""`UrdfTree`: links and joints as a URDF file states them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,8 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.formats.xml_tree import XmlElement, parse_xml
 
-RIGHT_ANGLE_TOLERANCE_RAD: Final = 1e-5
 MOVING: Final = ("revolute", "continuous", "prismatic")
-KINDS: Final = (*MOVING, "fixed", "floating", "planar")
-MOST_JOINTS: Final = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +34,25 @@ class UrdfCollision:
 
 @dataclass(frozen=True)
 class UrdfLink:
-    """A link; `meshes` are the files of its collision geometry, which are not read."""
+    """A link; `meshes` are the files of its collision geometry, which are not read.
+
+    `oddities` are what its elements say that cannot be meant, and how that was read.
+    """
 
     name: str
     where: str
     inertial: UrdfInertial | None
     collisions: tuple[UrdfCollision, ...]
     meshes: tuple[str, ...]
+    oddities: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfJoint:
-    """A joint; `placement` (4, 4) is the child's frame in the parent's at position zero."""
+    """A joint; `placement` (4, 4) is the child's frame in the parent's at position zero.
+
+    `limits` has of lower, upper, velocity and effort what the file states as a finite number.
+    """
 
     name: str
     where: str
@@ -61,22 +64,46 @@ class UrdfJoint:
     limits: dict[str, float]
     mimics: str | None
 
+    @property
+    def is_driven(self) -> bool:
+        """Whether it moves, and not as another joint does."""
+        return self.kind in MOVING and self.mimics is None
+
 
 @dataclass(frozen=True)
 class UrdfTree:
-    """A whole URDF. `angles_made_right` counts angles that were taken as whole quarter turns."""
+    """A whole URDF, of one tree or several.
+
+    Attributes
+    ----------
+    name, file : str
+        What the robot and the file are called.
+    roots : tuple of str
+        The links that hang on no joint.
+    links : dict of str to UrdfLink
+        By name.
+    joints : tuple of UrdfJoint
+        In the file's order.
+    gear_ratios : dict of str to float
+        The reductions of simple transmissions, by joint.
+    unread_ratios : dict of str to str
+        Reductions that are no ratio, as the file has them, by joint.
+    angles_made_right : int
+        How many angles were taken as whole quarter turns.
+    """
 
     name: str
     file: str
-    root: str
+    roots: tuple[str, ...]
     links: dict[str, UrdfLink]
     joints: tuple[UrdfJoint, ...]
     gear_ratios: dict[str, float]
+    unread_ratios: dict[str, str]
     angles_made_right: int
 
     @cached_property
     def joint_above(self) -> dict[str, UrdfJoint]:
-        """The joint that a link is the child of; the root has none."""
+        """The joint that a link is the child of; a root has none."""
         return {joint.child: joint for joint in self.joints}
 
     @cached_property
@@ -87,145 +114,40 @@ class UrdfTree:
             below.setdefault(joint.parent, []).append(joint)
         return below
 
+    def root_of(self, link: str) -> str:
+        """Return the root that a link hangs on."""
+        while link in self.joint_above:
+            link = self.joint_above[link].parent
+        return link
 
-def read_urdf(
-    data: bytes, file: str, *, right_angle_tolerance_rad: float = RIGHT_ANGLE_TOLERANCE_RAD
-) -> UrdfTree:
-    """Read a URDF (ROS, "URDF XML specification").
+    def path(self, base: str, tip: str) -> tuple[UrdfJoint, ...]:
+        """Return the joints from base to tip, of any kind.
 
-    Parameters
-    ----------
-    data : bytes
-        The file's bytes.
-    file : str
-        What to call it in messages.
-    right_angle_tolerance_rad : float
-        Angles this close to a whole number of quarter turns are taken as exactly that: files round
-        them to 1.5708 and the like, which would make parallel axes nearly parallel.
+        Raises
+        ------
+        ConfigError
+            The tip does not hang on the base.
+        """
+        joints: list[UrdfJoint] = []
+        link = tip
+        while link != base:
+            joint = self.joint_above.get(link)
+            if joint is None:
+                raise ConfigError(f"{self.file}: link {tip!r} does not hang on {base!r}")
+            joints.append(joint)
+            link = joint.parent
+        return tuple(joints[::-1])
 
-    Raises
-    ------
-    ConfigError
-        The file is not XML, not a URDF, or not one tree.
-    """
-    root = parse_xml(data, file)
-    if root.tag != "robot":
-        raise ConfigError(f"{root.where}: the root is <{root.tag}>, a URDF begins with <robot>")
-    if any(element.tag.startswith("xacro:") for element in root.children):
-        raise ConfigError(
-            f"{file}: this is a xacro file: expand it first (xacro FILE > robot.urdf)"
-        )
-    reader = _Reader(right_angle_tolerance_rad)
-    links: dict[str, UrdfLink] = {}
-    for element in root.all("link"):
-        link = reader.link(element)
-        if link.name in links:
-            raise ConfigError(f"{link.where}: a second link is called {link.name!r}")
-        links[link.name] = link
-    joints = tuple(reader.joint(element) for element in root.all("joint"))
-    return UrdfTree(
-        name=root.attributes.get("name", ""),
-        file=file,
-        root=_root(file, links, joints),
-        links=links,
-        joints=joints,
-        gear_ratios=_gear_ratios(root),
-        angles_made_right=reader.angles_made_right,
-    )
-
-
-class _Reader:
-    """Turns elements into links and joints."""
-
-    def __init__(self, right_angle_tolerance_rad: float) -> None:
-        self._tolerance_rad = right_angle_tolerance_rad
-        self.angles_made_right = 0
-
-    def link(self, element: XmlElement) -> UrdfLink:
-        collisions: list[UrdfCollision] = []
-        meshes: list[str] = []
-        for part in element.all("collision"):
-            geometry = part.one("geometry")
-            for shape in geometry.children if geometry is not None else ():
-                if shape.tag == "mesh":
-                    meshes.append(shape.attributes.get("filename", "?"))
-                elif (size := _size(shape)) is not None:
-                    collisions.append(UrdfCollision(shape.tag, size, self._placement(part)))
-        return UrdfLink(
-            name=element.attribute("name"),
-            where=element.where,
-            inertial=self._inertial(element.one("inertial")),
-            collisions=tuple(collisions),
-            meshes=tuple(meshes),
-        )
-
-    def joint(self, element: XmlElement) -> UrdfJoint:
-        kind = element.attribute("type")
-        if kind not in KINDS:
-            raise ConfigError(f"{element.where}: joint type {kind!r} is none of {', '.join(KINDS)}")
-        ends = []
-        for tag in ("parent", "child"):
-            end = element.one(tag)
-            if end is None:
-                raise ConfigError(f"{element.where}: the joint has no <{tag}>")
-            ends.append(end.attribute("link"))
-        axis_element, limit, mimic = element.one("axis"), element.one("limit"), element.one("mimic")
-        axis = np.array([1.0, 0.0, 0.0])
-        if axis_element is not None:
-            axis = np.array(axis_element.numbers("xyz", 3, (1.0, 0.0, 0.0)))
-        length = float(np.linalg.norm(axis))
-        if kind in MOVING and length < 1e-6:
-            raise ConfigError(f"{element.where}: the joint's axis has no direction")
-        limits = {}
-        if limit is not None:
-            limits = {key: limit.number(key) for key in limit.attributes if key in _LIMITS}
-        return UrdfJoint(
-            name=element.attribute("name"),
-            where=element.where,
-            kind=kind,
-            parent=ends[0],
-            child=ends[1],
-            placement=self._placement(element),
-            axis=axis / max(length, 1e-6),
-            limits=limits,
-            mimics=mimic.attribute("joint") if mimic is not None else None,
-        )
-
-    def _inertial(self, element: XmlElement | None) -> UrdfInertial | None:
-        if element is None:
-            return None
-        mass, inertia = element.one("mass"), element.one("inertia")
-        if mass is None or inertia is None:
-            raise ConfigError(f"{element.where}: <inertial> needs both <mass> and <inertia>")
-        mass_kg = mass.number("value")
-        if mass_kg < 0.0:
-            raise ConfigError(f"{mass.where}: the mass is {mass_kg:g} kg")
-        xx, xy, xz, yy, yz, zz = (
-            inertia.numbers(key, 1, (0.0,))[0] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        )
-        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        return UrdfInertial(mass_kg, self._placement(element), matrix)
-
-    def _placement(self, element: XmlElement) -> FloatArray:
-        """Return the <origin> of an element, (4, 4)."""
-        placement = np.eye(4)
-        origin = element.one("origin")
-        if origin is not None:
-            placement[:3, 3] = origin.numbers("xyz", 3, (0.0,) * 3)
-            angles = origin.numbers("rpy", 3, (0.0,) * 3)
-            placement[:3, :3] = rotation_of_rpy(*(self._right(angle) for angle in angles))
-        return placement
-
-    def _right(self, angle_rad: float) -> float:
-        quarter = np.pi / 2.0
-        exact = float(round(angle_rad / quarter) * quarter)
-        if angle_rad != exact and abs(angle_rad - exact) <= self._tolerance_rad:
-            self.angles_made_right += 1
-            return exact
-        return angle_rad
-
-
-_LIMITS: Final = ("lower", "upper", "velocity", "effort")
+    def placements(self, base: str) -> dict[str, FloatArray]:
+        """Return where every link below the base is in its frame at zero, (4, 4) each."""
+        places: dict[str, FloatArray] = {base: np.eye(4)}
+        waiting = [base]
+        while waiting:
+            link = waiting.pop()
+            for joint in self.joints_below.get(link, ()):
+                places[joint.child] = places[link] @ joint.placement
+                waiting.append(joint.child)
+        return places
 
 
 def rotation_of_rpy(roll: float, pitch: float, yaw: float) -> FloatArray:
@@ -247,76 +169,3 @@ def rpy_of_rotation(rotation: FloatArray) -> tuple[float, float, float]:
     yaw = float(np.arctan2(rotation[1, 0], rotation[0, 0])) if level > 1e-15 else 0.0
     rest = rotation_of_rpy(0.0, pitch, yaw).T @ rotation  # whatever yaw is near pitch = 90 degrees
     return float(np.arctan2(rest[2, 1], rest[1, 1])), pitch, yaw
-
-
-def _size(shape: XmlElement) -> tuple[float, ...] | None:
-    if shape.tag == "box":
-        size = shape.numbers("size", 3, ())
-    elif shape.tag == "cylinder":
-        size = (shape.number("radius"), shape.number("length"))
-    elif shape.tag == "sphere":
-        size = (shape.number("radius"),)
-    else:
-        return None
-    if not size or min(size) <= 0.0:
-        raise ConfigError(f"{shape.where}: the <{shape.tag}> has no size above 0")
-    return size
-
-
-def _root(file: str, links: dict[str, UrdfLink], joints: tuple[UrdfJoint, ...]) -> str:
-    """Return the only link that is no joint's child, and check that all hang on it."""
-    if len(joints) > MOST_JOINTS:
-        raise ConfigError(f"{file}: {len(joints)} joints; at most {MOST_JOINTS} are read")
-    names = [joint.name for joint in joints]
-    for joint in joints:
-        if names.count(joint.name) > 1:
-            raise ConfigError(f"{joint.where}: a second joint is called {joint.name!r}")
-        for link in (joint.parent, joint.child):
-            if link not in links:
-                raise ConfigError(f"{joint.where}: joint {joint.name!r} names no link {link!r}")
-    children = [joint.child for joint in joints]
-    for joint in joints:
-        if children.count(joint.child) > 1:
-            raise ConfigError(
-                f"{joint.where}: link {joint.child!r} hangs on two joints: closed chains cannot be"
-                " told in a URDF"
-            )
-    roots = [name for name in links if name not in children]
-    if len(roots) != 1:
-        raise ConfigError(
-            f"{file}: {len(roots)} links hang on no joint ({', '.join(roots) or 'a loop'});"
-            " one, the base, must"
-        )
-    reached, waiting = set[str](), [roots[0]]
-    while waiting:
-        link = waiting.pop()
-        reached.add(link)
-        waiting += [joint.child for joint in joints if joint.parent == link]
-    if len(reached) < len(links):
-        raise ConfigError(
-            f"{file}: {', '.join(sorted(set(links) - reached))} do not hang on {roots[0]!r}"
-        )
-    return roots[0]
-
-
-def _gear_ratios(root: XmlElement) -> dict[str, float]:
-    """Return the reductions of simple transmissions by joint."""
-    ratios: dict[str, float] = {}
-    for element in root.all("transmission"):
-        joints = element.all("joint")
-        reductions = [
-            reduction
-            for holder in (*joints, *element.all("actuator"))
-            for reduction in holder.all("mechanicalReduction")
-        ]
-        if len(joints) == 1 and len(reductions) == 1 and "name" in joints[0].attributes:
-            try:
-                ratio = float(reductions[0].text)
-            except ValueError:
-                ratio = 0.0
-            if ratio == 0.0 or not abs(ratio) < 1e6:
-                raise ConfigError(
-                    f"{reductions[0].where}: mechanicalReduction {reductions[0].text!r} is no ratio"
-                )
-            ratios[joints[0].attributes["name"]] = ratio
-    return ratios

@@ -10,6 +10,8 @@ from __future__ import annotations
 import json
 import math
 import re
+import textwrap
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +22,7 @@ from config.errors import ConfigError
 MAX_BYTES = 1_000_000
 MAX_NODES = 200_000
 MAX_DEPTH = 40
+WIDTH = 100
 
 Path = tuple[str | int, ...]
 
@@ -180,7 +183,7 @@ class _Builder:
         raise ConfigError(f"{self._name}:{mark.line + 1}:{mark.column + 1}: {problem}")
 
 
-def dump_yaml(data: object, comment: str = "") -> str:
+def dump_yaml(data: object, comment: str = "", comments: Mapping[Path, str] | None = None) -> str:
     """Return plain data as YAML text that `parse_yaml` reads back to equal data.
 
     Parameters
@@ -189,16 +192,34 @@ def dump_yaml(data: object, comment: str = "") -> str:
         Nested dict, list, str, int, float, bool, None.
     comment : str
         Text put above the data, each line behind `# `.
+    comments : mapping of path to str, optional
+        Texts put above the lines on which what is at the paths begins.
     """
     head = "".join(f"# {line}\n" if line else "#\n" for line in comment.splitlines())
-    return head + yaml.dump(
+    text = yaml.dump(
         data,
         Dumper=_Dumper,
         sort_keys=False,
         allow_unicode=True,
         default_flow_style=None,
-        width=100,
+        width=WIDTH,
     )
+    return head + (_commented(text, comments) if comments else text)
+
+
+def _commented(text: str, comments: Mapping[Path, str]) -> str:
+    """Return YAML text with comments above the lines of their paths, as deep as those."""
+    positions = parse_yaml(text.encode(), "").positions
+    above: dict[int, list[str]] = {}
+    for path, comment in comments.items():
+        above.setdefault(positions[path][0] - 1, []).append(comment)
+    lines = []
+    for number, line in enumerate(text.splitlines()):
+        margin = " " * (len(line) - len(line.lstrip())) + "# "
+        for comment in above.get(number, ()):
+            lines += textwrap.wrap(comment, WIDTH, initial_indent=margin, subsequent_indent=margin)
+        lines.append(line)
+    return "".join(f"{line}\n" for line in lines)
 
 
 class _Dumper(yaml.SafeDumper):

@@ -251,14 +251,15 @@ class LinkCad(Derived):
     """What the drawing says of a link, in its frame (modified convention, frame i on axis i).
 
     `inertia_kg_m2` is xx, xy, xz, yy, yz, zz about the centre of gravity, elements of the matrix.
-    `uncertainty` is the standard deviation of every value as a share of its size. An inertia below
+    `uncertainty` is the standard deviation of every value as a share of its size; null where the
+    values are a guess: motions are planned with them, but they are no prior. An inertia below
     that of a ball of steel counts as unknown: zeros, or values that were rounded away.
     """
 
     mass_kg: Annotated[NonNegative, Plausible(1e-4, 3e3, "kg")]
     centre_m: Place = (0.0, 0.0, 0.0)
     inertia_kg_m2: InertiaElements = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    uncertainty: Annotated[float, Field(gt=0.0), Plausible(1e-3, 2.0, "")] = 0.1
+    uncertainty: Annotated[float, Field(gt=0.0), Plausible(1e-3, 2.0, "")] | None = 0.1
 
     @model_validator(mode="after")
     def _physical(self) -> Self:
@@ -380,6 +381,11 @@ class RobotDescription(PhysicalFile):
         ]
         of_robot = [key for key in _IDENTITY if getattr(self, key) != getattr(other, key)]
         return (*of_robot, *(["joints"] if len(own) != len(others) else of_joints))
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether drawings tell of every link, not a guess."""
+        return self.cad is not None and all(link.uncertainty is not None for link in self.cad)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

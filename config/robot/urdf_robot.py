@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,27 +12,45 @@ from pydantic import ValidationError
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.formats.urdf import MOVING, UrdfCollision, UrdfJoint, UrdfTree, rpy_of_rotation
+from config.formats.urdf import UrdfTree, rpy_of_rotation
+from config.formats.yaml_tree import Path
 from config.plausible import implausible, key_name
-from config.robot.axis_lines import AxisFrames, rows_of_axes
-from config.robot.bodies import Body, Capsule, Hull
-from config.robot.robot import Joint, JointLimits, Kinematics, LinkCad, RobotDescription, Vector3
+from config.robot.axis_lines import rows_of_axes
+from config.robot.robot import Joint, Kinematics, RobotDescription, Vector3
+from config.robot.urdf_bodies import bodies_of_urdf, clean
+from config.robot.urdf_chain import UrdfArm, arm_between
+from config.robot.urdf_limits import GRAVITY_M_S2, LimitDefaults, Taken, joint_sizes, limits_of_urdf
+from config.robot.urdf_links import links_of_urdf
 
-GRAVITY_M_S2: Final = 9.81
-ACCELERATION_PER_VELOCITY: Final = 5.0
-CYLINDER_CORNERS: Final = 16
-LEAST_GYRATION_M: Final = 0.002
+RATIOS: Final = (0.05, 5e3)
 
 
 @dataclass(frozen=True)
 class UrdfRobot:
-    """A robot made from a URDF, and what a person should know of how it was made."""
+    """A robot made from a URDF, and what a person should know of how it was made.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot.
+    notes : tuple of str
+        What was left out, repaired or taken as a default.
+    comments : mapping of path to str
+        The same at the keys of the robot file that it concerns.
+    """
 
     robot: RobotDescription
     notes: tuple[str, ...]
+    comments: Mapping[Path, str]
 
 
-def robot_of_urdf(tree: UrdfTree, *, base: str | None = None, tip: str | None = None) -> UrdfRobot:
+def robot_of_urdf(
+    tree: UrdfTree,
+    *,
+    base: str | None = None,
+    tip: str | None = None,
+    defaults: LimitDefaults | None = None,
+) -> UrdfRobot:
     """Return the serial robot between two links of a URDF.
 
     Link frames become those of the modified Denavit-Hartenberg convention, exactly, for any axes;
@@ -46,40 +65,50 @@ def robot_of_urdf(tree: UrdfTree, *, base: str | None = None, tip: str | None = 
         The link that stands still; the URDF's root if not given.
     tip : str or None
         The link whose origin is the tool point; the last moving link if not given.
+    defaults : LimitDefaults or None
+        What to take where the URDF states no limits; the robot's size decides if not given.
 
     Raises
     ------
+    SeveralArmsError
+        There are several arms and no tip.
     ConfigError
-        There is no such link, no single chain, or a joint is invalid.
+        There is no such link, no chain, or values that no robot has.
     """
-    for link in (base, tip):
-        if link is not None and link not in tree.links:
-            raise ConfigError(
-                f"{tree.file}: there is no link {link!r}; links are {', '.join(tree.links)}"
-            )
-    base = base or tree.root
-    joints = _path(tree, base, tip) if tip is not None else _only_chain(tree, base)
-    moving = [joint for joint in joints if joint.kind in MOVING]
-    if not moving:
-        raise ConfigError(f"{tree.file}: no joint moves between {base!r} and {tip!r}")
-    notes: list[str] = []
-    places = _placements(tree, base)
-    end = places[tip if tip is not None else moving[-1].child]
+    arm = arm_between(tree, base, tip)
+    notes = list(arm.notes)
+    places = tree.placements(arm.base)
+    end = places[arm.tip]
+    origins_m = np.array([places[joint.child][:3, 3] for joint in arm.joints])
     axes = rows_of_axes(
-        np.array([places[joint.child][:3, 3] for joint in moving]),
-        np.array([places[joint.child][:3, :3] @ joint.axis for joint in moving]),
+        origins_m,
+        np.array([places[joint.child][:3, :3] @ joint.axis for joint in arm.joints]),
         end[:3, :3],
     )
-    names = _joint_names(tree, moving, notes)
-    carried = _carried_links(tree, base, moving, notes)
+    names = _joint_names(tree, arm, notes)
+    carried = _carried_links(tree, arm, notes)
     if tree.angles_made_right:
         notes.append(
             f"{tree.angles_made_right} angles within 1e-5 rad of a quarter turn were taken as"
             " exactly that"
         )
-    in_root = _placements(tree, tree.root)[base][:3, :3]
+    in_root = tree.placements(tree.root_of(arm.base))[arm.base][:3, :3]
     gravity = in_root.T @ np.array([0.0, 0.0, -GRAVITY_M_S2])
     tool = np.asarray(np.linalg.inv(axes.frames[-1]) @ end)
+    links = links_of_urdf(tree, carried, places, axes, tool[:3, 3])
+    centres = [np.array([*link.centre_m, 1.0]) for link in links.cad]
+    sizes = joint_sizes(
+        arm.joints,
+        origins_m,
+        end[:3, 3],
+        np.array([frame @ c for frame, c in zip(axes.frames[1:], centres, strict=True)])[:, :3],
+        np.array([link.mass_kg for link in links.cad]),
+    )
+    found = limits_of_urdf(arm.joints, sizes, defaults or LimitDefaults())
+    ratios, taken = _ratios(tree, arm)
+    for told, one in zip(taken, found, strict=True):
+        told += one.taken
+    bodies, of_bodies = bodies_of_urdf(tree, carried, places, axes)
     try:
         robot = RobotDescription(
             name=_plain_name(tree.name or "robot"),
@@ -89,89 +118,86 @@ def robot_of_urdf(tree: UrdfTree, *, base: str | None = None, tip: str | None = 
             tool_offset_m=_vector(tool[:3, 3]),
             tool_rpy_rad=_vector(np.array(rpy_of_rotation(tool[:3, :3]))),
             joints=tuple(
-                _joint(joint, name, tree.gear_ratios.get(joint.name), notes)
-                for joint, name in zip(moving, names, strict=True)
+                Joint(
+                    name=name,
+                    type="prismatic" if joint.kind == "prismatic" else "revolute",
+                    limits=one.limits,
+                    gear_ratio=ratio,
+                    armature=True,
+                )
+                for joint, name, one, ratio in zip(arm.joints, names, found, ratios, strict=True)
             ),
-            cad=_cad(tree, carried, places, axes, notes),
-            bodies=_bodies(tree, carried, places, axes, notes),
+            cad=links.cad,
+            bodies=bodies,
         )
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{tree.file}: makes no robot: {where}: {first['msg']}") from error
-    notes += [
-        f"robot.yaml is refused until {key_name(path)} is corrected: {why}"
+        lines = [
+            f"{tree.file}: makes no robot: {key_name(each['loc'])}: {each['msg']}"
+            for each in error.errors()
+        ]
+        raise ConfigError("\n".join(lines)) from error
+    _refuse_implausible(tree, robot)
+    comments: dict[Path, str] = {("cad", i): told for i, told in links.comments.items()}
+    comments |= {("joints", i): ". ".join(map(str, told)) for i, told in enumerate(taken) if told}
+    notes += [*links.notes, *_together(names, taken), *of_bodies]
+    return UrdfRobot(robot, tuple(notes), comments)
+
+
+def _refuse_implausible(tree: UrdfTree, robot: RobotDescription) -> None:
+    """Refuse geometry that no robot has.
+
+    Raises
+    ------
+    ConfigError
+        Some is not plausible; a line each.
+    """
+    lines = [
+        f"{tree.file}: makes an implausible robot: {key_name(path)}: {why.split('. Correct')[0]}."
+        " A URDF has m, rad, kg: correct it there"
         for path, why in implausible(robot)
     ]
-    return UrdfRobot(robot, tuple(notes))
+    if lines:
+        raise ConfigError("\n".join(lines))
 
 
-def _path(tree: UrdfTree, base: str, tip: str) -> list[UrdfJoint]:
-    """Return the joints from base to tip."""
-    joints: list[UrdfJoint] = []
-    link = tip
-    while link != base:
-        joint = tree.joint_above.get(link)
-        if joint is None:
-            raise ConfigError(f"{tree.file}: link {tip!r} does not hang on {base!r}")
-        joints.append(joint)
-        link = joint.parent
-    return joints[::-1]
+def _together(names: list[str], taken: list[list[Taken]]) -> list[str]:
+    """Return a line for each key and origin, with the joints and their values."""
+    together: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
+    for name, told in zip(names, taken, strict=True):
+        for one in told:
+            joints, values = together.setdefault((one.key, one.how), ([], []))
+            joints.append(name)
+            values.append(one.value)
+    return [
+        f"{key} of {', '.join(joints)}: {', '.join(values)} ({how})"
+        for (key, how), (joints, values) in together.items()
+    ]
 
 
-def _only_chain(tree: UrdfTree, base: str) -> list[UrdfJoint]:
-    """Return the joints from base to the last moving link, where no branch moves."""
-    below = _placements(tree, base)
-    moving = [j for j in tree.joints if j.kind != "fixed" and j.child in below and j.child != base]
-    if not moving:
-        raise ConfigError(f"{tree.file}: no joint moves below {base!r}")
-    carrying: set[str] = set()
-    for joint in moving:
-        carrying.update(above.child for above in _path(tree, base, joint.parent))
-    ends = [joint.child for joint in moving if joint.child not in carrying]
-    if len(ends) > 1:
-        raise ConfigError(
-            f"{tree.file}: the moving joints branch and end at {', '.join(ends)}: say which with"
-            " --tip; the other branches then count as fixed"
-        )
-    return _path(tree, base, ends[0])
-
-
-def _placements(tree: UrdfTree, base: str) -> dict[str, FloatArray]:
-    """Return where every link below the base is in its frame at position zero, (4, 4) each."""
-    places: dict[str, FloatArray] = {base: np.eye(4)}
-    waiting = [base]
-    while waiting:
-        link = waiting.pop()
-        for joint in tree.joints_below.get(link, ()):
-            places[joint.child] = places[link] @ joint.placement
-            waiting.append(joint.child)
-    return places
-
-
-def _carried_links(
-    tree: UrdfTree, base: str, moving: list[UrdfJoint], notes: list[str]
-) -> list[list[str]]:
+def _carried_links(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[list[str]]:
     """Return the URDF's links that move as one: with the base, then with each joint."""
-    number = {joint.child: i + 1 for i, joint in enumerate(moving)}
-    carried: list[list[str]] = [[] for _ in range(len(moving) + 1)]
-    waiting = [(base, 0)]
+    number = {joint.child: i + 1 for i, joint in enumerate(arm.joints)}
+    carried: list[list[str]] = [[] for _ in range(len(arm.joints) + 1)]
+    held: dict[int, list[str]] = {}
+    waiting = [(arm.base, 0)]
     while waiting:
         link, body = waiting.pop()
         carried[body].append(link)
         for joint in tree.joints_below.get(link, ()):
             if joint.kind != "fixed" and joint.child not in number:
-                notes.append(
-                    f"joint {joint.name!r} is held at zero: what hangs on it counts as part of"
-                    f" link {body}"
-                )
+                held.setdefault(body, []).append(repr(joint.name))
             waiting.append((joint.child, number.get(joint.child, body)))
+    notes += [
+        f"{', '.join(joints)} {'is' if len(joints) == 1 else 'are'} held at zero: what hangs on"
+        f" {'it' if len(joints) == 1 else 'them'} counts as part of link {body}"
+        for body, joints in held.items()
+    ]
     return carried
 
 
-def _joint_names(tree: UrdfTree, moving: list[UrdfJoint], notes: list[str]) -> list[str]:
+def _joint_names(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[str]:
     names = []
-    for joint in moving:
+    for joint in arm.joints:
         name = re.sub(r"[^A-Za-z0-9_-]", "_", joint.name)
         name = (name if name[:1].isalpha() else f"joint_{name}")[:32]
         if name != joint.name:
@@ -179,147 +205,27 @@ def _joint_names(tree: UrdfTree, moving: list[UrdfJoint], notes: list[str]) -> l
         names.append(name)
     if len(set(names)) < len(names):
         raise ConfigError(
-            f"{tree.file}: joint names {', '.join(joint.name for joint in moving)} cannot be told"
-            " apart in 32 plain characters: rename them"
+            f"{tree.file}: joint names {', '.join(joint.name for joint in arm.joints)} cannot be"
+            " told apart in 32 plain characters: rename them"
         )
     return names
 
 
-def _joint(joint: UrdfJoint, name: str, ratio: float | None, notes: list[str]) -> Joint:
-    if joint.mimics is not None:
-        raise ConfigError(
-            f"{joint.where}: joint {joint.name!r} mimics {joint.mimics!r}; coupled axes are told by"
-            " `coupling` in the robot file: remove <mimic> and state it there"
-        )
-    for key in ("velocity", "effort"):
-        if joint.limits.get(key, 0.0) <= 0.0:
-            raise ConfigError(
-                f"{joint.where}: joint {joint.name!r} needs <limit {key}=...> above 0: motions are"
-                " held to it. Some exporters write 0; state the real one"
-            )
-    low, high = joint.limits.get("lower", 0.0), joint.limits.get("upper", 0.0)
-    if joint.kind == "continuous":
-        low, high = -2.0 * np.pi, 2.0 * np.pi
-        notes.append(f"joint {joint.name!r} has no end: -2 pi to 2 pi is taken; narrow it")
-    elif low >= high:
-        raise ConfigError(
-            f"{joint.where}: joint {joint.name!r} has the range {low:g} to {high:g}: <limit> needs"
-            " lower below upper"
-        )
-    velocity = joint.limits["velocity"]
-    return Joint(
-        name=name,
-        type="prismatic" if joint.kind == "prismatic" else "revolute",
-        limits=JointLimits(
-            position_min=low,
-            position_max=high,
-            velocity=velocity,
-            acceleration=round(ACCELERATION_PER_VELOCITY * velocity, 9),
-            torque=joint.limits["effort"],
-        ),
-        gear_ratio=1.0 if ratio is None else ratio,
-    )
-
-
-def _cad(
-    tree: UrdfTree,
-    carried: list[list[str]],
-    places: dict[str, FloatArray],
-    axes: AxisFrames,
-    notes: list[str],
-) -> tuple[LinkCad, ...] | None:
-    """Return mass, centre and inertia of every moving link in its frame."""
-    cad: list[LinkCad] = []
-    for number, names in enumerate(carried[1:], start=1):
-        parts = []
-        for name in names:
-            inertial = tree.links[name].inertial
-            if inertial is not None and inertial.mass_kg > 0.0:
-                place = np.linalg.inv(axes.frames[number]) @ places[name] @ inertial.placement
-                turn = place[:3, :3]
-                parts.append(
-                    (inertial.mass_kg, place[:3, 3], turn @ inertial.inertia_kg_m2 @ turn.T)
-                )
-        mass = sum(part[0] for part in parts)
-        if not parts:
-            notes.append(f"link {number} ({', '.join(names)}) has no mass: no `cad` was made")
-            return None
-        centre = np.sum([m * c for m, c, _ in parts], axis=0) / mass
-        inertia = np.zeros((3, 3))
-        for m, c, about_centre in parts:
-            r = c - centre
-            inertia += about_centre + m * (r @ r * np.eye(3) - np.outer(r, r))
-        told = f"link {number} ({', '.join(names)})"
-        gyration_m = float(np.sqrt(np.trace(inertia) / (2.0 * mass)))
-        if gyration_m < LEAST_GYRATION_M:  # placeholders
-            inertia = np.zeros((3, 3))
-        try:
-            cad.append(
-                LinkCad(
-                    mass_kg=mass,
-                    centre_m=_vector(centre),
-                    inertia_kg_m2=tuple(
-                        round(x, 15) + 0.0 for x in inertia[np.triu_indices(3)].tolist()
-                    ),
-                )
-            )
-        except ValidationError as error:
-            notes.append(
-                f"{told} cannot exist, so no `cad` was made:"
-                f" {error.errors()[0]['msg'].removeprefix('Value error, ')}"
-            )
-            return None
-        unknown = cad[-1].unknown_inertia_kg_m2
-        if unknown:
-            notes.append(
-                f"{told} has {mass:.3g} kg and next to no inertia (zero, or rounded away):"
-                f" --cad-prior takes it as unknown, 0 ± {unknown:.2g} kg m²"
-            )
-    return tuple(cad)
-
-
-def _bodies(
-    tree: UrdfTree,
-    carried: list[list[str]],
-    places: dict[str, FloatArray],
-    axes: AxisFrames,
-    notes: list[str],
-) -> tuple[Body, ...]:
-    """Return the collision primitives in the frames of the links; meshes are noted."""
-    bodies: list[Body] = []
-    for number, names in enumerate(carried):
-        for name in names:
-            link = tree.links[name]
-            place = np.linalg.inv(axes.frames[number]) @ places[name]
-            bodies += [_body(number, part, place @ part.placement) for part in link.collisions]
-            if link.meshes:
-                notes.append(
-                    f"collision mesh {', '.join(link.meshes)} of {name!r} was not read: add"
-                    f" `bodies` for link {number} by hand where collisions matter"
-                )
-    return tuple(bodies)
-
-
-def _body(link: int, part: UrdfCollision, place: FloatArray) -> Body:
-    if part.shape == "sphere":
-        centre = _vector(place[:3, 3])
-        return Capsule(
-            kind="capsule", link=link, start_m=centre, end_m=centre, radius_m=part.size[0]
-        )
-    if part.shape == "box":
-        x, y, z = (0.5 * side for side in part.size)
-        corners = [(sx * x, sy * y, sz * z) for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]
-    else:  # the prism around a cylinder
-        radius, length = part.size
-        angles = 2.0 * np.pi * np.arange(CYLINDER_CORNERS) / CYLINDER_CORNERS
-        r = radius / np.cos(np.pi / CYLINDER_CORNERS)
-        corners = [
-            (r * np.cos(angle), r * np.sin(angle), side * 0.5 * length)
-            for side in (-1, 1)
-            for angle in angles
-        ]
-    points = np.array(corners) @ place[:3, :3].T + place[:3, 3]
-    return Hull(kind="hull", link=link, points_m=tuple(_vector(point) for point in points))
+def _ratios(tree: UrdfTree, arm: UrdfArm) -> tuple[list[float], list[list[Taken]]]:
+    """Return the joints' gear ratios: 1 where the URDF tells none, and that it tells none."""
+    ratios: list[float] = []
+    taken: list[list[Taken]] = []
+    for joint in arm.joints:
+        ratio = tree.gear_ratios.get(joint.name, 1.0)
+        unread = tree.unread_ratios.get(joint.name)
+        if not RATIOS[0] <= abs(ratio) <= RATIOS[1]:
+            ratio, unread = 1.0, f"{ratio:g}"
+        ratios.append(ratio)
+        taken.append([])
+        if unread is not None:
+            how = f"default: the URDF's reduction {unread!r} is no ratio of one joint"
+            taken[-1].append(Taken("gear_ratio", "1", how))
+    return ratios, taken
 
 
 def _plain_name(name: str) -> str:
@@ -328,10 +234,5 @@ def _plain_name(name: str) -> str:
 
 
 def _vector(values: FloatArray) -> Vector3:
-    x, y, z = (_clean(value) for value in values)
+    x, y, z = (clean(value) for value in values.tolist())
     return x, y, z
-
-
-def _clean(value: float) -> float:
-    """Return a value without rounding's dust, to a femtometre."""
-    return 0.0 if abs(value) < 1e-12 else round(float(value), 15)

@@ -33,7 +33,8 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
     sigmas : (parameters,) array
         Their standard deviations: the stated share of the link's mass, of its first moment and of
         the size of its inertia, or all of the inertia that a body of the mass may have where the
-        drawings tell none; infinite where the drawings say nothing (friction, rotors, spring).
+        drawings tell none; infinite where the drawings say nothing (friction, rotors, spring, links
+        that are a guess).
 
     Raises
     ------
@@ -50,8 +51,9 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
     for link, cad in enumerate(robot.cad):
         columns = slice(PARAMETERS_PER_LINK * link, PARAMETERS_PER_LINK * (link + 1))
         values[columns] = _about_origin(cad)
-        sigmas[columns] = cad.uncertainty * _sizes(values[columns])
-        sigmas[columns][4:] += cad.unknown_inertia_kg_m2 or 0.0
+        if cad.uncertainty is not None:
+            sigmas[columns] = cad.uncertainty * _sizes(values[columns])
+            sigmas[columns][4:] += cad.unknown_inertia_kg_m2 or 0.0
     return values, sigmas
 
 

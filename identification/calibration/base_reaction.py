@@ -154,9 +154,10 @@ def with_known_mass(
     values, covariance = estimate.values.copy(), estimate.covariance_jackknife.copy()
     covariance[constant] = 0.0
     covariance[:, constant] = 0.0
-    robot, known = estimate.robot, mass_kg is not None or estimate.robot.cad is not None
+    robot = estimate.robot
+    known = mass_kg is not None or robot.is_drawn
     drawn = np.zeros(len(base))
-    if mass_kg is None and robot.cad is not None:
+    if mass_kg is None and robot.is_drawn:
         drawn = base.from_standard(cad_parameters(model, robot)[0])
     values[constant] = drawn[constant] if mass_kg is None else mass_kg
     return values, covariance, known

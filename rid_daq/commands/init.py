@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
@@ -29,22 +30,50 @@ def init(
         str | None,
         typer.Option("--tip", metavar="LINK", help="The URDF's link that is the tool point."),
     ] = None,
+    position: Annotated[
+        str | None,
+        typer.Option(
+            "--range",
+            metavar="RAD",
+            help="Joints go from minus to plus this [rad or m] where the URDF states no range.",
+        ),
+    ] = None,
+    velocity: Annotated[
+        str | None,
+        typer.Option(metavar="RAD/S", help="Speed where the URDF states none [rad/s or m/s]."),
+    ] = None,
+    acceleration: Annotated[
+        str | None,
+        typer.Option(metavar="RAD/S2", help="Acceleration [rad/s² or m/s²]; a URDF states none."),
+    ] = None,
+    effort: Annotated[
+        str | None,
+        typer.Option(metavar="NM", help="Torque where the URDF states none [N m or N]."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Write a commented cell, robot and two motions to start from.
 
     They run as they are, on a simulated cell. Change them towards your own robot. With --urdf the
-    robot, its limits and its links come from that file.
+    robot, its limits and its links come from that file. --range, --velocity, --acceleration and
+    --effort take one number for all joints, or one a joint with commas between; without them the
+    robot's size decides.
     """
     console = Console(as_json)
     notes: tuple[str, ...] = ()
+    limits = {"range": position, "velocity": velocity, "acceleration": acceleration}
+    limits |= {"effort": effort}
     if urdf is not None:
-        from rid_daq.jobs.starter.urdf_starter import urdf_files
+        from config.robot.urdf_limits import LimitDefaults
+        from rid_daq.jobs.starter.urdf_starter import UrdfRequest, urdf_files
 
-        files, made = urdf_files(urdf, base, tip)
+        defaults = LimitDefaults(*(_numbers(f"--{name}", text) for name, text in limits.items()))
+        files, made = urdf_files(UrdfRequest(urdf, folder, base, tip, defaults))
         notes = made.notes
-    elif base is not None or tip is not None:
-        raise ConfigError("--base and --tip name links of a URDF: give it with --urdf")
+    elif given := [
+        f"--{name}" for name, value in (limits | {"base": base, "tip": tip}).items() if value
+    ]:
+        raise ConfigError(f"{', '.join(given)}: this is about a URDF: give it with --urdf")
     else:
         files = _starter_files()
     present = [name for name in files if (folder / name).exists()]
@@ -69,6 +98,23 @@ def init(
         console.say("Next, after a look at limits and rotors in robot.yaml:")
         console.say(f"  {as_command('design', cell, '-o', motion)}")
     console.say(f"  {as_command('record', cell, motion)}")
+
+
+def _numbers(option: str, text: str | None) -> tuple[float, ...]:
+    """Return the positive numbers of an option; none where it is not given.
+
+    Raises
+    ------
+    ConfigError
+        It has something else.
+    """
+    try:
+        values = tuple(float(word) for word in text.split(",")) if text is not None else ()
+    except ValueError:
+        values = (math.nan,)
+    if not all(math.isfinite(value) and value > 0.0 for value in values):
+        raise ConfigError(f"{option} {text}: give one number above 0, or one a joint: 3.1,3.1,2.5")
+    return values
 
 
 def _starter_files() -> dict[str, str]:

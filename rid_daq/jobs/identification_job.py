@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast, get_args
 
+import numpy as np
+
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.errors import ConfigError
@@ -92,6 +94,11 @@ def estimate_runs(
     options = how.options
     if how.cad_prior:
         prior = cad_parameters(options.model.build(robot), robot)
+        if not np.isfinite(prior[1]).any():
+            raise ConfigError(
+                f"robot {robot.name!r} has guesses for `cad` (uncertainty: null), which are no"
+                " prior: state what its drawings say and how far it may be off"
+            )
         options = replace(options, prior=prior)
     if not data[0].is_periodic:
         return Identified(

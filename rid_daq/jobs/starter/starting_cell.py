@@ -10,18 +10,15 @@ from config.robot.robot import RobotDescription
 VALIDATION_LIMIT_PERCENT: Final = 15.0
 
 
-def starting_cell(robot: RobotDescription, *, simulated: bool) -> CellConfig:
-    """Return a cell of drives at node ids 1, 2, ... with the robot's name."""
+def starting_cell(robot: RobotDescription) -> CellConfig:
+    """Return a cell of drives at node ids 1, 2, ... with the robot's name, simulated at first."""
     return CellConfig(
         name=robot.name,
         robot="robot.yaml",
-        simulated=simulated,
-        plant="plant.yaml" if simulated else None,
+        simulated=True,
+        plant="plant.yaml",
         cycle_time_ms=8,
-        can=CanBusConfig(
-            interface="rid_sim" if simulated else "socketcan",
-            channel=robot.name if simulated else "can0",
-        ),
+        can=CanBusConfig(interface="rid_sim", channel=robot.name),
         axes=tuple(
             DriveAxis(joint=name, node_id=number)
             for number, name in enumerate(robot.joint_names, start=1)
@@ -31,9 +28,7 @@ def starting_cell(robot: RobotDescription, *, simulated: bool) -> CellConfig:
             following_error_min_rad=0.05,
             stuck_encoder_velocity_rad_s=0.2,
             late_by_cycles_limit=8.0,
-        )
-        if simulated
-        else Supervision(),
+        ),
         drive_safety=DriveSafety(
             quick_stop_deceleration_rad_s2=max(j.limits.acceleration for j in robot.joints),
             following_error_rad=0.1,

@@ -2,56 +2,64 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from acquisition.motion.kinds.multipoint import MultipointMotion
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
-from config.formats.urdf import read_urdf
+from config.formats.urdf_file import read_urdf
 from config.formats.xml_tree import MAX_BYTES
+from config.formats.yaml_tree import Path as YamlPath
 from config.formats.yaml_tree import dump_yaml
 from config.model import ConfigModel
+from config.robot.urdf_chain import SeveralArmsError, UrdfArm
+from config.robot.urdf_limits import LimitDefaults
 from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
 from rid_daq.jobs.starter.simulated_plant import simulated_plant
 from rid_daq.jobs.starter.starting_cell import starting_cell
 from rid_daq.jobs.starter.workload import held_by_motors
+from rid_daq.terminal.console import as_command
 
 
-def urdf_files(path: Path, base: str | None, tip: str | None) -> tuple[dict[str, str], UrdfRobot]:
+@dataclass(frozen=True)
+class UrdfRequest:
+    """Which arm of which URDF, what to take where it states no limits, and where the files go."""
+
+    file: Path
+    folder: Path
+    base: str | None = None
+    tip: str | None = None
+    defaults: LimitDefaults = field(default_factory=LimitDefaults)
+
+
+def urdf_files(request: UrdfRequest) -> tuple[dict[str, str], UrdfRobot]:
     """Return the text of every file to start from, by name, and the robot that they are for.
-
-    Without masses in the URDF nothing can be simulated, and the cell is one for real drives.
 
     Raises
     ------
     ConfigError
         The URDF cannot be read or makes no robot.
     """
+    path = request.file
     try:
         data = read_file(path, MAX_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
-    made = robot_of_urdf(read_urdf(data, str(path)), base=base, tip=tip)
+    tree = read_urdf(data, str(path))
+    try:
+        made = robot_of_urdf(tree, base=request.base, tip=request.tip, defaults=request.defaults)
+    except SeveralArmsError as error:
+        raise ConfigError(_which_arm(request, error.arms)) from None
+    made = _as_motors_hold(made)
     robot = made.robot
-    if robot.cad is not None:
-        joints = tuple(
-            joint if joint.rotor else joint.model_copy(update={"armature": True})
-            for joint in robot.joints
-        )
-        robot, notes = held_by_motors(robot.model_copy(update={"joints": joints}))
-        made = replace(made, robot=robot, notes=(*made.notes, *notes))
-    files = {"robot.yaml": _text(robot, _robot_comment(path, made))}
-    plant = None
-    if robot.cad is not None:
-        plant = simulated_plant(robot)
-        files["plant.yaml"] = _text(
-            plant,
-            "What is simulated: the URDF's masses; motors, friction and loops are invented.\n"
-            "Delete it, and `simulated` and `plant` in cell.yaml, once drives are there.",
-        )
-    files["cell.yaml"] = _text(starting_cell(robot, simulated=plant is not None), _CELL_COMMENT)
+    files = {
+        "robot.yaml": _text(robot, _robot_comment(path, made.notes), made.comments),
+        "plant.yaml": _text(simulated_plant(robot), _PLANT_COMMENT),
+        "cell.yaml": _text(starting_cell(robot), _CELL_COMMENT),
+    }
     motion = MultipointMotion(kind="multipoint", robot=robot.name, seed=1)
     files["validation.yaml"] = _text(
         motion, "Random points: run it after the excitation and give it to `rid-daq validate`."
@@ -66,18 +74,53 @@ anything moves; `rid-daq check cell.yaml` shows what the drives say."""
 
 _ROBOT_COMMENT: Final = """\
 Made from {file} by rid-daq init. Frames are those of the modified Denavit-Hartenberg convention:
-frame i on axis i, z along it. What a URDF does not say stands at a default; correct it:
-- limits.acceleration is five times the velocity, per second.
-- rotor (link, axis) tells where a motor sits and which way it spins; armature: true stands for
-  a motor whose place is not known. gear_ratio is motor turns per joint turn.
+frame i on axis i, z along it. What a URDF does not say stands at a default; correct it. Limits that
+are defaults say so above their joint.
+- armature: true stands for a motor whose place is not known; rotor (link, axis) tells where one
+  sits and which way it spins. gear_ratio is motor turns per joint turn, 1 where nobody says.
 - cad is what the URDF says of the links: a prior with `uncertainty`, never a result.
 {notes}"""
 
 
-def _robot_comment(path: Path, made: UrdfRobot) -> str:
-    notes = "".join(f"- {note}\n" for note in made.notes)
-    return _ROBOT_COMMENT.format(file=path.name, notes=notes)
+_PLANT_COMMENT: Final = """\
+What is simulated: the links' masses; motors, friction and loops are invented. Delete it, and
+`simulated` and `plant` in cell.yaml, once drives are there."""
 
 
-def _text(model: ConfigModel, comment: str) -> str:
-    return dump_yaml(model.model_dump(mode="json", exclude_defaults=True), comment)
+def _as_motors_hold(made: UrdfRobot) -> UrdfRobot:
+    """Return the robot with limits that its motors hold; what changed is said at its joint."""
+    robot, notes = held_by_motors(made.robot)
+    comments = dict(made.comments)
+    for number, (before, after) in enumerate(zip(made.robot.joints, robot.joints, strict=True)):
+        changed = [
+            f"{key}: {getattr(after.limits, key):g} in place of {getattr(before.limits, key):g}"
+            for key in ("velocity", "acceleration", "torque")
+            if getattr(after.limits, key) != getattr(before.limits, key)
+        ]
+        if changed:
+            known = comments.get(("joints", number))
+            told = f"{', '.join(changed)}, as the motors hold the links"
+            comments["joints", number] = f"{known}. {told}" if known else told
+    return replace(made, robot=robot, notes=(*made.notes, *notes), comments=comments)
+
+
+def _which_arm(request: UrdfRequest, arms: tuple[UrdfArm, ...]) -> str:
+    """Return what to say where there are several arms: a command for each."""
+    again = ["init", request.folder, "--urdf", request.file]
+    lines = [
+        f"  {as_command(*again, '--tip', arm.tip)}  ({len(arm.joints)} joints)" for arm in arms
+    ]
+    return "\n".join(
+        (
+            f"{request.file}: there are {len(arms)} arms; say which, the others then are fixed:",
+            *lines,
+        )
+    )
+
+
+def _robot_comment(path: Path, notes: tuple[str, ...]) -> str:
+    return _ROBOT_COMMENT.format(file=path.name, notes="".join(f"- {note}\n" for note in notes))
+
+
+def _text(model: ConfigModel, comment: str, comments: Mapping[YamlPath, str] | None = None) -> str:
+    return dump_yaml(model.model_dump(mode="json", exclude_defaults=True), comment, comments)

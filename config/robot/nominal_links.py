@@ -1,0 +1,57 @@
+"""What links weigh where nobody says: cylinders along the arm, a guess to plan motions with.
+
+Their density stands for castings, motors and air; their radius is a share of the arm's length.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.robot import LinkCad
+
+DENSITY_KG_M3: Final = 2000.0
+SLENDERNESS: Final = 25.0
+
+
+def nominal_links(rows: FloatArray, tool_m: FloatArray) -> tuple[LinkCad, ...]:
+    """Return a solid cylinder for each link, from half its own offset to the next axis.
+
+    Parameters
+    ----------
+    rows : (n, 5) array
+        alpha [rad], beta [rad], theta [rad], a [m], d [m] of every joint, modified convention.
+    tool_m : (3,) array
+        Tool point in the last frame.
+
+    Returns
+    -------
+    tuple of LinkCad
+        Guesses, one a link.
+    """
+    lengths = np.abs(rows[:, 3:5]).sum() + float(np.linalg.norm(tool_m))
+    radius = max(lengths, 0.1) / SLENDERNESS
+    ends = [np.array([a, 0.0, 0.0]) for a in rows[1:, 3]] + [tool_m]
+    links: list[LinkCad] = []
+    for d, end in zip(rows[:, 4], ends, strict=True):
+        start = np.array([0.0, 0.0, -0.5 * d])
+        along = end - start
+        length = float(np.linalg.norm(along))
+        axis = along / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+        length += 2.0 * radius
+        mass = DENSITY_KG_M3 * np.pi * radius**2 * length
+        spin, turn = mass * radius**2 / 2.0, mass * (radius**2 / 4.0 + length**2 / 12.0)
+        inertia = turn * np.eye(3) + (spin - turn) * np.outer(axis, axis)
+        x, y, z = (0.5 * (start + end)).tolist()
+        xx, xy, xz, yy, yz, zz = inertia[np.triu_indices(3)].tolist()
+        links.append(
+            LinkCad(
+                mass_kg=mass,
+                centre_m=(x, y, z),
+                inertia_kg_m2=(xx, xy, xz, yy, yz, zz),
+                uncertainty=None,
+            )
+        )
+    return tuple(links)

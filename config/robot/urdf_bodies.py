@@ -1,0 +1,82 @@
+"""The collision shapes of a URDF as bodies of the robot; meshes are not read."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.formats.urdf import UrdfCollision, UrdfTree
+from config.robot.axis_lines import AxisFrames
+from config.robot.bodies import Body, Capsule, Hull, Point
+
+CYLINDER_CORNERS: Final = 16
+
+
+def bodies_of_urdf(
+    tree: UrdfTree,
+    carried: list[list[str]],
+    places: dict[str, FloatArray],
+    axes: AxisFrames,
+) -> tuple[tuple[Body, ...], tuple[str, ...]]:
+    """Return the collision primitives in the frames of the links, and what to know of them.
+
+    Parameters
+    ----------
+    tree : UrdfTree
+        The URDF.
+    carried : list of list of str
+        The URDF's links that move as one: with the base, then with each joint.
+    places : dict of str to (4, 4) array
+        Where the URDF's links are in the base at zero.
+    axes : AxisFrames
+        The robot's frames.
+    """
+    bodies: list[Body] = []
+    meshes: list[str] = []
+    for number, names in enumerate(carried):
+        for name in names:
+            link = tree.links[name]
+            place = np.linalg.inv(axes.frames[number]) @ places[name]
+            bodies += [_body(number, part, place @ part.placement) for part in link.collisions]
+            if link.meshes:
+                meshes.append(name)
+    if not meshes:
+        return tuple(bodies), ()
+    return tuple(bodies), (
+        f"the collision meshes of {', '.join(meshes)} were not read: add `bodies` to robot.yaml by"
+        " hand where collisions matter",
+    )
+
+
+def _body(link: int, part: UrdfCollision, place: FloatArray) -> Body:
+    if part.shape == "sphere":
+        centre = _point(place[:3, 3])
+        return Capsule(
+            kind="capsule", link=link, start_m=centre, end_m=centre, radius_m=part.size[0]
+        )
+    if part.shape == "box":
+        x, y, z = (0.5 * side for side in part.size)
+        corners = [(sx * x, sy * y, sz * z) for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]
+    else:  # the prism around a cylinder
+        radius, length = part.size
+        angles = 2.0 * np.pi * np.arange(CYLINDER_CORNERS) / CYLINDER_CORNERS
+        r = radius / np.cos(np.pi / CYLINDER_CORNERS)
+        corners = [
+            (r * np.cos(angle), r * np.sin(angle), side * 0.5 * length)
+            for side in (-1, 1)
+            for angle in angles
+        ]
+    points = np.array(corners) @ place[:3, :3].T + place[:3, 3]
+    return Hull(kind="hull", link=link, points_m=tuple(_point(point) for point in points))
+
+
+def _point(values: FloatArray) -> Point:
+    x, y, z = (clean(value) for value in values.tolist())
+    return x, y, z
+
+
+def clean(value: float) -> float:
+    """Return a value without rounding's dust, to a femtometre."""
+    return 0.0 if abs(value) < 1e-12 else round(value, 15)

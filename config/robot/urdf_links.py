@@ -1,0 +1,179 @@
+"""What a URDF says of moving links: repaired where no body is like that, guessed where nothing.
+
+An inertia that no body has is replaced by the nearest one that some body has. A link without mass
+is guessed as a cylinder, marked as a guess.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.optimize import nnls
+
+from config.arrays import FloatArray
+from config.formats.urdf import UrdfInertial, UrdfLink, UrdfTree
+from config.robot.axis_lines import AxisFrames
+from config.robot.nominal_links import nominal_links
+from config.robot.robot import LinkCad
+
+PLACEHOLDER_GYRATION_M: Final = 0.002
+LARGEST_GYRATION_M: Final = 5.0
+MASSES_KG: Final = (1e-4, 3e3)
+FLATTEST: Final = 1e-4
+ROUNDING: Final = 1e-7
+_FROM_MOMENTS: Final = np.array([[0.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class UrdfLinks:
+    """The drawings of the moving links, what to know of them, and of each (from 0)."""
+
+    cad: tuple[LinkCad, ...]
+    notes: tuple[str, ...]
+    comments: dict[int, str]
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A rigid part: mass, centre (3,), inertia about it (3, 3), in the link's frame."""
+
+    mass_kg: float
+    centre_m: FloatArray
+    inertia_kg_m2: FloatArray
+
+
+def links_of_urdf(
+    tree: UrdfTree,
+    carried: list[list[str]],
+    places: dict[str, FloatArray],
+    axes: AxisFrames,
+    tool_m: FloatArray,
+) -> UrdfLinks:
+    """Return mass, centre and inertia of every moving link in its frame.
+
+    Parameters
+    ----------
+    tree : UrdfTree
+        The URDF.
+    carried : list of list of str
+        The URDF's links that move as one: with the base, then with each joint.
+    places : dict of str to (4, 4) array
+        Where the URDF's links are in the base at zero.
+    axes : AxisFrames
+        The robot's frames.
+    tool_m : (3,) array
+        Tool point in the last frame [m].
+    """
+    rows = [[r.alpha_rad, r.beta_rad, r.theta_rad, r.a_m, r.d_m] for r in axes.rows]
+    guesses = nominal_links(np.array(rows), tool_m)
+    notes: list[str] = []
+    cad: list[LinkCad] = []
+    comments: dict[int, str] = {}
+    guessed: list[str] = []
+    for number, names in enumerate(carried[1:]):
+        told: list[str] = []
+        change = 0.0
+        parts: list[_Part] = []
+        for link in (tree.links[name] for name in names):
+            told += [f"{link.name}: {oddity}" for oddity in link.oddities]
+            if link.inertial is None or link.inertial.mass_kg == 0.0:
+                continue
+            inertia, changed, words = _possible(link, link.inertial)
+            change = max(change, changed)
+            told += words
+            place = np.linalg.inv(axes.frames[number + 1]) @ places[link.name]
+            place = place @ link.inertial.placement
+            turn = place[:3, :3]
+            parts.append(_Part(link.inertial.mass_kg, place[:3, 3], turn @ inertia @ turn.T))
+        whole = _together(parts)
+        if whole is None or not MASSES_KG[0] <= whole.mass_kg <= MASSES_KG[1]:
+            cad.append(guesses[number])
+            stated = f"{whole.mass_kg:g} kg" if whole is not None else "no mass"
+            comments[number] = (
+                f"a guess, for the URDF states {stated}: a cylinder of"
+                f" {guesses[number].mass_kg:.3g} kg; no prior"
+            )
+            guessed.append(f"{', '.join(names)} ({stated}; {guesses[number].mass_kg:.3g} kg)")
+        else:
+            cad.append(_drawing(whole, change))
+            unknown = cad[-1].unknown_inertia_kg_m2
+            if unknown:
+                told.append(
+                    f"link {number + 1} ({', '.join(names)}) has {whole.mass_kg:.3g} kg and next"
+                    " to no inertia (zero, or rounded away): --cad-prior takes it as unknown,"
+                    f" 0 ± {unknown:.2g} kg m²"
+                )
+        notes += told
+        if told:
+            comments[number] = "; ".join((*told, *filter(None, [comments.get(number)])))
+    if guessed:
+        notes.append(
+            "these links have no mass that a link can have, and are simulated as cylinders along"
+            f" the arm, which are no prior: {'; '.join(guessed)}. State their masses under `cad`"
+            " in robot.yaml where you know them"
+        )
+    return UrdfLinks(tuple(cad), tuple(notes), comments)
+
+
+def _together(parts: list[_Part]) -> _Part | None:
+    """Return parts as one body, or None where there is none."""
+    if not parts:
+        return None
+    mass = sum(part.mass_kg for part in parts)
+    centre = np.sum([part.mass_kg * part.centre_m for part in parts], axis=0) / mass
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        r = part.centre_m - centre
+        inertia += part.inertia_kg_m2 + part.mass_kg * (r @ r * np.eye(3) - np.outer(r, r))
+    return _Part(mass, centre, inertia)
+
+
+def _possible(link: UrdfLink, inertial: UrdfInertial) -> tuple[FloatArray, float, list[str]]:
+    """Return an inertia (3, 3) that a body of the mass can have, the share changed, and why.
+
+    The principal moments become the nearest ones (least squares) of a body that is not quite flat:
+    none negative, none larger than the other two together.
+    """
+    stated = inertial.inertia_kg_m2
+    moments, directions = np.linalg.eigh(stated)
+    gyration_m = float(np.sqrt(np.abs(moments).sum() / (2.0 * inertial.mass_kg)))
+    if gyration_m < PLACEHOLDER_GYRATION_M:
+        return np.zeros((3, 3)), 0.0, []
+    if gyration_m > LARGEST_GYRATION_M:
+        words = (
+            f"the inertia of {link.name!r} ({link.where}) is that of {inertial.mass_kg:g} kg"
+            f" {gyration_m:.3g} m from the centre (another unit than kg m²?): it counts as unknown"
+        )
+        return np.zeros((3, 3)), 0.0, [words]
+    if moments[0] >= 0.0 and moments[0] + moments[1] >= moments[2] * (1.0 - ROUNDING):
+        return stated, 0.0, []
+    spread, _ = nnls(_FROM_MOMENTS, moments)
+    spread = np.maximum(spread, FLATTEST * spread.max())
+    possible = _FROM_MOMENTS @ spread
+    change = float(np.linalg.norm(possible - moments) / np.linalg.norm(moments))
+    words = (
+        f"no body has the inertia of {link.name!r} ({link.where}), principal moments"
+        f" {_list(moments)} kg m²: the nearest that one can have, {_list(possible)}, was taken"
+        f" ({100.0 * change:.2g} % changed)"
+    )
+    repaired = directions @ np.diag(possible) @ directions.T
+    return repaired, change, [words]
+
+
+def _drawing(body: _Part, change: float) -> LinkCad:
+    """Return a link's drawing, less certain where its inertia was changed a lot."""
+    upper = body.inertia_kg_m2[np.triu_indices(3)]
+    usual = LinkCad.model_fields["uncertainty"].default
+    x, y, z = (round(value, 15) + 0.0 for value in body.centre_m.tolist())
+    return LinkCad(
+        mass_kg=body.mass_kg,
+        centre_m=(x, y, z),
+        inertia_kg_m2=tuple(round(value, 15) + 0.0 for value in upper.tolist()),
+        uncertainty=max(usual, round(min(change, 1.0), 3)),
+    )
+
+
+def _list(moments: FloatArray) -> str:
+    return ", ".join(f"{moment:.4g}" for moment in moments)
