@@ -36,7 +36,7 @@ class UrdfCollision:
 class UrdfLink:
     """A link; `meshes` are the files of its collision geometry, which are not read.
 
-    `oddities` are what its elements say that cannot be meant, and how that was read.
+    `oddities` are what of its elements is invalid, and how that was read.
     """
 
     name: str

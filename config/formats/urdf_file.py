@@ -1,7 +1,7 @@
 """A URDF file (ROS, "URDF XML specification") to a `UrdfTree`, with everything that is wrong in it.
 
 What cannot be read as a tree of links and joints is refused, all of it at once. What can be read
-and cannot be meant (a limit of infinity, a box of no size, a reduction of 0) is left out and kept
+and is invalid (a limit of infinity, a box of no size, a reduction of 0) is left out and kept
 as an oddity of its link, for whoever needs that link.
 """
 
@@ -144,10 +144,8 @@ class _Reader:
         before = len(self.problems)
         name = self._try(lambda found: found.attribute("name"), element)
         kind = self._try(_kind, element)
-        ends = [
-            self._try(lambda found, tag=tag: _end(found, tag), element)
-            for tag in ("parent", "child")
-        ]
+        parent = self._try(_parent, element)
+        child = self._try(_child, element)
         placement = self._try(self._placement, element)
         axis = self._try(_axis, element)
         limits = self._try(_limits, element)
@@ -155,15 +153,15 @@ class _Reader:
         if (
             len(self.problems) > before
             or (name is None or kind is None or placement is None)
-            or (axis is None or limits is None or ends[0] is None or ends[1] is None)
+            or (axis is None or limits is None or parent is None or child is None)
         ):
             return None
         return UrdfJoint(
             name=name,
             where=element.where,
             kind=kind,
-            parent=ends[0],
-            child=ends[1],
+            parent=parent,
+            child=child,
             placement=placement,
             axis=axis,
             limits=limits,
@@ -228,6 +226,14 @@ def _end(element: XmlElement, tag: str) -> str:
     return end.attribute("link")
 
 
+def _parent(element: XmlElement) -> str:
+    return _end(element, "parent")
+
+
+def _child(element: XmlElement) -> str:
+    return _end(element, "child")
+
+
 def _axis(element: XmlElement) -> FloatArray:
     """Return the unit vector of a joint's axis, (3,); x where none is stated."""
     stated = element.one("axis")
@@ -289,11 +295,11 @@ def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) 
     grounded = {name for name in names if name not in above}
     for name in names:
         way: list[str] = []
-        link = name
-        while link not in grounded and link in above and link not in way:
-            way.append(link)
-            link = above[link]
-        if link in way:
+        at = name
+        while at not in grounded and at in above and at not in way:
+            way.append(at)
+            at = above[at]
+        if at in way:
             problems.append(f"{file}: the links {', '.join(sorted(way))} hang on one another")
             break
         grounded.update(way)

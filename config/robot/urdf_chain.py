@@ -94,8 +94,8 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
         return _without_mimics(tree, UrdfArm(base, tip, joints))
     arms = arms_of(tree, base)
     if not arms:
-        where = f"below {base or ', '.join(tree.roots)!r}"
-        raise ConfigError(f"{tree.file}: no joint moves {where}")
+        roots = base or ", ".join(tree.roots)
+        raise ConfigError(f"{tree.file}: no joint moves below {roots}")
     longest = arms[0]
     serious = [longest, *(arm for arm in arms[1:] if _is_serious(arm, longest))]
     if len(serious) > 1:

@@ -144,7 +144,7 @@ def robot_of_urdf(
 
 
 def _refuse_implausible(tree: UrdfTree, robot: RobotDescription) -> None:
-    """Refuse geometry that no robot has.
+    """Refuse geometry that no robot has; everything else was repaired.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def _refuse_implausible(tree: UrdfTree, robot: RobotDescription) -> None:
     lines = [
         f"{tree.file}: makes an implausible robot: {key_name(path)}: {why.split('. Correct')[0]}."
         " A URDF has m, rad, kg: correct it there"
-        for path, why in implausible(robot)
+        for path, why in implausible(robot.model_copy(update={"cad": None}))
     ]
     if lines:
         raise ConfigError("\n".join(lines))

@@ -15,7 +15,7 @@ import pinocchio as pin
 import pytest
 
 from config.errors import EstimationError
-from config.formats.urdf import read_urdf
+from config.formats.urdf_file import read_urdf
 from config.load import load_robot
 from config.robot.robot import (
     GravitySpring,

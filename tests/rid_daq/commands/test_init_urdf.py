@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from pydantic import BaseModel
 
 from acquisition.motion.motion_file import load_motion
 from config.load import load_cell
 from mock_hw.plant.plant import Plant
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
+
+T = TypeVar("T", bound=BaseModel)
 
 LIMIT = '<limit lower="0.5" upper="2" effort="50" velocity="2"/>'
 LINK = (
@@ -35,6 +39,10 @@ def urdf(masses: bool = True) -> str:
       <origin xyz="0.4 0 0"/><axis xyz="0 0 1"/>{LIMIT}</joint>
     <joint name="mount" type="fixed"><parent link="fore"/><child link="hand"/>
       <origin xyz="0.3 0 0"/></joint></robot>"""
+
+
+def _set(model: T, **values: object) -> T:
+    return model.model_copy(update=values)
 
 
 def test_a_urdf_becomes_a_simulated_cell(
@@ -61,7 +69,13 @@ def test_the_simulated_links_are_the_urdfs(tmp_path: Path) -> None:
     assert loaded.plant is not None
     plant = Plant(loaded.robot, loaded.plant, seed=0)
     assert (plant.position > 0.5).all()  # zero is outside the limits: they start in the middle
-    simulated = build_rigid_bodies(loaded.robot, loaded.plant).model
+    robot = loaded.robot.model_copy(
+        update={"joints": tuple(_set(joint, armature=False) for joint in loaded.robot.joints)}
+    )
+    links = loaded.plant.model_copy(
+        update={"axes": tuple(_set(axis, rotor_inertia_kg_m2=0.0) for axis in loaded.plant.axes)}
+    )
+    simulated = build_rigid_bodies(robot, links).model
     judge = pin.buildModelFromXML(urdf().replace("1.5708", "1.5707963267948966"))
     for sample in np.random.default_rng(0).uniform(-2, 2, (5, 3, 2)):
         expected = pin.rnea(judge, judge.createData(), *sample)
@@ -69,13 +83,46 @@ def test_the_simulated_links_are_the_urdfs(tmp_path: Path) -> None:
         np.testing.assert_allclose(tau, expected, atol=1e-9)
 
 
-def test_without_masses_the_cell_is_for_real_drives(tmp_path: Path) -> None:
+def test_without_masses_links_are_simulated_as_cylinders_and_said(tmp_path: Path) -> None:
     (tmp_path / "two.urdf").write_text(urdf(masses=False))
     assert run(["init", str(tmp_path / "cell"), "--urdf", str(tmp_path / "two.urdf")]) == 0
     loaded = load_cell(str(tmp_path / "cell" / "cell.yaml"))
-    assert not loaded.config.simulated
-    assert loaded.robot.cad is None
-    assert "has no mass" in (tmp_path / "cell" / "robot.yaml").read_text()
+    assert loaded.config.simulated
+    assert not loaded.robot.is_drawn
+    text = " ".join((tmp_path / "cell" / "robot.yaml").read_text().replace("#", "").split())
+    assert "a guess, for the URDF states no mass: a cylinder of" in text
+
+
+def test_limits_that_a_urdf_lacks_are_taken_from_options_and_marked_in_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "two.urdf").write_text(urdf().replace('effort="50"', 'effort="0"'))
+    words = ["init", str(tmp_path / "cell"), "--urdf", str(tmp_path / "two.urdf"), "--json"]
+    assert run([*words, "--effort", "800,600", "--acceleration", "4"]) == 0
+    notes = json.loads(capsys.readouterr().out)["notes"]
+    assert "torque of lift, bend: 800, 600 (--effort: the URDF states 0)" in notes
+    joints = load_cell(str(tmp_path / "cell" / "cell.yaml")).robot.joints
+    assert [joint.limits.torque for joint in joints] == [800.0, 600.0]
+    assert [joint.limits.acceleration for joint in joints] == [4.0, 4.0]
+    assert all(joint.armature for joint in joints)
+    lines = (tmp_path / "cell" / "robot.yaml").read_text().splitlines()
+    at = lines.index("- name: bend")
+    assert lines[at - 1] == "# torque: 600 (--effort: the URDF states 0)"
+
+
+def test_of_several_arms_each_is_named_in_a_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = urdf()
+    for name in ("upper", "fore", "hand", "lift", "bend", "mount"):
+        other = other.replace(f'"{name}"', f'"other_{name}"')
+    inner = other.split('<link name="base"/>')[1]
+    (tmp_path / "two.urdf").write_text(urdf().replace("</robot>", inner))
+    words = ["init", "cell", "--urdf", str(tmp_path / "two.urdf")]
+    assert run(words) == 2
+    said = capsys.readouterr().err
+    for tip in ("fore", "other_fore"):
+        assert f"rid-daq {' '.join(words)} --tip {tip}  (2 joints)" in said
 
 
 @pytest.mark.parametrize(
@@ -85,6 +132,8 @@ def test_without_masses_the_cell_is_for_real_drives(tmp_path: Path) -> None:
         (["--urdf", "{}/two.urdf", "--base", "leg"], "there is no link 'leg'; links are base,"),
         (["--urdf", "{}/two.urdf", "--base", "fore", "--tip", "base"], "does not hang on 'fore'"),
         (["--tip", "hand"], "give it with --urdf"),
+        (["--urdf", "{}/two.urdf", "--effort", "1,2,3"], "--effort has 3 values: give one, or one"),
+        (["--urdf", "{}/two.urdf", "--range", "-1"], "--range -1: give one number above 0"),
     ],
 )
 def test_what_cannot_be_made_is_said_and_nothing_written(

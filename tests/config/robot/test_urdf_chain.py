@@ -1,0 +1,77 @@
+"""Which chain of a URDF is the robot: arms, grippers, linkages beside the arm, several arms."""
+
+from __future__ import annotations
+
+import pytest
+
+from config.errors import ConfigError
+from config.formats.urdf_file import read_urdf
+from config.robot.urdf_chain import SeveralArmsError, UrdfArm, arm_between
+
+
+def arm(*joints: str, tip: str | None = None, base: str | None = None) -> UrdfArm:
+    """Return the arm of joints `parent>child`, or `parent>child:kind`, `...:mimic`."""
+    links: dict[str, None] = {}
+    parts = []
+    for text in joints:
+        ends, _, kind = text.partition(":")
+        parent, child = ends.split(">")
+        links |= {parent: None, child: None}
+        mimic = '<mimic joint="ab"/>' if kind == "mimic" else ""
+        parts.append(
+            f'<joint name="{parent}{child}" type="{kind if kind and not mimic else "revolute"}">'
+            f'<parent link="{parent}"/><child link="{child}"/>{mimic}</joint>'
+        )
+    named = "".join(f'<link name="{link}"/>' for link in links)
+    data = f'<robot name="r">{named}{"".join(parts)}</robot>'.encode()
+    return arm_between(read_urdf(data, "r.urdf"), base, tip)
+
+
+ARM = ("a>b", "b>c", "c>d", "d>e")
+
+
+def names(found: UrdfArm) -> list[str]:
+    return [joint.name for joint in found.joints]
+
+
+def test_a_chain_is_the_arm() -> None:
+    found = arm(*ARM, "e>tool:fixed")
+    assert names(found) == ["ab", "bc", "cd", "de"]
+    assert (found.base, found.tip, found.notes) == ("a", "e", ())
+
+
+def test_the_arm_ends_where_fingers_begin() -> None:
+    found = arm(*ARM, "e>hand:fixed", "hand>f:prismatic", "hand>g:mimic")
+    assert names(found) == ["ab", "bc", "cd", "de"]
+    assert found.notes == ("the arm ends at 'e', where a gripper begins: --tip takes another",)
+    assert len(arm(*ARM, "e>hand:fixed", "hand>f", "hand>g:mimic", tip="f").joints) == 5
+
+
+def test_a_linkage_beside_the_arm_is_left_aside() -> None:
+    found = arm(*ARM, "b>rod", "c>piston")
+    assert names(found) == ["ab", "bc", "cd", "de"]
+    assert found.notes == (
+        "the arm to 'e' was taken; piston, rod count as fixed: --tip takes another",
+    )
+
+
+def test_several_arms_are_named_the_longest_first() -> None:
+    left, right = (tuple(j.replace("a>", f"{s}a>") for j in ARM) for s in "lr")
+    both = [f"{side}{p}>{side}{c}" for side in "lr" for p, c in ("ab", "bc", "cd")]
+    with pytest.raises(
+        SeveralArmsError, match=r"--tip re \(5 joints\); --tip ld \(4 joints\)"
+    ) as e:
+        arm("t>x", "x>la:fixed", "x>ra:fixed", *both, "rd>re", "t>head")
+    assert [found.tip for found in e.value.arms] == ["re", "ld"]
+    assert left != right
+
+
+def test_a_floating_base_is_held_and_of_two_trees_the_longer_is_taken() -> None:
+    assert names(arm("world>a:floating", *ARM)) == ["ab", "bc", "cd", "de"]
+    assert names(arm("x>y", *ARM)) == ["ab", "bc", "cd", "de"]
+    assert names(arm("x>y", *ARM, base="x")) == ["xy"]
+
+
+def test_a_joint_that_mimics_in_the_middle_of_the_arm_is_refused_with_a_way_out() -> None:
+    with pytest.raises(ConfigError, match=r"'cd' mimics 'ab' in the middle.*Give --tip c for"):
+        arm("a>b", "b>c", "c>d:mimic", "d>e", tip="e")

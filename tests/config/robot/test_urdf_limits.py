@@ -1,0 +1,88 @@
+"""Limits of URDFs: what can be meant is taken, what cannot is repaired or a default, and said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.errors import ConfigError
+from config.formats.urdf import UrdfJoint
+from config.robot.urdf_limits import (
+    FoundLimits,
+    JointSize,
+    LimitDefaults,
+    joint_sizes,
+    limits_of_urdf,
+)
+
+SIZE = JointSize(reach_m=1.2, weight=100.0)
+WHOLE = {"lower": -2.0, "upper": 2.5, "velocity": 2.0, "effort": 50.0}
+
+
+def joint(kind: str, limits: dict[str, float]) -> UrdfJoint:
+    return UrdfJoint("lift", "r:1", kind, "a", "b", np.eye(4), np.eye(3)[2], limits, None)
+
+
+def found(
+    one: UrdfJoint, defaults: LimitDefaults | None = None, size: JointSize = SIZE
+) -> FoundLimits:
+    return limits_of_urdf([one], [size], defaults or LimitDefaults())[0]
+
+
+def test_what_a_urdf_states_is_taken_and_nothing_said_but_of_acceleration() -> None:
+    whole = found(joint("revolute", WHOLE))
+    limits, taken = whole.limits, whole.taken
+    assert (limits.position_min, limits.position_max, limits.torque) == (-2.0, 2.5, 50.0)
+    assert [str(one) for one in taken] == [
+        "acceleration: 10 (default: five times the velocity, per second)"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "limits", "key", "expected", "told"),
+    [
+        ("revolute", {"effort": 0.0}, "torque", 200.0,
+         "torque: 200 (default: the URDF states 0; twice the weight at full reach)"),
+        ("revolute", {"effort": 1e9}, "torque", 200.0, "the URDF states 1e+09"),
+        ("revolute", {"velocity": 0.0}, "velocity", 2.5,
+         "velocity: 2.5 (default: the URDF states 0; 3 m/s at full reach, 1 to 3 rad/s)"),
+        ("prismatic", {"velocity": -1.0}, "velocity", 0.5, "the URDF states -1; usual"),
+        ("continuous", {}, "position_max", 6.28, "position: ±6.28 (default: the joint has no end"),
+        ("revolute", {"lower": 0.0, "upper": 0.0}, "position_max", 3.14, "position: ±3.14 ("),
+        ("revolute", {"upper": 1e16}, "position_max", 3.14, "the URDF states -2 to 1e+16"),
+        ("prismatic", {"lower": 0.0, "upper": 0.0}, "position_max", 0.3, "position: ±0.3 ("),
+        ("revolute", {"lower": 2.0, "upper": -1.0}, "position_max", 2.0,
+         "position: -1 to 2 (repaired: the URDF states 2 to -1)"),
+        ("revolute", {"lower": -170.0, "upper": 90.0}, "position_max", np.pi / 2,
+         "position: -2.96706 to 1.5708 (repaired: the URDF states -170 to 90, read as degrees)"),
+        ("prismatic", {"lower": 0.0, "upper": 800.0}, "position_max", 0.8, "read as mm"),
+        ("revolute", {"lower": -170.0, "upper": 90.0, "velocity": 180.0}, "velocity", np.pi,
+         "velocity: 3.14159 (repaired: the URDF states 180, read as the positions are)"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant_is_replaced_and_said(
+    kind: str, limits: dict[str, float], key: str, expected: float, told: str
+) -> None:
+    one = found(joint(kind, WHOLE | limits))
+    assert getattr(one.limits, key) == pytest.approx(expected)
+    assert any(told in str(taken) for taken in one.taken)
+
+
+def test_options_fill_in_what_is_missing_and_nothing_else() -> None:
+    defaults = LimitDefaults(position=(1.0,), velocity=(1.5,), acceleration=(3.0,), torque=(70.0,))
+    bare, whole = (found(joint("revolute", x), defaults).limits for x in ({}, WHOLE))
+    assert (bare.position_min, bare.position_max) == (-1.0, 1.0)
+    assert (bare.velocity, bare.acceleration, bare.torque) == (1.5, 3.0, 70.0)
+    assert (whole.position_max, whole.velocity, whole.torque) == (2.5, 2.0, 50.0)
+    with pytest.raises(ConfigError, match="--effort has 2 values: give one, or one for each of"):
+        found(joint("revolute", WHOLE), LimitDefaults(torque=(1.0, 2.0)))
+
+
+def test_sizes_are_those_of_the_arm_stretched_out() -> None:
+    # Two links of 1 m, 2 and 3 kg with centres in the middle, folded back at zero.
+    joints = [joint("revolute", WHOLE), joint("prismatic", WHOLE)]
+    origins, centres = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.5, 0, 0], [0.5, 0, 0]])
+    first, second = joint_sizes(joints, origins, np.zeros(3), centres, np.array([2.0, 3.0]))
+    assert (first.reach_m, second.reach_m) == (2.0, 1.0)
+    assert first.weight == pytest.approx(9.81 * (2.0 * 0.5 + 3.0 * 1.5))
+    assert second.weight == pytest.approx(9.81 * 3.0)

@@ -1,0 +1,105 @@
+"""Inertias that no body has become the nearest that one has; links without mass are guesses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.formats.urdf_file import read_urdf
+from config.robot.robot import LinkCad
+from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
+
+
+def made(inertial: str, second: str = "") -> UrdfRobot:
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        '<origin xyz="0.4 0 0.1"/><axis xyz="0 0 1"/>'
+        '<limit lower="-2" upper="2" effort="50" velocity="2"/></joint>'
+        for name, parent, child in (("one", "base", "tool"), ("two", "tool", "tip"))
+    )
+    links = (
+        f'<link name="base"/><link name="tool">{inertial}</link><link name="tip">{second}</link>'
+    )
+    return robot_of_urdf(read_urdf(f'<robot name="r">{links}{joints}</robot>'.encode(), "r.urdf"))
+
+
+def inertial(mass: float, xx: float, yy: float, zz: float, xy: float = 0.0) -> str:
+    return (
+        f'<inertial><mass value="{mass}"/><inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="{xy}"'
+        ' ixz="0" iyz="0"/></inertial>'
+    )
+
+
+SOUND = inertial(2.0, 0.02, 0.02, 0.03)
+
+
+def moments(link: LinkCad) -> np.ndarray:
+    xx, xy, xz, yy, yz, zz = link.inertia_kg_m2
+    return np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def test_a_link_a_little_outside_the_triangle_rule_is_repaired_a_little() -> None:
+    robot = made(inertial(3.0, 0.010, 0.020, 0.03024), SOUND)
+    assert robot.robot.cad is not None
+    repaired = moments(robot.robot.cad[0])
+    np.testing.assert_allclose(repaired, [0.01008, 0.02008, 0.03016], atol=1e-5)  # least squares
+    assert repaired[0] + repaired[1] >= repaired[2]
+    note = next(note for note in robot.notes if "no body has" in note)
+    assert "inertia of 'tool' (r.urdf:1), principal moments 0.01, 0.02, 0.03024 kg m²" in note
+    assert "0.37 % changed" in note
+    assert robot.robot.is_drawn
+    assert robot.robot.cad[0].uncertainty == 0.1
+    assert note in robot.comments["cad", 0]
+
+
+@pytest.mark.parametrize("stated", [(1.0, 1.0, 9.0), (-0.1, 0.2, 0.2), (-1.0, -1.0, -2.0)])
+def test_what_is_far_from_any_body_is_repaired_and_less_certain(
+    stated: tuple[float, float, float],
+) -> None:
+    robot = made(inertial(4.0, *stated), SOUND)
+    assert robot.robot.cad is not None
+    repaired = moments(robot.robot.cad[0])
+    assert repaired[0] >= 0.0
+    assert repaired[0] + repaired[1] >= repaired[2]
+    uncertainty = robot.robot.cad[0].uncertainty
+    assert uncertainty is not None
+    assert uncertainty > 0.1
+
+
+def test_products_of_inertia_count() -> None:
+    robot = made(inertial(1.0, 0.01, 0.01, 0.015, xy=0.02), SOUND)  # moments -0.01, 0.015, 0.03
+    assert robot.robot.cad is not None
+    assert moments(robot.robot.cad[0])[0] >= 0.0
+    assert any("principal moments -0.01, 0.015, 0.03" in note for note in robot.notes)
+
+
+def test_sound_inertias_are_taken_as_they_are() -> None:
+    robot = made(inertial(1.0, 0.01, 0.02, 0.03), SOUND)  # flat, and exactly so
+    assert robot.robot.cad is not None
+    np.testing.assert_allclose(moments(robot.robot.cad[0]), [0.01, 0.02, 0.03], rtol=1e-12)
+    assert not any("no body" in note for note in robot.notes)
+
+
+def test_an_inertia_in_another_unit_counts_as_unknown() -> None:
+    robot = made(inertial(2.0, 2e4, 2e4, 3e4), SOUND)  # kg mm²
+    assert any("another unit than kg m²?" in note for note in robot.notes)
+    assert robot.robot.cad is not None
+    assert robot.robot.cad[0].unknown_inertia_kg_m2 is not None
+
+
+@pytest.mark.parametrize(
+    "nothing",
+    ["", '<inertial><mass value="-1"/></inertial>', '<inertial><mass value="0"/></inertial>'],
+)
+def test_a_moving_link_without_mass_is_a_guess_and_the_others_stay(nothing: str) -> None:
+    robot = made(nothing, SOUND)
+    assert robot.robot.cad is not None
+    guess, sound = robot.robot.cad
+    assert guess.uncertainty is None
+    assert guess.mass_kg > 0.0
+    assert sound.mass_kg == 2.0
+    assert not robot.robot.is_drawn
+    assert any(
+        "simulated as cylinders" in note and "tool (no mass;" in note for note in robot.notes
+    )
+    assert "a guess, for the URDF states no mass" in robot.comments["cad", 0]
