@@ -1,0 +1,185 @@
+"""Strangers' robots from a URDF to a validated model: `python -m benchmarks.strangers --urdf DIR`.
+
+Every URDF below DIR goes through the commands with defaults, one robot at a time, each command in a
+process of its own: `init --urdf`, `check`, `design`, `record` of the excitation and of the
+validation motion on the simulated cell that init wrote, `identify`, `validate`. Where a tree has
+several tips, the first that init names is taken. `--only NAME`, given once or more, takes the files
+whose names contain NAME; `--json` leaves the table out. The last line is one JSON object; its
+median is of the robots that passed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+INITIALISED_BAR: Final = 0.95
+VALIDATED_BAR: Final = 0.90
+MEDIAN_BAR_S: Final = 90.0
+LONGEST_STEP_S: Final = 900.0
+STEPS: Final = ("init", "check", "design", "excitation", "validation", "identify", "validate")
+
+
+@dataclass
+class Stranger:
+    """How far a robot came: the wall time of each step that was taken, and what stopped it.
+
+    Attributes
+    ----------
+    name : str
+        The file, below the folder.
+    took_s : dict
+        Step to wall time [s].
+    stopped_by : str
+        What the failing command said last; empty where all passed.
+    """
+
+    name: str
+    took_s: dict[str, float] = field(default_factory=dict)
+    stopped_by: str = ""
+
+    @property
+    def initialised(self) -> bool:
+        """Whether init wrote a cell."""
+        return len(self.took_s) > 1 or not self.stopped_by
+
+    @property
+    def validated(self) -> bool:
+        """Whether the model passed its validation."""
+        return not self.stopped_by
+
+    @property
+    def total_s(self) -> float:
+        """The time from the URDF to wherever it came [s]."""
+        return sum(self.took_s.values())
+
+
+def drive(name: str, urdf: Path, folder: Path) -> Stranger:
+    """Take one robot through the commands, as far as it goes."""
+    stranger = Stranger(name)
+    cell, runs = str(folder / "cell.yaml"), ["--runs", str(folder / "runs")]
+    init = ["init", str(folder), "--urdf", str(urdf)]
+    motion, model = str(folder / "motion.yaml"), ""
+    words: dict[str, list[str]] = {
+        "init": init,
+        "check": ["check", cell, *runs],
+        "design": ["design", cell, "-o", motion],
+        "excitation": ["record", cell, motion, *runs],
+        "validation": ["record", cell, str(folder / "validation.yaml"), *runs],
+        "identify": ["identify", "motion", *runs],
+    }
+    for step in STEPS:
+        if step == "validate":
+            models = sorted((folder / "runs").glob("*/model.json"))
+            model = str(models[0]) if models else "no model"
+            words[step] = ["validate", model, "validation", *runs]
+        began_s = time.perf_counter()
+        code, said = _run(words[step])
+        if step == "init" and code and (tip := re.search(r"--tip[ =](?!LINK)([\w.\-/]+)", said)):
+            code, said = _run([*init, "--tip", tip[1]])
+        stranger.took_s[step] = time.perf_counter() - began_s
+        if code:
+            lines = [line for line in said.splitlines() if line.strip()]
+            reason = next(
+                (line for line in reversed(lines) if not line.startswith(("Report:", "Kept:"))), ""
+            )
+            stranger.stopped_by = f"{step}, exit {code}: {reason}"
+            break
+    return stranger
+
+
+def _run(words: list[str]) -> tuple[int, str]:
+    """Run a command; return its exit status and everything that it said."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "rid_daq", *words],
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_STEP_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return 124, f"no end after {LONGEST_STEP_S:g} s"
+    return done.returncode, done.stdout + done.stderr
+
+
+def urdfs(folder: Path, only: list[str]) -> list[Path]:
+    """Return the URDFs below a folder, those whose names contain one of `only`."""
+    found = sorted(folder.rglob("*.urdf"))
+    return [path for path in found if not only or any(word in path.name for word in only)]
+
+
+def main() -> int:
+    """Drive every robot and print; the last line is one JSON object."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--urdf", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--only", action="append", default=[], metavar="NAME")
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    strangers: list[Stranger] = []
+    for path in urdfs(options.urdf, options.only):
+        with tempfile.TemporaryDirectory() as folder:
+            name = str(path.relative_to(options.urdf))
+            strangers.append(drive(name, path.resolve(), Path(folder) / "cell"))
+        if not options.json:
+            _print(strangers[-1], heading=len(strangers) == 1)
+    if not strangers:
+        print(f"no URDF below {options.urdf} whose name contains {options.only or 'anything'}")
+        return 2
+    n = len(strangers)
+    initialised = sum(each.initialised for each in strangers)
+    validated = sum(each.validated for each in strangers)
+    passed_s = [each.total_s for each in strangers if each.validated]
+    median_s = statistics.median(passed_s) if passed_s else float("inf")
+    holds = (
+        initialised >= INITIALISED_BAR * n
+        and validated >= VALIDATED_BAR * n
+        and median_s <= MEDIAN_BAR_S
+    )
+    result = {
+        "name": "strangers",
+        "n": n,
+        "initialised": initialised,
+        "validated": validated,
+        "median_s": round(median_s, 1) if passed_s else None,
+        "load": round(os.getloadavg()[2], 1),
+        "bar": f"{INITIALISED_BAR:.0%} initialised, {VALIDATED_BAR:.0%} validated, median at most"
+        f" {MEDIAN_BAR_S:g} s",
+        "holds": holds,
+        "robots": [
+            {
+                "urdf": each.name,
+                "took_s": {step: round(took_s, 1) for step, took_s in each.took_s.items()},
+                "validated": each.validated,
+                "stopped_by": each.stopped_by,
+            }
+            for each in strangers
+        ],
+    }
+    print(json.dumps(result))
+    return 0 if holds else 1
+
+
+def _print(stranger: Stranger, *, heading: bool) -> None:
+    if heading:
+        print(f"{'robot':32}" + "".join(f"{step:>11}" for step in STEPS) + f"{'total':>9}")
+    times = "".join(
+        f"{stranger.took_s[step]:>9.1f} s" if step in stranger.took_s else f"{'-':>11}"
+        for step in STEPS
+    )
+    verdict = stranger.stopped_by or "passed"
+    print(f"{stranger.name[:31]:32}{times}{stranger.total_s:>7.0f} s  {verdict}", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
