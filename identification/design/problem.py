@@ -27,14 +27,14 @@ from dynamics.model.robot_model import RobotModel, regressor
 from identification.design.criteria import Criterion
 from identification.design.fourier_basis import fourier_basis
 from identification.design.model import design_model
+from identification.design.rest import CLEARANCE_SCALE_M, RestingPoses
 from identification.model.base_parameters import BaseParameters, base_parameters
 
 POINTS_PER_HARMONIC = 8
 LIMIT_POINTS_PER_HARMONIC = 24
 SIGN_SMOOTHING_SHARE = 0.02
-CLEARANCE_SCALE_M = 0.015
 DECIMALS = 6
-START_POSES = 500
+START_RANGE = 0.8
 START_AMPLITUDE = 0.15
 
 Shifts = tuple[FloatArray, ...]
@@ -66,6 +66,8 @@ class ExcitationProblem:
         Where the robot may be.
     base_limits : (6,) array, or None
         Largest forces [N] and moments [N m] that the base may exert on the robot.
+    torque_share : float
+        Share of the torque limits that `parameters` may use up: what they leave out takes the rest.
     """
 
     robot: RobotDescription
@@ -78,6 +80,7 @@ class ExcitationProblem:
     given: FloatArray | None = None
     workspace: Workspace = field(default_factory=Workspace)
     base_limits: FloatArray | None = None
+    torque_share: float = 1.0
 
     def __post_init__(self) -> None:
         n, b = len(self.robot.joints), len(self.base)
@@ -204,6 +207,12 @@ class ExcitationProblem:
         smaller[:, 1:] *= share
         return smaller.ravel()
 
+    def about(self, x: FloatArray, pose_of: FloatArray) -> FloatArray:
+        """Return variables of the same motion about the middle pose of another."""
+        moved = x.reshape(self._scales.shape).copy()
+        moved[:, 0] = pose_of.reshape(self._scales.shape)[:, 0]
+        return moved.ravel()
+
     def to_fourier(self, x: FloatArray, periods: int) -> FourierMotion:
         """Return variables as a motion file has them."""
         coefficients = np.round(self._coefficients(x), DECIMALS)
@@ -227,31 +236,28 @@ class ExcitationProblem:
         )
 
     def start(self, seed: int) -> FloatArray:
-        """Draw variables to start from: a pose that is clear of everything, moved about a little.
+        """Draw variables to start from: a pose to rest in, moved about a little.
 
         Raises
         ------
         ConfigError
-            No such pose is found: bodies or workspace are invalid.
+            No such pose is found, `RestingPoses.draw`.
         """
         random = np.random.default_rng(seed)
         x = START_AMPLITUDE * random.normal(size=self._scales.shape)
         decay = 1.0 / np.arange(1, self.harmonics + 1)
         x[:, 1:] *= np.concatenate([decay, decay])
-        distances = np.zeros(0)
-        for _ in range(START_POSES):
-            x[:, 0] = random.uniform(-0.8, 0.8, len(x))
-            pose = self._middle + x[:, 0] * self._scales[:, 0]
-            distances = self.clearances.nearest(pose[np.newaxis])
-            if (distances >= self.clearances.margin_m).all():
-                return np.asarray(x.ravel())
-        nearest = int(np.argmin(distances))
-        raise ConfigError(
-            f"in none of {START_POSES} random poses is robot {self.robot.name!r} clear of itself"
-            f" and of the workspace; in the last one {self.clearances.names[nearest]} are"
-            f" {distances[nearest]:.3f} m apart: check `bodies` in the robot file and `workspace`"
-            " in the cell file"
+        half, middle = self._scales[:, 0], self._middle
+        resting = RestingPoses(
+            self.model,
+            self._prior,
+            self.limit_fraction * self._torques,
+            self.clearances,
+            middle - START_RANGE * half,
+            middle + START_RANGE * half,
         )
+        x[:, 0] = (resting.draw(random, self.robot.name) - middle) / half
+        return np.asarray(x.ravel())
 
     def value(self, x: FloatArray, penalty: float, shifts: Shifts) -> tuple[float, FloatArray]:
         """Return criterion plus penalties for broken limits, and the gradient.
@@ -376,4 +382,4 @@ class ExcitationProblem:
 
     @cached_property
     def _torques(self) -> FloatArray:
-        return np.array([joint.limits.torque for joint in self.robot.joints])
+        return self.torque_share * np.array([joint.limits.torque for joint in self.robot.joints])

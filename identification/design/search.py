@@ -21,18 +21,33 @@ from identification.design.verification import MotionCheck, check_motion
 PENALTIES = (10.0, 10.0, 30.0, 100.0)
 ITERATIONS = 200
 LATER_SHARE = 0.3
-SHRINKING = (0.98, 0.95, 0.9, 0.8)
+SHRINKING = (0.98, 0.95, 0.9, 0.8, 0.65, 0.5)
+SMALLER_STILL = (0.8, 0.6, 0.45, 0.35, 0.25, 0.18, 0.12, 0.08)
+"""Shares of the amplitudes: about the motion's own middle pose, then about the pose to rest in."""
 PLANNED_MARGIN_M = 0.005
 SCHEDULER_TIMEOUT_S = 10.0
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One refined motion: the seed its start was drawn from, the motion, what a check said."""
+    """One refined motion.
+
+    Attributes
+    ----------
+    seed : int
+        What its start was drawn from.
+    motion : FourierMotion
+        The motion.
+    check : MotionCheck
+        What a check said of it.
+    amplitude : float
+        Which share of the refined amplitudes is left, so that it breaks no limit.
+    """
 
     seed: int
     motion: FourierMotion
     check: MotionCheck
+    amplitude: float = 1.0
 
 
 def refine(
@@ -45,8 +60,9 @@ def refine(
 ) -> Candidate:
     """Refine one start by an augmented Lagrangian and L-BFGS, and check the result densely.
 
-    Where the result breaks a limit by a little, it is drawn together about its middle pose until it
-    breaks none.
+    Where the result breaks a limit, it is drawn together about its middle pose until it breaks
+    none; and where it breaks one at half its size still, about the pose that it started from, in
+    which the robot may rest.
 
     Parameters
     ----------
@@ -62,7 +78,7 @@ def refine(
         Periods of the motion file.
     """
     planned = problem.with_clearance(PLANNED_MARGIN_M)
-    x = planned.start(seed)
+    x = start = planned.start(seed)
     shifts = planned.no_shifts()
     before = PENALTIES[0]
     most = iterations
@@ -79,17 +95,20 @@ def refine(
         shifts = planned.next_shifts(x, shifts)
         before = penalty
         most = max(1, int(LATER_SHARE * iterations))
-    x = problem.within(x)
 
-    def candidate(x: FloatArray) -> Candidate:
-        motion = problem.to_fourier(x, periods)
-        return Candidate(seed, motion, check_motion(problem, motion, sample_period_s))
+    def candidate(x: FloatArray, share: float) -> Candidate:
+        motion = problem.to_fourier(problem.shrunk(x, share), periods)
+        check = check_motion(problem, motion, sample_period_s)
+        return Candidate(seed, motion, check, share)
 
-    found = candidate(x)
-    for share in SHRINKING:
+    own = problem.within(x)
+    found = candidate(own, 1.0)
+    sizes = [(own, share) for share in SHRINKING]
+    resting = problem.within(problem.about(x, start))
+    for smaller, share in [*sizes, *((resting, share) for share in SMALLER_STILL)]:
         if not found.check.broken:
             break
-        found = candidate(problem.shrunk(x, share))
+        found = candidate(smaller, share)
     return found
 
 

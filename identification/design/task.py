@@ -23,6 +23,8 @@ from identification.model.base_parameters import BaseParameters, base_parameters
 
 EXPECTED_NOISE_SHARE: Final = 0.01
 LIMIT_FRACTION: Final = 0.95
+CAD_TORQUE_SHARE: Final = 0.8
+"""Share of the torque limits that drawings may use up: they tell neither friction nor rotors."""
 TORQUE: Final = "torque"
 TORQUE_POSES: Final = 50
 
@@ -115,6 +117,7 @@ def excitation_problem(
         given=_information(base_parameters(planned), given) if given else None,
         workspace=cell.workspace,
         base_limits=_base_limits(cell, parameters, model),
+        torque_share=1.0 if model is not None else CAD_TORQUE_SHARE,
     )
 
 

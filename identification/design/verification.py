@@ -171,7 +171,7 @@ def _torque_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...
             problem,
             f"torque of {joint.name}",
             float(tau),
-            joint.limits.torque,
+            problem.torque_share * joint.limits.torque,
             "N" if joint.type == "prismatic" else "N m",
         )
         for joint, tau in zip(problem.robot.joints, largest, strict=True)

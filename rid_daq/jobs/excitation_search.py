@@ -16,12 +16,16 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.process.termination import signals_handled
 from identification.design.criteria import Criterion
+from identification.design.easier import easier_problems
 from identification.design.problem import ExcitationProblem
 from identification.design.search import Candidate, candidates
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 
 SEEDS_APART: Final = 10_000
+EASIER_STARTS: Final = 4
+ROOM: Final = 0.5
+"""Share of its amplitudes that the best motion must have kept, so that nothing easier is tried."""
 
 
 @dataclass(frozen=True)
@@ -140,55 +144,108 @@ def search(
 ) -> Search:
     """Refine start after start, and keep the best that breaks no limit.
 
-    The result belongs to seed and starts alone, however many processes take part; a budget ends
-    the search early, so that then the machine's speed has a say. An interruption (Ctrl-C) ends it
-    with the best so far.
+    Where none keeps half its size within the limits, fewer harmonics and longer periods are tried
+    with a few starts each, and that is said. The result belongs to seed and starts alone, however
+    many processes take part; a budget ends the search early, so that then the machine's speed has a
+    say. An interruption (Ctrl-C) ends it with the best so far.
 
     Raises
     ------
     ConfigError
-        No motion of any start holds every limit.
+        No motion of any start holds every limit, or there is no pose to start from.
     """
-    began_s = time.monotonic()
-    trials: list[Trial] = []
-    best: Candidate | None = None
-    first, budget_s = SEEDS_APART * options.seed, options.budget_s
-    stream = candidates(
-        problem,
-        range(first, first + options.starts),
-        cell.cycle_time_s,
-        periods=options.periods,
-        scheduler=options.scheduler,
-    )
-    with (
-        signals_handled(_leave_once()) as interruption,
-        console.progress("Designing", float(options.starts), "starts") as shown,
-        closing(stream),
-        suppress(KeyboardInterrupt),
-    ):
-        for candidate in stream:
-            elapsed_s = time.monotonic() - began_s
-            check = candidate.check
-            trials.append(Trial(elapsed_s, candidate.seed, check.objective, check.broken))
-            if not check.broken and (best is None or _key(candidate) < _key(best)):
-                best = candidate
-            line = "none holds every limit yet"
-            if best is not None:
-                line = f"best {problem.criterion.describe(best.check.objective)}"
-            shown.update(float(len(trials)), line)
-            if budget_s is not None and elapsed_s >= budget_s:
-                break
+    work = _Work(cell, options, console, time.monotonic())
+    work.refine(problem, options.starts)
+    for words, easier in easier_problems(problem):
+        if work.enough:
+            break
+        console.say(f"{work.complaint()} Trying {words}.")
+        work.refine(easier, min(options.starts, EASIER_STARTS))
+    best, trials, interrupted_by = work.best, work.trials, work.interrupted_by
     if best is None:
-        if interruption.signal is not None:
+        if interrupted_by is not None:
             console.say("Interrupted before any motion was found; nothing was written.")
-            raise typer.Exit(exit_code_of_stop(StopCode.INTERRUPTED, interruption.signal))
-        reasons = trials[-1].broken[:3] if trials else ("there was no time for any",)
+            raise typer.Exit(exit_code_of_stop(StopCode.INTERRUPTED, interrupted_by))
         raise ConfigError(
-            f"none of {len(trials)} starts gave a motion that holds every limit; the last one:"
-            f" {'; '.join(reasons)}. Take more --starts, a longer --period, or look at the limits,"
-            " bodies and workspace"
+            f"none of {len(trials)} starts gave a motion that holds every limit. {work.complaint()}"
+            " Take more --starts, a longer --period, or look at the limits, bodies and workspace"
         )
-    return Search(problem.criterion, best, tuple(trials), interruption.signal)
+    return Search(problem.criterion, best, tuple(trials), interrupted_by)
+
+
+class _Work:
+    """A search under way: every trial so far, and the best.
+
+    Parameters
+    ----------
+    cell, options, console : CellConfig, SearchOptions, Console
+        As for `search`.
+    began_s : float
+        When it began [s], by the monotonic clock.
+    """
+
+    def __init__(
+        self, cell: CellConfig, options: SearchOptions, console: Console, began_s: float
+    ) -> None:
+        self._cell = cell
+        self._options = options
+        self._console = console
+        self._began_s = began_s
+        self.trials: list[Trial] = []
+        self.best: Candidate | None = None
+        self.interrupted_by: signal.Signals | None = None
+
+    @property
+    def enough(self) -> bool:
+        """Whether nothing easier is to be tried."""
+        roomy = self.best is not None and self.best.amplitude >= ROOM
+        return roomy or self.interrupted_by is not None or self._time_is_over()
+
+    def complaint(self) -> str:
+        """Say why something easier is to be tried."""
+        if self.best is not None:
+            return f"Limits leave {100.0 * self.best.amplitude:.0f} % of the best motion's size."
+        if not self.trials:
+            return "There was no time for any."
+        return f"No start holds every limit; the last one: {'; '.join(self.trials[-1].broken[:3])}."
+
+    def refine(self, problem: ExcitationProblem, starts: int) -> None:
+        """Refine some starts, until they, the time or the user's patience are over."""
+        options, first = self._options, SEEDS_APART * self._options.seed
+        stream = candidates(
+            problem,
+            range(first, first + starts),
+            self._cell.cycle_time_s,
+            periods=options.periods,
+            scheduler=options.scheduler,
+        )
+        ready = 0
+        with (
+            signals_handled(_leave_once()) as interruption,
+            self._console.progress("Designing", float(starts), "starts") as shown,
+            closing(stream),
+            suppress(KeyboardInterrupt),
+        ):
+            for candidate in stream:
+                self._take(candidate)
+                ready += 1
+                line = "none holds every limit yet"
+                if self.best is not None:
+                    line = f"best {problem.criterion.describe(self.best.check.objective)}"
+                shown.update(float(ready), line)
+                if self._time_is_over():
+                    break
+        self.interrupted_by = interruption.signal
+
+    def _take(self, candidate: Candidate) -> None:
+        elapsed_s, check = time.monotonic() - self._began_s, candidate.check
+        self.trials.append(Trial(elapsed_s, candidate.seed, check.objective, check.broken))
+        if not check.broken and (self.best is None or _key(candidate) < _key(self.best)):
+            self.best = candidate
+
+    def _time_is_over(self) -> bool:
+        budget_s = self._options.budget_s
+        return budget_s is not None and time.monotonic() - self._began_s >= budget_s
 
 
 def _leave_once() -> Callable[[], None]:

@@ -1,0 +1,27 @@
+"""`easier_problems`: what is tried where a motion as it was asked for has no room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+from identification.design.problem import ExcitationProblem
+
+FEWEST_HARMONICS: Final = 2
+SLOWER: Final = (2, 4)
+
+
+def easier_problems(problem: ExcitationProblem) -> Iterator[tuple[str, ExcitationProblem]]:
+    """Yield easier tasks, each with what it is in words: fewer harmonics, then longer periods too.
+
+    A period that is longer by a whole factor is a whole number of cycles, as the first one was.
+    """
+    fewer = max(FEWEST_HARMONICS, problem.harmonics // 2)
+    if fewer < problem.harmonics:
+        problem = replace(problem, harmonics=fewer)
+        yield f"{fewer} harmonics", problem
+    for factor in SLOWER:
+        period_s = factor * problem.period_s
+        words = f"{problem.harmonics} harmonics of {period_s:g} s"
+        yield words, replace(problem, period_s=period_s)

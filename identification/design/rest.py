@@ -1,0 +1,124 @@
+"""`RestingPoses`: where the robot may stand still: clear of everything, and held by its motors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.optimize import minimize
+
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from dynamics.geometry.clearances import Clearances
+from dynamics.model.inverse_dynamics import regressor_gradient
+from dynamics.model.robot_model import RobotModel, regressor
+
+DRAWS: Final = 500
+REFINED: Final = 8
+CLEARANCE_SCALE_M: Final = 0.015
+SLACK_M: Final = 0.002
+MOST_SAID: Final = 4
+
+
+@dataclass(frozen=True, eq=False)
+class RestingPoses:
+    """What a robot at rest must keep.
+
+    Attributes
+    ----------
+    model : RobotModel
+        The robot's model.
+    parameters : (parameters,) array
+        A-priori values; zeros where nothing is known, and then nothing weighs.
+    torque_limits : (n,) array
+        What the motors may be asked to hold [N m or N].
+    clearances : Clearances
+        What must stay apart.
+    low, high : (n,) array
+        Where poses are drawn from [rad or m].
+    """
+
+    model: RobotModel
+    parameters: FloatArray
+    torque_limits: FloatArray
+    clearances: Clearances
+    low: FloatArray
+    high: FloatArray
+
+    def draw(self, random: np.random.Generator, robot: str) -> FloatArray:
+        """Draw a pose (n,) in which the robot may rest.
+
+        Where none of `DRAWS` random poses is one, the nearest to it are led to where it is.
+
+        Raises
+        ------
+        ConfigError
+            None is found; the message says what stands in the way, with numbers. `robot` is named.
+        """
+        drawn: list[FloatArray] = []
+        for _ in range(DRAWS):
+            pose = random.uniform(self.low, self.high)
+            if self._may_rest(pose):
+                return np.asarray(pose)
+            drawn.append(pose)
+        drawn.sort(key=lambda pose: self._excess(pose)[0])
+        for pose in drawn[:REFINED]:
+            bounds = list(zip(self.low, self.high, strict=True))
+            led = minimize(self._excess, pose, jac=True, method="L-BFGS-B", bounds=bounds).x
+            if self._may_rest(led):
+                return np.asarray(led)
+        raise ConfigError(
+            f"in none of {DRAWS} random poses may robot {robot!r} rest:"
+            f" {'; '.join(self._in_the_way(np.array(drawn))[:MOST_SAID])}"
+        )
+
+    def _torque(self, pose: FloatArray) -> FloatArray:
+        rest = np.zeros((1, len(pose)))
+        return np.asarray(regressor(self.model, pose[np.newaxis], rest, rest)[0] @ self.parameters)
+
+    def _may_rest(self, pose: FloatArray) -> bool:
+        if not self.clearances.is_clear(pose[np.newaxis]):
+            return False
+        return bool((np.abs(self._torque(pose)) <= self.torque_limits).all())
+
+    def _excess(self, pose: FloatArray) -> tuple[float, FloatArray]:
+        """Return by how much a pose is none to rest in, as squares, and the gradient."""
+        rest = np.zeros((1, len(pose)))
+        share = self._torque(pose) / self.torque_limits
+        over = np.sign(share) * np.maximum(np.abs(share) - 0.98, 0.0)
+        weights = (2.0 * over / self.torque_limits)[:, np.newaxis] * self.parameters
+        gradient = regressor_gradient(
+            self.model, pose[np.newaxis], rest, rest, weights[np.newaxis]
+        )[0][0]
+        squares = float(over @ over)
+        if len(self.clearances):
+            farther = replace(self.clearances, margin_m=self.clearances.margin_m + SLACK_M)
+            short, by_q = farther.shortfall(pose[np.newaxis])
+            squares += short / CLEARANCE_SCALE_M**2
+            gradient = gradient + by_q[0] / CLEARANCE_SCALE_M**2
+        return squares, np.asarray(gradient)
+
+    def _in_the_way(self, poses: FloatArray) -> list[str]:
+        """Say what no pose keeps, or else what the best of them breaks."""
+        names = self.model.joint_names
+        held = np.abs([self._torque(pose) for pose in poses])
+        apart = np.array([self.clearances.nearest(pose[np.newaxis]) for pose in poses])
+        never_held = held.min(axis=0) > self.torque_limits
+        never_clear = apart.max(axis=0) < self.clearances.margin_m
+        if not never_held.any() and not never_clear.any():
+            best = poses[0]
+            never_held = np.abs(self._torque(best)) > self.torque_limits
+            never_clear = self.clearances.nearest(best[np.newaxis]) < self.clearances.margin_m
+            held, apart = held[:1], apart[:1]
+        said = [
+            f"{names[j]} takes {held[:, j].min():.3g} where {self.torque_limits[j]:.3g} of its"
+            " torque limit may be planned with: raise it, or correct `cad`"
+            for j in np.flatnonzero(never_held)
+        ]
+        return said + [
+            f"{self.clearances.names[pair]} are {apart[:, pair].max():.3f} m apart at most, where"
+            f" {self.clearances.margin_m:g} m must be kept: check `bodies` in the robot file and"
+            " `workspace` in the cell file"
+            for pair in np.flatnonzero(never_clear)
+        ]

@@ -1,0 +1,136 @@
+"""Where a motion may begin: clear of everything, and held by the motors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from config.errors import ConfigError
+from config.robot.bodies import Capsule
+from config.robot.robot import (
+    Joint,
+    JointLimits,
+    KinematicRow,
+    Kinematics,
+    LinkCad,
+    RobotDescription,
+)
+from dynamics.model.cad import cad_parameters
+from dynamics.model.robot_model import torque
+from identification.design.criteria import DOptimal
+from identification.design.easier import easier_problems
+from identification.design.model import design_model
+from identification.design.problem import ExcitationProblem
+from identification.design.search import refine
+
+REACH_M = 0.4
+MASS_KG = 5.0
+WEIGHT_NM = MASS_KG * 9.81 * REACH_M
+
+
+def swing(torque_nm: float, low: float = -3.0, high: float = 3.0) -> RobotDescription:
+    """Return a heavy arm that swings about a lying axis, stretched out at zero, and a turning hand.
+
+    It hangs at -pi / 2.
+    """
+    limits = JointLimits(
+        position_min=low, position_max=high, velocity=3.0, acceleration=15.0, torque=torque_nm
+    )
+    hand = JointLimits(
+        position_min=-3.0, position_max=3.0, velocity=3.0, acceleration=15.0, torque=5.0
+    )
+    heavy = LinkCad(
+        mass_kg=MASS_KG, centre_m=(REACH_M, 0.0, 0.0), inertia_kg_m2=(0.01, 0, 0, 0.05, 0, 0.05)
+    )
+    light = LinkCad(mass_kg=0.2, inertia_kg_m2=(1e-3, 0, 0, 1e-3, 0, 1e-3))
+    return RobotDescription(
+        name="swing",
+        kinematics=Kinematics(
+            convention="modified_dh",
+            rows=(KinematicRow(alpha_rad=np.pi / 2), KinematicRow(alpha_rad=np.pi / 2)),
+        ),
+        joints=(Joint(name="lift", limits=limits), Joint(name="turn", limits=hand)),
+        cad=(heavy, light),
+    )
+
+
+def problem(robot: RobotDescription) -> ExcitationProblem:
+    return ExcitationProblem(
+        robot=robot,
+        period_s=5.0,
+        harmonics=4,
+        criterion=DOptimal(),
+        limit_fraction=0.95,
+        expected_noise_nm=np.array([0.1, 0.05]),
+        parameters=cad_parameters(design_model(robot), robot)[0],
+    )
+
+
+def test_a_weak_arm_starts_where_its_motor_holds_it_and_moves_there() -> None:
+    robot = swing(0.3 * WEIGHT_NM)
+    task = problem(robot)
+    for seed in range(3):
+        pose = task.motion(task.start(seed), task._coarse)[0].mean(axis=0)[np.newaxis]
+        rest = np.zeros((1, 2))
+        held = torque(task.model, pose, rest, rest, task.parameters)[0, 0]
+        assert abs(held) < 0.35 * WEIGHT_NM
+    found = refine(task, 0, 0.01)
+    assert found.check.broken == ()
+    assert np.isfinite(found.check.objective)
+
+
+def test_a_pose_that_no_draw_hits_is_led_to() -> None:
+    """The motor holds one part in fifty of the weight: so near to hanging few random poses are."""
+    robot = swing(0.004 * WEIGHT_NM)
+    task = problem(robot)
+    pose = task.motion(task.start(1), task._coarse)[0].mean(axis=0)
+    assert min(abs(pose[0] - end) for end in (-np.pi / 2, np.pi / 2)) < 0.1
+
+
+def test_an_arm_that_its_motor_never_holds_is_told_with_the_torques() -> None:
+    robot = swing(0.3 * WEIGHT_NM, low=-0.5, high=0.5)
+    with pytest.raises(ConfigError) as told:
+        problem(robot).start(0)
+    least = WEIGHT_NM * np.cos(0.5 * 0.8 * 0.95)
+    assert f"lift takes {least:.2g}"[:-1] in str(told.value)
+    assert "where 5.59 of its torque limit may be planned with" in str(told.value)
+
+
+def test_bodies_that_are_never_clear_are_told_with_their_distance() -> None:
+    base = Capsule(kind="capsule", link=0, start_m=(0, 0, 0), end_m=(0, 0, 0), radius_m=0.1)
+    hand = Capsule(kind="capsule", link=2, start_m=(0, 0, 0), end_m=(0, 0, 0), radius_m=0.1)
+    robot = swing(2.0 * WEIGHT_NM).model_copy(update={"bodies": (base, hand)})
+    with pytest.raises(ConfigError, match=r"apart at most, where 0\.02 m must be kept"):
+        problem(robot).start(0)
+
+
+def test_a_motion_between_bodies_is_drawn_together_until_it_is_clear() -> None:
+    """The arm stands between posts all round: a narrow part of the lift's range is clear."""
+    post = [
+        Capsule(
+            kind="capsule",
+            link=0,
+            start_m=(0.5 * np.cos(angle), -0.3, 0.5 * np.sin(angle)),
+            end_m=(0.5 * np.cos(angle), 0.3, 0.5 * np.sin(angle)),
+            radius_m=0.05,
+        )
+        for angle in np.arange(0.0, 2.0 * np.pi, 0.69)
+    ]
+    arm = Capsule(kind="capsule", link=2, start_m=(0, 0, 0.4), end_m=(0, 0, 0.6), radius_m=0.02)
+    robot = swing(2.0 * WEIGHT_NM).model_copy(update={"bodies": (*post, arm)})
+    found = refine(problem(robot), 1, 0.01, iterations=30)
+    assert found.check.broken == ()
+    clear = [use for use in found.check.uses if use.what.startswith("distance")]
+    assert min(use.used for use in clear) < 0.06
+    lift = found.motion.trajectory(robot, 0.01)
+    assert np.ptp(lift.position(lift.sample_times_s)[:, 0]) < 0.69
+
+
+def test_fewer_harmonics_come_before_longer_periods() -> None:
+    task = problem(swing(WEIGHT_NM))
+    said = [words for words, _ in easier_problems(task)]
+    assert said == ["2 harmonics", "2 harmonics of 10 s", "2 harmonics of 20 s"]
+    said = [words for words, _ in easier_problems(replace(task, harmonics=2))]
+    assert said == ["2 harmonics of 10 s", "2 harmonics of 20 s"]
