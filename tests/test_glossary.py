@@ -34,7 +34,7 @@ REPLACED = {
     r"white_equations": "whitened",
     r"LineFaults?|RegisterFaults": "FaultScript",
     r"_?tell_\w+": "report_*, run_*, send_*: what it does",
-    r"[Ss]trangers?": "unknown",
+    r"(?<!benchmarks\.)[Ss]trangers?": "unknown",
     r"termination_(?:held|waits|calls)": "signals_blocked, signals_deferred, signals_handled",
     r"kernels[./]lanes|`lanes`": "simd",
     r"(?:criterion|check|trial|search|self)\.worth": "objective",

@@ -74,6 +74,7 @@ def test_a_weak_arm_starts_where_its_motor_holds_it_and_moves_there() -> None:
     for seed in range(3):
         pose = task.motion(task.start(seed), task._coarse)[0].mean(axis=0)[np.newaxis]
         rest = np.zeros((1, 2))
+        assert task.parameters is not None
         held = torque(task.model, pose, rest, rest, task.parameters)[0, 0]
         assert abs(held) < 0.35 * WEIGHT_NM
     found = refine(task, 0, 0.01)
