@@ -34,7 +34,7 @@ class RestingPoses:
     torque_limits : (n,) array
         What the motors may be asked to hold [N m or N].
     clearances : Clearances
-        What must stay apart.
+        What must stay gaps.
     low, high : (n,) array
         Where poses are drawn from [rad or m].
     """
@@ -103,21 +103,21 @@ class RestingPoses:
         """Say what no pose keeps, or else what the best of them breaks."""
         names = self.model.joint_names
         held = np.abs([self._torque(pose) for pose in poses])
-        apart = np.array([self.clearances.nearest(pose[np.newaxis]) for pose in poses])
+        gaps = np.array([self.clearances.nearest(pose[np.newaxis]) for pose in poses])
         never_held = held.min(axis=0) > self.torque_limits
-        never_clear = apart.max(axis=0) < self.clearances.margin_m
+        never_clear = gaps.max(axis=0) < self.clearances.margin_m
         if not never_held.any() and not never_clear.any():
             best = poses[0]
             never_held = np.abs(self._torque(best)) > self.torque_limits
             never_clear = self.clearances.nearest(best[np.newaxis]) < self.clearances.margin_m
-            held, apart = held[:1], apart[:1]
+            held, gaps = held[:1], gaps[:1]
         said = [
             f"{names[j]} takes {held[:, j].min():.3g} where {self.torque_limits[j]:.3g} of its"
             " torque limit may be planned with: raise it, or correct `cad`"
             for j in np.flatnonzero(never_held)
         ]
         return said + [
-            f"{self.clearances.names[pair]} are {apart[:, pair].max():.3f} m apart at most, where"
+            f"{self.clearances.names[pair]} are {gaps[:, pair].max():.3f} m apart at most, where"
             f" {self.clearances.margin_m:g} m must be kept: check `bodies` in the robot file and"
             " `workspace` in the cell file"
             for pair in np.flatnonzero(never_clear)
