@@ -11,6 +11,7 @@ from config.model import ConfigModel
 from config.plausible import Plausible
 
 Point = Annotated[tuple[float, float, float], Plausible(0.0, 200.0, "m")]
+BodyName = Annotated[str, Field(max_length=80)]
 Length = Annotated[float, Field(gt=0.0), Plausible(1e-4, 5.0, "m")]
 
 
@@ -19,6 +20,7 @@ class Capsule(ConfigModel):
 
     kind: Literal["capsule"]
     link: Annotated[int, Field(ge=0)]
+    name: BodyName = ""
     start_m: Point
     end_m: Point
     radius_m: Length
@@ -29,6 +31,7 @@ class Hull(ConfigModel):
 
     kind: Literal["hull"]
     link: Annotated[int, Field(ge=0)]
+    name: BodyName = ""
     points_m: tuple[Point, ...] = Field(min_length=4, max_length=2000)
 
     @model_validator(mode="after")

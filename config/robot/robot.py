@@ -296,7 +296,8 @@ class RobotDescription(PhysicalFile):
 
     `coupling` is C of q = C alpha (5.18), for wrists whose motors move several joints: alpha are
     the motors' angles over their gear ratios. `cad` is what the drawings say of the links, base to
-    flange; it is a prior, never a result. `bodies` is the space that the links take.
+    flange; it is a prior, never a result. `bodies` is the space that the links take;
+    `may_touch` names pairs of them that are not held apart, because they touch by design.
     `base_offset_m` is the origin of frame 0 in the frame of the whole robot, whose axes it has;
     `tool_rpy_rad` turns the tool's frame against the last one's (roll, pitch, yaw as in a URDF).
     Both matter to exports alone.
@@ -313,6 +314,7 @@ class RobotDescription(PhysicalFile):
     coupling: tuple[tuple[float, ...], ...] | None = None
     cad: tuple[LinkCad, ...] | None = None
     bodies: tuple[Body, ...] = ()
+    may_touch: tuple[tuple[str, str], ...] = ()
 
     @field_validator("coupling")
     @classmethod
@@ -344,6 +346,15 @@ class RobotDescription(PhysicalFile):
         for body in self.bodies:
             if body.link > n:
                 raise ValueError(f"a body sits on link {body.link} of {n}")
+        names = [body.name for body in self.bodies if body.name]
+        if len(set(names)) < len(names):
+            raise ValueError("two bodies have the same name")
+        for first, second in self.may_touch:
+            if first == second or not {first, second} <= set(names):
+                raise ValueError(
+                    f"may_touch has {first!r} and {second!r}: it needs the names of two bodies;"
+                    f" bodies are {', '.join(names) or 'without names'}"
+                )
         return self
 
     @model_validator(mode="after")

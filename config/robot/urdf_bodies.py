@@ -12,6 +12,7 @@ from config.robot.axis_lines import AxisFrames
 from config.robot.bodies import Body, Capsule, Hull, Point
 
 CYLINDER_CORNERS: Final = 16
+LONGEST_NAME: Final = 80
 
 
 def bodies_of_urdf(
@@ -39,7 +40,10 @@ def bodies_of_urdf(
         for name in names:
             link = tree.links[name]
             place = np.linalg.inv(axes.frames[number]) @ places[name]
-            bodies += [_body(number, part, place @ part.placement) for part in link.collisions]
+            bodies += [
+                _body(number, _name(name, k, len(link.collisions)), part, place @ part.placement)
+                for k, part in enumerate(link.collisions, start=1)
+            ]
             if link.meshes:
                 meshes.append(name)
     if not meshes:
@@ -50,11 +54,21 @@ def bodies_of_urdf(
     )
 
 
-def _body(link: int, part: UrdfCollision, place: FloatArray) -> Body:
+def _name(link: str, number: int, count: int) -> str:
+    """Return what the shapes of a URDF's link are called: as it is, or with a number behind."""
+    return (link if count == 1 else f"{link} {number}")[:LONGEST_NAME]
+
+
+def _body(link: int, name: str, part: UrdfCollision, place: FloatArray) -> Body:
     if part.shape == "sphere":
         centre = _point(place[:3, 3])
         return Capsule(
-            kind="capsule", link=link, start_m=centre, end_m=centre, radius_m=part.size[0]
+            kind="capsule",
+            link=link,
+            name=name,
+            start_m=centre,
+            end_m=centre,
+            radius_m=part.size[0],
         )
     if part.shape == "box":
         x, y, z = (0.5 * side for side in part.size)
@@ -69,7 +83,9 @@ def _body(link: int, part: UrdfCollision, place: FloatArray) -> Body:
             for angle in angles
         ]
     points = np.array(corners) @ place[:3, :3].T + place[:3, 3]
-    return Hull(kind="hull", link=link, points_m=tuple(_point(point) for point in points))
+    return Hull(
+        kind="hull", link=link, name=name, points_m=tuple(_point(point) for point in points)
+    )
 
 
 def _point(values: FloatArray) -> Point:

@@ -23,7 +23,8 @@ class _Solid:
     """A shape of coal, the link that carries it, and its place in that link's frame.
 
     `half` and `radius` are of a capsule about its centre that holds it: half its line, from the
-    centre to an end. Of solids around the robot it is not asked.
+    centre to an end. Of solids around the robot it is not asked. `body` is the name of a body of
+    the robot.
     """
 
     name: str
@@ -33,6 +34,7 @@ class _Solid:
     centre: FloatArray
     half: FloatArray
     radius: float
+    body: str = ""
 
 
 @dataclass(frozen=True)
@@ -48,9 +50,10 @@ class _Touch:
 class Clearances:
     """The pairs of solids whose distance counts.
 
-    Bodies of the same link or of neighbouring links are not held against one another: they touch
-    by design. A robot without bodies is held against the surroundings with its tool point alone.
-    Bodies whose surrounding capsules are far apart are not looked at any closer.
+    Bodies of the same link or of neighbouring links are not held against one another, nor pairs
+    that the robot's `may_touch` names: they touch by design. A robot without bodies is held against
+    the surroundings with its tool point alone. Bodies whose surrounding capsules are far apart are
+    not looked at any closer.
 
     Attributes
     ----------
@@ -72,10 +75,12 @@ class Clearances:
         workspace = workspace or Workspace()
         chain = Chain.from_description(robot)
         bodies = [_body_solid(body, number) for number, body in enumerate(robot.bodies, start=1)]
+        touching = {frozenset(pair) for pair in robot.may_touch}
         pairs = [
             (first, second)
             for first, second in combinations(bodies, 2)
             if abs(first.link - second.link) > 1
+            and frozenset((first.body, second.body)) not in touching
         ]
         around = [_plane_solid(plane) for plane in workspace.planes]
         for box in workspace.boxes:
@@ -248,14 +253,16 @@ def _place(solid: _Solid, links: FloatArray) -> coal.Transform3s:
 
 
 def _body_solid(body: Body, number: int) -> _Solid:
-    name = f"link {body.link}'s body {number}" if body.link else f"the base's body {number}"
+    carrier = f"link {body.link}" if body.link else "the base"
+    name = f"{carrier}'s body {body.name or number}"
     if isinstance(body, Capsule):
         start, end = np.array(body.start_m), np.array(body.end_m)
         centre, half = (start + end) / 2.0, (end - start) / 2.0
         if not half.any():
-            return _ball(name, body.link, centre, body.radius_m)
+            return _ball(name, body.link, centre, body.radius_m, body.name)
         shape = coal.Capsule(body.radius_m, 2.0 * float(np.linalg.norm(half)))
-        return _Solid(name, body.link, shape, _z_along(half), centre, half, body.radius_m)
+        turn = _z_along(half)
+        return _Solid(name, body.link, shape, turn, centre, half, body.radius_m, body.name)
     corners = np.array(body.points_m)
     centre = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
     points = coal.StdVec_Vec3s()
@@ -263,11 +270,11 @@ def _body_solid(body: Body, number: int) -> _Solid:
         points.append(corner - centre)
     hull = coal.Convex.convexHull(points, True, "Qt")
     radius = float(np.linalg.norm(corners - centre, axis=1).max())
-    return _Solid(name, body.link, hull, np.eye(3), centre, np.zeros(3), radius)
+    return _Solid(name, body.link, hull, np.eye(3), centre, np.zeros(3), radius, body.name)
 
 
-def _ball(name: str, link: int, centre: FloatArray, radius: float) -> _Solid:
-    return _Solid(name, link, coal.Sphere(radius), np.eye(3), centre, np.zeros(3), radius)
+def _ball(name: str, link: int, centre: FloatArray, radius: float, body: str = "") -> _Solid:
+    return _Solid(name, link, coal.Sphere(radius), np.eye(3), centre, np.zeros(3), radius, body)
 
 
 def _plane_solid(plane: Plane) -> _Solid:

@@ -133,7 +133,8 @@ class Search:
         console.say(
             f"Nearest approach: {1000.0 * nearest.used:.0f} mm, {nearest.what}."
             if nearest is not None
-            else "Collisions are not checked: neither `bodies` nor a `workspace` is stated."
+            else "Collisions are not checked: the cell has no `workspace`, and no two of the"
+            " robot's `bodies` can meet (neighbours, and pairs of `may_touch`, are left out)."
         )
         active = [use.what for use in uses if use.active]
         console.say(f"What holds the motion back: {', '.join(active) or 'nothing'}.")

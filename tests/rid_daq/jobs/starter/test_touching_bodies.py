@@ -1,0 +1,70 @@
+"""Bodies that touch wherever the robot stands are not held apart; those that can part are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from config.robot.bodies import Capsule
+from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from dynamics.geometry.clearances import Clearances
+from rid_daq.jobs.starter.touching_bodies import without_touching
+
+REACH = 0.3
+
+
+def capsule(link: int, name: str, length: float, radius: float = 0.05) -> Capsule:
+    return Capsule(
+        kind="capsule",
+        link=link,
+        name=name,
+        start_m=(0.0, 0.0, 0.0),
+        end_m=(length, 0.0, 0.0),
+        radius_m=radius,
+    )
+
+
+def arm(**more: object) -> RobotDescription:
+    """Return a plane arm of three links, which folds onto itself."""
+    limits = JointLimits(
+        position_min=-3.0, position_max=3.0, velocity=1.0, acceleration=5.0, torque=10.0
+    )
+    robot = RobotDescription(
+        name="plane",
+        kinematics=Kinematics(
+            convention="modified_dh", rows=tuple(KinematicRow(a_m=REACH) for _ in range(3))
+        ),
+        joints=tuple(Joint(name=name, limits=limits) for name in ("one", "two", "three")),
+        bodies=(
+            capsule(0, "base", REACH, radius=0.35),  # its end reaches over the second axis
+            capsule(2, "upper", 0.1),
+            capsule(3, "fore", REACH),
+        ),
+    )
+    return RobotDescription.model_validate(robot.model_dump() | more)
+
+
+def test_what_touches_in_every_pose_may_touch_and_what_can_part_may_not() -> None:
+    robot, notes = without_touching(arm(), np.zeros(3))
+    assert robot.may_touch == (("base", "upper"),)
+    assert notes == (
+        "these bodies touch wherever the robot stands, and are not held apart: base and upper"
+        " (`may_touch` in robot.yaml)",
+    )
+    assert Clearances.of(arm()).names == (
+        "the base's body base and link 2's body upper",
+        "the base's body base and link 3's body fore",
+    )
+    assert Clearances.of(robot).names == ("the base's body base and link 3's body fore",)
+
+
+def test_a_robot_whose_bodies_part_stays_as_it_is() -> None:
+    apart = arm(bodies=(capsule(0, "base", 0.1), capsule(3, "fore", 0.1)))
+    assert without_touching(apart, np.zeros(3)) == (apart, ())
+
+
+@pytest.mark.parametrize("pair", [("base", "base"), ("base", "hand")])
+def test_may_touch_needs_the_names_of_two_bodies(pair: tuple[str, str]) -> None:
+    with pytest.raises(ValidationError, match=r"it needs the names of two bodies; bodies are base"):
+        arm(may_touch=(pair,))
