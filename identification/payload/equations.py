@@ -183,7 +183,7 @@ class PayloadEquations:
         Which run each cluster is of, from 0.
     explained_nm : ndarray, shape (n,)
         RMS of each joint's torque that was explained before these equations were made [N m or N]:
-        zero but for `apart`, whose equations are of robots, not of torques.
+        by `apart` by two robots, by `difference` by the run without payload; else zero.
     """
 
     procedure: Procedure

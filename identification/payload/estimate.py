@@ -65,6 +65,8 @@ class PayloadEstimate:
     contradictions : ndarray, shape (k,), or None
         How far each of `known` lies from what the recordings say without it [standard deviations];
         None in files of version 0.1.
+    torque_constant_sigma : float
+        Relative standard deviation of every joint's torque constant, which `covariance` has in it.
     """
 
     robot: RobotDescription
@@ -83,6 +85,7 @@ class PayloadEstimate:
     run_ids: tuple[str, ...] = ()
     torque_nm: FloatArray | None = None
     contradictions: FloatArray | None = None
+    torque_constant_sigma: float = 0.0
 
     def __post_init__(self) -> None:
         ten, n = PARAMETERS_PER_LINK, len(self.robot.joints)
@@ -287,6 +290,7 @@ def of_solution(
         condition_number=solution.condition_number,
         known=tuple(known),
         contradictions=solution.contradictions,
+        torque_constant_sigma=torque_constant_sigma,
         torque_nm=torque,
         residual_nm=residual,
         payload_nm=caused,

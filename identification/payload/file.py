@@ -62,6 +62,7 @@ class PayloadDocument(ConfigModel):
     principal_axes: Matrix | None
     known: tuple[_Known, ...]
     contradictions: Row | None = None
+    torque_constant_sigma: float = 0.0
     parameters: tuple[str, ...]
     values: Row
     covariance: Matrix

@@ -121,7 +121,11 @@ class PeriodicRuns:
         for run, average in enumerate(averages):
             own = base_values(layout, values, run)
             sizes.append(inertia_size(model.model, model.base, average.position, own))
-        return _condensed(model, layout, procedure, binned, sizes, divisors, known)
+        equations = _condensed(model, layout, procedure, binned, sizes, divisors, known)
+        if procedure == "difference":
+            empty = self.part([self.loaded.index(False)])
+            equations = replace(equations, explained_nm=empty.torque_nm)
+        return equations
 
     def _bins(self, model: PayloadModel, standard: FloatArray | None) -> list[BinEquations]:
         """Return the equations of every run; `standard` as in `torque_columns`."""

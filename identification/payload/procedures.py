@@ -22,6 +22,7 @@ from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.solution import SEEN, solve_payload
 
 PASSES: Final = 4
+TORQUE_CONSTANT_SIGMA: Final = 0.01
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,8 @@ class PayloadOptions:
     known : tuple of Known
         What is known of the payload otherwise.
     torque_constant_sigma : float
-        Relative standard deviation of every joint's torque constant.
+        Relative standard deviation of every joint's torque constant; `TORQUE_CONSTANT_SIGMA` is
+        that of drives that nobody calibrated. `apart` cannot take it into account.
     """
 
     procedure: Procedure = "together"

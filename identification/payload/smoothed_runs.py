@@ -25,6 +25,7 @@ from identification.payload.equations import (
     condense,
     robot_prior,
 )
+from identification.payload.same_motion import torque_difference
 from identification.payload.solution import minimum_norm_of
 from identification.regression.least_squares import Triangle
 
@@ -89,15 +90,35 @@ class SmoothedRuns:
         """Set up the equations of smoothed recordings; see `MeasuredRuns`.
 
         Each joint's rows are divided by its RMS residual, found by iteration. A cluster is a second
-        of one run. `difference` needs periodic runs.
+        of one run. `difference` needs one motion recorded with and without the payload.
         """
         if procedure == "difference":
+            empty = self.part([self.loaded.index(False)])
+            equations = self._difference()._equations(model, procedure, None, None)
+            return replace(equations, explained_nm=empty.torque_nm)
+        return self._equations(model, procedure, robot, standard)
+
+    def _difference(self) -> SmoothedRuns:
+        """Return the loaded run less the unloaded run's torques, as a run by itself."""
+        if sorted(self.loaded) != [False, True]:
             raise EstimationError(
-                "torques are subtracted period by period: these runs are not periodic; use the"
-                " procedure `together`, which needs no common time"
+                "torques are subtracted between one run with the payload and one without: give two"
+                " runs, or use the procedure `together`"
             )
+        loaded = self.loaded.index(True)
+        own = torque_difference(self.signals[loaded], self.signals[1 - loaded])
+        return replace(self, signals=(own,), loaded=(True,))
+
+    def _equations(
+        self,
+        model: PayloadModel,
+        procedure: Procedure,
+        robot: Estimate | None,
+        standard: FloatArray | None,
+    ) -> PayloadEquations:
         slopes = 0 if standard is None else len(model.model.nonlinear_names)
-        layout = Layout(model, len(self.signals), slopes=slopes)
+        with_robot = procedure != "difference"
+        layout = Layout(model, len(self.signals), with_robot=with_robot, slopes=slopes)
         width, n = len(layout.names), model.model.chain.n
         known = robot_prior(layout, robot if procedure == "model" else None)
         triangles = [Triangle.empty(width) for _ in range(n)]

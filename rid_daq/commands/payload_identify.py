@@ -66,15 +66,16 @@ def identify(
         ),
     ] = None,
     torque_constant_sigma: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--torque-constant-sigma",
             min=0.0,
             max=50.0,
             metavar="PERCENT",
-            help="What is not known of each torque constant (1 σ): widens the intervals.",
+            help="What is not known of each torque constant (1 σ): widens the intervals. 1 % if"
+            " not given; `apart` counts them as right.",
         ),
-    ] = 0.0,
+    ] = None,
     mass_limit_percent: Annotated[
         float, typer.Option("--mass-limit", min=0.0, help="2σ of the mass at most [%].")
     ] = PayloadLimits.mass_percent,
@@ -131,7 +132,9 @@ def identify(
         model=model,
         procedure=None if procedure is None else procedure.value,
         known=tuple(known_quantity(text) for text in known or []),
-        torque_constant_sigma=torque_constant_sigma / 100.0,
+        torque_constant_sigma=None
+        if torque_constant_sigma is None
+        else torque_constant_sigma / 100.0,
         limits=PayloadLimits(
             mass_limit_percent, centre_limit_mm, inertia_limit_percent, residual_limit_percent
         ),

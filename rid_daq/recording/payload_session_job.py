@@ -16,7 +16,7 @@ from config.load import LoadedCell, load_cell, load_robot, to_yaml
 from identification.estimation.file import read_estimate
 from identification.payload.file import write_payload
 from identification.payload.motion import PayloadSearch, design_payload_motion
-from identification.payload.procedures import PayloadOptions
+from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from identification.payload.verdict import PayloadResult
 from rid_daq.jobs.cell_files import motion_for
 from rid_daq.jobs.payload.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
@@ -79,6 +79,7 @@ def run_payload_session(
             procedure="together" if request.model is None else "model",
             robot=None if request.model is None else read_estimate(request.model),
             known=request.known,
+            torque_constant_sigma=TORQUE_CONSTANT_SIGMA,
         ),
         limits=request.limits,
     )

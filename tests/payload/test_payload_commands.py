@@ -72,6 +72,7 @@ def test_a_real_payload_is_weighed_within_two_percent_and_inside_its_interval(
     ("procedure", "trained"),
     [
         ("together", None),
+        ("difference", None),
         ("apart", None),
         ("model", "unloaded"),
         ("model", "other motion"),
@@ -92,7 +93,7 @@ def test_every_procedure_weighs_a_real_payload_inside_its_interval(
     capsys.readouterr()
     assert run([*words, "-o", str(workshop / "procedure.json"), "--overwrite"]) == 0
     mass = json.loads(capsys.readouterr().out)["payload"]["parameters"][0]
-    assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"] < 0.04 * WEIGHED_KG
+    assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"] < 0.05 * WEIGHED_KG
 
 
 def test_a_model_with_friction_terms_of_its_own_weighs_a_payload(
@@ -245,8 +246,8 @@ def test_a_payload_whose_mass_was_edited_is_refused(workshop: Path) -> None:
         (["--loaded", "loaded"], "cannot be told from the robot"),
         (["--loaded", "loaded", "--procedure", "model"], "--model MODEL"),
         (
-            ["--unloaded", "unloaded", "--loaded", "loaded", "--procedure", "difference"],
-            "are not periodic",
+            ["--unloaded", "other motion", "--loaded", "loaded", "--procedure", "difference"],
+            "torques cannot be subtracted; use the procedure `together`",
         ),
         (["--unloaded", "unloaded", "--loaded", "loaded", "--known", "mass=1"], "no quantity"),
         (["--unloaded", "unloaded", "--loaded", "loaded", "--known", "m"], "NAME=VALUE"),

@@ -14,7 +14,7 @@ from identification.model.options import ModelOptions
 from identification.payload.equations import Procedure
 from identification.payload.file import write_payload
 from identification.payload.known import Known
-from identification.payload.procedures import PayloadOptions
+from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
 from rid_daq.report.result_file import write_result
@@ -41,8 +41,8 @@ class PayloadIdentifyRequest:
         How robot and payload are told apart; by the model where there is one, else together.
     known : tuple of Known
         What is known otherwise.
-    torque_constant_sigma : float
-        What is not known of each torque constant, as a share.
+    torque_constant_sigma : float or None
+        What is not known of each torque constant, as a share; the usual if None.
     limits : PayloadLimits
         How sure the payload must be.
     band_hz, standstill_rad_s : float
@@ -61,7 +61,7 @@ class PayloadIdentifyRequest:
     model: Path | None = None
     procedure: Procedure | None = None
     known: tuple[Known, ...] = ()
-    torque_constant_sigma: float = 0.0
+    torque_constant_sigma: float | None = None
     limits: PayloadLimits = field(default_factory=PayloadLimits)
     band_hz: float = BAND_HZ
     standstill_rad_s: float = STANDSTILL_RAD_S
@@ -123,7 +123,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest, console: Console) -> 
         options=request.options,
         robot=robot,
         known=request.known,
-        torque_constant_sigma=request.torque_constant_sigma,
+        torque_constant_sigma=_torque_constant_sigma(request.torque_constant_sigma, procedure),
     )
     asked = PayloadRequest(how, request.limits, request.band_hz, request.standstill_rad_s)
     payload, repeats = payload_from_runs(data, flags, asked)
@@ -138,3 +138,9 @@ def identify_payload_runs(request: PayloadIdentifyRequest, console: Console) -> 
     )
     report = write_result(first.folder, result)
     return PayloadIdentified(section, verdict, output, report, notes)
+
+
+def _torque_constant_sigma(asked: float | None, procedure: Procedure) -> float:
+    if asked is not None:
+        return asked
+    return 0.0 if procedure == "apart" else TORQUE_CONSTANT_SIGMA

@@ -257,9 +257,10 @@ def payload_verdict(payload: PayloadResult) -> Verdict:
             " from this mass."
         )
     if estimate.seen[0]:
+        known = 100.0 * estimate.torque_constant_sigma
         sentence += (
-            " Unless --torque-constant-sigma says otherwise, torque constants count as right: 1 %"
-            f" of all of them is another {0.01 * abs(estimate.reported[0]):.2g} kg."
+            f" Each torque constant counts as known to {known:.2g} % (1 σ): 1 % of all of them is"
+            f" {0.01 * abs(estimate.reported[0]):.2g} kg."
         )
     return Verdict.of(checks, headline, sentence)
 

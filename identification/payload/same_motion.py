@@ -1,0 +1,96 @@
+"""One motion recorded twice, with and without a payload: what the payload alone changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import correlate
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import FloatArray
+from config.errors import EstimationError
+
+SAME_MOTION_SHARE: Final = 0.02
+SHORTEST_S: Final = 5.0
+
+
+def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> SmoothedSignals:
+    """Return the loaded run with the torques of the same motion without the payload taken off.
+
+    The two recordings began at different times: the shift that brings their positions together
+    is found, to a fraction of a sample.
+
+    Parameters
+    ----------
+    loaded, unloaded : SmoothedSignals
+        The same motion with and without the payload, without gaps.
+
+    Raises
+    ------
+    EstimationError
+        A recording has gaps, or the robot did not move alike.
+    """
+    for signals, which in ((loaded, "with"), (unloaded, "without")):
+        if signals.segment[-1] > 0:
+            raise EstimationError(
+                f"the run {which} the payload has gaps: torques are subtracted along whole motions;"
+                " use the procedure `together`"
+            )
+    late_s = _lateness(loaded, unloaded)
+    there = unloaded.time_s[0] <= loaded.time_s - late_s
+    there &= loaded.time_s - late_s <= unloaded.time_s[-1]
+    if np.count_nonzero(there) * loaded.sample_period_s < SHORTEST_S:
+        raise EstimationError(_unlike("overlap for less than five seconds"))
+    time_s = loaded.time_s[there]
+    position = _at(unloaded, unloaded.position, time_s - late_s)
+    apart = np.sqrt(np.mean((loaded.position[there] - position) ** 2, axis=0))
+    worst = int(np.argmax(apart))
+    if apart[worst] > SAME_MOTION_SHARE * loaded.position[there].std(axis=0).max():
+        raise EstimationError(
+            _unlike(f"differ by {apart[worst]:.3g} rad (RMS) at {loaded.joint_names[worst]}")
+        )
+    without = _at(unloaded, unloaded.torque_nm, time_s - late_s)
+    return replace(
+        loaded,
+        time_s=time_s,
+        position=loaded.position[there],
+        velocity=loaded.velocity[there],
+        acceleration=loaded.acceleration[there],
+        torque_nm=loaded.torque_nm[there] - without,
+        segment=loaded.segment[there],
+        temperature_k=None if loaded.temperature_k is None else loaded.temperature_k[there],
+    )
+
+
+def _lateness(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> float:
+    """Return by how much the loaded run's stamps are later at the same place [s]."""
+    step_s = unloaded.sample_period_s
+    grid = np.arange(loaded.time_s[0], loaded.time_s[-1], step_s)
+    own, other = _at(loaded, loaded.velocity, grid), unloaded.velocity
+    match = sum(
+        correlate(own[:, j], other[:, j], mode="full", method="fft") for j in range(own.shape[1])
+    )
+    lag = int(np.argmax(match)) - (len(other) - 1)
+    first_s = float(grid[0] - unloaded.time_s[0]) + lag * step_s
+    middle = grid[len(grid) // 10 : -len(grid) // 10]
+
+    def apart(late_s: FloatArray) -> FloatArray:
+        there = _at(unloaded, unloaded.position, middle - late_s[0])
+        return np.asarray((_at(loaded, loaded.position, middle) - there).ravel())
+
+    found = least_squares(apart, [first_s], x_scale=step_s, diff_step=[1e-3])
+    return float(found.x[0])
+
+
+def _at(signals: SmoothedSignals, values: FloatArray, time_s: FloatArray) -> FloatArray:
+    return np.stack([np.interp(time_s, signals.time_s, column) for column in values.T], axis=1)
+
+
+def _unlike(how: str) -> str:
+    return (
+        f"the motions with and without the payload {how}: their torques cannot be subtracted; use"
+        " the procedure `together`"
+    )

@@ -1,0 +1,63 @@
+"""One motion recorded twice is brought together in time, and only then subtracted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.errors import EstimationError
+from identification.payload.same_motion import torque_difference
+
+STEP_S = 0.01
+
+
+def recorded(late_s: float, torque_nm: float, *, size: float = 1.0) -> SmoothedSignals:
+    """Return 20 s of two joints, the stamps of whose motion are late."""
+    time_s = np.arange(0.0, 20.0, STEP_S)
+    phase = np.outer(time_s - late_s, [1.1, 1.7])
+    wave = size * (np.sin(phase) + 0.3 * np.sin(2.3 * phase))
+    return SmoothedSignals(
+        joint_names=("one", "two"),
+        time_s=time_s,
+        position=wave,
+        velocity=np.gradient(wave, STEP_S, axis=0),
+        acceleration=np.zeros_like(wave),
+        torque_nm=wave + torque_nm,
+        segment=np.zeros(len(time_s), dtype=np.int64),
+        sample_period_s=STEP_S,
+        cutoff_hz=10.0,
+    )
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_what_is_left_is_the_payloads_torque(first_s: float, second_s: float) -> None:
+    found = torque_difference(recorded(first_s, 5.0), recorded(second_s, 2.0))
+    assert len(found) * STEP_S > 13.9
+    np.testing.assert_allclose(found.torque_nm, 3.0, atol=1e-3)
+
+
+def test_another_motion_is_refused_with_the_joint() -> None:
+    with pytest.raises(EstimationError, match=r"differ by .* rad \(RMS\) at two"):
+        torque_difference(recorded(0.0, 0.0), recorded(0.0, 0.0, size=1.1))
+
+
+def test_a_recording_with_gaps_is_refused() -> None:
+    whole = recorded(0.0, 0.0)
+    torn = replace(whole, segment=np.repeat([0, 1], len(whole) // 2))
+    with pytest.raises(EstimationError, match="the run without the payload has gaps"):
+        torque_difference(whole, torn)
+
+
+def test_motions_that_hardly_overlap_are_refused() -> None:
+    first = recorded(0.0, 0.0)
+    rows = slice(0, 300)
+    names = ("time_s", "position", "velocity", "acceleration", "torque_nm", "segment")
+    short = replace(first, **{name: getattr(first, name)[rows] for name in names})
+    with pytest.raises(EstimationError, match="overlap for less than five seconds"):
+        torque_difference(first, short)
