@@ -1,0 +1,164 @@
+"""`WriteJournal`: what a program writes to drives, and what was there before, line by line.
+
+A line reaches the operating system before its write reaches the drive, so that it outlives the
+program. Lines are JSON: first which drive a node is, then every object that changes.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from config.errors import ConfigError, RecordingError, system_errors
+from config.formats.bounded_file import read_file
+from config.model import ConfigModel
+from drivers.canopen.sdo import object_name
+from drivers.settings.saved_drive import (
+    Address,
+    DriveIdentity,
+    HexBytes,
+    NodeId,
+    ObjectName,
+    SavedDrive,
+    address_of,
+)
+
+DRIVE_WRITES = "drive_writes.jsonl"
+"""The journal's name in a run folder."""
+
+_JOURNAL_BYTES = 64 << 20
+
+
+class DriveLine(ConfigModel):
+    """Which drive a node is; before its first change."""
+
+    kind: Literal["drive"] = "drive"
+    node_id: NodeId
+    identity: DriveIdentity
+
+
+class ChangeLine(ConfigModel):
+    """An object that is about to change: by a write, or by a reset, which has no `new`.
+
+    `old` is None where it cannot be read, and `why` says why.
+    """
+
+    kind: Literal["change"] = "change"
+    node_id: NodeId
+    object: ObjectName
+    old: HexBytes | None
+    new: HexBytes | None
+    why: str = ""
+
+
+_LINE: TypeAdapter[DriveLine | ChangeLine] = TypeAdapter(
+    Annotated[DriveLine | ChangeLine, Field(discriminator="kind")]
+)
+
+
+class WriteJournal:
+    """Appends to a journal; the file is made with its first line.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its folder is made too.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._nodes: set[int] = set()
+
+    def knows(self, node_id: int) -> bool:
+        """Return whether it has been told which drive a node is."""
+        return node_id in self._nodes
+
+    def add_drive(self, node_id: int, identity: DriveIdentity) -> None:
+        """Say which drive a node is.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be written.
+        """
+        self._append(DriveLine(node_id=node_id, identity=identity))
+        self._nodes.add(node_id)
+
+    def add_change(
+        self, node_id: int, address: Address, old: bytes | str, new: bytes | None
+    ) -> None:
+        """Say what is about to change; `old` in words is why it is not known.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be written; then nothing may be written to the drive either.
+        """
+        known = isinstance(old, bytes)
+        self._append(
+            ChangeLine(
+                node_id=node_id,
+                object=object_name(*address),
+                old=old.hex() if isinstance(old, bytes) else None,
+                new=None if new is None else new.hex(),
+                why="" if known else str(old),
+            )
+        )
+
+    def _append(self, line: DriveLine | ChangeLine) -> None:
+        text = line.model_dump_json().encode() + b"\n"
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
+        with system_errors(RecordingError, f"{self.path}: what is written to drives is not kept"):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(self.path, flags, 0o644)
+            try:
+                written = os.write(descriptor, text)
+            finally:
+                os.close(descriptor)
+        if written != len(text):
+            raise RecordingError(
+                f"{self.path}: what is written to drives is not kept: the disk is full"
+            )
+
+
+def read_journal(path: Path) -> tuple[SavedDrive, ...]:
+    """Return what every drive held before the first change of each object.
+
+    A last line that is not whole is left out: its write did not reach the drive.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or is none; the message has the line.
+    """
+    with system_errors(ConfigError, f"{path}: cannot be read"):
+        data = read_file(path, _JOURNAL_BYTES, follow_link=False)
+    identities: dict[int, DriveIdentity] = {}
+    values: dict[int, dict[Address, bytes]] = {}
+    unknown: dict[int, dict[Address, str]] = {}
+    for number, text in enumerate(data.split(b"\n")[:-1], start=1):
+        try:
+            line = _LINE.validate_json(text)
+        except ValidationError as error:
+            first = error.errors()[0]["msg"]
+            raise ConfigError(
+                f"{path}:{number}: not a journal of what was written to drives: {first}"
+            ) from error
+        node = line.node_id
+        if isinstance(line, DriveLine):
+            identities.setdefault(node, line.identity)
+            continue
+        address = address_of(line.object)
+        if address in values.setdefault(node, {}) or address in unknown.setdefault(node, {}):
+            continue
+        if line.old is None:
+            unknown[node][address] = line.why
+        else:
+            values[node][address] = bytes.fromhex(line.old)
+    return tuple(
+        SavedDrive.of(node, identity, values.get(node, {}), unknown.get(node, {}))
+        for node, identity in identities.items()
+    )
