@@ -11,6 +11,7 @@ from config.robot.robot import RobotDescription
 from drivers.ports.can_link import CanLink, open_can
 from drivers.ports.clock import Clock
 from drivers.servo.axes import CanServoAxes
+from drivers.settings.write_log import WriteLog
 
 
 class Cell:
@@ -28,9 +29,15 @@ class Cell:
         The time that every deadline of this cell is in.
     """
 
-    def __init__(self, config: CellConfig, robot: RobotDescription, link: CanLink) -> None:
+    def __init__(
+        self,
+        config: CellConfig,
+        robot: RobotDescription,
+        link: CanLink,
+        write_log: WriteLog | None = None,
+    ) -> None:
         self.config = config
-        self.axes = CanServoAxes(link, config, robot)
+        self.axes = CanServoAxes(link, config, robot, write_log)
         self.clock: Clock = link.clock
         self.link = link
 
@@ -71,8 +78,15 @@ class Cell:
             )
 
 
-def open_cell(cell: CellConfig, robot: RobotDescription) -> Cell:
+def open_cell(cell: CellConfig, robot: RobotDescription, write_log: WriteLog | None = None) -> Cell:
     """Open the devices of a cell; nothing is sent to them yet (`CanServoAxes.bring_up`).
+
+    Parameters
+    ----------
+    cell, robot : CellConfig, RobotDescription
+        The cell and its robot.
+    write_log : WriteLog, optional
+        Where what is written to the drives is kept, with what was there.
 
     Raises
     ------
@@ -83,7 +97,7 @@ def open_cell(cell: CellConfig, robot: RobotDescription) -> Cell:
     """
     link = open_can(cell.can)
     try:
-        return Cell(cell, robot, link)
+        return Cell(cell, robot, link, write_log)
     except BaseException:
         link.close()
         raise

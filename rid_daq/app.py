@@ -33,6 +33,7 @@ COMMANDS: dict[str, str] = {
     "check": "preflight: every device, every safety setting; any red means no motion",
     "reset": "reset the faults of a cell's drives, once their causes are gone",
     "jog": "move one joint at a time, or go to the home pose, while a key is held",
+    "drives": "keep what the drives hold, put it back, undo what a run wrote",
     "mock": "serve a cell's simulated devices on their bus until stopped",
     "design": "choose an excitation, verify it against the limits, write the motion file",
     "plate": "zero the force plate under the robot",

@@ -38,7 +38,12 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 _DEVICE = re.compile(r"(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?", re.IGNORECASE)
 _MANIFEST_BYTES = 4_000_000
 _READ_BYTES = 200_000_000
-_NOT_BY_WRITE = (JOURNAL, ".blf", ".json")  # what recorders and estimators put in by themselves
+_NOT_BY_WRITE = (
+    JOURNAL,
+    ".blf",
+    ".json",
+    ".jsonl",
+)  # what recorders and estimators put in by themselves
 
 
 @dataclass(frozen=True)

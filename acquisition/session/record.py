@@ -38,6 +38,7 @@ from config.cell.drive_profile import DriveProfile
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.process.termination import signals_handled, suspension_refused
 from config.robot.robot import RobotDescription
+from drivers.settings.write_log import DRIVE_WRITES
 from dynamics.geometry.clearances import Clearances
 
 RING_S = 10.0
@@ -146,7 +147,7 @@ def record_motion(
     task = HelperProcess(
         "cyclic task",
         run_cyclic_task,
-        (cell, robot, source, ring, control, os.getpid()),
+        (cell, robot, source, ring, control, os.getpid(), folder.file(DRIVE_WRITES)),
         patience_s=STOP_PATIENCE_S,
         loss="the drives stop by themselves when the heartbeat ends",
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
@@ -21,6 +22,7 @@ from config.process.termination import leave_terminal
 from config.robot.robot import RobotDescription
 from drivers.cell import open_cell
 from drivers.ports.clock import MonotonicClock
+from drivers.settings.write_log import WriteLog
 
 
 def run_cyclic_task(
@@ -30,6 +32,7 @@ def run_cyclic_task(
     ring: Ring,
     control: ControlBlock,
     parent: int,
+    drive_writes: Path,
 ) -> None:
     """Run the cyclic task; the main function of its process.
 
@@ -46,6 +49,8 @@ def run_cyclic_task(
         Shared with recorder and program.
     parent : int
         Process id of the program.
+    drive_writes : Path
+        Where what is written to the drives is kept.
     """
     leave_terminal()
     set_process_name(ProcessName.TASK)
@@ -57,7 +62,7 @@ def run_cyclic_task(
     try:
         _await_recorder(control, orphaned)
         source.prepare()
-        with open_cell(cell, robot) as opened:
+        with open_cell(cell, robot, WriteLog(drive_writes)) as opened:
             lockstep = not isinstance(opened.clock, MonotonicClock)
             opened.axes.bring_up()
             freeze_garbage()

@@ -28,6 +28,7 @@ from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.power_sequence import PowerSequence
 from drivers.servo.service import DriveService
 from drivers.servo.setup import DriveSetup, SetupResult
+from drivers.settings.write_log import WriteLog
 
 ANSWERS_FRACTION = 0.6
 """For which part of a cycle answers are waited for; the rest is for the next set-points."""
@@ -53,6 +54,8 @@ class CanServoAxes:
         The open bus. The constructor does not use it.
     cell, robot : CellConfig, RobotDescription
         Addresses and limits; the axes are put into the robot's order.
+    write_log : WriteLog, optional
+        Where what is written to the drives is kept, with what was there.
 
     Attributes
     ----------
@@ -74,11 +77,18 @@ class CanServoAxes:
         of the bus.
     """
 
-    def __init__(self, link: CanLink, cell: CellConfig, robot: RobotDescription) -> None:
+    def __init__(
+        self,
+        link: CanLink,
+        cell: CellConfig,
+        robot: RobotDescription,
+        write_log: WriteLog | None = None,
+    ) -> None:
         self._link = link
         self._clock = link.clock
         self._cell = cell
         self._robot = robot
+        self._write_log = write_log
         self._axes = axes_in_joint_order(cell, robot)
         check_bus_load(cell)
         self.joint_names = robot.joint_names
@@ -93,7 +103,7 @@ class CanServoAxes:
             bitrate=cell.can.bitrate,
         )
         self.answers = self.cyclic.answers
-        self.service = DriveService(link, cell, self._axes, self.watch)
+        self.service = DriveService(link, cell, self._axes, self.watch, write_log)
         self.answers_within_s = ANSWERS_FRACTION * cell.cycle_time_s
         self._power = PowerSequence(
             self._axes, cell, robot, link.clock, self.cyclic, self.watch, self._run_cycle
@@ -122,9 +132,13 @@ class CanServoAxes:
         self.cyclic.left_enabled = False
         self.watch.forget()
         self._setups = ()
-        wait_for_boot_up(self._link, self._cell, self._axes, self.watch)
+        self.service.claim_bus()
+        self.service.note_before_reset()
+        wait_for_boot_up(self._link, self._axes, self.watch)
         for axis, joint in zip(self._axes, self._robot.joints, strict=True):
-            setup = DriveSetup(self._link, axis, joint, self._cell, self.watch.handle)
+            setup = DriveSetup(
+                self._link, axis, joint, self._cell, self.watch.handle, self._write_log
+            )
             self._setups = (*self._setups, setup.run())
         refuse_red(self.settings())
         self.cyclic.use_units(setup.units for setup in self._setups if setup.units is not None)

@@ -75,10 +75,8 @@ def check_bus_load(cell: CellConfig) -> float:
     return load
 
 
-def wait_for_boot_up(
-    link: CanLink, cell: CellConfig, axes: Sequence[DriveAxis], watch: DriveWatch
-) -> None:
-    """Make sure that no other master is on the bus, then reset every drive's communication.
+def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch) -> None:
+    """Reset every drive's communication, and wait until each has booted.
 
     Raises
     ------
@@ -89,7 +87,6 @@ def wait_for_boot_up(
     ProtocolError
         Two devices boot with the same node id.
     """
-    listen_for_masters(link, cell, watch)
     for axis in axes:
         link.send(nmt_frame(NmtCommand.RESET_COMMUNICATION, axis.node_id))
     _listen(link, watch, BOOT_TIMEOUT_S, until_booted=True)

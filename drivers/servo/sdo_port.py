@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 
 from config.errors import ProtocolError
 from drivers.canopen.frames import Frame, sdo_answer_cob_id
-from drivers.canopen.sdo import SdoAbort, SdoCode, object_name
+from drivers.canopen.sdo import SdoAbort, SdoCode, abort_text, object_name
 from drivers.canopen.sdo_client import SdoClient
 from drivers.ports.can_link import CanLink
+from drivers.settings.saved_drive import Address, DriveIdentity
+from drivers.settings.write_log import WriteLog
 
 MISSING = (SdoCode.NO_OBJECT, SdoCode.NO_SUBINDEX)
 
@@ -26,6 +29,8 @@ class SdoPort:
         Called with each frame that is not an answer of this node's SDO server, and its time [s].
     timeout_s : float
         How long to wait for each answer. Nothing is asked twice.
+    write_log : WriteLog, optional
+        Where what is written is kept first, with what was there.
     """
 
     def __init__(
@@ -34,10 +39,12 @@ class SdoPort:
         node_id: int,
         others: Callable[[Frame, float], None],
         timeout_s: float = 0.5,
+        write_log: WriteLog | None = None,
     ) -> None:
         self.node_id = node_id
         self._link = link
         self._others = others
+        self._write_log = write_log
         self._client = SdoClient(node_id, timeout_s)
         self._answer_cob_id = sdo_answer_cob_id(node_id)
 
@@ -56,7 +63,19 @@ class SdoPort:
         return self._run(self._client.upload(index, subindex, self._link.clock.now_s()))
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object; raises as `read` does."""
+        """Write an object; raises as `read` does.
+
+        Raises
+        ------
+        RecordingError
+            The write log cannot be written; the object was not.
+        """
+        if self._write_log is not None:
+            try:
+                old: bytes | str = self.read(index, subindex)
+            except SdoAbort as abort:
+                old = abort_text(abort.code)
+            self.note_change(self._write_log, (index, subindex), old, data)
         self._run(self._client.download(index, subindex, data, self._link.clock.now_s()))
 
     def read_int(self, index: int, subindex: int, *, signed: bool = False) -> int:
@@ -68,6 +87,22 @@ class SdoPort:
                 " where a number was expected"
             )
         return int.from_bytes(data, "little", signed=signed)
+
+    def identity(self) -> DriveIdentity:
+        """Return 1018h, as far as the drive has it; raises as `read` does, but for refusals."""
+        parts: dict[str, int] = {}
+        for subindex, name in enumerate(("vendor", "product", "revision", "serial"), start=1):
+            with contextlib.suppress(SdoAbort):
+                parts[name] = self.read_int(0x1018, subindex)
+        return DriveIdentity(**parts)
+
+    def note_change(
+        self, write_log: WriteLog, address: Address, old: bytes | str, new: bytes | None
+    ) -> None:
+        """Put a change into a write log, before it the drive; raises as `read` and `write` do."""
+        if not write_log.knows(self.node_id):
+            write_log.add_drive(self.node_id, self.identity())
+        write_log.add_change(self.node_id, address, old, new)
 
     def _run(self, request: Frame) -> bytes:
         self._link.send(request)

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 
 from config.cell.cell import CellConfig, DriveAxis
+from config.errors import DeviceTimeoutError
+from drivers.canopen.nmt import NmtCommand, nmt_frame
 from drivers.ports.can_link import CanLink
 from drivers.servo.bring_up import listen_for_masters
 from drivers.servo.cia402 import PowerState, state_of
+from drivers.servo.drive_settings import read_objects
 from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.fault_reset import FaultReset, reset_fault
 from drivers.servo.sdo_port import SdoPort
+from drivers.settings.object_list import COMMUNICATION_SETTINGS
+from drivers.settings.write_log import WriteLog
 
 
 class DriveService:
@@ -24,15 +30,57 @@ class DriveService:
         The drives, in the order of the robot's joints.
     watch : DriveWatch
         Takes what else comes from the drives meanwhile.
+    write_log : WriteLog, optional
+        Where what is written is kept, with what was there.
     """
 
     def __init__(
-        self, link: CanLink, cell: CellConfig, axes: Sequence[DriveAxis], watch: DriveWatch
+        self,
+        link: CanLink,
+        cell: CellConfig,
+        axes: Sequence[DriveAxis],
+        watch: DriveWatch,
+        write_log: WriteLog | None = None,
     ) -> None:
         self._link = link
         self._cell = cell
         self._axes = tuple(axes)
         self._watch = watch
+        self._write_log = write_log
+
+    def claim_bus(self) -> None:
+        """Make sure that no other master is on the bus, before anything is asked or told.
+
+        Raises
+        ------
+        LockedError
+            Another master is active.
+        """
+        listen_for_masters(self._link, self._cell, self._watch)
+
+    def ports(self, timeout_s: float = 0.5) -> list[SdoPort]:
+        """Return the drives' ports, which wait so long for each answer [s]."""
+        return [
+            SdoPort(self._link, axis.node_id, self._watch.handle, timeout_s, self._write_log)
+            for axis in self._axes
+        ]
+
+    def leave_operational(self) -> None:
+        """Send every drive into NMT pre-operational: PDOs are configured there."""
+        for axis in self._axes:
+            self._link.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, axis.node_id))
+
+    def note_before_reset(self) -> None:
+        """Keep in the write log what a reset of the communication takes away; once a write log.
+
+        What a silent drive holds cannot be kept; its bring-up ends without a boot-up message.
+        """
+        for port in self.ports():
+            if self._write_log is None or self._write_log.knows(port.node_id):
+                continue
+            with contextlib.suppress(DeviceTimeoutError):
+                for address, value in read_objects(port, COMMUNICATION_SETTINGS):
+                    port.note_change(self._write_log, address, value, None)
 
     def reset_faults(self) -> tuple[FaultReset, ...]:
         """Reset the drives that are in fault, as a person has asked; no power, no motion.
@@ -46,7 +94,7 @@ class DriveService:
         TransportError
             The bus is gone.
         """
-        listen_for_masters(self._link, self._cell, self._watch)
+        self.claim_bus()
         return tuple(reset_fault(self._link, axis, self._watch.handle) for axis in self._axes)
 
     def power_states(self) -> tuple[PowerState, ...]:
@@ -57,7 +105,7 @@ class DriveService:
         DeviceTimeoutError, TransportError
             A drive does not answer, or the bus is gone.
         """
-        return tuple(state_of(port.read_int(0x6041, 0)) for port in self._ports())
+        return tuple(state_of(port.read_int(0x6041, 0)) for port in self.ports())
 
     def silence_drives(self) -> None:
         """Switch the drives' own heartbeats off until the next bring-up: a trial of our watch.
@@ -67,8 +115,5 @@ class DriveService:
         DeviceTimeoutError, TransportError
             A drive does not answer, or the bus is gone.
         """
-        for port in self._ports():
+        for port in self.ports():
             port.write(0x1017, 0, bytes(2))
-
-    def _ports(self) -> list[SdoPort]:
-        return [SdoPort(self._link, axis.node_id, self._watch.handle) for axis in self._axes]

@@ -41,6 +41,7 @@ from drivers.servo.requirements import (
 )
 from drivers.servo.sdo_port import SdoPort, is_missing
 from drivers.servo.stop_ramp import stop_settings
+from drivers.settings.write_log import WriteLog
 
 GEAR_TOLERANCE = 1e-4
 _COB_ID_MASK = INVALID | 0x7FF
@@ -71,6 +72,8 @@ class DriveSetup:
         The drive, the joint that it moves and the cell's limits.
     others : callable
         Takes the frames that are not this drive's SDO answers, with their time [s].
+    write_log : WriteLog, optional
+        Where what is written is kept, with what was there.
     """
 
     def __init__(
@@ -80,11 +83,12 @@ class DriveSetup:
         joint: Joint,
         cell: CellConfig,
         others: Callable[[Frame, float], None],
+        write_log: WriteLog | None = None,
     ) -> None:
         self._axis = axis
         self._joint = joint
         self._cell = cell
-        self._port = SdoPort(link, axis.node_id, others)
+        self._port = SdoPort(link, axis.node_id, others, write_log=write_log)
         self._settings: list[DriveSetting] = []
         self._held: dict[tuple[int, int], int] = {}
 

@@ -1,5 +1,5 @@
 """What drives hold, kept in files so that it can be put back: no bus, no port.
 
-Which objects are settings, what was written over them, in which order they are restored. Begin with
-`saved_drive.py`, then `write_journal.py`. What talks to drives is `drivers/servo/drive_settings.py`.
+Which objects are settings, what was written over them, in which order they are restored. What
+talks to drives is `drivers/servo/drive_settings.py`. Begin with `saved_drive.py`.
 """

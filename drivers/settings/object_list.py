@@ -46,9 +46,17 @@ RECORDS: Final = frozenset(
 """Arrays and records among them, besides those of the PDOs: sub-index 0 is how many follow."""
 
 _NO_SETTINGS = frozenset(
-    (*(0x1003, 0x1010, 0x1011, 0x1020, 0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1))
-) | {0x60FE, 0x60FF, *range(0x1021, 0x1027), *range(0x1F00, 0x2000)}
+    (
+        *(0x1003, 0x1010, 0x1011, *range(0x1020, 0x1027), *range(0x1F00, 0x2000)),
+        *(0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FE, 0x60FF),
+    )
+)
 """Commands, set-points, texts and programs: to write them is to do something."""
+
+
+def is_setting(index: int) -> bool:
+    """Return whether an object may be a setting, and is not there to be commanded with."""
+    return index not in _NO_SETTINGS
 
 
 def is_record(index: int) -> bool:
@@ -63,5 +71,5 @@ def settings_of(eds: ElectronicDataSheet) -> tuple[Address, ...]:
         for item in eds.objects
         if item.access in ("rw", "rww", "rwr")
         and item.data_type != DataType.DOMAIN
-        and item.index not in _NO_SETTINGS
+        and is_setting(item.index)
     )

@@ -373,9 +373,11 @@ class SimulatedDrive:
         value = self.objects.decode(index, subindex, data)
         self._pdos.check_write(index, subindex, value)
         key = (index, subindex)
-        self.objects[key] = value
+        self.objects[key] = od.STORES_ON_COMMAND if key == od.STORE else value
         if key == od.CONTROLWORD:
             self._command()
+        elif key == od.STORE:
+            self.objects.store()
         elif key == od.TARGET_VELOCITY:
             self._set_target()
         elif key == od.HEARTBEAT_PRODUCER:

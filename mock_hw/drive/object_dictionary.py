@@ -71,7 +71,8 @@ class ObjectDictionary:
     def __init__(self, entries: Iterable[Entry]) -> None:
         self._entries = {entry.key: entry for entry in entries}
         self._indices = {index for index, _ in self._entries}
-        self._values = {key: entry.default for key, entry in self._entries.items()}
+        self._stored = {key: entry.default for key, entry in self._entries.items()}
+        self._values = dict(self._stored)
 
     def __getitem__(self, key: Key) -> int:
         value = self._values[key]
@@ -130,8 +131,13 @@ class ObjectDictionary:
             raise SdoAbort(SdoCode.VALUE_INVALID, index, subindex)
         return int(value)
 
+    def store(self) -> None:
+        """Keep what the writable objects hold now as what a reset puts back."""
+        writable = {key for key, entry in self._entries.items() if entry.access == "rw"}
+        self._stored |= {key: self._values[key] for key in writable}
+
     def reset(self, *, communication_only: bool) -> None:
-        """Put back the defaults: of the communication area, or of every object."""
+        """Put back what is stored: of the communication area, or of every object."""
         for key, entry in self._entries.items():
             if entry.index in COMMUNICATION_AREA or not communication_only:
-                self._values[key] = entry.default
+                self._values[key] = self._stored[key]

@@ -171,7 +171,7 @@ class PdoTable:
             values = [value]
             if subindex == 0:
                 values = [self._objects[index, place] for place in range(1, value + 1)]
-            self._check_mapped(family, values)
+            self._check_mapped(family, [value for value in values if value or not subindex])
 
     def _check_mapped(self, family: int, values: list[int]) -> None:
         wanted = "r" if family == RPDO_MAPPING else "t"

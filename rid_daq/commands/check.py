@@ -11,10 +11,11 @@ from config.errors import PreflightError, RidDaqError
 from config.load import load_cell
 from rid_daq.preflight.bus_check import CheckLine
 from rid_daq.preflight.preflight import preflight
-from rid_daq.session.cells import CellName, reachable_cell
+from rid_daq.session.cells import CellName, mountable_cell
+from rid_daq.session.drive_writes import new_write_log
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared, require_cleared
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import AsJson, Console, as_command
 
 
 def check(
@@ -42,8 +43,9 @@ def check(
     loaded = load_cell(cell)
     if loaded.config.drive_safety.trip_watchdog_with_power:
         require_cleared(loaded.config, cleared)
-    with reachable_cell(loaded, any_eds=True) as reachable:
-        lines, problem = preflight(loaded, reachable, runs, seconds)
+    with mountable_cell(loaded, any_eds=True) as (reachable, simulated):
+        write_log = new_write_log(runs) if simulated is None else None  # these drives outlive it
+        lines, problem = preflight(loaded, reachable, runs, seconds, write_log)
     red = [line for line in lines if line.verdict == "red"]
     passed = not red and problem is None
     console.document(
@@ -51,12 +53,16 @@ def check(
             "cell": loaded.config.name,
             "passed": passed,
             "problem": None if problem is None else str(problem),
+            "drive_writes": None if write_log is None else str(write_log.path),
             "lines": [asdict(line) for line in lines],
         }
     )
     _print(console, lines)
     for line in red:
         console.say(f"RED {line.where}, {line.what}: {line.next_action}")
+    if write_log is not None and write_log.path.exists():
+        undo = as_command("drives", "rollback", cell, write_log.path)
+        console.say(f"To undo what was written to the drives: {undo}")
     if passed:
         console.verdict(True, f"Cell {loaded.config.name} is ready. Nothing was moved.")
         console.say("This is no check of the emergency stop: press it once yourself, and release.")

@@ -9,6 +9,7 @@ from config.errors import DriverError, PreflightError, RidDaqError
 from config.robot.robot import RobotDescription
 from drivers.cell import Cell, open_cell
 from drivers.interfaces.servo_axes import DriveSetting
+from drivers.settings.write_log import WriteLog
 from rid_daq.preflight.bus_check import CheckLine, sender_lines, watch_lines
 
 _NEXT: dict[str, str] = {
@@ -40,11 +41,12 @@ class DriveTrouble(Exception):  # noqa: N818
 
 
 def check_drives(
-    cell: CellConfig, robot: RobotDescription, seconds: float
+    cell: CellConfig, robot: RobotDescription, seconds: float, write_log: WriteLog | None
 ) -> tuple[list[CheckLine], list[float]]:
     """Bring every drive up, read it back, and count its answers; no power.
 
-    Return the lines, and where the joints stand [rad or m].
+    What is written to the drives is kept in the write log, where there is one. Return the lines,
+    and where the joints stand [rad or m].
 
     Raises
     ------
@@ -53,7 +55,7 @@ def check_drives(
     """
     lines: list[CheckLine] = []
     try:
-        with open_cell(cell, robot) as opened:
+        with open_cell(cell, robot, write_log) as opened:
             try:
                 opened.axes.bring_up()
             finally:

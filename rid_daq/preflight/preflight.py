@@ -8,6 +8,7 @@ from pathlib import Path
 from config.cell.cell import CellConfig
 from config.errors import DriverError, RidDaqError
 from config.load import LoadedCell
+from drivers.settings.write_log import WriteLog
 from rid_daq.preflight.bus_check import CheckLine, bus_lines, load_line
 from rid_daq.preflight.computer_check import computer_lines
 from rid_daq.preflight.drives_check import DriveTrouble, check_drives
@@ -17,9 +18,16 @@ from rid_daq.preflight.plate_check import PlateCheck
 
 
 def preflight(
-    loaded: LoadedCell, reachable: CellConfig, runs: Path, seconds: float
+    loaded: LoadedCell,
+    reachable: CellConfig,
+    runs: Path,
+    seconds: float,
+    write_log: WriteLog | None = None,
 ) -> tuple[list[CheckLine], RidDaqError | None]:
-    """Return the lines of the preflight of a reachable cell, and what ended it early."""
+    """Return the lines of the preflight of a reachable cell, and what ended it early.
+
+    What is written to the drives is kept in the write log, where there is one.
+    """
     eds_files = eds_lines(loaded)
     lines = [load_line(loaded.config), *bus_lines(reachable), *computer_lines(runs), *eds_files]
     plate = PlateCheck(reachable, loaded.amplifier_profile)
@@ -30,7 +38,7 @@ def preflight(
     fit = all(line.verdict != "red" for line in eds_files)
     try:
         if fit:
-            drives, position = check_drives(reachable, loaded.robot, seconds)
+            drives, position = check_drives(reachable, loaded.robot, seconds, write_log)
     except DriveTrouble as trouble:
         drives, problem = trouble.lines, trouble.error
     if fit and problem is None:

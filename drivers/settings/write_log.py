@@ -1,4 +1,4 @@
-"""`WriteJournal`: what a program writes to drives, and what was there before, line by line.
+"""`WriteLog`: what a program writes to drives, and what was there before, line by line.
 
 A line reaches the operating system before its write reaches the drive, so that it outlives the
 program. Lines are JSON: first which drive a node is, then every object that changes.
@@ -27,9 +27,9 @@ from drivers.settings.saved_drive import (
 )
 
 DRIVE_WRITES = "drive_writes.jsonl"
-"""The journal's name in a run folder."""
+"""The write log's name in a run folder."""
 
-_JOURNAL_BYTES = 64 << 20
+_LOG_BYTES = 64 << 20
 
 
 class DriveLine(ConfigModel):
@@ -59,8 +59,8 @@ _LINE: TypeAdapter[DriveLine | ChangeLine] = TypeAdapter(
 )
 
 
-class WriteJournal:
-    """Appends to a journal; the file is made with its first line.
+class WriteLog:
+    """Appends to a write log; the file is made with its first line.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ class WriteJournal:
             )
 
 
-def read_journal(path: Path) -> tuple[SavedDrive, ...]:
+def read_write_log(path: Path) -> tuple[SavedDrive, ...]:
     """Return what every drive held before the first change of each object.
 
     A last line that is not whole is left out: its write did not reach the drive.
@@ -135,7 +135,7 @@ def read_journal(path: Path) -> tuple[SavedDrive, ...]:
         The file cannot be read, or is none; the message has the line.
     """
     with system_errors(ConfigError, f"{path}: cannot be read"):
-        data = read_file(path, _JOURNAL_BYTES, follow_link=False)
+        data = read_file(path, _LOG_BYTES, follow_link=False)
     identities: dict[int, DriveIdentity] = {}
     values: dict[int, dict[Address, bytes]] = {}
     unknown: dict[int, dict[Address, str]] = {}
@@ -145,7 +145,7 @@ def read_journal(path: Path) -> tuple[SavedDrive, ...]:
         except ValidationError as error:
             first = error.errors()[0]["msg"]
             raise ConfigError(
-                f"{path}:{number}: not a journal of what was written to drives: {first}"
+                f"{path}:{number}: not a write log of what was written to drives: {first}"
             ) from error
         node = line.node_id
         if isinstance(line, DriveLine):

@@ -1,0 +1,222 @@
+"""Reading a drive's settings, and putting them back: over its `SdoPort`, without power."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from config.errors import PreflightError
+from config.formats.eds import ElectronicDataSheet
+from drivers.canopen.sdo import SdoAbort, abort_text, object_name
+from drivers.servo.cia402 import state_of
+from drivers.servo.sdo_port import SdoPort, is_missing
+from drivers.settings.object_list import (
+    COMMUNICATION_SETTINGS,
+    PROFILE_SETTINGS,
+    STORE,
+    STORE_WORD,
+    is_record,
+    is_setting,
+    settings_of,
+)
+from drivers.settings.restore_order import restore_order
+from drivers.settings.saved_drive import Address, SavedDrive
+
+_MOST_SUBINDICES = 64
+
+
+@dataclass(frozen=True, slots=True)
+class RestoredSetting:
+    """One object of a drive that did not hold what was saved.
+
+    Attributes
+    ----------
+    node_id, address : int, tuple of int
+        Which object of which drive.
+    saved : bytes or None
+        What it held when it was saved; None: that is not known.
+    before, after : bytes or str
+        What it held before and holds after it was written back; in words why that is not known.
+    refusal : str
+        Why the drive did not take it; empty where it did, or was not asked.
+    """
+
+    node_id: int
+    address: Address
+    saved: bytes | None
+    before: bytes | str
+    after: bytes | str
+    refusal: str = ""
+
+    @property
+    def name(self) -> str:
+        """The object's name."""
+        return object_name(*self.address)
+
+    @property
+    def restored(self) -> bool:
+        """Whether it holds now what was saved."""
+        return self.saved is not None and self.after == self.saved
+
+
+def read_objects(port: SdoPort, indices: Iterable[int]) -> Iterator[tuple[Address, bytes | str]]:
+    """Yield what a drive has of some objects, with the sub-indices in use, as read or why not.
+
+    Raises
+    ------
+    DeviceTimeoutError, TransportError
+        The drive does not answer, or the bus is gone.
+    """
+    for index in indices:
+        value = _read(port, (index, 0))
+        if value is None:
+            continue
+        yield (index, 0), value
+        if is_record(index) and isinstance(value, bytes):
+            for subindex in range(1, min(int.from_bytes(value, "little"), _MOST_SUBINDICES) + 1):
+                value = _read(port, (index, subindex))
+                if value is not None:
+                    yield (index, subindex), value
+
+
+def read_drive(port: SdoPort, eds: ElectronicDataSheet | None) -> SavedDrive:
+    """Return every setting of a drive: by its data sheet, or those that the profiles know.
+
+    Raises
+    ------
+    DeviceTimeoutError, TransportError
+        The drive does not answer, or the bus is gone.
+    """
+    found: Iterable[tuple[Address, bytes | str | None]]
+    if eds is None:
+        found = read_objects(port, (*COMMUNICATION_SETTINGS, *PROFILE_SETTINGS))
+    else:
+        found = ((address, _read(port, address)) for address in settings_of(eds))
+    values: dict[Address, bytes] = {}
+    unknown: dict[Address, str] = {}
+    for address, value in found:
+        if isinstance(value, bytes):
+            values[address] = value
+        elif value is not None:
+            unknown[address] = value
+    return SavedDrive.of(port.node_id, port.identity(), values, unknown)
+
+
+def refuse_other_drive(port: SdoPort, saved: SavedDrive) -> None:
+    """Refuse to write to a drive that is another one, or that may move its motor.
+
+    Raises
+    ------
+    PreflightError
+        Its 1018h differs from the saved one, or it is powered.
+    DeviceTimeoutError, TransportError
+        The drive does not answer, or the bus is gone.
+    """
+    differences = saved.identity.differences(port.identity())
+    if differences:
+        raise PreflightError(
+            f"node {port.node_id}: is another drive than the one that was saved:"
+            f" {', '.join(differences)}; nothing was written. Connect that drive, or set this one"
+            " up anew"
+        )
+    state = state_of(port.read_int(0x6041, 0))
+    if state.powered:
+        raise PreflightError(
+            f"node {port.node_id}: is powered ({state.words}); nothing was written. Stop what moves"
+            " it, then try again"
+        )
+
+
+def restore_drive(
+    port: SdoPort, saved: SavedDrive, *, dry_run: bool
+) -> tuple[RestoredSetting, ...]:
+    """Write back what differs from what was saved, and read it back.
+
+    Parameters
+    ----------
+    port : SdoPort
+        The drive, which is the one that was saved (`refuse_other_drive`).
+    saved : SavedDrive
+        What it is to hold.
+    dry_run : bool
+        Whether to say only what differs.
+
+    Returns
+    -------
+    tuple of RestoredSetting
+        What differed, or is not known. Entries of a PDO's mapping beyond the number of its objects
+        are written back too, but a drive need not take them: they say nothing.
+
+    Raises
+    ------
+    DeviceTimeoutError, TransportError
+        The drive does not answer, or the bus is gone.
+    """
+    values = {a: value for a, value in saved.values.items() if is_setting(a[0])}
+    before = {address: _held(port, address) for address in values}
+    different = {address for address, value in values.items() if before[address] != value}
+    refusals: dict[Address, str] = {}
+    if not dry_run:
+        for write in restore_order(values, different):
+            try:
+                port.write(write.index, write.subindex, write.data)
+            except SdoAbort as abort:
+                refusals[write.index, write.subindex] = abort_text(abort.code)
+    after = before if dry_run else {address: _held(port, address) for address in different}
+    results = [
+        RestoredSetting(
+            saved.node_id,
+            address,
+            values[address],
+            before[address],
+            after[address],
+            refusals.get(address, "") if after[address] != values[address] else "",
+        )
+        for address in different
+        if dry_run or after[address] == values[address] or not _unused(address, values)
+    ]
+    results += [
+        RestoredSetting(saved.node_id, address, None, why, why)
+        for address, why in saved.unknown.items()
+    ]
+    return tuple(sorted(results, key=lambda result: result.address))
+
+
+def store_settings(port: SdoPort) -> None:
+    """Let a drive keep what it holds beyond its power: 1010h, all parameters (CiA 301, 7.5.2.13).
+
+    Raises
+    ------
+    PreflightError
+        It refuses.
+    DeviceTimeoutError, TransportError
+        The drive does not answer, or the bus is gone.
+    """
+    try:
+        port.write(*STORE, STORE_WORD)
+    except SdoAbort as abort:
+        raise PreflightError(
+            f"node {port.node_id}: does not store its settings: {abort_text(abort.code)}; store"
+            " them in the drive's own tool, or they are gone when its power is"
+        ) from abort
+
+
+def _read(port: SdoPort, address: Address) -> bytes | str | None:
+    """Return an object's bytes, or why it cannot be read; None where the drive does not have it."""
+    try:
+        return port.read(*address)
+    except SdoAbort as abort:
+        return None if is_missing(abort) else abort_text(abort.code)
+
+
+def _held(port: SdoPort, address: Address) -> bytes | str:
+    value = _read(port, address)
+    return "not in this drive" if value is None else value
+
+
+def _unused(address: Address, values: dict[Address, bytes]) -> bool:
+    """Return whether an object is an entry of a PDO's mapping beyond the number of its objects."""
+    index, subindex = address
+    if not (0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00):
+        return False
+    return subindex > int.from_bytes(values.get((index, 0), b"\xff"), "little")

@@ -1,0 +1,174 @@
+"""Keeping what a cell's drives hold, and putting it back."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from config.errors import ConfigError
+from config.load import LoadedCell, load_cell
+from drivers.cell import open_cell
+from drivers.servo.drive_settings import (
+    RestoredSetting,
+    read_drive,
+    refuse_other_drive,
+    restore_drive,
+    store_settings,
+)
+from drivers.servo.service import DriveService
+from drivers.settings.saved_drive import DriveBackup, SavedDrive
+from drivers.settings.write_log import WriteLog
+from rid_daq.session.cells import reachable_cell
+from rid_daq.session.drive_writes import held_before, new_write_log
+from rid_daq.terminal.output_file import refuse_output
+
+STORE_TIMEOUT_S = 10.0
+
+
+@dataclass(frozen=True)
+class RestoreRequest:
+    """How what drives held is put back.
+
+    Attributes
+    ----------
+    cell : str
+        A bundled name or a cell file.
+    runs : Path
+        The folder of the run folders; what is written to the drives is kept beside them.
+    dry_run : bool
+        Whether to say only what differs.
+    store : bool
+        Whether the drives keep it beyond their power (1010h).
+    """
+
+    cell: str
+    runs: Path
+    dry_run: bool = False
+    store: bool = False
+
+
+@dataclass(frozen=True)
+class DrivesRestored:
+    """What became of it.
+
+    Attributes
+    ----------
+    cell : str
+        The cell's name.
+    joints : dict of int to str
+        The joint of every node.
+    settings : tuple of RestoredSetting
+        What differed, or is not known.
+    write_log : Path or None
+        What was written, and what was there; None where nothing was.
+    """
+
+    cell: str
+    joints: dict[int, str]
+    settings: tuple[RestoredSetting, ...]
+    write_log: Path | None
+
+    @property
+    def left(self) -> tuple[RestoredSetting, ...]:
+        """What does not hold what was saved."""
+        return tuple(each for each in self.settings if not each.restored)
+
+
+def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
+    """Write down every setting of a cell's drives; nothing is written to them.
+
+    Raises
+    ------
+    ConfigError, RecordingError
+        The file is there already, or cannot be written.
+    RidDaqError
+        The cell is held by another session, or a drive does not answer.
+    """
+    refuse_output(path, overwrite=overwrite)
+    loaded = load_cell(cell)
+    eds_files = loaded.eds_files or (None,) * len(loaded.config.axes)
+    eds_of = {axis.node_id: eds for axis, eds in zip(loaded.config.axes, eds_files, strict=True)}
+    with _service(loaded) as service:
+        drives = tuple(read_drive(port, eds_of[port.node_id]) for port in service.ports())
+    backup = DriveBackup(
+        cell=loaded.config.name,
+        created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        drives=drives,
+    )
+    backup.write(path)
+    return backup
+
+
+def restore_backup(path: Path, request: RestoreRequest) -> DrivesRestored:
+    """Make a cell's drives hold what a backup says; parameters and errors as `roll_back`."""
+    return _restore(DriveBackup.read(path).drives, request)
+
+
+def roll_back(run: str, request: RestoreRequest) -> DrivesRestored:
+    """Make a cell's drives hold what they held before a run.
+
+    Parameters
+    ----------
+    run : str
+        A run, or the path of a command's write log.
+    request : RestoreRequest
+        How.
+
+    Raises
+    ------
+    ConfigError
+        There is no such run, or it is of drives that the cell does not have.
+    PreflightError
+        A drive is another one than it was, or is powered; nothing was written. Or one does not
+        store its settings.
+    RidDaqError
+        The cell is held by another session, or a drive does not answer.
+    """
+    return _restore(held_before(request.runs, run), request)
+
+
+def _restore(saved: Sequence[SavedDrive], request: RestoreRequest) -> DrivesRestored:
+    loaded = load_cell(request.cell)
+    joints = {axis.node_id: axis.joint for axis in loaded.config.axes}
+    strange = [str(drive.node_id) for drive in saved if drive.node_id not in joints]
+    if strange:
+        raise ConfigError(
+            f"cell {loaded.config.name} has no drive with node id {', '.join(strange)}: give the"
+            " cell that this was saved of"
+        )
+    write_log = None if request.dry_run else new_write_log(request.runs)
+    with _service(loaded, write_log) as service:
+        ports = {port.node_id: port for port in service.ports()}
+        for drive in saved:
+            refuse_other_drive(ports[drive.node_id], drive)
+        if not request.dry_run:
+            service.leave_operational()
+        settings = [
+            setting
+            for drive in saved
+            for setting in restore_drive(ports[drive.node_id], drive, dry_run=request.dry_run)
+        ]
+        if request.store and not request.dry_run:
+            for port in service.ports(STORE_TIMEOUT_S):
+                store_settings(port)
+    written = write_log is not None and write_log.path.exists()
+    return DrivesRestored(
+        loaded.config.name,
+        joints,
+        tuple(settings),
+        write_log.path if write_log is not None and written else None,
+    )
+
+
+@contextlib.contextmanager
+def _service(loaded: LoadedCell, write_log: WriteLog | None = None) -> Iterator[DriveService]:
+    """Yield what asks the drives of a cell, which is held alone as long as the `with` lasts."""
+    with (
+        reachable_cell(loaded, any_eds=True) as cell,
+        open_cell(cell, loaded.robot, write_log) as opened,
+    ):
+        opened.axes.service.claim_bus()
+        yield opened.axes.service

@@ -1,0 +1,48 @@
+"""Write logs of what commands write to drives: where they are kept, and how one is named."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Final
+
+from acquisition.runs.catalogue import find_run
+from acquisition.runs.run_id import new_run_id
+from config.errors import ConfigError
+from drivers.settings.saved_drive import SavedDrive
+from drivers.settings.write_log import DRIVE_WRITES, WriteLog, read_write_log
+
+FOLDER: Final = "drive_writes"
+
+
+def new_write_log(runs: Path) -> WriteLog:
+    """Return a write log for a command that makes no run, in a folder beside the runs."""
+    return WriteLog(runs / FOLDER / f"{new_run_id(time.time_ns())}.jsonl")
+
+
+def held_before(runs: Path, reference: str) -> tuple[SavedDrive, ...]:
+    """Return what the drives held before a run, or before the command of a write log.
+
+    Parameters
+    ----------
+    runs : Path
+        The folder of all runs.
+    reference : str
+        A run, as commands name it, be it unfinished; or the path of a write log.
+
+    Raises
+    ------
+    ConfigError
+        There is no such run, it wrote nothing to drives, or its write_log is damaged.
+    RecordingError
+        The run's folder cannot be read.
+    """
+    path = Path(reference)
+    if path.suffix != ".jsonl":
+        folder = find_run(runs, reference)
+        path = folder.file(DRIVE_WRITES)
+        if not path.exists():
+            raise ConfigError(
+                f"{folder.path}: nothing was written to drives in this run: nothing to roll back"
+            )
+    return read_write_log(path)
