@@ -88,7 +88,10 @@ def read_urdf(
 
 
 def _has_xacro(element: XmlElement) -> bool:
-    return element.tag.startswith("xacro:") or any(_has_xacro(part) for part in element.children)
+    """Return whether something is left to expand that is more than a colour."""
+    return element.tag.startswith("xacro:") or any(
+        _has_xacro(part) for part in element.children if part.tag not in ("visual", "gazebo")
+    )
 
 
 class _Reader:
@@ -282,7 +285,8 @@ def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) 
         if called[joint.name] == 2:
             problems.append(f"{joint.where}: a second joint is called {joint.name!r}")
         problems += [
-            f"{joint.where}: joint {joint.name!r} names no link {link!r}"
+            f"{joint.where}: joint {joint.name!r} names no link {link!r}: add it, or remove the"
+            " joint"
             for link in (joint.parent, joint.child)
             if link not in names
         ]
@@ -304,7 +308,10 @@ def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) 
             break
         grounded.update(way)
     if not names:
-        problems.append(f"{file}: there is no link")
+        problems.append(
+            f"{file}: there is no link: a xacro file that only defines macros expands to nothing;"
+            " expand the one that calls them"
+        )
     return problems
 
 

@@ -68,7 +68,9 @@ def links_of_urdf(
     """
     rows = [[r.alpha_rad, r.beta_rad, r.theta_rad, r.a_m, r.d_m] for r in axes.rows]
     guesses = nominal_links(np.array(rows), tool_m)
-    notes: list[str] = []
+    notes = [
+        _odd(tree.links[name], words) for name in carried[0] for words in tree.links[name].oddities
+    ]
     cad: list[LinkCad] = []
     comments: dict[int, str] = {}
     guessed: list[str] = []
@@ -77,7 +79,7 @@ def links_of_urdf(
         change = 0.0
         parts: list[_Part] = []
         for link in (tree.links[name] for name in names):
-            told += [f"{link.name}: {oddity}" for oddity in link.oddities]
+            told += [_odd(link, words) for words in link.oddities]
             if link.inertial is None or link.inertial.mass_kg == 0.0:
                 continue
             inertia, changed, words = _possible(link, link.inertial)
@@ -173,6 +175,10 @@ def _drawing(body: _Part, change: float) -> LinkCad:
         inertia_kg_m2=tuple(round(value, 15) + 0.0 for value in upper.tolist()),
         uncertainty=max(usual, round(min(change, 1.0), 3)),
     )
+
+
+def _odd(link: UrdfLink, words: str) -> str:
+    return f"{link.name}: {words}"
 
 
 def _list(moments: FloatArray) -> str:

@@ -188,6 +188,43 @@ def test_limits_and_gear_ratios_are_taken_over() -> None:
     assert [joint.gear_ratio for joint in made.joints] == [1.0, 101.5, 1.0]
 
 
+@pytest.mark.parametrize(
+    ("transmission", "ratio", "told"),
+    [
+        ('<joint name="lift"/><mechanicalReduction>-50</mechanicalReduction>', -50.0, ""),
+        ('<joint name="lift"><mechanical_reduction>81</mechanical_reduction></joint>', 81.0, ""),
+        ('<joint name="lift"><mechanicalReduction/></joint>', 1.0, "''"),
+        ('<joint name="lift"><mechanicalReduction>0</mechanicalReduction></joint>', 1.0, "'0'"),
+        ('<joint name="lift"/><mechanicalReduction>N/A</mechanicalReduction>', 1.0, "'N/A'"),
+        ('<joint name="lift"/><mechanicalReduction>1e5</mechanicalReduction>', 1.0, "'100000'"),
+        (
+            '<joint name="lift"/><joint name="bend"/><mechanicalReduction>9</mechanicalReduction>'
+            "<mechanicalReduction>8</mechanicalReduction>",
+            1.0,
+            "'9 8'",
+        ),
+    ],
+)
+def test_reductions_of_every_form_are_read_and_placeholders_said(
+    transmission: str, ratio: float, told: str
+) -> None:
+    data = arm(f'<transmission name="t">{transmission}</transmission>')
+    made = robot_of_urdf(read_urdf(data, "arm.urdf"))
+    assert made.robot.joints[1].gear_ratio == ratio
+    notes = [note for note in made.notes if note.startswith("gear_ratio of lift")]
+    assert all(told in note for note in notes)
+    assert bool(notes) == bool(told)
+
+
+def test_what_is_only_seen_may_be_left_to_expand_and_shapes_without_size_are_said() -> None:
+    shape = "<collision><geometry><box size='0 0 0'/></geometry></collision>"
+    seen = f'<link name="tool"><visual><xacro:grey/></visual>{shape}</link>'
+    data = arm(seen, tool=joint("mount", "fixed", "fore", "tool"))
+    made = robot_of_urdf(read_urdf(data, "arm.urdf"))
+    assert made.robot.bodies == ()
+    assert "tool: a <box> without size is no body" in made.notes
+
+
 def test_a_robot_of_a_urdf_is_a_complete_robot_file() -> None:
     made = robot_of_urdf(read_urdf(arm(), "arm.urdf")).robot
     again = validate(parse_yaml(to_yaml(made).encode(), "robot.yaml"), RobotDescription)
@@ -281,6 +318,7 @@ def test_a_link_whose_inertia_was_rounded_away_is_said() -> None:
             "the links a, b hang on one another",
         ),
         (robot("<xacro:arm/>", link("a")), "this is a xacro file: expand it first"),
+        (robot('<link name="a"><xacro:mass/></link>'), "this is a xacro file: expand it first"),
         (
             robot(link("a"), link("b"), joint("j", "revolute", "a", "b", xyz="480 0 0")),
             "kinematics.rows.0.a_m: 240 m is implausible.*240 mm would be 0.24 m. A URDF has m",

@@ -110,6 +110,25 @@ def test_limits_that_a_urdf_lacks_are_taken_from_options_and_marked_in_the_file(
     assert lines[at - 1] == "# torque: 600 (--effort: the URDF states 0)"
 
 
+def test_every_problem_of_a_urdf_is_told_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = (
+        urdf()
+        .replace('<parent link="fore"/>', '<parent link="arm"/>')
+        .replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', 1)
+        .replace('<mass value="3"/>', '<mass value="three"/>')
+        .replace('<link name="hand"/>', '<link name="hand"/><link name="base"/>')
+    )
+    (tmp_path / "two.urdf").write_text(broken)
+    assert run(["init", str(tmp_path / "cell"), "--urdf", str(tmp_path / "two.urdf")]) == 2
+    said = capsys.readouterr().err
+    assert "value of <mass> is 'three', not 1 finite number" in said
+    assert "two.urdf:3: the joint's axis has no direction" in said
+    assert "a second link is called 'base'" in said
+    assert "joint 'mount' names no link 'arm': add it, or remove the joint" in said
+
+
 def test_of_several_arms_each_is_named_in_a_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
