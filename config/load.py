@@ -38,8 +38,9 @@ _MANIFEST_BYTES = 4 << 20
 class LoadedCell:
     """A cell file with the files that it names, and their bytes as used.
 
-    `eds_files` are the drives' electronic data sheets, one an axis, None where it names none; what
-    they say of 1018h is in the axes' `identity`.
+    `path` is the cell file; None for one that is bundled. `eds_files` are the drives' electronic
+    data sheets, one an axis, None where it names none; what they say of 1018h is in the axes'
+    `identity`.
     """
 
     config: CellConfig
@@ -49,6 +50,7 @@ class LoadedCell:
     amplifier_profile: AmplifierProfile | None = None
     drive_profile: DriveProfile | None = None
     eds_files: tuple[ElectronicDataSheet | None, ...] = ()
+    path: Path | None = None
 
 
 def load_cell(reference: str) -> LoadedCell:
@@ -104,6 +106,7 @@ def load_cell(reference: str) -> LoadedCell:
         profile,
         drive_profile,
         eds_files,
+        None if folder is None else Path(name),
     )
 
 

@@ -26,7 +26,7 @@ from mock_hw.bus.hub_protocol import Role
 from mock_hw.bus.lawicel_port import LawicelPort
 from mock_hw.bus.served_bus import adapter_path, hold_served_bus
 from mock_hw.host.device_process import keep_pace, leave_signals_to_parent
-from mock_hw.host.runtime_directory import folder_in_use
+from mock_hw.host.runtime_directory import axes_path, folder_in_use
 from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.plate_service import PlateService
 from mock_hw.rack import DriveRack
@@ -72,7 +72,7 @@ class DrivesSettings:
     @property
     def snapshot(self) -> Path:
         """Where the axes' true state is written."""
-        return self.socket.with_suffix(".axes")
+        return axes_path(str(self.socket))
 
 
 def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:

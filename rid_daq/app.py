@@ -32,6 +32,7 @@ COMMANDS: dict[str, str] = {
     "init": "write a commented cell, robot and motion to start from",
     "check": "preflight: every device, every safety setting; any red means no motion",
     "reset": "reset the faults of a cell's drives, once their causes are gone",
+    "axes": "test direction, encoder and gear of every axis, before the first motion",
     "jog": "move one joint at a time, or go to the home pose, while a key is held",
     "drives": "keep what the drives hold, put it back, undo what a run wrote",
     "mock": "serve a cell's simulated devices on their bus until stopped",

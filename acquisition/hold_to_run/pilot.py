@@ -52,7 +52,7 @@ class Pilot:
     until : ndarray, shape (joints,), optional
         The pose that ends the motion, once the robot rests there [rad or m].
     ready : callable
-        Called once the robot is held at rest and a key would move it.
+        Told where the robot is held at rest, once a key would move it.
     """
 
     def __init__(
@@ -62,14 +62,14 @@ class Pilot:
         keys: Keys,
         plan: Plan,
         until: FloatArray | None = None,
-        ready: Callable[[], None] = lambda: None,
+        ready: Callable[[FloatArray], None] = lambda _pose: None,
     ) -> None:
         self._dead_man = dead_man
         self._joints = joints
         self._keys = keys
         self._plan = plan
         self._until = until
-        self._ready: Callable[[], None] | None = ready
+        self._ready: Callable[[FloatArray], None] | None = ready
         self._pressed = ""
         self._line: Line | None = None
         self._line_of = ""
@@ -100,7 +100,7 @@ class Pilot:
     def _look(self) -> None:
         pose = self._dead_man.resting(self._joints)
         if pose is not None and self._ready is not None:
-            self._ready()
+            self._ready(pose)
             self._ready = None
         if pose is not None and self._until is not None and (pose == self._until).all():
             self._dead_man.finish()

@@ -142,3 +142,8 @@ def plate_path(channel: str) -> Path:
 def registers_path(channel: str) -> Path:
     """Return the serial line that the drives' registers are served on beside a channel."""
     return socket_path(channel).with_suffix(".drives")
+
+
+def axes_path(channel: str) -> Path:
+    """Return where the true state of the axes is that are served at a channel."""
+    return socket_path(channel).with_suffix(".axes")

@@ -11,11 +11,13 @@ from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload.payload_job import known_quantity
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
+from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payload_session
 from rid_daq.recording.payload_steps import PayloadSessionRequest, StepFailed
 from rid_daq.recording.recorded_run import stop_document
 from rid_daq.session.cells import CellName
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.clearance import WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -81,6 +83,7 @@ def session(
         ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of the motion and a simulated cell.")] = 0,
+    without_axis_test: WithoutAxisTest = False,
     live: Live = False,
     listen: Listen = DEFAULT_LISTEN,
     token: Token = None,
@@ -113,6 +116,7 @@ def session(
         resume=resume,
         yes=yes,
         seed=seed,
+        axis_test=AxisTestRule.unless(without_axis_test),
         live=LiveOptions(live, listen, token, certificate),
     )
     ended = run_payload_session(request, console)

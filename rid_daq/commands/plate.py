@@ -8,11 +8,12 @@ import typer
 
 from config.cell.plate import PlateZero
 from config.errors import ConfigError
+from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.plate_zero_job import PlateZeroed, PlateZeroRequest, zero_plate
 from rid_daq.recording.recorded_run import stop_document
 from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.terminal.clearance import Cleared
+from rid_daq.terminal.clearance import Cleared, WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -55,6 +56,7 @@ def zero(
     realtime: Realtime = False,
     seed: Seed = 0,
     cleared: Cleared = False,
+    without_axis_test: WithoutAxisTest = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -74,6 +76,7 @@ def zero(
         settle_s=settle_s,
         write=write,
         cleared=cleared,
+        axis_test=AxisTestRule.unless(without_axis_test),
         label=label,
         simulation=Simulation(realtime=realtime, seed=seed),
     )

@@ -9,6 +9,7 @@ import typer
 
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
+from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.record_job import (
     REHEARSAL_ALONE,
@@ -19,7 +20,7 @@ from rid_daq.recording.record_job import (
 from rid_daq.recording.recorded_run import stop_document
 from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.terminal.clearance import Cleared
+from rid_daq.terminal.clearance import Cleared, WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
 
 
@@ -76,6 +77,7 @@ def record(
         ),
     ] = False,
     cleared: Cleared = False,
+    without_axis_test: WithoutAxisTest = False,
     live: Live = False,
     listen: Listen = DEFAULT_LISTEN,
     token: Token = None,
@@ -104,6 +106,7 @@ def record(
         rehearse=rehearse,
         frames=frames,
         cleared=cleared,
+        axis_test=AxisTestRule.unless(without_axis_test),
         live=LiveOptions(live, listen, token, certificate),
     )
     recorded = record_motion_file(request, console)

@@ -9,10 +9,11 @@ import typer
 
 from compensation.online.point_source import BUFFER_S
 from compensation.online.stream import CLIENT_PATIENCE_S, StreamOptions
+from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.stream_job import StreamRequest, stream_path
 from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.terminal.clearance import Cleared
+from rid_daq.terminal.clearance import Cleared, WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 
@@ -56,6 +57,7 @@ def stream(
     realtime: Realtime = False,
     seed: Seed = 0,
     cleared: Cleared = False,
+    without_axis_test: WithoutAxisTest = False,
     runs: RunsFolder = DEFAULT_RUNS,
     as_json: AsJson = False,
 ) -> None:
@@ -79,6 +81,7 @@ def stream(
         label=label,
         simulation=Simulation(realtime=realtime, seed=seed),
         cleared=cleared,
+        axis_test=AxisTestRule.unless(without_axis_test),
     )
     run = stream_path(request, console)
     console.document(run.document() | {"compensated": not plain})

@@ -13,7 +13,6 @@ from acquisition.session.outcome import RecordOutcome
 from config.arrays import FloatArray
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Record, RunRequest, RunSession
-from rid_daq.terminal.console import Console
 from rid_daq.terminal.keyboard import Keyboard
 
 
@@ -29,6 +28,8 @@ class HeldRun:
         Which line a held key leads along.
     tapped : callable
         Told of every key that comes; where it returns True the run ends.
+    ready : callable
+        Told where the robot is held at rest, once a key would move it.
     once : bool
         Whether the run is over with the first press.
     until : ndarray, shape (joints,), optional
@@ -42,12 +43,13 @@ class HeldRun:
     role: str
     plan: Plan
     tapped: Callable[[str], bool] = lambda _key: False
+    ready: Callable[[FloatArray], None] = lambda _pose: None
     once: bool = False
     until: FloatArray | None = None
     unattended: str = ""
 
 
-def record_held(session: RunSession, asked: HeldRun, console: Console) -> RecordedRun:
+def record_held(session: RunSession, asked: HeldRun) -> RecordedRun:
     """Record a run that moves only while a key is held.
 
     Raises
@@ -67,13 +69,10 @@ def record_held(session: RunSession, asked: HeldRun, console: Console) -> Record
         unattended=bool(asked.unattended),
     )
 
-    def ready() -> None:
-        console.say("Ready: hold the key.")
-
     def drive(record: Record) -> RecordOutcome:
         with (
             _keys(asked, dead_man) as keys,
-            Pilot(dead_man, len(robot.joints), keys, asked.plan, asked.until, ready),
+            Pilot(dead_man, len(robot.joints), keys, asked.plan, asked.until, asked.ready),
         ):
             return record(motion)
 

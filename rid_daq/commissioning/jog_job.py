@@ -15,6 +15,7 @@ from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
 from config.robot.robot import RobotDescription
 from rid_daq.commissioning.held_run import HeldRun, record_held
+from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import open_session
 from rid_daq.session.cells import Simulation
@@ -24,6 +25,7 @@ from rid_daq.terminal.keyboard import require_keyboard
 
 JOG_PERCENT: Final = 5.0
 FASTEST_PERCENT: Final = 10.0
+READY: Final = "Ready: hold the key."
 FORTH, BACK, HOME, QUIT, HOLD = "+", "-", "h", "q", " "
 
 
@@ -81,10 +83,12 @@ def jog(request: JogRequest, console: Console) -> RecordedRun:
     check = LineCheck(loaded.config, loaded.robot, request.speed_percent / 100.0)
     require_keyboard()
     require_cleared(loaded.config, request.cleared)
-    with open_session(loaded, request.runs, console, request.simulation) as session:
+    with open_session(
+        loaded, request.runs, console, request.simulation, axis_test=AxisTestRule.HELD
+    ) as session:
         if request.home:
             assert home is not None
-            return record_held(session, _homing(request, loaded, home, check, console), console)
+            return record_held(session, _homing(request, loaded, home, check, console))
         jogging = Jogging(loaded.robot, home, check, console)
         console.say(jogging.help)
         return record_held(
@@ -95,8 +99,8 @@ def jog(request: JogRequest, console: Console) -> RecordedRun:
                 "jog",
                 plan=jogging.line,
                 tapped=jogging.tapped,
+                ready=lambda _pose: console.say(READY),
             ),
-            console,
         )
 
 
@@ -115,6 +119,7 @@ def _homing(
         plan=line,
         tapped=lambda key: key == QUIT,
         until=home,
+        ready=lambda _pose: console.say(READY),
     )
 
 

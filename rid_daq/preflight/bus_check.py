@@ -22,6 +22,8 @@ _DRIVE = (
 )
 _COMPUTER = "this drive's heartbeat ended and was not missed: check 1017h in the drive"
 
+Verdict = Literal["ok", "red", "allowed", "shown"]
+
 
 @dataclass(frozen=True)
 class CheckLine:
@@ -31,7 +33,7 @@ class CheckLine:
     what: str
     required: str
     found: str
-    verdict: Literal["ok", "red", "allowed", "shown"]
+    verdict: Verdict
     next_action: str = ""
     of_drive: bool = False
 

@@ -9,6 +9,7 @@ from config.cell.cell import CellConfig
 from config.errors import DriverError, RidDaqError
 from config.load import LoadedCell
 from drivers.settings.write_log import WriteLog
+from rid_daq.preflight.axis_test import AxisTestRule, axis_test_line
 from rid_daq.preflight.bus_check import CheckLine, bus_lines, load_line
 from rid_daq.preflight.computer_check import computer_lines
 from rid_daq.preflight.drives_check import DriveTrouble, check_drives
@@ -23,6 +24,7 @@ def preflight(
     runs: Path,
     seconds: float,
     write_log: WriteLog | None = None,
+    axis_test: AxisTestRule = AxisTestRule.REQUIRED,
 ) -> tuple[list[CheckLine], RidDaqError | None]:
     """Return the lines of the preflight of a reachable cell, and what ended it early.
 
@@ -30,6 +32,7 @@ def preflight(
     """
     eds_files = eds_lines(loaded)
     lines = [load_line(loaded.config), *bus_lines(reachable), *computer_lines(runs), *eds_files]
+    lines.append(axis_test_line(loaded, axis_test))
     plate = PlateCheck(reachable, loaded.amplifier_profile)
     problem = _attempt(plate.before)
     lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)

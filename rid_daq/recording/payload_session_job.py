@@ -93,7 +93,9 @@ def run_payload_session(
         simulation = Simulation(seed=request.seed)
         with (
             unfinished(state.folder),
-            open_session(loaded, request.runs, console, simulation, request.live) as session,
+            open_session(
+                loaded, request.runs, console, simulation, request.live, request.axis_test
+            ) as session,
         ):
             guide = PayloadGuide(request, session, state, motion, payload_request, console)
             failed = guide.lead()

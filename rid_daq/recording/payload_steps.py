@@ -18,6 +18,7 @@ from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload.payload_job import PayloadRequest
 from rid_daq.live.live_page import LiveOptions
+from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.preflight.preflight import preflight
 from rid_daq.recording.payload_state import LOADED, UNLOADED, SessionState, is_measurement
 from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
@@ -68,6 +69,8 @@ class PayloadSessionRequest:
         Whether every question is answered with yes.
     seed : int
         Of the motion and a simulated cell.
+    axis_test : AxisTestRule
+        Whether a real cell's axes must have been tested.
     live : LiveOptions
         Whether and where it is shown.
     """
@@ -89,6 +92,7 @@ class PayloadSessionRequest:
     resume: str | None = None
     yes: bool = False
     seed: int = 0
+    axis_test: AxisTestRule = AxisTestRule.REQUIRED
     live: LiveOptions = field(default_factory=LiveOptions)
 
     @property
@@ -167,8 +171,9 @@ class PayloadGuide:
         return None
 
     def _preflight(self) -> None:
+        request, session = self.request, self.session
         lines, problem = preflight(
-            self.session.loaded, self.session.cell, self.request.runs, PREFLIGHT_S
+            session.loaded, session.cell, request.runs, PREFLIGHT_S, axis_test=request.axis_test
         )
         red = [line for line in lines if line.verdict == "red"]
         for line in red:

@@ -25,6 +25,7 @@ from config.cell.cell import CellConfig
 from config.cell.plate import PlateConfig, PlateZero
 from config.errors import ConfigError, DataQualityError
 from config.load import bundled_names, load_cell
+from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession, open_session
 from rid_daq.report.sections.plate_zero import PlateZeroSection, as_zero, zero_verdict
@@ -54,6 +55,8 @@ class PlateZeroRequest:
         How long each reading lasts, and the rest before it [s].
     write, cleared : bool
         Whether the zero goes into the cell file, and whether a person has cleared the cell.
+    axis_test : AxisTestRule
+        Whether a real cell's axes must have been tested.
     label : str
         What to call the run.
     simulation : Simulation
@@ -67,6 +70,7 @@ class PlateZeroRequest:
     settle_s: float = 2.0
     write: bool = False
     cleared: bool = False
+    axis_test: AxisTestRule = AxisTestRule.REQUIRED
     label: str = "plate zero"
     simulation: Simulation = field(default_factory=Simulation)
 
@@ -120,7 +124,9 @@ def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
     cycle_s = loaded.config.cycle_time_s
     samples, readings = turn_samples(loaded.robot, turn, request.settle_s, request.read_s, cycle_s)
     require_cleared(loaded.config, request.cleared)
-    with open_session(loaded, request.runs, console, request.simulation) as session:
+    with open_session(
+        loaded, request.runs, console, request.simulation, axis_test=request.axis_test
+    ) as session:
         approach = _approach(session, turn, console)
         if approach.outcome.stop is not None:
             return PlateZeroed(approach, approach_only=True)

@@ -20,6 +20,7 @@ from config.load import load_cell, load_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from rid_daq.jobs.cell_files import estimate_for, motion_bytes, motion_for, with_feedforward
 from rid_daq.live.live_page import LiveOptions
+from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, open_session
@@ -55,6 +56,8 @@ class RecordRequest:
         How a simulated cell is.
     rehearse, frames, cleared : bool
         Whether it is driven slowly first, every frame is kept, a person has cleared the cell.
+    axis_test : AxisTestRule
+        Whether a real cell's axes must have been tested.
     live : LiveOptions
         Whether and where it is shown.
     """
@@ -71,6 +74,7 @@ class RecordRequest:
     rehearse: bool = False
     frames: bool = False
     cleared: bool = False
+    axis_test: AxisTestRule = AxisTestRule.REQUIRED
     live: LiveOptions = field(default_factory=LiveOptions)
 
 
@@ -137,7 +141,9 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
         frames=request.frames,
     )
     simulation = request.simulation.with_faults(script)
-    with open_session(loaded, request.runs, console, simulation, request.live) as session:
+    with open_session(
+        loaded, request.runs, console, simulation, request.live, request.axis_test
+    ) as session:
         if request.rehearse:
             run = session.record(_rehearsal(name, samples))
             if run.outcome.stop is not None:

@@ -24,6 +24,7 @@ from config.cell.cell import CellConfig
 from config.errors import RecordingError, TransportError
 from config.load import LoadedCell
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
+from rid_daq.preflight.axis_test import AxisTestRule, require_axis_test
 from rid_daq.recording.recorded_run import RecordedRun, ending_said
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import write_result
@@ -134,6 +135,8 @@ class RunSession:
         The mock hardware, where it was started here: what it carries is noted.
     page : LivePage or None
         Where motions are shown too.
+    axis_test : str
+        What is known of the axis test of a real cell; empty for a simulated one.
     """
 
     loaded: LoadedCell
@@ -142,6 +145,7 @@ class RunSession:
     display: Display
     simulated: SimulatedCell | None = None
     page: LivePage | None = None
+    axis_test: str = ""
 
     def record(self, request: RunRequest) -> RecordedRun:
         """Record a motion, judge it and write its report; also where the motion was stopped.
@@ -171,6 +175,8 @@ class RunSession:
         folder = RunFolder.create(self.runs, request.label, software=software_versions())
         with unfinished(folder):
             facts: dict[str, JsonValue] = {"robot": self.loaded.robot.name}
+            if self.axis_test:
+                facts["axis_test"] = self.axis_test
             for name, content in self.loaded.files.items():
                 folder.write(name, content)
             if self.simulated is not None:
@@ -278,16 +284,20 @@ def open_session(
     console: Console,
     simulation: Simulation | None = None,
     live: LiveOptions | None = None,
+    axis_test: AxisTestRule = AxisTestRule.REQUIRED,
 ) -> Iterator[RunSession]:
     """Yield a session on a cell that is reachable, and held alone, as long as the `with` lasts.
 
     Raises
     ------
     RidDaqError
-        As `live_page` and `mountable_cell`.
+        As `require_axis_test`, `live_page` and `mountable_cell`.
     """
+    tested = require_axis_test(loaded, axis_test)
+    if axis_test is AxisTestRule.WAIVED and tested:
+        console.say(f"note: axis test {tested}")
     with (
         live_page(console, live or LiveOptions()) as page,
         mountable_cell(loaded, simulation) as (cell, simulated),
     ):
-        yield RunSession(loaded, cell, runs, console, simulated, page)
+        yield RunSession(loaded, cell, runs, console, simulated, page, tested)

@@ -18,6 +18,7 @@ from config.formats.bounded_file import read_file
 from config.load import LoadedCell, load_cell
 from identification.estimation import file as estimate_file
 from rid_daq.jobs.cell_files import estimate_for, loops_for, motion_bytes, motion_for
+from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Record, RunRequest, open_session
 from rid_daq.runs.run_data import MOTION
@@ -51,6 +52,8 @@ class StreamRequest:
         How a simulated cell is.
     cleared : bool
         Whether a person has cleared the cell.
+    axis_test : AxisTestRule
+        Whether a real cell's axes must have been tested.
     """
 
     cell: str
@@ -63,6 +66,7 @@ class StreamRequest:
     label: str | None = None
     simulation: Simulation = field(default_factory=Simulation)
     cleared: bool = False
+    axis_test: AxisTestRule = AxisTestRule.REQUIRED
 
 
 def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
@@ -86,7 +90,9 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
     files["model.json"] = read_file(request.model, estimate_file.LARGEST_FILE_BYTES)
     files["loops.json"] = read_file(request.loop, loop_file.LARGEST_FILE_BYTES)
     options = request.options
-    with open_session(loaded, request.runs, console, request.simulation) as session:
+    with open_session(
+        loaded, request.runs, console, request.simulation, axis_test=request.axis_test
+    ) as session:
         cell = session.cell
 
         def drive(record: Record) -> RecordOutcome:

@@ -24,6 +24,16 @@ Cleared = Annotated[
 ]
 """The option that every command has that moves a real robot."""
 
+WithoutAxisTest = Annotated[
+    bool,
+    typer.Option(
+        "--without-axis-test",
+        help="Move a real robot though `rid-daq axes` has not passed since its cell or robot file"
+        " changed; the run says so.",
+    ),
+]
+"""The option that every command has that moves a real robot by itself."""
+
 
 def asked(ask: Callable[..., T], question: str) -> T:
     """Ask a person by `typer.prompt` or `typer.confirm`, beside what programs read.

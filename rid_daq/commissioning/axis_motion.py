@@ -1,0 +1,80 @@
+"""`AxisMotion`: what the drive of one axis did in its axis test, by the recording."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.hold_to_run.line import Line
+from config.robot.robot import RobotDescription
+
+REST_ROWS = 10
+
+
+@dataclass(frozen=True)
+class AxisMotion:
+    """One axis, moved by a little, alone.
+
+    Attributes
+    ----------
+    joint : str
+        Its joint.
+    unit : str
+        "°" or "mm".
+    commanded, measured : float
+        How far the set-point went, and the drive's position, in the unit.
+    counts : int
+        By how many increments the drive's position has changed.
+    command_share : float
+        The velocity that was commanded, over the whole motion, as a share of what the drive
+        measured: 1 where both have the same unit.
+    increments_per_rev : float or None
+        What the drive says its encoder has a revolution of the motor, by the robot file's gear;
+        None where the motors' positions are not the joints'.
+    """
+
+    joint: str
+    unit: str
+    commanded: float
+    measured: float
+    counts: int
+    command_share: float
+    increments_per_rev: float | None
+
+    @classmethod
+    def of(cls, rows: NDArray[Any], robot: RobotDescription, number: int) -> AxisMotion:
+        """Return what the rows of a recording show of the axis `number`."""
+        joint = robot.joints[number]
+        per = math.degrees(1.0) if joint.type == "revolute" else 1e3
+        rows = rows[rows["valid"][:, number] == 1]
+        moving = np.flatnonzero(rows["target_velocity"][:, number])
+        first, last = (0, 0) if not len(moving) else (int(moving[0]), int(moving[-1]) + 1)
+        target, position = rows["target_position"][:, number], rows["position"][:, number]
+        counts = rows["position_counts"][:, number].astype(float)
+        before, after = slice(max(0, first - REST_ROWS), first + 1), slice(-REST_ROWS, None)
+        moved = float(position[after].mean() - position[before].mean())
+        increments = float(counts[after].mean() - counts[before].mean())
+        step_s = np.diff(rows["time_s"], append=rows["time_s"][-1:])
+        driven = float((rows["velocity_command"][:, number] * step_s)[first:].sum())
+        revs = moved * joint.gear_ratio / (2.0 * math.pi)
+        return cls(
+            joint=joint.name,
+            unit="°" if joint.type == "revolute" else "mm",
+            commanded=per * float(target[last] - target[max(0, first - 1)]),
+            measured=per * moved,
+            counts=round(increments),
+            command_share=driven / moved if moved else math.inf,
+            increments_per_rev=abs(increments / revs)
+            if revs and robot.coupling is None and joint.type == "revolute"
+            else None,
+        )
+
+
+def travelled(line: Line, rows: NDArray[Any], number: int) -> float:
+    """Return which share of a line the set-points of an axis went along."""
+    target = rows["target_position"][:, number]
+    return float((target[-1] - target[0]) / (line.goal[number] - line.start[number]))

@@ -1,0 +1,56 @@
+"""Which way a joint will turn, in words that a person can hold against what moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from config.load import load_cell
+from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from rid_daq.commissioning.axis_words import direction_words, tool_way
+
+LIMITS = JointLimits(
+    position_min=-3.0, position_max=3.0, velocity=1.0, acceleration=1.0, torque=1.0
+)
+ARM = RobotDescription(
+    name="arm",
+    kinematics=Kinematics(
+        convention="modified_dh",
+        rows=(KinematicRow(), KinematicRow(alpha_rad=-np.pi / 2.0), KinematicRow(a_m=0.5)),
+    ),
+    joints=(
+        Joint(name="turn", limits=LIMITS),
+        Joint(name="tilt", limits=LIMITS),
+        Joint(name="lift", type="prismatic", limits=LIMITS),
+    ),
+    tool_offset_m=(0.5, 0.0, 0.0),
+)
+POSE = np.zeros(3)
+
+
+def test_an_upright_axis_is_seen_from_above() -> None:
+    words = direction_words(ARM, POSE, 0, np.deg2rad(2.0))
+    assert words == (
+        "turn will turn by 2° counter-clockwise, seen from above; the tool point goes 35 mm towards"
+        " the base's +y"
+    )
+    back = direction_words(ARM, POSE, 0, -np.deg2rad(2.0))
+    assert "seen from below" in back
+    assert "-y" in back
+
+
+def test_a_level_axis_is_seen_from_its_side() -> None:
+    words = direction_words(ARM, POSE, 1, np.deg2rad(2.0))
+    assert "from the side of the base's +y" in words
+    assert "35 mm down (the base's -z)" in words
+
+
+def test_a_linear_axis_goes_along_itself() -> None:
+    assert direction_words(ARM, POSE, 2, 0.005) == "lift will move by 5 mm towards the base's +y"
+
+
+def test_a_tool_point_on_the_axis_goes_nowhere() -> None:
+    robot = load_cell("kr15").robot
+    last = len(robot.joints) - 1
+    at_the_axis = robot.model_copy(update={"tool_offset_m": (0.0, 0.0, 0.1)})
+    assert np.linalg.norm(tool_way(at_the_axis, np.zeros(last + 1), last, 0.03)) < 1e-9
+    assert "tool point" not in direction_words(at_the_axis, np.zeros(last + 1), last, 0.03)
