@@ -12,7 +12,7 @@ from drivers.ports.can_ports import Arrival
 from drivers.ports.python_can import can
 from mock_hw.bus.arbitration import FOREVER_NS, WireFrame
 from mock_hw.bus.hub_client import HubClient
-from mock_hw.bus.hub_protocol import Role
+from mock_hw.bus.hub_protocol import OWN_PORT, Role
 from mock_hw.bus.wire_time import (
     ERROR_FLAG,
     EXTENDED_FLAG,
@@ -56,6 +56,8 @@ class RidSimBus(can.BusABC):
         Take part in lock-step time, as the cell's master does: receive timeouts and message time
         stamps are simulated then, and time stands still while the owner works. Otherwise this
         is an observer, which never holds time; its waits are the wall clock's.
+    receive_own_messages : bool, optional
+        Whether `recv` returns what this bus has sent too (`is_rx` False), once it was on the wire.
 
     Attributes
     ----------
@@ -76,12 +78,14 @@ class RidSimBus(can.BusABC):
         can_filters: can.typechecking.CanFilters | None = None,
         *,
         participant: bool = False,
+        receive_own_messages: bool = False,
         **kwargs: Any,
     ) -> None:
         del kwargs  # bitrate and the like: the hub's to decide
         try:
             path = socket_path(str(channel))
-            self._client = HubClient(path, Role.MASTER if participant else Role.OBSERVER)
+            role = Role.MASTER if participant else Role.OBSERVER
+            self._client = HubClient(path, role, own_frames=receive_own_messages)
         except DriverError as error:
             raise can.CanInitializationError(str(error)) from error
         self.channel_info = f"rid_sim {path}"
@@ -260,7 +264,7 @@ class RidSimBus(can.BusABC):
             is_error_frame=error,
             dlc=frame.length,
             data=None if remote else frame.data[: frame.length],
-            is_rx=True,
+            is_rx=frame.port != OWN_PORT,
         )
 
 

@@ -17,6 +17,7 @@ from mock_hw.bus.hub_protocol import (
     FRAME,
     FRAMES_PER_PACKET,
     HEADER,
+    OWN_PORT,
     PACKET_BYTES,
     PacketKind,
     Role,
@@ -47,6 +48,7 @@ class _Client:
         self.socket = connection
         self.role: Role | None = None
         self.urgent: frozenset[int] = frozenset()
+        self.own_frames = False
         self.idle = True
         self.due_ns = FOREVER_NS
         self.on_frames = False
@@ -227,10 +229,11 @@ class CanHub:
         record = FRAME.pack(*frame)
         cut_off = self._faults is not None and frame.time_ns < self._faults.cut_off_until_ns
         for client in self._clients.values():
-            if client.key != key and client.role is not None:
+            own = client.key == key
+            if client.role is not None and (client.own_frames or not own):
                 if cut_off and client.role == Role.MASTER:
                     continue
-                client.inbox.append(record)
+                client.inbox.append(FRAME.pack(*frame._replace(port=OWN_PORT)) if own else record)
                 if frame.can_id in client.urgent:
                     client.due_ns = frame.time_ns
                 elif client.on_frames:
@@ -306,6 +309,7 @@ class CanHub:
     def _handle(self, client: _Client, packet: bytes) -> None:
         kind, flag, number, time_ns = unpack_header(packet)
         if kind == PacketKind.HELLO and client.role is None:
+            client.own_frames = bool(number)
             self._join(client, Role(flag), packet)
         elif kind in (PacketKind.SEND, PacketKind.IDLE) and client.role is not None:
             now_ns = time.monotonic_ns() if self._realtime else self._now_ns

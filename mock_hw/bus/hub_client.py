@@ -42,6 +42,8 @@ class HubClient:
         if the wait is `on_frames` at all: a burst of frames costs one wake-up, or none.
     timeout_s : float, optional
         How long to wait for the hub's welcome [s].
+    own_frames : bool, optional
+        Whether to get back what is sent, once it was on the bus; its port is `OWN_PORT`.
 
     Attributes
     ----------
@@ -59,7 +61,13 @@ class HubClient:
     """
 
     def __init__(
-        self, path: Path, role: Role, urgent: Iterable[int] = (), timeout_s: float = 30.0
+        self,
+        path: Path,
+        role: Role,
+        urgent: Iterable[int] = (),
+        timeout_s: float = 30.0,
+        *,
+        own_frames: bool = False,
     ) -> None:
         self._path = path
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -69,7 +77,7 @@ class HubClient:
         try:
             self._socket.settimeout(timeout_s)
             self._socket.connect(str(path))
-            self._socket.send(pack(PacketKind.HELLO, role) + pack_identifiers(urgent))
+            self._socket.send(pack(PacketKind.HELLO, role, own_frames) + pack_identifiers(urgent))
             kind, flag, _, self.now_ns = unpack_header(self._receive())
             if kind != PacketKind.WELCOME:
                 raise ProtocolError(f"CAN hub {path}: answered {kind} instead of a welcome")

@@ -34,6 +34,9 @@ HEADER = struct.Struct("<BBxxIq")
 FRAME = struct.Struct("<qIBB2x8s")
 
 FRAMES_PER_PACKET = 1024
+OWN_PORT = 255
+"""The port of a frame that its sender gets back."""
+
 PACKET_BYTES = HEADER.size + FRAMES_PER_PACKET * FRAME.size
 
 
@@ -66,7 +69,7 @@ def pack(kind: PacketKind, flag: int = 0, number: int = 0, time_ns: int = 0) -> 
     flag : int, optional
         HELLO: the role. WELCOME: 1 in lock-step. IDLE: 1 when frames wake the client.
     number : int, optional
-        Of an IDLE, and of the WAKE that answers it.
+        Of an IDLE, and of the WAKE that answers it. HELLO: 1 to get back what is sent.
     time_ns : int, optional
         WELCOME, WAKE: the present time. IDLE: until when the client has nothing to do.
     """
