@@ -1,0 +1,127 @@
+"""Who looks at the keys: what a held key means is asked once, and a press is one line."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from acquisition.hold_to_run.dead_man import DEAD_MAN_S, DeadMan
+from acquisition.hold_to_run.line import Line
+from acquisition.hold_to_run.pilot import Held, Pilot
+from tests.builders.typist import wait_for
+
+POSE = np.array([0.1, 0.2])
+GOAL = np.array([0.1, 0.7])
+
+
+class Desk:
+    """Keys that the test holds, and what they were asked to mean."""
+
+    def __init__(self) -> None:
+        self.key = ""
+        self.plans: list[str] = []
+        self.meanwhile: Callable[[], None] = lambda: None
+        self.looks = 0
+
+    def look(self) -> Held | None:
+        self.looks += 1
+        return Held(self.key, time.monotonic() + DEAD_MAN_S) if self.key else None
+
+    def plan(self, key: str, pose: NDArray[np.float64]) -> Line | None:
+        self.plans.append(key)
+        self.meanwhile()
+        return Line(pose, GOAL, 1.0) if key == "+" else None
+
+    def looks_again(self) -> None:
+        before = self.looks
+        wait_for(lambda: self.looks > before + 2)
+
+
+@pytest.fixture
+def dead_man() -> DeadMan:
+    dead_man = DeadMan.create()
+    dead_man.rest(POSE, 0)
+    return dead_man
+
+
+def test_a_held_key_is_one_press_and_its_release_is_told(dead_man: DeadMan) -> None:
+    desk = Desk()
+    with Pilot(dead_man, 2, desk, desk.plan):
+        desk.key = "+"
+        wait_for(lambda: dead_man.number == 1)
+        goal, pace = dead_man.ordered(2)
+        np.testing.assert_array_equal(goal, GOAL)
+        assert pace == 1.0
+        desk.looks_again()
+        assert dead_man.held_until_s > time.monotonic() - 1.0
+        desk.key = ""
+        wait_for(lambda: dead_man.held_until_s == 0.0)
+    assert dead_man.number == 1
+    assert desk.plans == ["+"]
+
+
+def test_a_key_that_was_let_go_while_its_line_was_looked_at_moves_nothing(
+    dead_man: DeadMan,
+) -> None:
+    desk = Desk()
+    desk.meanwhile = lambda: setattr(desk, "key", "")
+    with Pilot(dead_man, 2, desk, desk.plan):
+        desk.key = "+"
+        wait_for(lambda: desk.plans == ["+"])
+        desk.looks_again()
+        assert dead_man.number == 0
+        desk.key = "+"
+        wait_for(lambda: dead_man.number == 1)
+    assert desk.plans == ["+"], "it was looked at already"
+
+
+def test_a_key_without_a_meaning_moves_nothing(dead_man: DeadMan) -> None:
+    desk = Desk()
+    with Pilot(dead_man, 2, desk, desk.plan):
+        desk.key = "x"
+        wait_for(lambda: desk.plans == ["x"])
+        desk.looks_again()
+    assert dead_man.number == 0
+    assert desk.plans == ["x"]
+
+
+def test_nothing_is_pressed_before_the_robot_rests(dead_man: DeadMan) -> None:
+    desk = Desk()
+    dead_man.press(Line(POSE, GOAL, 1.0), 0.0)  # under way
+    with Pilot(dead_man, 2, desk, desk.plan):
+        desk.key = "+"
+        desk.looks_again()
+        assert desk.plans == []
+        dead_man.rest(POSE, 1)
+        wait_for(lambda: dead_man.number == 2)
+
+
+def test_the_pose_that_ends_a_motion_ends_it(dead_man: DeadMan) -> None:
+    desk = Desk()
+    ready: list[list[float]] = []
+    with Pilot(dead_man, 2, desk, desk.plan, GOAL, lambda pose: ready.append(pose.tolist())):
+        desk.looks_again()
+        assert not dead_man.finishing
+        dead_man.rest(GOAL, 0)
+        wait_for(lambda: dead_man.finishing)
+    assert ready == [POSE.tolist()]
+
+
+def test_an_error_of_its_own_releases_the_key_ends_the_motion_and_is_told(
+    dead_man: DeadMan,
+) -> None:
+    desk = Desk()
+    dead_man.hold(time.monotonic() + DEAD_MAN_S)
+
+    def breaks() -> None:
+        raise ZeroDivisionError
+
+    desk.meanwhile = breaks
+    desk.key = "+"
+    with pytest.raises(ZeroDivisionError), Pilot(dead_man, 2, desk, desk.plan):
+        wait_for(lambda: dead_man.finishing)
+    assert dead_man.held_until_s == 0.0
