@@ -36,6 +36,9 @@ class CellSimulation:
         What is true of it.
     realtime : bool
         Real time; otherwise lock-step, where the master's waits move time on.
+    pace : float or None
+        In lock-step on `rid_sim`, how many simulated seconds a second has at most; as many as the
+        computer can if None.
     seed : int
         Of everything random: in lock-step the same seed gives the same bytes on the bus.
     directory : Path, optional
@@ -76,6 +79,7 @@ class CellSimulation:
     amplifier_baud_rate: int | None = None
     drive_profile: DriveProfile | None = None
     certificates: ServerCertificates | None = None
+    pace: float | None = None
 
     def __post_init__(self) -> None:
         refuse_unknown_joints(self.faults, self.robot.joint_names)
@@ -157,6 +161,7 @@ class CellSimulation:
             faults=self.faults,
             nodes={axis.joint: axis.node_id for axis in self.cell.axes},
             master=self.cell.drive_safety.master_node_id,
+            pace=self.pace,
         )
 
     def plate(self, path: Path) -> PlateSettings | None:

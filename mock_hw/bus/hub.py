@@ -26,6 +26,7 @@ from mock_hw.bus.hub_protocol import (
     unpack_header,
     unpack_identifiers,
 )
+from mock_hw.bus.pace import Pace
 from mock_hw.bus.wire_time import ERROR_FLAG
 
 AFTER_RUN_NS = 2_000_000_000
@@ -76,6 +77,8 @@ class CanHub:
         Nominal bit rate [bit/s].
     realtime : bool
         Real time instead of lock-step.
+    pace : float, optional
+        Simulated seconds a second, at most, in lock-step with a master.
     channel : str, optional
         The bus's name in the log.
     log : TextIO, optional
@@ -95,6 +98,7 @@ class CanHub:
         bitrate: int,
         *,
         realtime: bool,
+        pace: float | None = None,
         channel: str = "rid_sim",
         log: TextIO | None = None,
         faults: BusFaults | None = None,
@@ -115,7 +119,8 @@ class CanHub:
         self._busy = 0
         self._masters = 0
         self._horizon_ns = 0
-        self._pace_from = (0, 0)
+        self._alone = Pace(1.0)
+        self._paced = None if pace is None else Pace(pace)
         self.next_s = 0.0
 
     def run(self, stop_fds: Sequence[int], stop_at_ns: int = FOREVER_NS) -> None:
@@ -130,8 +135,7 @@ class CanHub:
     def advance(self, until_s: float) -> None:
         """Do what is due on the bus until `until_s` [s, CLOCK_MONOTONIC].
 
-        In lock-step the clock only paces a bus without a master; otherwise all happens that can
-        before a client has to say something.
+        In lock-step all happens that can before a client has to say something, at a pace if any.
         """
         until_ns = round(until_s * 1e9)
         if self._realtime:
@@ -174,22 +178,20 @@ class CanHub:
                     self._now_ns = max(self._now_ns, self._horizon_ns)
                     self._admit_masters()
                     break
-                if not self._joining and (wall_ns := self._pace(next_ns)) > until_ns:
-                    self.next_s = wall_ns * 1e-9
+                over = next_ns > self._horizon_ns
+                if not self._joining and (over or self._later(self._alone, next_ns, until_ns)):
                     break
-            elif next_ns == FOREVER_NS:
+            elif next_ns == FOREVER_NS or self._later(self._paced, next_ns, until_ns):
                 break
-            if next_ns > self._now_ns:
-                self._now_ns = next_ns
+            self._now_ns = max(self._now_ns, next_ns)
             self._handle_event()
         self._give_out(observers_only=True)
 
-    def _pace(self, next_ns: int) -> int:
-        """Return when an event without a master happens, on CLOCK_MONOTONIC [ns]."""
-        if next_ns > self._horizon_ns:
-            return FOREVER_NS
-        wall_ns, simulated_ns = self._pace_from
-        return wall_ns + next_ns - simulated_ns
+    def _later(self, pace: Pace | None, next_ns: int, until_ns: int) -> bool:
+        """Return whether an event is for later than `until_ns`, and then when, as `next_s`."""
+        wall_ns = until_ns if pace is None else pace.wall_ns(next_ns, until_ns)
+        self.next_s = self.next_s if wall_ns <= until_ns else wall_ns * 1e-9
+        return wall_ns > until_ns
 
     def _handle_event(self) -> None:
         """Do what is due now: end a frame, wake clients, and only then start the next frame."""
@@ -217,7 +219,9 @@ class CanHub:
         self._send_inbox(client, pack(PacketKind.WAKE, 0, client.number, self._now_ns))
 
     def _admit_masters(self) -> None:
-        joining, self._joining = self._joining, []  # who is gone already is dropped as a member
+        joining, self._joining = self._joining, []  # who is gone is dropped as a member
+        if self._paced is not None:
+            self._paced.begin(time.monotonic_ns(), self._now_ns)
         for client in joining:
             self._masters += 1
             self._welcome(client)
@@ -397,4 +401,4 @@ class CanHub:
                 if not self._masters:
                     back_ns = 0 if self._faults is None else self._faults.unplugged_until_ns
                     self._horizon_ns = max(self._now_ns + AFTER_RUN_NS, back_ns)
-                    self._pace_from = (time.monotonic_ns(), self._now_ns)
+                    self._alone.begin(time.monotonic_ns(), self._now_ns)

@@ -37,6 +37,8 @@ class HubSettings:
         Of the bus [bit/s].
     realtime : bool
         Real time instead of lock-step.
+    pace : float or None
+        Simulated seconds a second, at most, in lock-step.
     channel : str
         The bus's name in the log.
     log : Path, optional
@@ -60,6 +62,7 @@ class HubSettings:
     faults: FaultScript = NO_SCRIPT
     nodes: Mapping[str, int] = field(default_factory=dict)
     master: int = 127
+    pace: float | None = None
 
 
 def serve_hub(settings: HubSettings, ready: Connection) -> None:
@@ -83,6 +86,7 @@ def serve_hub(settings: HubSettings, ready: Connection) -> None:
                 listener,
                 settings.bitrate,
                 realtime=settings.realtime,
+                pace=settings.pace,
                 channel=settings.channel,
                 log=log,
                 faults=_faults(settings),

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from rid_daq.jobs.mock_job import MockRequest, ServedCell, serve_cell, write_eds_files
+from rid_daq.session.cells import Pace
 from rid_daq.terminal.console import AsJson, Console
 
 
@@ -30,6 +31,7 @@ def mock(
             help="Simulated time that the commanding program moves on, not the clock (rid_sim).",
         ),
     ] = False,
+    pace: Pace = None,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     payload: Annotated[
         str | None, typer.Option(help="What the robot carries, by its name in the plant file.")
@@ -63,7 +65,7 @@ def mock(
         console.say(f"{eds}: wrote {', '.join(files)}.")
         console.say("Name each in its axis of the cell file (eds), by its path from there.")
         return
-    request = MockRequest(cell, lockstep, seed, payload, log, faults, devices)
+    request = MockRequest(cell, lockstep, seed, payload, log, faults, devices, pace)
     with serve_cell(request) as served:
         _print(console, request, served)
         served.wait()
@@ -85,8 +87,8 @@ def _print(console: Console, request: MockRequest, served: ServedCell) -> None:
     what = ", ".join(f"{axis.joint} node {axis.node_id}" for axis in config.axes)
     if request.devices is not None:  # which nodes those are is for whoever practises to find out
         what = f"with the devices of {request.devices}"
-    pace = "lock-step" if request.lockstep else "real"
-    console.say(f"Cell {config.name} is served: {what}; {pace} time. Ctrl-C ends it.")
+    kept = "lock-step" if request.in_lockstep else "real"
+    console.say(f"Cell {config.name} is served: {what}; {kept} time. Ctrl-C ends it.")
     if request.faults is not None:
         console.say(f"Faults:     as {request.faults} says")
     if served.listen:

@@ -15,7 +15,7 @@ from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payload_session
 from rid_daq.recording.payload_steps import PayloadSessionRequest, StepFailed
 from rid_daq.recording.recorded_run import stop_document
-from rid_daq.session.cells import CellName
+from rid_daq.session.cells import CellName, Pace
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
@@ -82,6 +82,7 @@ def session(
             help="Every question is answered with yes: the cell is clear, the payload is attached.",
         ),
     ] = False,
+    pace: Pace = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the motion and a simulated cell.")] = 0,
     without_axis_test: WithoutAxisTest = False,
     live: Live = False,
@@ -117,6 +118,7 @@ def session(
         yes=yes,
         seed=seed,
         axis_test=AxisTestRule.unless(without_axis_test),
+        pace=pace,
         live=LiveOptions(live, listen, token, certificate),
     )
     ended = run_payload_session(request, console)

@@ -11,7 +11,7 @@ from config.errors import ConfigError
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.plate_zero_job import PlateZeroed, PlateZeroRequest, zero_plate
 from rid_daq.recording.recorded_run import stop_document
-from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
+from rid_daq.session.cells import CellName, Pace, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared, WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
@@ -54,6 +54,7 @@ def zero(
     ] = False,
     label: Annotated[str, typer.Option(help="What to call the run.")] = "plate zero",
     realtime: Realtime = False,
+    pace: Pace = None,
     seed: Seed = 0,
     cleared: Cleared = False,
     without_axis_test: WithoutAxisTest = False,
@@ -78,7 +79,7 @@ def zero(
         cleared=cleared,
         axis_test=AxisTestRule.unless(without_axis_test),
         label=label,
-        simulation=Simulation(realtime=realtime, seed=seed),
+        simulation=Simulation(realtime=realtime, pace=pace, seed=seed),
     )
     zeroed = zero_plate(request, console)
     if zeroed.zero is None:

@@ -18,7 +18,7 @@ from rid_daq.recording.record_job import (
     record_motion_file,
 )
 from rid_daq.recording.recorded_run import stop_document
-from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
+from rid_daq.session.cells import CellName, Pace, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared, WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
@@ -53,6 +53,7 @@ def record(
         str | None, typer.Option(help="What to call the run; the motion file's name if not given.")
     ] = None,
     realtime: Realtime = False,
+    pace: Pace = None,
     seed: Seed = 0,
     payload: Annotated[
         str | None,
@@ -102,7 +103,7 @@ def record(
         model=model,
         faults=faults,
         label=label,
-        simulation=Simulation(realtime=realtime, seed=seed, payload=payload),
+        simulation=Simulation(realtime=realtime, pace=pace, seed=seed, payload=payload),
         rehearse=rehearse,
         frames=frames,
         cleared=cleared,

@@ -11,7 +11,7 @@ from compensation.online.point_source import BUFFER_S
 from compensation.online.stream import CLIENT_PATIENCE_S, StreamOptions
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.stream_job import StreamRequest, stream_path
-from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
+from rid_daq.session.cells import CellName, Pace, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared, WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
@@ -55,6 +55,7 @@ def stream(
         str | None, typer.Option(help="What to call the run; the motion file's name if not given.")
     ] = None,
     realtime: Realtime = False,
+    pace: Pace = None,
     seed: Seed = 0,
     cleared: Cleared = False,
     without_axis_test: WithoutAxisTest = False,
@@ -79,7 +80,7 @@ def stream(
         socket=socket,
         options=StreamOptions(compensated=not plain, buffer_s=buffer, patience_s=wait),
         label=label,
-        simulation=Simulation(realtime=realtime, seed=seed),
+        simulation=Simulation(realtime=realtime, pace=pace, seed=seed),
         cleared=cleared,
         axis_test=AxisTestRule.unless(without_axis_test),
     )

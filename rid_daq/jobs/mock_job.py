@@ -48,6 +48,8 @@ class MockRequest:
         Where all frames are written; a fault script.
     devices : str or None
         The simulated cell whose devices are served in place of this cell's own; None for its own.
+    pace : float or None
+        In lock-step, how many simulated seconds a second has at most.
     """
 
     cell: str
@@ -57,6 +59,12 @@ class MockRequest:
     log: Path | None = None
     faults: Path | None = None
     devices: str | None = None
+    pace: float | None = None
+
+    @property
+    def in_lockstep(self) -> bool:
+        """Whether simulated time waits for the commanding program."""
+        return self.lockstep or self.pace is not None
 
 
 @dataclass(frozen=True)
@@ -146,7 +154,8 @@ def serve_cell(request: MockRequest) -> Iterator[ServedCell]:
         loaded.config,
         loaded.robot,
         plant if request.payload is None else plant.with_payload(request.payload),
-        realtime=not request.lockstep,
+        realtime=not request.in_lockstep,
+        pace=request.pace,
         seed=request.seed,
         directory=runtime_directory(),
         log=request.log,

@@ -90,7 +90,7 @@ def run_payload_session(
         console.say(f"Resumed; done already: {', '.join(state.done) or 'nothing'}.")
     console.say(motion.describe())
     if any(name not in state.done for name in request.wanted):
-        simulation = Simulation(seed=request.seed)
+        simulation = Simulation(seed=request.seed, pace=request.pace)
         with (
             unfinished(state.folder),
             open_session(

@@ -71,6 +71,8 @@ class PayloadSessionRequest:
         Of the motion and a simulated cell.
     axis_test : AxisTestRule
         Whether a real cell's axes must have been tested.
+    pace : float or None
+        How many times the clock's pace a simulated cell keeps; as fast as it can if None.
     live : LiveOptions
         Whether and where it is shown.
     """
@@ -93,6 +95,7 @@ class PayloadSessionRequest:
     yes: bool = False
     seed: int = 0
     axis_test: AxisTestRule = AxisTestRule.REQUIRED
+    pace: float | None = None
     live: LiveOptions = field(default_factory=LiveOptions)
 
     @property

@@ -29,6 +29,18 @@ Realtime = Annotated[
 ]
 """An option of the commands that move a cell."""
 
+Pace = Annotated[
+    float | None,
+    typer.Option(
+        min=0.1,
+        max=100.0,
+        metavar="TIMES",
+        help="A simulated cell at so many times the clock's pace, and never late: time waits for"
+        " whoever is. As fast as it can if not given.",
+    ),
+]
+"""An option of the commands that move a cell."""
+
 Seed = Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")]
 """An option of the commands that move a cell."""
 
@@ -40,7 +52,9 @@ class Simulation:
     Attributes
     ----------
     realtime : bool
-        Whether it runs at the clock's pace instead of as fast as it can.
+        Whether it runs in real time, and may be late, instead of in lock-step.
+    pace : float or None
+        How many times the clock's pace lock-step keeps; as fast as it can if None.
     seed : int
         Of its noise.
     payload : str or None
@@ -53,6 +67,11 @@ class Simulation:
     seed: int = 0
     payload: str | None = None
     faults: FaultScript = NO_SCRIPT
+    pace: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.realtime and self.pace is not None:
+            raise ConfigError("--realtime and --pace are two ways to keep time: give one")
 
     def with_faults(self, faults: FaultScript) -> Simulation:
         """Return the same with a fault script."""
@@ -104,6 +123,11 @@ def mountable_cell(
     if not any_eds:
         refuse_unfit_eds(loaded)
     if not cell.simulated or is_served(cell):
+        if simulation.pace is not None:
+            raise ConfigError(
+                f"cell {cell.name}: its devices are not started here and keep their own time: leave"
+                " --pace out, or give it to `rid-daq mock`"
+            )
         if payload is not None:
             raise ConfigError(
                 f"cell {cell.name}: its robot is not started here, so nothing can be mounted on its"
@@ -123,6 +147,10 @@ def mountable_cell(
 
     if loaded.plant is None:
         raise ConfigError(f"cell {cell.name}: a simulated cell needs plant")
+    if simulation.pace is not None and cell.can.interface != SIMULATED:
+        raise ConfigError(
+            f"cell {cell.name}: time waits for nobody on {cell.can.interface}: leave --pace out"
+        )
     with (
         SimulatedCell(
             CellSimulation(
@@ -134,6 +162,7 @@ def mountable_cell(
                 amplifier_profile=loaded.amplifier_profile,
                 drive_profile=loaded.drive_profile,
                 faults=faults,
+                pace=simulation.pace,
             )
         ) as simulated,
         hold_cell(simulated.cell),

@@ -40,7 +40,9 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
     hubs: list[ServedHub] = []
     stoppers: list[tuple[int, threading.Thread]] = []
 
-    def start(*, realtime: bool = False, bitrate: int = 1_000_000) -> ServedHub:
+    def start(
+        *, realtime: bool = False, bitrate: int = 1_000_000, pace: float | None = None
+    ) -> ServedHub:
         path = tmp_path / f"hub{len(stoppers)}.sock"
         stop, stopper = os.pipe()
         log = StringIO()
@@ -48,7 +50,9 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
 
         def run() -> None:
             with listening_socket(path) as listener:
-                hub = CanHub(listener, bitrate, realtime=realtime, channel="test", log=log)
+                hub = CanHub(
+                    listener, bitrate, realtime=realtime, pace=pace, channel="test", log=log
+                )
                 ready.set()
                 hub.run([stop])
                 hub.close()

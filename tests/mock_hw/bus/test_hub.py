@@ -128,6 +128,15 @@ def test_without_a_master_time_runs_on_at_the_clocks_pace_and_then_stands(serve:
     assert time.monotonic_ns() - start_ns < AFTER_RUN_NS, "a master that waits hurries time"
 
 
+def test_at_a_pace_nothing_comes_before_its_time_on_the_clock(serve: Serve) -> None:
+    client = serve(pace=2.0).join(Role.MASTER)
+    start_ns = time.monotonic_ns()
+    for until_ns in (8 * MS, 30 * MS, 200 * MS):
+        assert client.wait(until_ns) == []
+        assert client.now_ns == until_ns
+        assert time.monotonic_ns() - start_ns >= until_ns // 2 - 2 * MS
+
+
 def test_a_wait_that_was_interrupted_does_not_end_the_next_one(serve: Serve) -> None:
     client = serve().join(Role.MASTER)
     client.begin_wait(5 * MS)
