@@ -34,7 +34,7 @@ class RestingPoses:
     torque_limits : (n,) array
         What the motors may be asked to hold [N m or N].
     clearances : Clearances
-        What must stay gaps.
+        What must stay apart.
     low, high : (n,) array
         Where poses are drawn from [rad or m].
     """
