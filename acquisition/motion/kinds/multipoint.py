@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,14 +14,21 @@ from acquisition.motion.kinds.motion import Motion, refuse_longer
 from acquisition.motion.ramps import rest_to_rest, rest_to_rest_duration
 from acquisition.motion.samples import MotionSamples, Phase, join, phases_of, standstill
 from config.arrays import FloatArray
+from config.errors import ConfigError
 from config.robot.robot import RobotDescription
+from dynamics.geometry.clearances import Clearances
+
+MOST_DRAWS: Final = 50
+CLEAR_STEP: Final = 0.1
+"""How often, in draws a point, and how densely, in rad or m, moves are held against bodies."""
 
 
 class MultipointMotion(Motion):
     """Smooth point-to-point motion through random poses: the validation motion.
 
     The points are drawn from `seed` inside the joint limits shrunk by `range_fraction`; every
-    move takes the time that the slowest joint needs at `speed_fraction` of its limits.
+    move takes the time that the slowest joint needs at `speed_fraction` of its limits. A point
+    whose move would bring two of the robot's bodies too close is drawn again.
     """
 
     kind: Literal["multipoint"]
@@ -48,12 +55,29 @@ class MultipointMotion(Motion):
         -------
         ndarray, shape (points, joints)
             Poses [rad or m].
+
+        Raises
+        ------
+        ConfigError
+            Too few of many draws are clear of the robot's own bodies.
         """
         low = np.array([joint.limits.position_min for joint in robot.joints])
         high = np.array([joint.limits.position_max for joint in robot.joints])
         middle, half = (low + high) / 2.0, (high - low) / 2.0 * self.range_fraction
-        draws = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.points, len(low)))
-        return np.asarray(middle + half * draws, dtype=np.float64)
+        random = np.random.default_rng(self.seed)
+        clearances = Clearances.of(robot)
+        poses: list[FloatArray] = []
+        for _ in range(MOST_DRAWS * self.points):
+            pose = middle + half * random.uniform(-1.0, 1.0, len(low))
+            if clearances.is_clear(_between(poses[-1] if poses else pose, pose)):
+                poses.append(pose)
+            if len(poses) == self.points:
+                return np.array(poses)
+        raise ConfigError(
+            f"robot {robot.name!r}: of {MOST_DRAWS * self.points} random points {len(poses)} are"
+            f" reached clear of its own bodies, {self.points} are asked for: ask for fewer points,"
+            " take another seed or a smaller range_fraction, or look at `bodies` in the robot file"
+        )
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         """Return quintic moves from pose to pose, with a dwell at each.
@@ -83,3 +107,10 @@ class MultipointMotion(Motion):
             rest_to_rest_duration(end - start, velocity, acceleration)
             for start, end in itertools.pairwise(poses)
         ]
+
+
+def _between(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Return poses (samples, joints) on the straight way from one to another, ends included."""
+    steps = max(1, math.ceil(float(np.abs(end - start).max()) / CLEAR_STEP))
+    share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
+    return np.asarray(start + share * (end - start))

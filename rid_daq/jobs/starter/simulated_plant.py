@@ -6,16 +6,12 @@ from typing import Final
 
 import numpy as np
 
+from config.arrays import FloatArray
 from config.robot.robot import Joint, RobotDescription
 from config.simulation.plant import LinkInertia, PlantConfig, SimulatedAxis
-from rid_daq.jobs.starter.workload import Workload
+from dynamics.geometry.clearances import Clearances
+from rid_daq.jobs.starter.workload import INTEGRAL_TIME_S, Workload, validation_motion
 
-SOFTEST_LOOP_RAD_S: Final = 60.0
-FASTEST_LOOP_RAD_S: Final = 400.0
-INTEGRAL_TIME_S: Final = 0.04
-ERROR_AT_LIMIT_RAD: Final = 0.02
-ERROR_AT_LIMIT_M: Final = 0.005
-"""How far the torque limit pushes a joint off its set-point: what the velocity loop integrates."""
 FRICTION_SHARE: Final = 0.04
 TORQUE_NOISE_SHARE: Final = 0.003
 INCREMENTS_PER_TURN: Final = 2_000_000
@@ -24,11 +20,8 @@ INCREMENTS_PER_TURN: Final = 2_000_000
 def simulated_plant(robot: RobotDescription) -> PlantConfig:
     """Return the robot's links with motors and velocity loops that can move them in every pose.
 
-    A loop is as stiff as the torque limit asks, and fast enough for the largest inertia about the
-    joint. Its rotor is heavy enough that it is not too fast where the other joints give way: with
-    gains K and rotors K / `FASTEST_LOOP_RAD_S` no eigenvalue of (M + I)⁻¹ K is above that, whatever
-    the links' M, and so nothing has to be known of the coupling between the joints. Rotors are
-    plain armatures.
+    Gains and rotors are `Workload`'s; rotors are plain armatures. The robot stands at zero, or
+    where its validation motion begins if it may not stand there.
 
     Raises
     ------
@@ -50,21 +43,23 @@ def simulated_plant(robot: RobotDescription) -> PlantConfig:
         name=robot.name,
         links=tuple(links),
         axes=tuple(
-            _axis(joint, inertia)
-            for joint, inertia in zip(robot.joints, load.inertia.tolist(), strict=True)
+            _axis(*each)
+            for each in zip(
+                robot.joints,
+                load.gains(robot).tolist(),
+                load.rotors(robot).tolist(),
+                _standing(robot).tolist(),
+                strict=True,
+            )
         ),
     )
 
 
-def _axis(joint: Joint, inertia: float) -> SimulatedAxis:
+def _axis(joint: Joint, gain: float, rotor: float, position: float) -> SimulatedAxis:
     torque, ratio = joint.limits.torque, abs(joint.gear_ratio)
-    error = ERROR_AT_LIMIT_M if joint.type == "prismatic" else ERROR_AT_LIMIT_RAD
-    # Of the links and of the rotor, which is gain / FASTEST_LOOP_RAD_S.
-    fast_enough = inertia / (1.0 / SOFTEST_LOOP_RAD_S - 1.0 / FASTEST_LOOP_RAD_S)
-    gain = max(torque * INTEGRAL_TIME_S / error, fast_enough)
     friction = FRICTION_SHARE * torque
     return SimulatedAxis(
-        rotor_inertia_kg_m2=gain / FASTEST_LOOP_RAD_S / ratio**2,
+        rotor_inertia_kg_m2=rotor / ratio**2,
         coulomb_nm=friction,
         viscous_nm_s=friction / joint.limits.velocity,
         velocity_gain_nm_s=gain,
@@ -74,11 +69,21 @@ def _axis(joint: Joint, inertia: float) -> SimulatedAxis:
         encoder_increments_per_motor_rev=int(np.clip(INCREMENTS_PER_TURN / ratio, 16, 2**24)),
         torque_noise_nm=TORQUE_NOISE_SHARE * torque,
         brake_torque_nm=torque,
-        initial_position=_start(joint),
+        initial_position=position,
     )
 
 
-def _start(joint: Joint) -> float:
-    """Return where a joint stands at first: at zero, or in the middle where zero is outside."""
-    low, high = joint.limits.position_min, joint.limits.position_max
-    return 0.0 if low < 0.0 < high else 0.5 * (low + high)
+def zero_pose(robot: RobotDescription) -> FloatArray:
+    """Return the pose of zeros, (n,), or of mid-range where zero is outside [rad or m]."""
+    limits = [joint.limits for joint in robot.joints]
+    ends = np.array([(each.position_min, each.position_max) for each in limits])
+    inside = (ends[:, 0] < 0.0) & (ends[:, 1] > 0.0)
+    return np.where(inside, 0.0, ends.mean(axis=1))
+
+
+def _standing(robot: RobotDescription) -> FloatArray:
+    """Return where the joints stand at first, (n,)."""
+    pose = zero_pose(robot)
+    if Clearances.of(robot).is_clear(pose[np.newaxis]):
+        return pose
+    return np.asarray(validation_motion(robot).poses(robot)[0])

@@ -7,9 +7,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
-from acquisition.motion.kinds.multipoint import MultipointMotion
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.formats.urdf_file import read_urdf
@@ -20,10 +17,10 @@ from config.model import ConfigModel
 from config.robot.urdf_chain import SeveralArmsError, UrdfArm
 from config.robot.urdf_limits import LimitDefaults
 from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
-from rid_daq.jobs.starter.simulated_plant import simulated_plant
+from rid_daq.jobs.starter.simulated_plant import simulated_plant, zero_pose
 from rid_daq.jobs.starter.starting_cell import starting_cell
 from rid_daq.jobs.starter.touching_bodies import without_touching
-from rid_daq.jobs.starter.workload import held_by_motors
+from rid_daq.jobs.starter.workload import held_by_motors, validation_motion
 from rid_daq.terminal.console import as_command
 
 
@@ -56,19 +53,17 @@ def urdf_files(request: UrdfRequest) -> tuple[dict[str, str], UrdfRobot]:
         made = robot_of_urdf(tree, base=request.base, tip=request.tip, defaults=request.defaults)
     except SeveralArmsError as error:
         raise ConfigError(_which_arm(request, error.arms)) from None
-    made = _as_motors_hold(made)
-    plant = simulated_plant(made.robot)
-    rest = np.array([axis.initial_position for axis in plant.axes])
-    robot, touching = without_touching(made.robot, rest)
-    made = replace(made, robot=robot, notes=(*made.notes, *touching))
+    robot, touching = without_touching(made.robot, zero_pose(made.robot))
+    made = _as_motors_hold(replace(made, robot=robot, notes=(*made.notes, *touching)))
+    robot = made.robot
     files = {
         "robot.yaml": _text(robot, _robot_comment(path, made.notes), made.comments),
-        "plant.yaml": _text(plant, _PLANT_COMMENT),
+        "plant.yaml": _text(simulated_plant(robot), _PLANT_COMMENT),
         "cell.yaml": _text(starting_cell(robot), _CELL_COMMENT),
     }
-    motion = MultipointMotion(kind="multipoint", robot=robot.name, seed=1)
     files["validation.yaml"] = _text(
-        motion, "Random points: run it after the excitation and give it to `rid-daq validate`."
+        validation_motion(robot),
+        "Random points: run it after the excitation and give it to `rid-daq validate`.",
     )
     return files, made
 

@@ -1,7 +1,4 @@
-"""`Workload`: what a robot's motors have to move and to hold, over its workspace and its limits.
-
-`held_by_motors` makes the limits such that they can.
-"""
+"""`Workload`: what a robot's motors have to move and to hold; limits such that they can."""
 
 from __future__ import annotations
 
@@ -10,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from acquisition.motion.kinds.multipoint import MultipointMotion
 from config.arrays import FloatArray
 from config.robot.robot import Joint, RobotDescription
 from dynamics.model.cad import cad_parameters
@@ -17,72 +15,95 @@ from dynamics.model.inverse_dynamics import mass_matrix
 from dynamics.model.robot_model import RobotModel, torque
 
 POSES: Final = 300
-MOTION_SHARE: Final = 0.7
-"""Share of speed and acceleration that every motion must be possible with: a validation's."""
+VALIDATION_POINTS: Final = 12
+SAMPLE_S: Final = 0.02
 TORQUE_SHARE: Final = 0.8
-"""Share of the torque limits for the links; friction and rotors take the rest."""
+"""Share of the torque limits for links and rotors; friction and control take the rest."""
 GRAVITY_SHARE: Final = 0.6
 """Share of the torque limits that gravity may take, so that something is left to move with."""
+INTEGRAL_TIME_S: Final = 0.04
+SOFTEST_LOOP_RAD_S: Final = 60.0
+FASTEST_LOOP_RAD_S: Final = 600.0
+ERROR_AT_LIMIT_RAD: Final = 0.02
+ERROR_AT_LIMIT_M: Final = 0.005
+"""How far the torque limit pushes a joint off its set-point: what the velocity loop integrates."""
 
 
 @dataclass(frozen=True, eq=False)
 class Workload:
-    """A robot's drawings in random poses, and in motion at `MOTION_SHARE` of its limits.
+    """A robot's drawings in random poses.
 
     Attributes
     ----------
     inertia : (n,) array
-        The largest inertia about each joint, without rotors [kg m² or kg].
+        The largest inertia of the links about each joint [kg m² or kg].
     gravity_nm : (n,) array
         The largest torque at rest [N m or N].
-    motion_nm : (n,) array
-        The largest torque that speed and acceleration can add to it [N m or N].
     """
 
     inertia: FloatArray
     gravity_nm: FloatArray
-    motion_nm: FloatArray
 
     @classmethod
     def of(cls, robot: RobotDescription) -> Workload:
-        """Take a robot's `cad` and its limits; the same robot gives the same poses.
+        """Take a robot's `cad` and its range; the same robot gives the same poses.
 
         Raises
         ------
         ConfigError
             The robot has no `cad`.
         """
-        model = RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
-        values, _ = cad_parameters(model, robot)
+        model, values = _links(robot)
         limits = [joint.limits for joint in robot.joints]
-        random = np.random.default_rng(0)
-        shape = (POSES, len(limits))
         low, high = ([getattr(x, f"position_{end}") for x in limits] for end in ("min", "max"))
-        q = random.uniform(low, high, shape)
-        v = random.choice((-MOTION_SHARE, MOTION_SHARE), shape) * [x.velocity for x in limits]
-        a = MOTION_SHARE * np.array([x.acceleration for x in limits])
-        rest = np.zeros(shape)
-        gravity = torque(model, q, rest, rest, values)
-        speed = np.abs(torque(model, q, v, rest, values) - gravity)
+        q = np.random.default_rng(0).uniform(low, high, (POSES, len(limits)))
+        rest = np.zeros_like(q)
         mass = mass_matrix(model, q, values)
         return cls(
             inertia=np.asarray(np.diagonal(mass, axis1=1, axis2=2).max(axis=0)),
-            gravity_nm=np.asarray(np.abs(gravity).max(axis=0)),
-            motion_nm=np.asarray((speed + np.abs(mass) @ a).max(axis=0)),
+            gravity_nm=np.asarray(np.abs(torque(model, q, rest, rest, values)).max(axis=0)),
         )
+
+    def gains(self, robot: RobotDescription) -> FloatArray:
+        """Return gains of the velocity loops, (n,) [N m s/rad or N s/m].
+
+        As stiff as the torque limit asks, and fast enough for the largest inertia about the joint,
+        rotor included.
+        """
+        errors = [
+            ERROR_AT_LIMIT_M if joint.type == "prismatic" else ERROR_AT_LIMIT_RAD
+            for joint in robot.joints
+        ]
+        stiff = INTEGRAL_TIME_S * _torque_limits(robot) / errors
+        fast = self.inertia / (1.0 / SOFTEST_LOOP_RAD_S - 1.0 / FASTEST_LOOP_RAD_S)
+        return np.maximum(stiff, fast)
+
+    def rotors(self, robot: RobotDescription) -> FloatArray:
+        """Return inertias of the rotors at the link side, (n,) [kg m² or kg].
+
+        Heavy enough that no loop is too fast where the other joints give way: with gains K and
+        rotors K / `FASTEST_LOOP_RAD_S` no eigenvalue of (M + I)⁻¹ K is above that, whatever the
+        links' M, and so nothing has to be known of the coupling between the joints.
+        """
+        return self.gains(robot) / FASTEST_LOOP_RAD_S
+
+
+def validation_motion(robot: RobotDescription) -> MultipointMotion:
+    """Return the random points that a model is validated with."""
+    return MultipointMotion(kind="multipoint", robot=robot.name, points=VALIDATION_POINTS, seed=1)
 
 
 def held_by_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str, ...]]:
     """Return the robot with limits that its motors hold, and what was changed, in words.
 
-    A torque limit below what gravity takes is raised. Where the links take more torque than there
-    is, speed and acceleration of all joints are lowered together, in the same path: every torque
-    but gravity's goes with the square of the speed.
+    A torque limit below what gravity takes is raised. Where the validation motion takes more torque
+    than there is, speed and acceleration of all joints are lowered together, so that its path is
+    the same: every torque but gravity's goes with the square of the speed.
 
     Raises
     ------
     ConfigError
-        The robot has no `cad`.
+        The robot has no `cad`, or its bodies leave no room for the validation motion.
     """
     load = Workload.of(robot)
     notes: list[str] = []
@@ -98,25 +119,48 @@ def held_by_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str
             )
             joint = _with_limits(joint, torque=raised)
         joints.append(joint)
-    limits = np.array([joint.limits.torque for joint in joints])
-    room = (TORQUE_SHARE * limits - load.gravity_nm) / np.maximum(load.motion_nm, 1e-12)
+    robot = robot.model_copy(update={"joints": tuple(joints)})
+    room = _room(robot, load)
     tightest = int(np.argmin(room))
-    if room[tightest] < 1.0:
-        speed = float(np.floor(100.0 * np.sqrt(room[tightest])) / 100.0)
-        notes.append(
-            f"speeds are {speed:g} of the URDF's, accelerations in proportion: the torque of joint"
-            f" {joints[tightest].name!r}, {limits[tightest]:g} {_unit(joints[tightest])}, does not"
-            " move the links faster in every pose; raise them where motions are checked for torque"
+    if room[tightest] >= 1.0:
+        return robot, tuple(notes)
+    speed = float(np.floor(100.0 * np.sqrt(room[tightest])) / 100.0)
+    joint = joints[tightest]
+    notes.append(
+        f"speeds are {speed:g} of what they were, accelerations in proportion: the torque of joint"
+        f" {joint.name!r}, {joint.limits.torque:g} {_unit(joint)}, does not move the links through"
+        " the validation motion any faster"
+    )
+    slower = tuple(
+        _with_limits(
+            each,
+            velocity=each.limits.velocity * speed,
+            acceleration=each.limits.acceleration * speed**2,
         )
-        joints = [
-            _with_limits(
-                joint,
-                velocity=joint.limits.velocity * speed,
-                acceleration=joint.limits.acceleration * speed**2,
-            )
-            for joint in joints
-        ]
-    return robot.model_copy(update={"joints": tuple(joints)}), tuple(notes)
+        for each in joints
+    )
+    return robot.model_copy(update={"joints": slower}), tuple(notes)
+
+
+def _room(robot: RobotDescription, load: Workload) -> FloatArray:
+    """Return how many times what moves may take as much in the validation motion, (n,)."""
+    model, values = _links(robot)
+    motion = validation_motion(robot).plan(robot, SAMPLE_S)
+    q, v, a = motion.position, motion.velocity, motion.acceleration
+    rest = np.zeros_like(q)
+    gravity = torque(model, q, rest, rest, values)
+    moving = torque(model, q, v, a, values) - gravity + load.rotors(robot) * a
+    left = TORQUE_SHARE * _torque_limits(robot) - np.sign(moving) * gravity
+    return np.asarray((left / np.maximum(np.abs(moving), 1e-12)).min(axis=0))
+
+
+def _links(robot: RobotDescription) -> tuple[RobotModel, FloatArray]:
+    model = RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
+    return model, cad_parameters(model, robot)[0]
+
+
+def _torque_limits(robot: RobotDescription) -> FloatArray:
+    return np.array([joint.limits.torque for joint in robot.joints])
 
 
 def _with_limits(joint: Joint, **values: float) -> Joint:

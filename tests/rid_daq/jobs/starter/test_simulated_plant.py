@@ -17,13 +17,15 @@ from dynamics.model.cad import cad_parameters
 from dynamics.model.inverse_dynamics import mass_matrix
 from dynamics.model.robot_model import RobotModel
 from mock_hw.plant.plant import Plant
-from rid_daq.jobs.starter.simulated_plant import (
+from rid_daq.jobs.starter.simulated_plant import simulated_plant
+from rid_daq.jobs.starter.workload import (
     ERROR_AT_LIMIT_RAD,
     FASTEST_LOOP_RAD_S,
+    GRAVITY_SHARE,
     INTEGRAL_TIME_S,
-    simulated_plant,
+    Workload,
+    held_by_motors,
 )
-from rid_daq.jobs.starter.workload import GRAVITY_SHARE, Workload, held_by_motors
 
 CYCLE_S = 0.008
 
@@ -114,7 +116,7 @@ def test_a_torque_limit_below_gravity_is_raised_and_said_by_name() -> None:
 
 
 def test_weak_motors_make_every_joint_slower_in_the_same_path() -> None:
-    fitted, notes = held_by_motors(arm((9.0, 150.0, 4.0)))
+    fitted, notes = held_by_motors(arm((6.0, 150.0, 4.0)))
     first, second = fitted.joints[0].limits, fitted.joints[1].limits
     share = first.velocity / 3.0
     assert share < 0.9
