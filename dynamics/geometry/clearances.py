@@ -118,7 +118,16 @@ class Clearances:
 
     def is_clear(self, q: FloatArray) -> bool:
         """Return whether every pair stays apart by the margin over poses q of (samples, n)."""
-        return not self.pairs or bool((self.nearest(q) >= self.margin_m).all())
+        links = link_transforms(self.chain, q)
+        rows, columns = np.nonzero(self._bounds(links) < self.margin_m)
+        return all(
+            bool(
+                (
+                    self._measure(links, rows[k:][:8], columns[k:][:8]).distance >= self.margin_m
+                ).all()
+            )
+            for k in range(0, len(rows), 8)
+        )
 
     def clear_pose(self, first: FloatArray, others: FloatArray, robot: str) -> FloatArray:
         """Return a pose (n,) that is clear: the first, or one of the others (poses, n).

@@ -15,12 +15,14 @@ from acquisition.motion.ramps import rest_to_rest, rest_to_rest_duration
 from acquisition.motion.samples import MotionSamples, Phase, join, phases_of, standstill
 from config.arrays import FloatArray
 from config.errors import ConfigError
+from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 
 MOST_DRAWS: Final = 50
-CLEAR_STEP: Final = 0.1
-"""How often, in draws a point, and how densely, in rad or m, moves are held against bodies."""
+CLEAR_STEP: Final = 0.05
+CLEARANCE_M: Final = 0.025
+"""How often points are drawn, each; how densely [rad or m] and how far bodies are kept apart."""
 
 
 class MultipointMotion(Motion):
@@ -65,11 +67,13 @@ class MultipointMotion(Motion):
         high = np.array([joint.limits.position_max for joint in robot.joints])
         middle, half = (low + high) / 2.0, (high - low) / 2.0 * self.range_fraction
         random = np.random.default_rng(self.seed)
-        clearances = Clearances.of(robot)
+        clearances = Clearances.of(robot, Workspace(clearance_m=CLEARANCE_M))
         poses: list[FloatArray] = []
         for _ in range(MOST_DRAWS * self.points):
             pose = middle + half * random.uniform(-1.0, 1.0, len(low))
-            if clearances.is_clear(_between(poses[-1] if poses else pose, pose)):
+            if clearances.is_clear(pose[np.newaxis]) and (
+                not poses or clearances.is_clear(_between(poses[-1], pose))
+            ):
                 poses.append(pose)
             if len(poses) == self.points:
                 return np.array(poses)

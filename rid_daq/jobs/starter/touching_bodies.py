@@ -9,9 +9,12 @@ from typing import Final
 import numpy as np
 
 from config.arrays import BoolArray, FloatArray
+from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 
+PLANNED_CLEARANCE_M: Final = 0.03
+"""A workspace's usual clearance, and what a planned motion keeps beyond it."""
 POSES: Final = 150
 FIRST_POSES: Final = 10
 SUSPECT: Final = 0.6
@@ -25,7 +28,7 @@ def without_touching(
 ) -> tuple[RobotDescription, tuple[str, ...]]:
     """Return the robot with the pairs that touch by design in `may_touch`, and a note of them.
 
-    Bodies closer than a workspace's usual clearance count as touching.
+    Bodies closer than what motions are planned with count as touching.
 
     Parameters
     ----------
@@ -34,7 +37,7 @@ def without_touching(
     rest : (n,) array
         The pose where it stands at first [rad or m].
     """
-    clearances = Clearances.of(robot)
+    clearances = Clearances.of(robot, Workspace(clearance_m=PLANNED_CLEARANCE_M))
     if not len(clearances):
         return robot, ()
     low, high = (
