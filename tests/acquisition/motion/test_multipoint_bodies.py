@@ -1,4 +1,4 @@
-"""Random points of a validation motion keep clear of the robot's own bodies, and so do its moves."""
+"""Random points of a validation motion, and the moves between them, keep off the robot itself."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def ball(link: int, place_m: tuple[float, float, float], radius_m: float) -> Cap
 
 
 def test_every_row_of_the_motion_is_clear_of_the_robots_own_bodies() -> None:
-    arm = robot(ball(0, (0.0, 0.0, 0.0), 0.2), ball(3, (0.0, 0.0, 0.0), 0.2))
+    arm = robot(ball(0, (0.0, 0.0, 0.0), 0.4), ball(3, (0.0, 0.0, 0.0), 0.2))
     motion = MultipointMotion(kind="multipoint", robot="flat", seed=1)
     open_arm = robot()
     assert not Clearances.of(arm).is_clear(motion.plan(open_arm, 0.02).position)
