@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +13,9 @@ import typer
 from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.whole_file import write_whole
 from rid_daq.terminal.console import AsJson, Console, as_command
+from rid_daq.terminal.exit_codes import ExitCode
+
+URDF_FILES = ("robot.yaml", "plant.yaml", "cell.yaml", "validation.yaml")
 
 
 def init(
@@ -50,6 +54,13 @@ def init(
         str | None,
         typer.Option(metavar="NM", help="Torque where the URDF states none [N m or N]."),
     ] = None,
+    rehearsal: Annotated[
+        bool,
+        typer.Option(
+            "--rehearsal/--no-rehearsal",
+            help="Whether a URDF's cell is tried before it is written.",
+        ),
+    ] = True,
     as_json: AsJson = False,
 ) -> None:
     """Write a commented cell, robot and two motions to start from.
@@ -57,39 +68,60 @@ def init(
     They run as they are, on a simulated cell. Change them towards your own robot. With --urdf the
     robot, its limits and its links come from that file. --range, --velocity, --acceleration and
     --effort take one number for all joints, or one a joint with commas between; without them the
-    robot's size decides.
+    robot's size decides. The cell of a URDF is rehearsed in simulated time: checked, and moved for
+    some seconds; where the motion is stopped, slower. Where it does not run, the exit code is 1.
     """
     console = Console(as_json)
     notes: tuple[str, ...] = ()
+    obstacle = ""
     limits = {"range": position, "velocity": velocity, "acceleration": acceleration}
     limits |= {"effort": effort}
     if urdf is not None:
         from config.robot.urdf_limits import LimitDefaults
-        from rid_daq.jobs.starter.urdf_starter import UrdfRequest, urdf_files
+        from rid_daq.jobs.starter.urdf_starter import (
+            UrdfRequest,
+            starting_files,
+            starting_robot,
+        )
 
         defaults = LimitDefaults(*(_numbers(f"--{name}", text) for name, text in limits.items()))
-        files, made = urdf_files(UrdfRequest(urdf, folder, base, tip, defaults))
-        notes = made.notes
+        made = starting_robot(UrdfRequest(urdf, folder, base, tip, defaults))
+        _refuse_present(folder, URDF_FILES)
+        if rehearsal:
+            from rid_daq.recording.starter_rehearsal import rehearsed
+
+            tried = rehearsed(urdf, made)
+            files, notes, obstacle = tried.files, tried.made.notes, tried.obstacle
+        else:
+            files, notes = starting_files(urdf, made), made.notes
     elif given := [
         f"--{name}" for name, value in (limits | {"base": base, "tip": tip}).items() if value
     ]:
         raise ConfigError(f"{', '.join(given)}: this is about a URDF: give it with --urdf")
     else:
         files = _starter_files()
-    present = [name for name in files if (folder / name).exists()]
-    if present:
-        raise ConfigError(
-            f"{folder}: {', '.join(present)} is already there; nothing was written."
-            " Give another folder, or move the files away."
-        )
+    _refuse_present(folder, files)
     with system_errors(RecordingError, f"{folder}: cannot make the folder"):
         folder.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
         write_whole(folder / name, text.encode())
-    console.document({"folder": str(folder), "files": list(files), "notes": list(notes)})
+    console.document(
+        {
+            "folder": str(folder),
+            "files": list(files),
+            "notes": list(notes),
+            "rehearsed": urdf is not None and rehearsal and not obstacle,
+            "obstacle": obstacle,
+        }
+    )
     console.say(f"{folder}: wrote {', '.join(files)}.")
     for note in notes:
         console.say(f"  {note}")
+    if obstacle:
+        console.verdict(False, f"The simulated cell did not run in its rehearsal: {obstacle}")
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+    if urdf is not None and rehearsal:
+        console.verdict(True, "Rehearsed: the simulated cell was checked and moved.")
     cell, motion = folder / "cell.yaml", folder / "motion.yaml"
     if "motion.yaml" in files:
         console.say("Next, on the simulated cell that they describe:")
@@ -98,6 +130,15 @@ def init(
         console.say("Next, after a look at limits and rotors in robot.yaml:")
         console.say(f"  {as_command('design', cell, '-o', motion)}")
     console.say(f"  {as_command('record', cell, motion)}")
+
+
+def _refuse_present(folder: Path, names: Iterable[str]) -> None:
+    present = [name for name in names if (folder / name).exists()]
+    if present:
+        raise ConfigError(
+            f"{folder}: {', '.join(present)} is already there; nothing was written."
+            " Give another folder, or move the files away."
+        )
 
 
 def _numbers(option: str, text: str | None) -> tuple[float, ...]:

@@ -33,7 +33,7 @@ from identification.estimation.file import read_estimate
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import LoadFormat, load_data, read_load_data
 from identification.payload.file import read_payload
-from rid_daq.jobs.starter.urdf_starter import UrdfRequest, urdf_files
+from rid_daq.jobs.starter.urdf_starter import UrdfRequest, starting_robot
 from rid_daq.recording.payload_state import SessionState
 from rid_daq.report.result_file import read_result
 
@@ -180,7 +180,10 @@ def test_urdf(tmp_path: Path) -> None:
     data = f'<?xml version="1.0"?><robot name="r">{links}{joints}</robot>'.encode()
     assert (
         survive(
-            lambda path: urdf_files(UrdfRequest(path, path.parent)), tmp_path / "r.urdf", data, 60
+            lambda path: starting_robot(UrdfRequest(path, path.parent)),
+            tmp_path / "r.urdf",
+            data,
+            60,
         )
         > 20
     )

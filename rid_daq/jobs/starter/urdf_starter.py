@@ -14,13 +14,14 @@ from config.formats.xml_tree import MAX_BYTES
 from config.formats.yaml_tree import Path as YamlPath
 from config.formats.yaml_tree import dump_yaml
 from config.model import ConfigModel
+from config.robot.robot import RobotDescription
 from config.robot.urdf_chain import SeveralArmsError, UrdfArm
 from config.robot.urdf_limits import LimitDefaults
 from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
 from rid_daq.jobs.starter.simulated_plant import simulated_plant, zero_pose
 from rid_daq.jobs.starter.starting_cell import starting_cell
 from rid_daq.jobs.starter.touching_bodies import without_touching
-from rid_daq.jobs.starter.workload import held_by_motors, validation_motion
+from rid_daq.jobs.starter.workload import held_by_motors, slower, validation_motion
 from rid_daq.terminal.console import as_command
 
 
@@ -35,8 +36,8 @@ class UrdfRequest:
     defaults: LimitDefaults = field(default_factory=LimitDefaults)
 
 
-def urdf_files(request: UrdfRequest) -> tuple[dict[str, str], UrdfRobot]:
-    """Return the text of every file to start from, by name, and the robot that they are for.
+def starting_robot(request: UrdfRequest) -> UrdfRobot:
+    """Return the robot of a URDF, with limits that its motors hold.
 
     Raises
     ------
@@ -54,18 +55,29 @@ def urdf_files(request: UrdfRequest) -> tuple[dict[str, str], UrdfRobot]:
     except SeveralArmsError as error:
         raise ConfigError(_which_arm(request, error.arms)) from None
     robot, touching = without_touching(made.robot, zero_pose(made.robot))
-    made = _as_motors_hold(replace(made, robot=robot, notes=(*made.notes, *touching)))
+    made = replace(made, robot=robot, notes=(*made.notes, *touching))
+    held, notes = held_by_motors(robot)
+    return _with_limits_of(made, held, "as the motors hold the links", notes)
+
+
+def slower_robot(made: UrdfRobot, speed: float, why: str) -> UrdfRobot:
+    """Return the robot with its speeds times a factor, and the reason said where it stands."""
+    note = f"speeds are {speed:g} of what they were, accelerations in proportion: {why}"
+    return _with_limits_of(made, slower(made.robot, speed), "as the rehearsal ran", (note,))
+
+
+def starting_files(urdf: Path, made: UrdfRobot) -> dict[str, str]:
+    """Return the text of every file to start from, by name."""
     robot = made.robot
-    files = {
-        "robot.yaml": _text(robot, _robot_comment(path, made.notes), made.comments),
+    return {
+        "robot.yaml": _text(robot, _robot_comment(urdf, made.notes), made.comments),
         "plant.yaml": _text(simulated_plant(robot), _PLANT_COMMENT),
         "cell.yaml": _text(starting_cell(robot), _CELL_COMMENT),
+        "validation.yaml": _text(
+            validation_motion(robot),
+            "Random points: run it after the excitation and give it to `rid-daq validate`.",
+        ),
     }
-    files["validation.yaml"] = _text(
-        validation_motion(robot),
-        "Random points: run it after the excitation and give it to `rid-daq validate`.",
-    )
-    return files, made
 
 
 _CELL_COMMENT: Final = """\
@@ -88,9 +100,10 @@ What is simulated: the links' masses; motors, friction and loops are invented. D
 `simulated` and `plant` in cell.yaml, once drives are there."""
 
 
-def _as_motors_hold(made: UrdfRobot) -> UrdfRobot:
-    """Return the robot with limits that its motors hold; what changed is said at its joint."""
-    robot, notes = held_by_motors(made.robot)
+def _with_limits_of(
+    made: UrdfRobot, robot: RobotDescription, why: str, notes: tuple[str, ...]
+) -> UrdfRobot:
+    """Return what was made with another robot's limits; what changed is said at its joint."""
     comments = dict(made.comments)
     for number, (before, after) in enumerate(zip(made.robot.joints, robot.joints, strict=True)):
         changed = [
@@ -100,7 +113,7 @@ def _as_motors_hold(made: UrdfRobot) -> UrdfRobot:
         ]
         if changed:
             known = comments.get(("joints", number))
-            told = f"{', '.join(changed)}, as the motors hold the links"
+            told = f"{', '.join(changed)}, {why}"
             comments["joints", number] = f"{known}. {told}" if known else told
     return replace(made, robot=robot, notes=(*made.notes, *notes), comments=comments)
 

@@ -131,15 +131,20 @@ def held_by_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str
         f" {joint.name!r}, {joint.limits.torque:g} {_unit(joint)}, does not move the links through"
         " the validation motion any faster"
     )
-    slower = tuple(
+    return slower(robot, speed), tuple(notes)
+
+
+def slower(robot: RobotDescription, speed: float) -> RobotDescription:
+    """Return the robot with its speeds times a factor, its accelerations times the square of it."""
+    joints = tuple(
         _with_limits(
-            each,
-            velocity=each.limits.velocity * speed,
-            acceleration=each.limits.acceleration * speed**2,
+            joint,
+            velocity=joint.limits.velocity * speed,
+            acceleration=joint.limits.acceleration * speed**2,
         )
-        for each in joints
+        for joint in robot.joints
     )
-    return robot.model_copy(update={"joints": slower}), tuple(notes)
+    return robot.model_copy(update={"joints": joints})
 
 
 def _room(robot: RobotDescription, load: Workload) -> FloatArray:

@@ -49,7 +49,15 @@ def test_a_urdf_becomes_a_simulated_cell(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "two.urdf").write_text(urdf())
-    words = ["init", str(tmp_path / "cell"), "--urdf", str(tmp_path / "two.urdf"), "--tip", "hand"]
+    words = [
+        "init",
+        str(tmp_path / "cell"),
+        "--no-rehearsal",
+        "--urdf",
+        str(tmp_path / "two.urdf"),
+        "--tip",
+        "hand",
+    ]
     assert run([*words, "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert sorted(said["files"]) == ["cell.yaml", "plant.yaml", "robot.yaml", "validation.yaml"]
@@ -64,7 +72,12 @@ def test_a_urdf_becomes_a_simulated_cell(
 
 def test_the_simulated_links_are_the_urdfs(tmp_path: Path) -> None:
     (tmp_path / "two.urdf").write_text(urdf().replace("1.5708", "1.5707963267948966"))
-    assert run(["init", str(tmp_path / "cell"), "--urdf", str(tmp_path / "two.urdf")]) == 0
+    assert (
+        run(
+            ["init", str(tmp_path / "cell"), "--no-rehearsal", "--urdf", str(tmp_path / "two.urdf")]
+        )
+        == 0
+    )
     loaded = load_cell(str(tmp_path / "cell" / "cell.yaml"))
     assert loaded.plant is not None
     plant = Plant(loaded.robot, loaded.plant, seed=0)
@@ -85,7 +98,12 @@ def test_the_simulated_links_are_the_urdfs(tmp_path: Path) -> None:
 
 def test_without_masses_links_are_simulated_as_cylinders_and_said(tmp_path: Path) -> None:
     (tmp_path / "two.urdf").write_text(urdf(masses=False))
-    assert run(["init", str(tmp_path / "cell"), "--urdf", str(tmp_path / "two.urdf")]) == 0
+    assert (
+        run(
+            ["init", str(tmp_path / "cell"), "--no-rehearsal", "--urdf", str(tmp_path / "two.urdf")]
+        )
+        == 0
+    )
     loaded = load_cell(str(tmp_path / "cell" / "cell.yaml"))
     assert loaded.config.simulated
     assert not loaded.robot.is_drawn
@@ -97,7 +115,14 @@ def test_limits_that_a_urdf_lacks_are_taken_from_options_and_marked_in_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "two.urdf").write_text(urdf().replace('effort="50"', 'effort="0"'))
-    words = ["init", str(tmp_path / "cell"), "--urdf", str(tmp_path / "two.urdf"), "--json"]
+    words = [
+        "init",
+        str(tmp_path / "cell"),
+        "--no-rehearsal",
+        "--urdf",
+        str(tmp_path / "two.urdf"),
+        "--json",
+    ]
     assert run([*words, "--effort", "800,600", "--acceleration", "4"]) == 0
     notes = json.loads(capsys.readouterr().out)["notes"]
     assert "torque of lift, bend: 800, 600 (--effort: the URDF states 0)" in notes
@@ -121,7 +146,12 @@ def test_every_problem_of_a_urdf_is_told_at_once(
         .replace('<link name="hand"/>', '<link name="hand"/><link name="base"/>')
     )
     (tmp_path / "two.urdf").write_text(broken)
-    assert run(["init", str(tmp_path / "cell"), "--urdf", str(tmp_path / "two.urdf")]) == 2
+    assert (
+        run(
+            ["init", str(tmp_path / "cell"), "--no-rehearsal", "--urdf", str(tmp_path / "two.urdf")]
+        )
+        == 2
+    )
     said = capsys.readouterr().err
     assert "value of <mass> is 'three', not 1 finite number" in said
     assert "two.urdf:3: the joint's axis has no direction" in said
@@ -137,7 +167,7 @@ def test_of_several_arms_each_is_named_in_a_command(
         other = other.replace(f'"{name}"', f'"other_{name}"')
     inner = other.split('<link name="base"/>')[1]
     (tmp_path / "two.urdf").write_text(urdf().replace("</robot>", inner))
-    words = ["init", "cell", "--urdf", str(tmp_path / "two.urdf")]
+    words = ["init", "cell", "--no-rehearsal", "--urdf", str(tmp_path / "two.urdf")]
     assert run(words) == 2
     said = capsys.readouterr().err
     for tip in ("fore", "other_fore"):
