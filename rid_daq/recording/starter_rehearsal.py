@@ -26,7 +26,7 @@ from rid_daq.terminal.exit_codes import exit_code_of_stop
 
 PERIOD_S: Final = 5.0
 HARMONICS: Final = 3
-ITERATIONS: Final = 40
+ITERATIONS: Final = 20
 CHECK_S: Final = 0.5
 TRIES: Final = 3
 SPEED: Final = 0.7

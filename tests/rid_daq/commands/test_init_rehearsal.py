@@ -10,6 +10,8 @@ from config.load import load_robot
 from rid_daq.app import run
 from tests.builders.told import document
 
+pytestmark = pytest.mark.slow
+
 ARM = """
 <robot name="arm"><link name="base"/>
 <link name="upper"><inertial><origin xyz="0.3 0 0"/><mass value="8"/>

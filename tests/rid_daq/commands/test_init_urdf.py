@@ -167,7 +167,7 @@ def test_of_several_arms_each_is_named_in_a_command(
         other = other.replace(f'"{name}"', f'"other_{name}"')
     inner = other.split('<link name="base"/>')[1]
     (tmp_path / "two.urdf").write_text(urdf().replace("</robot>", inner))
-    words = ["init", "cell", "--no-rehearsal", "--urdf", str(tmp_path / "two.urdf")]
+    words = ["init", "cell", "--urdf", str(tmp_path / "two.urdf")]
     assert run(words) == 2
     said = capsys.readouterr().err
     for tip in ("fore", "other_fore"):
