@@ -64,8 +64,9 @@ def rehearsed(urdf: Path, made: UrdfRobot) -> Rehearsed:
     typer.Exit
         It was interrupted.
     """
-    obstacle = ""
-    for attempt in range(TRIES):
+    left = TRIES
+    while True:
+        left -= 1
         files = starting_files(urdf, made)
         with (
             system_errors(RecordingError, "no folder for the rehearsal"),
@@ -81,10 +82,9 @@ def rehearsed(urdf: Path, made: UrdfRobot) -> Rehearsed:
             return Rehearsed(made, files, "")
         if outcome.interrupted_by is not None:
             raise typer.Exit(exit_code_of_stop(outcome.stop.code, outcome.interrupted_by))
-        obstacle = outcome.stop.text
-        if attempt < TRIES - 1:
-            made = slower_robot(made, SPEED, f"in the rehearsal {obstacle}")
-    return Rehearsed(made, files, obstacle)
+        if left == 0:
+            return Rehearsed(made, files, outcome.stop.text)
+        made = slower_robot(made, SPEED, f"in the rehearsal {outcome.stop.text}")
 
 
 def _run(loaded: LoadedCell, folder: Path) -> RecordOutcome:
