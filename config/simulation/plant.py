@@ -91,8 +91,8 @@ class SimulatedAxis(ConfigModel):
     velocity_gain_nm_s: Annotated[Positive, Plausible(1e-4, 1e7, "N m s/rad")]
     velocity_integral_time_s: Annotated[Positive, Plausible(1e-4, 100.0, "s")]
     current_loop_bandwidth_hz: Annotated[Positive, Plausible(1.0, 2e4, "Hz")] = 300.0
-    rated_motor_torque_nm: Annotated[Positive, Plausible(1e-6, 1e4, "N m")]
-    peak_motor_torque_nm: Annotated[Positive, Plausible(1e-6, 1e5, "N m")]
+    rated_motor_torque_nm: Annotated[Positive, Plausible(1e-6, 2e5, "N m or N")]
+    peak_motor_torque_nm: Annotated[Positive, Plausible(1e-6, 5e5, "N m or N")]
     encoder_increments_per_motor_rev: Annotated[int, Field(ge=16, le=2**24)]
     torque_noise_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")] = 0.0
     brake_torque_nm: Annotated[Positive, Plausible(1e-4, 1e6, "N m")]

@@ -21,6 +21,8 @@ TORQUE_SHARE: Final = 0.8
 """Share of the torque limits for links and rotors; friction and control take the rest."""
 GRAVITY_SHARE: Final = 0.6
 """Share of the torque limits that gravity may take, so that something is left to move with."""
+LEAST_CROSSING_S: Final = 0.5
+"""In which no joint may cross its range: it must come to rest within it after a fault."""
 INTEGRAL_TIME_S: Final = 0.04
 SOFTEST_LOOP_RAD_S: Final = 60.0
 FASTEST_LOOP_RAD_S: Final = 600.0
@@ -96,7 +98,8 @@ def validation_motion(robot: RobotDescription) -> MultipointMotion:
 def held_by_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str, ...]]:
     """Return the robot with limits that its motors hold, and what was changed, in words.
 
-    A torque limit below what gravity takes is raised. Where the validation motion takes more torque
+    A torque limit below what gravity takes is raised. A joint that would run through its whole
+    range before anything stopped it is slowed down. Where the validation motion takes more torque
     than there is, speed and acceleration of all joints are lowered together, so that its path is
     the same: every torque but gravity's goes with the square of the speed.
 
@@ -118,6 +121,14 @@ def held_by_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str
                 f" {raised:g} {_unit(joint)} is taken; correct it, or narrow its range"
             )
             joint = _with_limits(joint, torque=raised)
+        fastest = (joint.limits.position_max - joint.limits.position_min) / LEAST_CROSSING_S
+        if joint.limits.velocity > fastest:
+            notes.append(
+                f"joint {joint.name!r}: limits.velocity {joint.limits.velocity:g} crosses its range"
+                f" in less than {LEAST_CROSSING_S:g} s, before a fault would stop it:"
+                f" {fastest:.3g} is taken"
+            )
+            joint = _with_limits(joint, velocity=float(f"{fastest:.3g}"))
         joints.append(joint)
     robot = robot.model_copy(update={"joints": tuple(joints)})
     room = _room(robot, load)

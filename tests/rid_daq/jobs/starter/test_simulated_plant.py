@@ -125,6 +125,18 @@ def test_weak_motors_make_every_joint_slower_in_the_same_path() -> None:
     assert "the torque of joint 'j1'" in notes[-1]
 
 
+def test_a_joint_that_crosses_its_range_before_a_fault_stops_it_is_slowed_down() -> None:
+    robot = arm((500.0, 500.0, 40.0))
+    short = robot.joints[2].limits.model_copy(
+        update={"position_min": -0.2, "position_max": 0.2, "velocity": 5.0}
+    )
+    last = robot.joints[2].model_copy(update={"limits": short})
+    robot = robot.model_copy(update={"joints": (*robot.joints[:2], last)})
+    fitted, notes = held_by_motors(robot)
+    assert fitted.joints[2].limits.velocity == pytest.approx(0.8)
+    assert "joint 'j3': limits.velocity 5 crosses its range" in notes[0]
+
+
 def test_strong_motors_keep_their_limits() -> None:
     robot = arm((500.0, 500.0, 40.0))
     assert held_by_motors(robot) == (robot, ())
