@@ -88,6 +88,49 @@ def test_everything_that_hangs_on_the_lines_is_the_other_cells(files: Path) -> N
         assert served.cell.drive_safety == mine.drive_safety
 
 
+@pytest.mark.slow
+def test_the_five_mistakes_of_the_exercise_are_told_one_after_the_other(
+    files: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell, robot, motion = (files / f"{name}.yaml" for name in ("cell", "robot", "motion"))
+    runs = ["--runs", str(files / "runs"), "--json"]
+
+    def document(*words: str) -> tuple[int, dict[str, Any]]:
+        capsys.readouterr()
+        code = run([*words, *runs])
+        return code, json.loads(capsys.readouterr().out)
+
+    with serve("exercise"):
+        code, lines = red(capsys, str(cell))
+        assert [line["found"] for line in lines] == ["153:1", "121:1", "81:1"]
+        change(cell, "    node_id: 1\n", "    node_id: 2\n")
+        change(cell, "{joint: axis2, node_id: 2}", "{joint: axis2, node_id: 1}")
+        change(robot, "gear_ratio: 101.0", "gear_ratio: 81.0")
+        assert red(capsys, str(cell)) == (0, [])
+
+        code, tested = document("axes", str(cell), "--unattended", "--joint", "axis2")
+        assert code == 1
+        assert "direction: -1" in str(tested["axes"][0]["problems"])
+        change(cell, "node_id: 1}", "node_id: 1, direction: -1}")
+
+        change(motion, "periods: 8 ", "periods: 3 ")
+        assert document("record", str(cell), str(motion))[0] == 0
+        code, identified = document("identify", "latest")
+        assert code == 6
+        said = [mistake["sentence"] for mistake in identified["estimate"]["mistakes"]]
+        assert len(said) == 2
+        assert "Gravity points along -y of the base" in said[0]
+        assert "The zero position of axis1 is off: add 60" in said[1]
+
+        change(robot, "gravity_m_s2: [0.0, 0.0, 9.81]", "gravity_m_s2: [9.81, 0.0, 0.0]")
+        change(cell, "position_zero_counts: 0 ", "position_zero_counts: 165205 ")
+        assert document("record", str(cell), str(motion))[0] == 0
+        code, identified = document("identify", "latest")
+        assert code == 0
+        assert identified["estimate"]["mistakes"] == []
+        assert [axis["grade"] for axis in identified["estimate"]["axes"]] == ["good"] * 3
+
+
 def test_devices_that_are_not_simulated_are_refused(files: Path, tmp_path: Path) -> None:
     assert run(["init", str(tmp_path / "real")]) == 0
     cell = tmp_path / "real" / "cell.yaml"
