@@ -46,11 +46,11 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
         raise EstimationError(_unlike("overlap for less than five seconds"))
     time_s = loaded.time_s[there]
     position = _at(unloaded, unloaded.position, time_s - late_s)
-    apart = np.sqrt(np.mean((loaded.position[there] - position) ** 2, axis=0))
-    worst = int(np.argmax(apart))
-    if apart[worst] > SAME_MOTION_SHARE * loaded.position[there].std(axis=0).max():
+    difference = np.sqrt(np.mean((loaded.position[there] - position) ** 2, axis=0))
+    worst = int(np.argmax(difference))
+    if difference[worst] > SAME_MOTION_SHARE * loaded.position[there].std(axis=0).max():
         raise EstimationError(
-            _unlike(f"differ by {apart[worst]:.3g} rad (RMS) at {loaded.joint_names[worst]}")
+            _unlike(f"differ by {difference[worst]:.3g} rad (RMS) at {loaded.joint_names[worst]}")
         )
     without = _at(unloaded, unloaded.torque_nm, time_s - late_s)
     return replace(
@@ -77,11 +77,11 @@ def _lateness(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> float:
     first_s = float(grid[0] - unloaded.time_s[0]) + lag * step_s
     middle = grid[len(grid) // 10 : -len(grid) // 10]
 
-    def apart(late_s: FloatArray) -> FloatArray:
+    def difference(late_s: FloatArray) -> FloatArray:
         there = _at(unloaded, unloaded.position, middle - late_s[0])
         return np.asarray((_at(loaded, loaded.position, middle) - there).ravel())
 
-    found = least_squares(apart, [first_s], x_scale=step_s, diff_step=[1e-3])
+    found = least_squares(difference, [first_s], x_scale=step_s, diff_step=[1e-3])
     return float(found.x[0])
 
 

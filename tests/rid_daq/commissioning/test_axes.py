@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from config.load import load_cell, read_named
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
+from acquisition.runs.folder import RunFolder
+from config.load import load_cell, read_named, to_yaml
 from mock_hw.cell import SimulatedCell
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
@@ -62,3 +64,24 @@ def test_a_person_holds_the_key_and_says_what_was_seen(
         person.type("2\n")
         assert person.ends() == 1
         assert "axis2: direction: -1 (is 1)" in " ".join(person.shown.split())
+
+
+def test_a_real_cell_is_recorded_after_the_axis_test_or_with_a_word_in_its_manifest(
+    served: SimulatedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = tmp_path / "cell.json"
+    real = served.cell.model_dump(mode="json") | {"simulated": False, "plant": None, "plate": None}
+    cell.write_text(json.dumps(real))
+    joints = tuple(FourierJoint(joint=f"axis{i}", sine=(0.05,), cosine=(0.0,)) for i in (1, 2, 3))
+    motion = FourierMotion(
+        kind="fourier", robot="ir361", period_s=2.0, periods=1, ramp_s=0.8, joints=joints
+    )
+    (tmp_path / "motion.yaml").write_text(to_yaml(motion))
+    words = ["record", str(cell), str(tmp_path / "motion.yaml"), "--i-have-cleared-the-cell"]
+    words += ["--runs", str(tmp_path / "runs")]
+    assert run(words) == 3
+    assert f"run `rid-daq axes {cell}`" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "runs").exists()
+    assert run([*words, "--without-axis-test", "--json"]) == 0
+    folder = RunFolder.open(Path(json.loads(capsys.readouterr().out)["folder"]))
+    assert folder.manifest().facts["axis_test"] == "waived; missing: axis1, axis2, axis3"
