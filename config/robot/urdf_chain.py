@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -10,6 +11,7 @@ from config.errors import ConfigError
 from config.formats.urdf import MOVING, UrdfJoint, UrdfTree
 
 SHORTEST_ARM: Final = 3
+_FINGER: Final = re.compile(r"grip|finger|knuckle|jaw", re.IGNORECASE)
 
 
 class SeveralArmsError(ConfigError):
@@ -110,7 +112,7 @@ def arms_of(tree: UrdfTree, base: str | None) -> list[UrdfArm]:
     """Return every chain of driven joints that ends at a gripper or at its last link.
 
     The longest is first. A gripper begins where, behind at least three joints, several chains hang
-    on one body, all shorter than the arm.
+    on one body, all shorter than the arm, or one whose joint is called gripper, finger or jaw.
     """
     arms: dict[str, UrdfArm] = {}
     for root in (base,) if base is not None else tree.roots:
@@ -119,7 +121,9 @@ def arms_of(tree: UrdfTree, base: str | None) -> list[UrdfArm]:
             link, chain = waiting.pop(0)
             moving = _moving_on(tree, link)
             is_gripper = (
-                len(chain) >= SHORTEST_ARM and len(moving) > 1 and _depth(tree, link) < len(chain)
+                len(chain) >= SHORTEST_ARM
+                and (len(moving) > 1 or any(_FINGER.search(joint.name) for joint in moving))
+                and _depth(tree, link) < len(chain)
             )
             driven = [joint for joint in moving if joint.is_driven]
             if chain and (is_gripper or not driven):

@@ -57,6 +57,23 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
     return values, sigmas
 
 
+def cad_prior(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
+    """Return `cad_parameters` of a robot whose drawings tell something.
+
+    Raises
+    ------
+    ConfigError
+        The robot has no `cad`, or guesses only.
+    """
+    values, sigmas = cad_parameters(model, robot)
+    if not np.isfinite(sigmas).any():
+        raise ConfigError(
+            f"robot {robot.name!r} has guesses for `cad` (uncertainty: null), which are no prior:"
+            " state what its drawings say and how far it may be off"
+        )
+    return values, sigmas
+
+
 def _about_origin(cad: LinkCad) -> FloatArray:
     """Return the ten parameters of a link about its frame's origin (parallel axes)."""
     mass, c = cad.mass_kg, np.array(cad.centre_m)

@@ -6,13 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast, get_args
 
-import numpy as np
-
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.errors import ConfigError
 from config.robot.robot import FrictionTerm, RobotDescription
-from dynamics.model.cad import cad_parameters
+from dynamics.model.cad import cad_prior
 from identification.accuracy.plate_benefit import Improvement, improvement
 from identification.calibration.drive_gains import DriveGains, drive_gains
 from identification.calibration.torque_scale import TorqueConsistency, torque_consistency
@@ -93,12 +91,7 @@ def estimate_runs(
     cell_name = data[0].tally.head.cell_name
     options = how.options
     if how.cad_prior:
-        prior = cad_parameters(options.model.build(robot), robot)
-        if not np.isfinite(prior[1]).any():
-            raise ConfigError(
-                f"robot {robot.name!r} has guesses for `cad` (uncertainty: null), which are no"
-                " prior: state what its drawings say and how far it may be off"
-            )
+        prior = cad_prior(options.model.build(robot), robot)
         options = replace(options, prior=prior)
     if not data[0].is_periodic:
         return Identified(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -133,7 +134,8 @@ def _which_arm(request: UrdfRequest, arms: tuple[UrdfArm, ...]) -> str:
 
 
 def _robot_comment(path: Path, notes: tuple[str, ...]) -> str:
-    return _ROBOT_COMMENT.format(file=path.name, notes="".join(f"- {note}\n" for note in notes))
+    told = [textwrap.fill(note, 98, initial_indent="- ", subsequent_indent="  ") for note in notes]
+    return _ROBOT_COMMENT.format(file=path.name, notes="\n".join(told))
 
 
 def _text(model: ConfigModel, comment: str, comments: Mapping[YamlPath, str] | None = None) -> str:

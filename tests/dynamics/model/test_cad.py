@@ -9,7 +9,7 @@ import pytest
 from config.errors import ConfigError
 from config.load import load_robot
 from config.robot.robot import LinkCad
-from dynamics.model.cad import cad_parameters
+from dynamics.model.cad import cad_parameters, cad_prior
 from dynamics.model.robot_model import RobotModel
 
 PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
@@ -50,6 +50,19 @@ def test_uncertainty_is_a_share_of_mass_moment_and_inertia_as_a_whole(robot) -> 
     np.testing.assert_allclose(sigma[1:4], 0.2 * 4.0 * np.linalg.norm(LINK.centre_m))
     np.testing.assert_allclose(sigma[4:], 0.2 * (link[4] + link[7] + link[9]) / 3.0)
     assert np.all(sigmas[:10] > 0.0)
+
+
+def test_a_guess_has_values_and_is_no_prior(ir361) -> None:
+    guess = LINK.model_copy(update={"uncertainty": None})
+    some = ir361.model_copy(update={"cad": (guess, LINK, LINK)})
+    values, sigmas = cad_prior(RobotModel.from_description(some), some)
+    np.testing.assert_array_equal(values[:10], values[10:20])
+    assert np.isinf(sigmas[:10]).all()
+    assert np.isfinite(sigmas[10:30]).all()
+    assert not some.is_drawn
+    none = ir361.model_copy(update={"cad": (guess, guess, guess)})
+    with pytest.raises(ConfigError, match=r"guesses for `cad` .uncertainty: null., which are no"):
+        cad_prior(RobotModel.from_description(none), none)
 
 
 @pytest.mark.parametrize("moment", [0.0, 1e-6])
