@@ -51,7 +51,7 @@ CPU_RATIO, JITTER_RATIO = 5.0, 1.3
 ROUNDS, ROUND_S = 9, 6.0
 OURS, PEER, BARE = "rid-daq", "canopen", "C"
 SETTLE_S = 0.05
-KINDS = {0x6040: 6, 0x6041: 6, 0x6064: 4, 0x6077: 3, 0x60FF: 4, 0x60B2: 3}  # CiA 301 data types
+KINDS = {0x6040: 6, 0x6041: 6, 0x6064: 4, 0x6077: 3, 0x60FF: 4}  # CiA 301 data types
 Times = NDArray[np.float64]
 
 
@@ -94,7 +94,7 @@ def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int],
     watch = DriveWatch([f"axis{node}" for node in nodes], nodes, safety)
     link = open_can(CanBusConfig(interface="rid_sim", channel=str(path), bitrate=BITRATE))
     exchange = CyclicExchange(link, nodes, watch, trimmed=scenario.trimmed, bitrate=BITRATE)
-    exchange.use_units([AxisUnits(65190.0, 65190.0, 0.2)] * scenario.axes)
+    exchange.use_units([AxisUnits(65190.0, 65190.0, 65190.0, 0.2)] * scenario.axes)
     velocity = np.full(scenario.axes, 0.1)
     beats = round(HEARTBEAT_S / scenario.cycle_time_s)
     beat = (heartbeat_cob_id(127), b"\x05")
@@ -159,7 +159,7 @@ def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], i
         node = network.add_node(canopen.RemoteNode(node_id, objects))
         answer, command = node.tpdo[1], node.rpdo[1]
         wanted = (0x6064, 0x6077) if scenario.trimmed else (0x6041, 0x6064, 0x6077)
-        given = (0x60FF,) if scenario.trimmed else (0x6040, 0x60FF, 0x60B2)
+        given = (0x60FF,) if scenario.trimmed else (0x6040, 0x60FF)
         for mapped, identifier, indices in (
             (answer, tpdo_cob_id(node_id), wanted),
             (command, rpdo_cob_id(node_id), given),

@@ -59,7 +59,7 @@ class Scenario:
             BITRATE,
             master_heartbeat_s=HEARTBEAT_S,
             drive_heartbeat_s=DRIVE_HEARTBEAT_S,
-            frame_bytes=(4, 6) if self.trimmed else (8, 8),
+            frame_bytes=(4, 6) if self.trimmed else (6, 8),
             status_s=STATUS_S if self.trimmed else math.inf,
         )
 

@@ -69,7 +69,7 @@ def driver_cycle(bus: can.BusABC) -> Callable[[], None]:
     safety = DriveSafety(quick_stop_deceleration_rad_s2=10.0, following_error_rad=0.1)
     watch = DriveWatch([f"joint{node}" for node in nodes], nodes, safety)
     exchange = CyclicExchange(CanLink(bus), nodes, watch)
-    exchange.use_units([AxisUnits(65190.0, 65190.0, 0.2)] * AXES)
+    exchange.use_units([AxisUnits(65190.0, 65190.0, 65190.0, 0.2)] * AXES)
     velocity = np.full(AXES, 0.1)
 
     def cycle() -> None:

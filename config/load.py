@@ -14,10 +14,11 @@ from pydantic import BaseModel, RootModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from config.cell.amplifier_profile import AmplifierProfile, require_line
-from config.cell.cell import CellConfig
+from config.cell.cell import CellConfig, Servo
 from config.cell.drive_eds_files import read_eds_files, with_identities
 from config.cell.drive_profile import DriveProfile
 from config.cell.plate import PlateConfig
+from config.cell.servo_profile import ServoProfile
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.eds import ElectronicDataSheet
@@ -97,6 +98,24 @@ def load_cell(reference: str) -> LoadedCell:
         _check_line(cell_tree, cell.plate, profile, cell.cycle_time_s)
     if cell.monitor is not None:
         _, drive_profile = read(cell.monitor.profile, "profiles", "drives.yaml", DriveProfile)
+    servos: dict[str, ServoProfile] = {}
+
+    def resolved(chosen: Servo, otherwise: ServoProfile) -> ServoProfile:
+        if isinstance(chosen, ServoProfile):
+            below = otherwise if chosen.base is None else resolved(chosen.base, otherwise)
+            return chosen.on(below)
+        if chosen not in servos:
+            servos[chosen] = ServoProfile()  # a profile that is its own base ends here
+            _, named = read(chosen, "servos", f"servo{len(servos)}.yaml", ServoProfile)
+            servos[chosen] = resolved(named, ServoProfile())
+        return servos[chosen]
+
+    general = resolved(cell.servo, ServoProfile())
+    axes = tuple(
+        axis.model_copy(update={"servo": axis.servo and resolved(axis.servo, general)})
+        for axis in cell.axes
+    )
+    cell = cell.model_copy(update={"servo": general, "axes": axes})
     eds_files, eds_bytes = read_eds_files(cell_tree, cell, folder, kept)
     return LoadedCell(
         with_identities(cell, eds_files),
@@ -171,7 +190,7 @@ def read_named(
     reference : str
         A name bundled under `kind`, or a path.
     kind : str
-        The folder of bundled files: cells, robots, plants, maps, profiles.
+        The folder of bundled files: cells, robots, plants, maps, profiles, servos.
     folder : Path or None
         Where a relative path begins; the working folder where there is none.
     kept : Path, optional
@@ -206,7 +225,7 @@ def read_named(
 
 
 def bundled_names(kind: str) -> tuple[str, ...]:
-    """Return the names bundled under `kind`: cells, robots, plants, maps, profiles."""
+    """Return the names bundled under `kind`: cells, robots, plants, maps, profiles, servos."""
     folder = resources.files("config") / "bundled" / kind
     if not folder.is_dir():
         return ()

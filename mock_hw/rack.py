@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config.cell.cell import CellConfig, DriveAxis
+from config.cell.servo_profile import ServoProfile
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from config.simulation.plant import PlantConfig
 from drivers.canopen.frames import Frame
-from drivers.servo.cia402 import AxisUnits
+from drivers.servo.cia402 import AxisUnits, MotorRatings
 from mock_hw.drive.axis import AxisPort
 from mock_hw.drive.drive import SimulatedDrive
 from mock_hw.drive.faults import DriveFaults
@@ -130,20 +131,15 @@ class DriveRack:
         self._torque_limit_nm = np.empty(count)
         for number, (joint, simulated) in enumerate(zip(robot.joints, plant.axes, strict=True)):
             axis = axes[joint.name]
-            units = AxisUnits.from_drive(
-                encoder_increments=simulated.encoder_increments_per_motor_rev,
-                encoder_motor_revolutions=1,
-                gear_ratio=joint.gear_ratio,
-                rated_torque_mnm=round(1000.0 * simulated.rated_motor_torque_nm),
-                direction=1,
-                velocity_unit="increments_per_s",
-                zero_counts=0,
+            motor = MotorRatings(
+                simulated.encoder_increments_per_motor_rev, simulated.rated_motor_torque_nm
             )
+            units = AxisUnits.of_motor(motor, ServoProfile(), joint.gear_ratio)
             self._counts_per_position[number] = units.counts_per_rad
             self._command_factors[number] = axis.direction / units.counts_per_rad
-            self._torque_limit_nm[number] = 1000.0 * units.nm_per_permille
+            self._torque_limit_nm[number] = 1000.0 * units.nm_per_torque_unit
             port = PlantAxis(self._measured, number, axis)
-            identity = DriveIdentity.of_axis(axis, joint, simulated)
+            identity = DriveIdentity.of_axis(cell, axis, joint, simulated)
             self.drives.append(SimulatedDrive(identity, port, now_s))
         self._faults = None
         if faults.drives or faults.program:

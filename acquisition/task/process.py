@@ -22,6 +22,7 @@ from config.process.termination import leave_terminal
 from config.robot.robot import RobotDescription
 from drivers.cell import open_cell
 from drivers.ports.clock import MonotonicClock
+from drivers.servo.watchdog_test import prove_watches
 from drivers.settings.write_log import WriteLog
 
 
@@ -65,6 +66,7 @@ def run_cyclic_task(
         with open_cell(cell, robot, WriteLog(drive_writes)) as opened:
             lockstep = not isinstance(opened.clock, MonotonicClock)
             opened.axes.bring_up()
+            prove_watches(opened.axes, opened.clock, cell)
             freeze_garbage()
             if not lockstep:
                 for note in become_realtime():

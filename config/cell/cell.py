@@ -8,6 +8,8 @@ from pydantic import Field, model_validator
 
 from config.cell.monitor import MonitorConfig
 from config.cell.plate import PlateConfig
+from config.cell.servo_profile import ServoProfile, Unsigned32, VelocityUnit
+from config.errors import ConfigError
 from config.model import ConfigModel
 from config.plausible import PhysicalFile, Plausible
 from config.robot.bodies import Workspace
@@ -17,7 +19,7 @@ Milliseconds = Annotated[int, Field(gt=0, le=65535)]
 LONGEST_SILENCE_MS = 100
 FollowingError = Annotated[Positive, Plausible(1e-5, 0.6, "rad or m")]
 LoopFrequency = Annotated[Positive, Plausible(1e-3, 5e3, "Hz")]
-Unsigned32 = Annotated[int, Field(ge=0, lt=2**32)]
+Servo = Annotated[str, Field(min_length=1)] | ServoProfile
 
 
 class CanBusConfig(ConfigModel):
@@ -42,8 +44,9 @@ class DeviceIdentity(ConfigModel):
 class DriveAxis(ConfigModel):
     """One CiA 402 drive and the joint that it moves.
 
-    `direction` is -1 where positive drive counts turn the joint backwards. `velocity_unit` is the
-    vendor's unit of 60FFh and 606Ch. `position_zero_counts` is 6064h at joint position zero.
+    `direction` is -1 where positive drive counts turn the joint backwards. `servo` is the drive's
+    profile, as in the cell, where it is another than the cell's. `velocity_unit` stands for the
+    profile's. `position_zero_counts` is 6064h at joint position zero.
 
     `eds` is the path of the drive's electronic data sheet (EDS or DCF), relative to the cell file:
     the drive must have the objects that are used, by its EDS, and must be the one that the EDS
@@ -54,7 +57,8 @@ class DriveAxis(ConfigModel):
     joint: str
     node_id: Annotated[int, Field(ge=1, le=126)]
     direction: Literal[1, -1] = 1
-    velocity_unit: Literal["increments_per_s", "rpm", "0.1rpm"] = "increments_per_s"
+    servo: Servo | None = None
+    velocity_unit: VelocityUnit | None = None
     position_zero_counts: Annotated[int, Field(ge=-(2**31), lt=2**31)] = 0
     eds: str | None = Field(default=None, min_length=1)
     identity: DeviceIdentity | None = None
@@ -144,15 +148,18 @@ class ButterworthFilter(ConfigModel):
 class CellConfig(PhysicalFile):
     """A cell: one robot, its drives, their bus, its force plate, the cycle, and the limits held.
 
+    `servo` is the drives' profile: a bundled name, a path relative to the cell file, or its keys,
+    with what the drives do not tell; without it, drives that do all that CiA 402 says.
+
     `monitor` is a second way to the drives (Modbus), for temperatures and nominal data.
 
     `velocity_loop_band_hz` is where multisines measure the drives' velocity loops: the lowest and
     the highest frequency.
 
-    `exchange` says what a cycle carries for each axis: `full`, two frames of 8 bytes; `trimmed`, 4
-    bytes there (velocity) and 6 back (position and torque), so that a fourth axis fits into 1 ms at
-    1 Mbit/s. Controlword and statusword then go in frames of their own, when they change and a few
-    times a second.
+    `exchange` says what a cycle carries for each axis: `full`, 6 bytes there and 8 back;
+    `trimmed`, 4 there (velocity) and 6 back (position and torque), so that a fourth axis fits into
+    1 ms at 1 Mbit/s. Controlword and statusword then go in frames of their own, when they change
+    and a few times a second.
 
     `home` is the pose that `jog --home` leads to, one position a joint.
 
@@ -166,6 +173,7 @@ class CellConfig(PhysicalFile):
     plant: str | None = None
     cycle_time_ms: Annotated[int, Field(ge=1, le=100)]
     can: CanBusConfig
+    servo: Servo = ServoProfile()
     axes: tuple[DriveAxis, ...] = Field(min_length=1, max_length=16)
     position_gain_per_s: Annotated[float, Field(gt=0.0, le=200.0), Plausible(0.3, 200.0, "1/s")]
     drive_safety: DriveSafety
@@ -236,6 +244,21 @@ class CellConfig(PhysicalFile):
                 f"velocity_loop_band_hz [{lowest:g}, {highest:g}]: the first must be the smaller,"
                 f" and the second below half the cycle's frequency, {half:g} Hz"
             )
+
+    def servo_of(self, axis: DriveAxis) -> ServoProfile:
+        """Return the profile of one of the axes' drives, as its own keys and the cell's say.
+
+        Raises
+        ------
+        ConfigError
+            The profile is named only: `config.load` puts what it names in its place.
+        """
+        chosen = self.servo if axis.servo is None else axis.servo
+        if isinstance(chosen, str) or chosen.base is not None:
+            raise ConfigError(f"cell {self.name}: load the cell, so that its servo is read")
+        if axis.velocity_unit is None:
+            return chosen
+        return chosen.model_copy(update={"velocity_unit": axis.velocity_unit})
 
     @property
     def cycle_time_s(self) -> float:

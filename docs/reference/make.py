@@ -23,12 +23,14 @@ from acquisition.motion.paths.segments import Segment
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
+from config.cell.servo_profile import ServoProfile
 from config.plausible import Plausible
 from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
 
 HERE = Path(__file__).resolve().parent
+GUIDE = HERE.parent / "guide" / "your-own-drives.md"
 MOTIONS, SEGMENTS = (typing.get_args(typing.get_args(union)[0]) for union in (AnyMotion, Segment))
 
 
@@ -43,6 +45,7 @@ PAGES = {
     **{f"motion files: {_said_kind(model)}": model for model in MOTIONS},
     **{f"motion files: path, {_said_kind(model)}": model for model in SEGMENTS},
     "import maps": ImportMap,
+    "servo profiles (drives of a maker)": ServoProfile,
     "drive profiles (Modbus registers)": DriveProfile,
     "amplifier profiles (strings and rows)": AmplifierProfile,
     "plant files (simulation only)": PlantConfig,
@@ -76,6 +79,65 @@ def files() -> str:
         seen: list[type[BaseModel]] = []
         _model(model, seen, parts)
     return "\n".join(parts)
+
+
+def drive_objects() -> str:
+    """Return the guide's table of the objects of a drive: needed, or what stands for them."""
+    from config.load import load_cell
+    from drivers.servo.cia402 import AxisUnits, MotorRatings
+    from drivers.servo.requirements import (
+        Requirement,
+        cyclic_pdos,
+        kind_requirements,
+        rating_requirements,
+        safety_requirements,
+    )
+    from rid_daq.preflight.drive_advice import REPLACED_BY
+
+    cell, profile = load_cell("ir361").config, ServoProfile()
+    motor, units = MotorRatings(1.0, 1.0, 1.0, 1.0), AxisUnits(1.0, 1.0, 1.0, 1.0)
+    mapped = [item for pdo in cyclic_pdos(1, "full") for item in pdo.objects]
+    needed = (
+        *kind_requirements(profile),
+        *rating_requirements(profile),
+        *safety_requirements(cell, profile, motor, units, 1.0),
+        *(Requirement(item.index, item.subindex, item.bits // 8, "in a PDO") for item in mapped),
+    )
+    without = {
+        "shown": "goes without it",
+        "trial": "is tried, powered and at rest, before every motion",
+        "red": "cannot be used",
+    }
+    rows = ["| object | what it is | a drive without it |", "|---|---|---|"]
+    for each in needed:
+        object_name, index = f"{each.index:04X}h:{each.subindex:02X}", f"{each.index:04X}"
+        instead = without[each.lack] if each.lack != "red" else REPLACED_BY.get(index)
+        if each.watchdog and each.lack == "red":
+            instead = "cannot be used, unless `allow_drive_without_watchdog` names it"
+        rows.append(f"| {object_name} | {each.name} | {instead or without['red']} |")
+    return "\n".join(rows) + "\n"
+
+
+def servo_profiles() -> str:
+    """Return the guide's table of the bundled profiles, and what each leaves to the cell file."""
+    from config.load import bundled_names, load_bundled_or_path
+
+    rows = ["| `servo` | mode | torque | the cell file names |", "|---|---|---|---|"]
+    for name in bundled_names("servos"):
+        profile = load_bundled_or_path(name, "servos", ServoProfile)
+        names = []
+        if profile.encoder_increments is None and (
+            "608Fh" in profile.lacks or profile.sets_increments
+        ):
+            names.append("`encoder_increments`")
+        if profile.torque.of != "rated_torque":
+            names.append("`torque_constant_nm_per_a`")
+        elif "6076h" in profile.lacks:
+            names.append("`rated_torque_nm`")
+        mode, of = profile.mode.replace("_", " "), profile.torque.of.replace("_", " ")
+        own = ", ".join(names) or "nothing"
+        rows.append(f"| `{name}` | {mode} | {profile.torque.object}, of {of} | {own} |")
+    return "\n".join(rows) + "\n"
 
 
 def results() -> str:
@@ -201,6 +263,11 @@ def main() -> None:
     (HERE / "files.md").write_text(files(), encoding="utf-8")
     (HERE / "results.md").write_text(results(), encoding="utf-8")
     (HERE / "result.schema.json").write_text(result_schema(), encoding="utf-8")
+    text = GUIDE.read_text(encoding="utf-8")
+    for title, table in (("objects", drive_objects()), ("profiles", servo_profiles())):
+        begin, end = (text.index(f"<!-- {title}{mark} -->\n") for mark in ("", " end"))
+        text = f"{text[:begin]}<!-- {title} -->\n{table}{text[end:]}"
+    GUIDE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

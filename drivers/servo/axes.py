@@ -101,6 +101,8 @@ class CanServoAxes:
             WristCoupling.of_robot(robot),
             trimmed=cell.exchange == "trimmed",
             bitrate=cell.can.bitrate,
+            modes=[cell.servo_of(axis).mode for axis in self._axes],
+            cycle_time_s=cell.cycle_time_s,
         )
         self.answers = self.cyclic.answers
         self.service = DriveService(link, cell, self._axes, self.watch, write_log)
@@ -147,6 +149,11 @@ class CanServoAxes:
     def settings(self) -> tuple[DriveSetting, ...]:
         """Return what the last `bring_up` required and read back, also when it failed."""
         return tuple(setting for setup in self._setups for setting in setup.settings)
+
+    @property
+    def left_to_trial(self) -> tuple[str, ...]:
+        """The joints whose drive has no object that says how it reacts to this computer's death."""
+        return tuple(setup.joint for setup in self._setups if setup.left_to_trial)
 
     def exchange(self) -> float:
         """Begin a cycle with SYNC and take the answers; return the time of SYNC [s]."""

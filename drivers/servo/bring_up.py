@@ -15,7 +15,7 @@ from drivers.ports.can_link import CanLink
 from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.requirements import STATUS_EVENT_MS
 
-FULL_BYTES = (8, 8)
+FULL_BYTES = (6, 8)
 TRIMMED_BYTES = (4, 6)
 BOOT_TIMEOUT_S = 5.0
 SETTLE_S = 0.02

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
+from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
 from config.errors import ConfigError
 
+PROFILE_VELOCITY = 3
+INTERPOLATED_POSITION = 7
+CYCLIC_SYNCHRONOUS_POSITION = 8
 CYCLIC_SYNCHRONOUS_VELOCITY = 9
 DRIVE_PROFILE = 402
 FOLLOWS_COMMAND = 0x1000
@@ -61,6 +65,7 @@ class ControlWord(IntEnum):
     SHUTDOWN = 0x0006
     SWITCH_ON = 0x0007
     ENABLE_OPERATION = 0x000F
+    ENABLE_INTERPOLATION = 0x001F
     FAULT_RESET = 0x0080
 
 
@@ -112,6 +117,13 @@ _TOWARDS_ENABLED = {
 }
 
 
+def enabling_word(mode: Mode) -> ControlWord:
+    """Return the controlword that lets a drive follow its set-points in a mode."""
+    if mode == "interpolated_position":
+        return ControlWord.ENABLE_INTERPOLATION
+    return ControlWord.ENABLE_OPERATION
+
+
 def after_controlword(state: PowerState, controlword: int, previous: int) -> PowerState:
     """Return the state that a controlword takes a drive to (CiA 402-2, figure 9 and table 30).
 
@@ -157,6 +169,61 @@ def _after_low_bits(state: PowerState, low: int) -> PowerState:
     return PowerState.SWITCHED_ON if state in switched else state
 
 
+@dataclass(frozen=True, slots=True)
+class MotorRatings:
+    """What a drive, or the cell file, tells of a motor; None is what is not needed.
+
+    Attributes
+    ----------
+    increments : float
+        Units of 6064h in a motor revolution.
+    torque_nm, current_a : float or None
+        Rated torque [N m] and rated current [A].
+    nm_per_a : float or None
+        Torque constant [N m/A].
+    """
+
+    increments: float
+    torque_nm: float | None = None
+    current_a: float | None = None
+    nm_per_a: float | None = None
+
+    def nm_per_unit(self, of: TorqueObject) -> float:
+        """Return the motor's torque per unit of a torque object [N m].
+
+        Raises
+        ------
+        ConfigError
+            What the object is related to is not known.
+        """
+        whole, lacking = self.torque_nm, "rated_torque_nm"
+        if of.of != "rated_torque":
+            amperes = 1.0 if of.of == "ampere" else self.current_a
+            lacking = "rated_current_a" if amperes is None else "torque_constant_nm_per_a"
+            whole = None
+            if amperes is not None and self.nm_per_a is not None:
+                whole = amperes * self.nm_per_a
+        if whole is None:
+            raise ConfigError(
+                f"{of.object} cannot be told in N m: name {lacking} in the axis's servo"
+            )
+        return whole / of.units
+
+    def limit(self, of: TorqueObject, fraction: float) -> int:
+        """Return what a torque limit's object must hold for a fraction of the rated torque.
+
+        Raises
+        ------
+        ConfigError
+            The rated current is needed and not known.
+        """
+        if of.of == "ampere":
+            if self.current_a is None:
+                raise ConfigError(f"{of.object}: name rated_current_a in the axis's servo")
+            return round(fraction * self.current_a * of.units)
+        return round(fraction * of.units)
+
+
 @dataclass(frozen=True)
 class AxisUnits:
     """Between a drive's numbers and the joint's: rad (or m), rad/s and N m at the link side.
@@ -167,50 +234,62 @@ class AxisUnits:
         Encoder increments per radian (or metre) of the joint; negative where they count backwards.
     velocity_units_per_rad_s : float
         Units of 60FFh per rad/s of the joint, same sign.
-    nm_per_permille : float
-        Joint torque per 0.1 % of the rated motor torque, same sign.
+    acceleration_units_per_rad_s2 : float
+        Units of 6085h per rad/s² of the joint, same sign.
+    nm_per_torque_unit : float
+        Joint torque per unit of the object that tells it, same sign: 0.1 % of the rated motor
+        torque with 6077h.
     zero_counts : int
         6064h at joint position zero.
     """
 
     counts_per_rad: float
     velocity_units_per_rad_s: float
-    nm_per_permille: float
+    acceleration_units_per_rad_s2: float
+    nm_per_torque_unit: float
     zero_counts: int = 0
 
     def __post_init__(self) -> None:
-        factors = (self.counts_per_rad, self.velocity_units_per_rad_s, self.nm_per_permille)
+        factors = (
+            self.counts_per_rad,
+            self.velocity_units_per_rad_s,
+            self.acceleration_units_per_rad_s2,
+            self.nm_per_torque_unit,
+        )
         if not all(math.isfinite(factor) and factor != 0.0 for factor in factors):
             raise ConfigError(f"a drive's unit factors are {factors}: all must be finite, not 0")
 
     @classmethod
-    def from_drive(
+    def of_motor(
         cls,
-        *,
-        encoder_increments: int,
-        encoder_motor_revolutions: int,
+        motor: MotorRatings,
+        profile: ServoProfile,
         gear_ratio: float,
-        rated_torque_mnm: int,
-        direction: Literal[1, -1],
-        velocity_unit: Literal["increments_per_s", "rpm", "0.1rpm"],
-        zero_counts: int,
+        direction: Literal[1, -1] = 1,
+        zero_counts: int = 0,
     ) -> AxisUnits:
-        """Build the factors from 608Fh:1, 608Fh:2, the gear and 6076h [mN m].
+        """Build the factors from what is known of a motor, and the units of its drive's family.
 
-        `gear_ratio` is motor radians per joint radian (6091h:1 / 6091h:2); its sign is `direction`.
-        Velocities in rpm are the motor's. Source: CiA 402-2, 608Fh, 6091h, 6076h.
+        `gear_ratio` is motor radians per joint radian; its sign is `direction`. Velocities in rpm
+        are the motor's. Source: CiA 402-2, 608Fh, 6091h, 6076h.
+
+        Raises
+        ------
+        ConfigError
+            The torque cannot be told in N m, or a factor is 0 or not finite.
         """
         ratio = direction * abs(gear_ratio)
-        counts_per_motor_rad = encoder_increments / encoder_motor_revolutions / (2.0 * math.pi)
-        velocity_per_motor_rad_s = {
-            "increments_per_s": counts_per_motor_rad,
-            "rpm": 30.0 / math.pi,
-            "0.1rpm": 300.0 / math.pi,
-        }[velocity_unit]
+        per_rad = motor.increments / (2.0 * math.pi)
+
+        def factor(units: tuple[float, float]) -> float:
+            per_increment, per_rpm = units
+            return ratio * (per_increment * per_rad + per_rpm * 30.0 / math.pi)
+
         return cls(
-            counts_per_rad=counts_per_motor_rad * ratio,
-            velocity_units_per_rad_s=velocity_per_motor_rad_s * ratio,
-            nm_per_permille=rated_torque_mnm * 1e-6 * ratio,
+            counts_per_rad=per_rad * ratio,
+            velocity_units_per_rad_s=factor(profile.velocity_per_increment),
+            acceleration_units_per_rad_s2=factor(profile.acceleration_per_increment),
+            nm_per_torque_unit=ratio * motor.nm_per_unit(profile.torque),
             zero_counts=zero_counts,
         )
 
@@ -226,10 +305,6 @@ class AxisUnits:
         """Return the joint velocity of 60FFh or 606Ch [rad/s]."""
         return units / self.velocity_units_per_rad_s
 
-    def torque_nm(self, permille: int) -> float:
-        """Return the joint torque of 6077h [N m], without the gear's losses."""
-        return permille * self.nm_per_permille
-
-    def torque_permille(self, torque_nm: float) -> int:
-        """Return 6077h of a joint torque [N m], rounded."""
-        return round(torque_nm / self.nm_per_permille)
+    def torque_nm(self, units: int) -> float:
+        """Return the joint torque of the drive's number [N m], without the gear's losses."""
+        return units * self.nm_per_torque_unit

@@ -16,21 +16,24 @@ Frames = Sequence[tuple[int, bytearray]]
 REFRESH_CYCLES = 8
 """How many cycles a controlword may be unchanged before it is sent once more."""
 
-_FULL = struct.Struct("<Hih")
+_FULL = struct.Struct("<Hi")
 _VELOCITY = struct.Struct("<i")
 _WORD = struct.Struct("<H")
 
 
 class FullCommands:
-    """RPDO 1 of 8 bytes: controlword, target velocity, torque offset.
+    """RPDO 1 of 6 bytes: controlword and target velocity.
 
     Parameters
     ----------
     node_ids : sequence of int
         The drives, base to flange.
+    enables : sequence of int
+        The controlword of each that enables its operation.
     """
 
-    def __init__(self, node_ids: Sequence[int]) -> None:
+    def __init__(self, node_ids: Sequence[int], enables: Sequence[int]) -> None:
+        self._enables = tuple(enables)
         self._buffers = [bytearray(_FULL.size) for _ in node_ids]
         self._frames = [
             (rpdo_cob_id(node), buffer)
@@ -38,21 +41,22 @@ class FullCommands:
         ]
 
     def velocities(self, values: Sequence[int]) -> Frames:
-        """Return set-points (60FFh) with Enable Operation.
+        """Return set-points with Enable Operation.
 
         Raises
         ------
         struct.error
             A value does not fit.
         """
-        for buffer, value in zip(self._buffers, values, strict=True):
-            _FULL.pack_into(buffer, 0, ControlWord.ENABLE_OPERATION, value, 0)
+        for buffer, enable, value in zip(self._buffers, self._enables, values, strict=True):
+            _FULL.pack_into(buffer, 0, enable, value)
         return self._frames
 
-    def words(self, words: Sequence[int]) -> Frames:
-        """Return controlwords with velocity 0."""
-        for buffer, word in zip(self._buffers, words, strict=True):
-            _FULL.pack_into(buffer, 0, word, 0, 0)
+    def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
+        """Return controlwords with the set-points at rest."""
+        told = _told(words, self._enables)
+        for buffer, word, value in zip(self._buffers, told, rest, strict=True):
+            _FULL.pack_into(buffer, 0, word, value)
         return self._frames
 
     def forget(self) -> None:
@@ -70,16 +74,20 @@ class TrimmedCommands:
     ----------
     node_ids : sequence of int
         The drives, base to flange.
+    enables : sequence of int
+        The controlword of each that enables its operation.
     """
 
-    def __init__(self, node_ids: Sequence[int]) -> None:
+    def __init__(self, node_ids: Sequence[int], enables: Sequence[int]) -> None:
+        self._enables = tuple(enables)
         self._velocities = [(rpdo_cob_id(node), bytearray(_VELOCITY.size)) for node in node_ids]
         self._words = [(rpdo_cob_id(node, 2), bytearray(_WORD.size)) for node in node_ids]
         self._sent: list[int | None] = [None] * len(node_ids)
+        self._enabled: list[int | None] = list(self._enables)
         self._cycle = 0
 
     def velocities(self, values: Sequence[int]) -> Frames:
-        """Return set-points (60FFh); with Enable Operation where that was not the last word.
+        """Return set-points; with Enable Operation where that was not the last word.
 
         Raises
         ------
@@ -88,20 +96,19 @@ class TrimmedCommands:
         """
         for (_, buffer), value in zip(self._velocities, values, strict=True):
             _VELOCITY.pack_into(buffer, 0, value)
-        enable = int(ControlWord.ENABLE_OPERATION)
-        if self._sent.count(enable) == len(self._sent):
+        if self._sent == self._enabled:
             return self._velocities
-        return [*self._changed([enable] * len(self._sent)), *self._velocities]
+        return [*self._changed(self._enables), *self._velocities]
 
-    def words(self, words: Sequence[int]) -> Frames:
-        """Return controlwords, as far as they have changed or are due again, and velocity 0."""
-        for _, buffer in self._velocities:
-            _VELOCITY.pack_into(buffer, 0, 0)
+    def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
+        """Return controlwords, as far as changed or due again, and the set-points at rest."""
+        for (_, buffer), value in zip(self._velocities, rest, strict=True):
+            _VELOCITY.pack_into(buffer, 0, value)
         self._cycle += 1
         for axis in range(len(self._sent)):
             if (self._cycle + axis) % REFRESH_CYCLES == 0:
                 self._sent[axis] = None
-        return [*self._changed(words), *self._velocities]
+        return [*self._changed(_told(words, self._enables)), *self._velocities]
 
     def forget(self) -> None:
         """Send every controlword with the next frames: some may not have gone out."""
@@ -115,3 +122,11 @@ class TrimmedCommands:
                 _WORD.pack_into(frame[1], 0, word)
                 frames.append(frame)
         return frames
+
+
+def _told(words: Sequence[int], enables: Sequence[int]) -> list[int]:
+    """Return controlwords with each drive's own word for Enable Operation."""
+    return [
+        enable if word == ControlWord.ENABLE_OPERATION else int(word)
+        for word, enable in zip(words, enables, strict=True)
+    ]

@@ -14,15 +14,17 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from config.cell.servo_profile import BY_POSITION, Mode
 from config.errors import TransportError
 from config.robot.wrist_coupling import WristCoupling
 from drivers.canopen.frames import SYNC, Frame, tpdo_cob_id
 from drivers.interfaces.servo_axes import Answers
 from drivers.ports.can_link import CanLink
 from drivers.ports.can_ports import Arrival
-from drivers.servo.cia402 import AxisUnits, PowerState, state_of
+from drivers.servo.cia402 import AxisUnits, PowerState, enabling_word, state_of
 from drivers.servo.command_frames import Frames, FullCommands, TrimmedCommands
 from drivers.servo.drive_watch import DriveWatch
+from drivers.servo.position_targets import PositionTargets
 
 _ANSWER = struct.Struct("<Hih")
 _TRIMMED_ANSWER = struct.Struct("<ih")
@@ -61,6 +63,10 @@ class CyclicExchange:
         What the motors do to the joints, where a wrist is coupled.
     trimmed : bool
         Whether the cell's exchange is the trimmed one.
+    modes : sequence of Mode
+        How each drive is told where to go; all by cyclic velocity where it is left out.
+    cycle_time_s : float
+        How long a set-point acts [s]; of matter to drives that follow positions.
     bitrate : int
         Of the bus [bit/s]. In real time `collect` sleeps until all answers should have come,
         instead of waking up for each; when that is, is learnt from their time stamps. 0 to look at
@@ -94,6 +100,8 @@ class CyclicExchange:
         *,
         trimmed: bool = False,
         bitrate: int = 0,
+        modes: Sequence[Mode] = (),
+        cycle_time_s: float = 0.0,
     ) -> None:
         count = len(node_ids)
         self._link = link
@@ -118,9 +126,15 @@ class CyclicExchange:
         self._zero_counts = [0] * count
         self._counts_per_rad = [1.0] * count
         self._units_per_rad_s = [1.0] * count
-        self._nm_per_permille = [1.0] * count
+        self._nm_per_unit = [1.0] * count
         self._commands: FullCommands | TrimmedCommands
-        self._commands = TrimmedCommands(node_ids) if trimmed else FullCommands(node_ids)
+        by_velocity: tuple[Mode, ...] = ("cyclic_velocity",) * count
+        enables = [enabling_word(mode) for mode in modes or by_velocity]
+        self._commands = (TrimmedCommands if trimmed else FullCommands)(node_ids, enables)
+        self._rest = [0] * count
+        self._positions: PositionTargets | None = None
+        if any(mode in BY_POSITION for mode in modes):
+            self._positions = PositionTargets([mode in BY_POSITION for mode in modes], cycle_time_s)
         self._trimmed = trimmed
         self._answer_bytes = _TRIMMED_ANSWER.size if trimmed else _ANSWER.size
         self._status_slots = {
@@ -138,7 +152,7 @@ class CyclicExchange:
             self._zero_counts[axis] = unit.zero_counts
             self._counts_per_rad[axis] = unit.counts_per_rad
             self._units_per_rad_s[axis] = unit.velocity_units_per_rad_s
-            self._nm_per_permille[axis] = unit.nm_per_permille
+            self._nm_per_unit[axis] = unit.nm_per_torque_unit
         self._commands.forget()
         self._status = [-1] * len(self._status)
         for array in (self.answers.statusword, self.answers.enabled, self.answers.fault):
@@ -266,7 +280,7 @@ class CyclicExchange:
         answers.torque_raw[axis] = torque
         turned = counts - self._zero_counts[axis]
         self._motor_position[axis] = turned / self._counts_per_rad[axis]
-        answers.torque_nm[axis] = torque * self._nm_per_permille[axis]
+        answers.torque_nm[axis] = torque * self._nm_per_unit[axis]
 
     def _take_status(self, axis: int, status: int) -> None:
         """Take a status word that is another than the last."""
@@ -301,24 +315,25 @@ class CyclicExchange:
         """
         if self._coupling is not None:
             velocity = self._coupling.to_motors(velocity)
-        self._send(
-            self._commands.velocities(
-                [
-                    round(value * factor)
-                    for value, factor in zip(velocity.tolist(), self._units_per_rad_s, strict=True)
-                ]
-            )
-        )
+        told = [
+            round(value * factor)
+            for value, factor in zip(velocity.tolist(), self._units_per_rad_s, strict=True)
+        ]
+        if self._positions is not None:
+            told = self._positions.follow(told)
+        self._send(self._commands.velocities(told))
 
     def send_words(self, words: Sequence[int]) -> None:
-        """Send controlwords with velocity 0, one an axis; every axis's is tried.
+        """Send controlwords at rest, one an axis; every axis's is tried.
 
         Raises
         ------
         TransportError
             The bus did not take one of the frames.
         """
-        self._send(self._commands.words(words))
+        if self._positions is not None:
+            self._rest = self._positions.hold(self.answers.position_counts, self.answers.enabled)
+        self._send(self._commands.words(words, self._rest))
 
     def _send(self, frames: Frames) -> None:
         try:

@@ -10,25 +10,30 @@ from dataclasses import dataclass
 from typing import Literal
 
 from config.cell.cell import CellConfig, DriveAxis
+from config.cell.servo_profile import ServoProfile
 from config.formats.eds import ElectronicDataSheet
 from config.formats.eds_object import DataType, EdsObject, is_signed
-from drivers.canopen.pdo import MappedObject, PdoMapping
+from drivers.canopen.pdo import COB_ID_MASK, MappedObject, PdoMapping
 from drivers.canopen.sdo import object_name
 from drivers.device_text import printable
-from drivers.servo.cia402 import AxisUnits
-from drivers.servo.requirements import Requirement, cyclic_pdos, safety_requirements
+from drivers.servo.cia402 import AxisUnits, MotorRatings
+from drivers.servo.requirements import (
+    Requirement,
+    cyclic_pdos,
+    kind_requirements,
+    rating_requirements,
+    safety_requirements,
+)
 
 _READ = (
-    Requirement(0x1000, 0, 4, "device profile", write=False),
     Requirement(0x1001, 0, 1, "error register", write=False),
     Requirement(0x6041, 0, 2, "statusword", write=False),
-    Requirement(0x6076, 0, 4, "rated motor torque [mN m]", write=False),
-    Requirement(0x608F, 1, 4, "encoder increments", write=False),
-    Requirement(0x608F, 2, 4, "per motor revolutions", write=False),
-    Requirement(0x6502, 0, 4, "supported modes", write=False),
 )
-_BY_UNITS = (0x6065, 0x6085)  # their values are known when the drive has told its encoder
-_ANY_UNITS = AxisUnits(1.0, 1.0, 1.0)
+_MODES = 0x6502
+_BY_TRIAL = ": the trial of the watches decides"
+_BY_UNITS = (0x6065, 0x6083, 0x6084, 0x6085)  # known when the drive has told its encoder
+_ANY_MOTOR = MotorRatings(1.0, 1.0, 1.0, 1.0)
+_ANY_UNITS = AxisUnits(1.0, 1.0, 1.0, 1.0)
 
 Verdict = Literal["red", "allowed", "shown"]
 
@@ -67,35 +72,83 @@ def eds_findings(
         said = str(eds.node_id)
         findings.append(EdsFinding("[DeviceComissioning]", "node id", f"{axis.node_id}", said, 0))
     allowed = axis.node_id in cell.drive_safety.allow_drive_without_watchdog
-    for requirement in (*_READ, *safety_requirements(cell, _ANY_UNITS)):
+    profile = cell.servo_of(axis)
+    for requirement in (
+        *_READ,
+        *kind_requirements(profile),
+        *rating_requirements(profile),
+        *safety_requirements(cell, profile, _ANY_MOTOR, _ANY_UNITS, 1.0),
+    ):
         found = eds.get(requirement.index, requirement.subindex)
-        if found is None and requirement.optional:
+        if found is None and requirement.lack == "shown":
             continue
         lack = _lack(requirement, found)
         beyond = _out_of_limits(requirement, found)
         if lack is not None:
-            verdict: Verdict = "allowed" if requirement.watchdog and allowed else "red"
+            by_trial = found is None and requirement.lack == "trial"
+            excused: Verdict = "allowed" if requirement.watchdog and allowed else "red"
+            verdict = "shown" if by_trial and excused == "red" else excused
             findings.append(_finding(requirement, *lack, found, verdict))
         elif beyond is not None:
             findings.append(_finding(requirement, *beyond, found, "shown"))
-    for pdo in cyclic_pdos(axis.node_id, cell.exchange):
-        findings += _pdo_findings(eds, pdo)
+    findings += _unknown(profile)
+    for pdo in cyclic_pdos(axis.node_id, cell.exchange, profile):
+        findings += _pdo_findings(eds, pdo, axis.node_id)
     return tuple(findings)
 
 
-def _lack(requirement: Requirement, found: EdsObject | None) -> tuple[str, str] | None:
-    """Return what is required and what is found instead; None where all is well."""
+def _unknown(profile: ServoProfile) -> Iterator[EdsFinding]:
+    """Yield what neither drive nor cell file tells: a torque constant, the encoder."""
+    if profile.encoder_increments is None and profile.sets_increments:
+        said = "set by the profile, and no encoder_increments in the cell file"
+        yield EdsFinding("608Fh:01", "encoder increments", "told", said, 0)
+    rated = profile.rated_torque_nm is not None and profile.rated_current_a is not None
+    known = rated or profile.torque_constant_nm_per_a is not None
+    if profile.torque.of != "rated_torque" and not known:
+        said = "a current, and no torque_constant_nm_per_a in the cell file"
+        yield EdsFinding(profile.torque.object, "torque of the motor", "in N m", said, 0)
+
+
+def _lack(
+    requirement: Requirement, found: EdsObject | None, node_id: int = 0
+) -> tuple[str, str] | None:
+    """Return what is required and what is found instead; None where all is well.
+
+    What is only read, and holds what is required when the drive is delivered, is well.
+    """
     bits = 8 * requirement.size
-    required = f"{bits} bit, writable" if _writes(requirement) else f"{bits} bit"
+    required = f"{bits} bit, writable" if requirement.written else f"{bits} bit"
     if found is None:
-        return required, "not in the EDS"
+        return required, "not in the EDS" + _BY_TRIAL * (requirement.lack == "trial")
     if found.faults:
         return required, f"line {found.faults[0].line}: {found.faults[0].text}"
     if found.bits != bits:
         return required, _type_words(found)
-    if _writes(requirement) and not found.writable:
+    if (
+        requirement.written
+        and not found.writable
+        and not _delivered_right(requirement, found, node_id)
+    ):
         return required, f"AccessType {found.access or 'not said'}"
+    if (
+        requirement.index == _MODES
+        and _delivered(found)
+        and not _delivered_right(requirement, found)
+    ):
+        return requirement.name, f"{_delivered(found):X}h does not list it"
     return None
+
+
+def _delivered(found: EdsObject, node_id: int = 0) -> int:
+    """Return the number that a drive has when it is delivered; 0 where that is not told."""
+    content = 0 if found.default is None else found.default.of_node(node_id)
+    return content if isinstance(content, int) else 0
+
+
+def _delivered_right(requirement: Requirement, found: EdsObject, node_id: int = 0) -> bool:
+    mask = requirement.mask & (1 << 8 * requirement.size) - 1
+    told = found.default is not None
+    return told and not (_delivered(found, node_id) ^ (requirement.value or 0)) & mask
 
 
 def _out_of_limits(requirement: Requirement, found: EdsObject | None) -> tuple[str, str] | None:
@@ -108,17 +161,16 @@ def _out_of_limits(requirement: Requirement, found: EdsObject | None) -> tuple[s
     return None if low <= value <= high else (f"takes {value}", f"limits {low} to {high}")
 
 
-def _writes(requirement: Requirement) -> bool:
-    return requirement.write and requirement.value is not None
-
-
-def _pdo_findings(eds: ElectronicDataSheet, pdo: PdoMapping) -> Iterator[EdsFinding]:
+def _pdo_findings(eds: ElectronicDataSheet, pdo: PdoMapping, node_id: int) -> Iterator[EdsFinding]:
     title = f"{pdo.direction.upper()} {pdo.number}"
-    sizes = {(write.index, write.subindex): len(write.data) for write in pdo.writes()}
-    for (index, subindex), size in sizes.items():
-        requirement = Requirement(index, subindex, size, f"{title} configuration", 0)
+    last = {(write.index, write.subindex): write.data for write in pdo.writes()}
+    for (index, subindex), data in last.items():
+        value = int.from_bytes(data, "little")
+        mask = COB_ID_MASK if (index, subindex) == (pdo.communication_index, 1) else -1
+        name = f"{title} configuration"
+        requirement = Requirement(index, subindex, len(data), name, value, mask=mask)
         found = eds.get(index, subindex)
-        lack = _lack(requirement, found)
+        lack = _lack(requirement, found, node_id)
         if lack is not None:
             yield _finding(requirement, *lack, found)
     for item in pdo.objects:

@@ -91,6 +91,8 @@ class PowerSequence:
         self._watch = watch
         self._run_cycle = run_cycle
         self._period_s = cell.cycle_time_s
+        modes = [cell.servo_of(axis).mode for axis in axes]
+        self._follows = [FOLLOWS_COMMAND * mode.startswith("cyclic") for mode in modes]
         fastest = max(joint.limits.velocity for joint in robot.joints)
         ramp_s = fastest / cell.drive_safety.quick_stop_deceleration_rad_s2
         self._halt_s = min(ramp_s, LONGEST_STOP_S) + HALT_MARGIN_S
@@ -140,9 +142,9 @@ class PowerSequence:
             ]
             waiting = [
                 answer.joint
-                for answer in answers
+                for answer, follows in zip(answers, self._follows, strict=True)
                 if answer.joint not in enabled
-                or not (answer.received and answer.status & FOLLOWS_COMMAND)
+                or not (answer.received and answer.status & follows == follows)
             ]
         self._exchange.send_words(words)
 

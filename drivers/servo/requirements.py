@@ -6,25 +6,61 @@ computer dies; the RPDO's event timer (1400h:05) does it once more where a drive
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final, Literal
 
 from config.cell.cell import CellConfig
+from config.cell.servo_profile import Mode, ServoProfile, object_address
 from config.errors import ConfigError
 from drivers.canopen.frames import rpdo_cob_id, tpdo_cob_id
 from drivers.canopen.heartbeat import consumer_entry
 from drivers.canopen.pdo import ON_EVENT, RPDO_COMMUNICATION, MappedObject, PdoMapping
-from drivers.servo.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, AxisUnits
-from drivers.servo.stop_ramp import uses_profile_deceleration
+from drivers.servo.cia402 import (
+    CYCLIC_SYNCHRONOUS_POSITION,
+    CYCLIC_SYNCHRONOUS_VELOCITY,
+    DRIVE_PROFILE,
+    INTERPOLATED_POSITION,
+    PROFILE_VELOCITY,
+    AxisUnits,
+    MotorRatings,
+)
+from drivers.servo.stop_ramp import (
+    PROFILE_DECELERATION,
+    QUICK_STOP_DECELERATION,
+    Held,
+    uses_profile_deceleration,
+)
 
 STATUS_EVENT_MS = 100
+MODES: Final[dict[Mode, int]] = {
+    "cyclic_velocity": CYCLIC_SYNCHRONOUS_VELOCITY,
+    "profile_velocity": PROFILE_VELOCITY,
+    "cyclic_position": CYCLIC_SYNCHRONOUS_POSITION,
+    "interpolated_position": INTERPOLATED_POSITION,
+}
+TARGETS: Final[dict[Mode, tuple[int, int]]] = {
+    "cyclic_velocity": (0x60FF, 0),
+    "profile_velocity": (0x60FF, 0),
+    "cyclic_position": (0x607A, 0),
+    "interpolated_position": (0x60C1, 1),
+}
+"""What the set-points are written to."""
+INCREMENTS, REVOLUTIONS = (0x608F, 1), (0x608F, 2)
+RATED_TORQUE, RATED_CURRENT = (0x6076, 0), (0x6075, 0)
+
+_MILLI = 1000.0
+_STEEPER = 4.0
+"""How many times steeper than the joint's acceleration a drive's own ramp to a set-point is."""
 
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
     """One object that must hold a value; `value` None: it is only read and shown.
 
-    `optional` objects may be missing in a drive; `watchdog` ones may be wrong where the cell file
-    allows it; `write` False leaves it to the drive to be right.
+    `write` False leaves it to the drive to be right. `watchdog` ones may be wrong where the cell
+    file allows it. `lack` says what follows where a drive does not have it at all: it is red; it is
+    shown; or the trial of the watches shows what the drive does without it.
     """
 
     index: int
@@ -33,11 +69,16 @@ class Requirement:
     name: str
     value: int | None = None
     signed: bool = False
-    optional: bool = False
+    lack: Literal["red", "shown", "trial"] = "red"
     watchdog: bool = False
     write: bool = True
     mask: int = -1
     hexadecimal: bool = False
+
+    @property
+    def written(self) -> bool:
+        """Whether it is written, where the drive lets it be."""
+        return self.write and self.value is not None
 
     def words(self, value: int) -> str:
         """Return a value as it is shown."""
@@ -70,29 +111,87 @@ def identity_requirement(
         4,
         name,
         value,
-        optional=value is None,
+        lack="shown" if value is None else "red",
         write=False,
         mask=mask,
         hexadecimal=True,
     )
 
 
-def cyclic_pdos(node_id: int, exchange: str) -> tuple[PdoMapping, ...]:
+def mode_words(mode: Mode) -> str:
+    """Return a mode's name: cyclic synchronous velocity."""
+    return mode.replace("cyclic_", "cyclic synchronous ").replace("_", " ")
+
+
+def kind_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
+    """Return what says that a device is a servo drive that follows velocities."""
+    bit = 1 << MODES[profile.mode] - 1
+    return (
+        Requirement(0x1000, 0, 4, "device profile", DRIVE_PROFILE, mask=0xFFFF, write=False),
+        Requirement(
+            0x6502, 0, 4, f"supports {mode_words(profile.mode)}", bit,
+            mask=bit, write=False, hexadecimal=True, lack="shown",
+        ),
+    )  # fmt: skip
+
+
+def rating_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
+    """Return what is read of the motor, as far as the profile does not say it."""
+    used = {profile.torque.of}
+    if profile.torque_limit is not None:
+        used.add(profile.torque_limit.of)
+    current = "rated_current" in used or (profile.torque_limit_written and "ampere" in used)
+    ratings = []
+    if profile.encoder_increments is None:
+        ratings += [
+            Requirement(*INCREMENTS, 4, "encoder increments", write=False),
+            Requirement(*REVOLUTIONS, 4, "per motor revolutions", write=False),
+        ]
+    if profile.rated_torque_nm is None and "rated_torque" in used:
+        unit = f"1/{profile.rated_torque_units:g} N m"
+        unit = "mN m" if profile.rated_torque_units == _MILLI else unit
+        ratings.append(Requirement(*RATED_TORQUE, 4, f"rated motor torque [{unit}]", write=False))
+    if profile.rated_current_a is None and current:
+        ratings.append(Requirement(*RATED_CURRENT, 4, "rated motor current [mA]", write=False))
+    return tuple(ratings)
+
+
+def ratings_of(profile: ServoProfile, held: Held) -> MotorRatings:
+    """Return what is known of the motor: by the profile, or by what its drive holds."""
+    increments = profile.encoder_increments
+    if increments is None:
+        increments = held[INCREMENTS] / held[REVOLUTIONS]
+    torque, current = profile.rated_torque_nm, profile.rated_current_a
+    if torque is None and RATED_TORQUE in held:
+        torque = held[RATED_TORQUE] / profile.rated_torque_units
+    if current is None and RATED_CURRENT in held:
+        current = held[RATED_CURRENT] / _MILLI
+    constant = profile.torque_constant_nm_per_a
+    if constant is None and torque is not None and current is not None:
+        constant = torque / current
+    return MotorRatings(increments, torque, current, constant)
+
+
+def cyclic_pdos(
+    node_id: int, exchange: str, profile: ServoProfile | None = None
+) -> tuple[PdoMapping, ...]:
     """Return the PDOs of a drive in a cell's `exchange`, full or trimmed.
 
     Those with a SYNC are taken up and sent at every SYNC. In the trimmed exchange the statusword
     comes when it changes, and every `STATUS_EVENT_MS`.
     """
+    profile = profile or ServoProfile()
+    torque_address = object_address(profile.torque.object)
     word, status = MappedObject(0x6040, 0, 16), MappedObject(0x6041, 0, 16)
-    velocity, offset = MappedObject(0x60FF, 0, 32), MappedObject(0x60B2, 0, 16)
-    position, torque = MappedObject(0x6064, 0, 32), MappedObject(0x6077, 0, 16)
+    target = MappedObject(*TARGETS[profile.mode], 32)
+    position, torque = MappedObject(0x6064, 0, 32), MappedObject(*torque_address, 16)
     if exchange == "full":
         return (
-            PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (word, velocity, offset)),
+            PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (word, target)),
             PdoMapping("tpdo", 1, tpdo_cob_id(node_id), (status, position, torque)),
         )
     return (
-        PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (velocity,)),
+        PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (target,)),
         PdoMapping("rpdo", 2, rpdo_cob_id(node_id, 2), (word,)),
         PdoMapping("tpdo", 1, tpdo_cob_id(node_id), (position, torque)),
         PdoMapping(
@@ -101,56 +200,111 @@ def cyclic_pdos(node_id: int, exchange: str) -> tuple[PdoMapping, ...]:
     )
 
 
-def safety_requirements(cell: CellConfig, units: AxisUnits) -> tuple[Requirement, ...]:
+def safety_requirements(
+    cell: CellConfig,
+    profile: ServoProfile,
+    motor: MotorRatings,
+    units: AxisUnits,
+    acceleration: float,
+) -> tuple[Requirement, ...]:
     """Return what every drive of a cell must be told: monitoring, reactions, limits, mode.
 
     A drive knows its motor alone: with a coupled wrist its following error and its deceleration are
-    the motor's, over its gear ratio.
+    the motor's, over its gear ratio. `acceleration` is the joint's largest [rad/s² or m/s²].
+
+    Raises
+    ------
+    ConfigError
+        The torque limit cannot be said in the numbers of its object.
     """
-    safety = cell.drive_safety
-    window = abs(round(safety.following_error_rad * units.counts_per_rad))
-    deceleration = abs(
-        round(safety.quick_stop_deceleration_rad_s2 * units.velocity_units_per_rad_s)
-    )
-    by_profile: tuple[Requirement, ...] = ()
-    if uses_profile_deceleration(cell):
-        by_profile = (Requirement(0x6084, 0, 4, "profile deceleration", deceleration),)
+    safety, mode = cell.drive_safety, profile.mode
     master = consumer_entry(safety.master_node_id, safety.master_heartbeat_timeout_ms)
     return (
-        Requirement(0x1005, 0, 4, "SYNC identifier", 0x80, mask=0x4000_07FF, write=False),
-        Requirement(0x1006, 0, 4, "SYNC period [us]", optional=True),
+        Requirement(0x1005, 0, 4, "SYNC identifier", 0x80, mask=0x4000_07FF, write=False,
+                    lack="shown"),
+        Requirement(0x1006, 0, 4, "SYNC period [us]", lack="shown"),
         Requirement(0x1017, 0, 2, "heartbeat period [ms]", safety.drive_heartbeat_ms),
         Requirement(
             0x1016, 1, 4, "watch on this computer's heartbeat", master,
             watchdog=True, hexadecimal=True,
         ),
-        Requirement(0x1029, 1, 1, "reaction to a communication error", 0, optional=True),
+        Requirement(0x1029, 1, 1, "reaction to a communication error", 0, lack="shown"),
         Requirement(
             0x6007, 0, 2, "abort connection", safety.abort_connection,
-            signed=True, watchdog=True,
+            signed=True, watchdog=True, lack="trial",
         ),
-        Requirement(0x605A, 0, 2, "quick-stop reaction", safety.quick_stop_option, signed=True),
-        Requirement(0x605B, 0, 2, "shutdown reaction", signed=True, optional=True),
-        Requirement(0x605C, 0, 2, "disable-operation reaction", signed=True, optional=True),
-        Requirement(0x605D, 0, 2, "halt reaction", signed=True, optional=True),
-        Requirement(0x605E, 0, 2, "fault reaction", safety.fault_reaction_option, signed=True),
-        Requirement(0x6085, 0, 4, "quick-stop deceleration", deceleration),
-        *by_profile,
-        Requirement(0x6065, 0, 4, "following-error window", window),
-        Requirement(0x6066, 0, 2, "following-error time [ms]", safety.following_error_timeout_ms),
+        Requirement(0x605A, 0, 2, "quick-stop reaction", safety.quick_stop_option, signed=True,
+                    lack="trial"),
+        Requirement(0x605B, 0, 2, "shutdown reaction", signed=True, lack="shown"),
+        Requirement(0x605C, 0, 2, "disable-operation reaction", signed=True, lack="shown"),
+        Requirement(0x605D, 0, 2, "halt reaction", signed=True, lack="shown"),
+        Requirement(0x605E, 0, 2, "fault reaction", safety.fault_reaction_option, signed=True,
+                    lack="trial"),
+        *_ramps(cell, profile, units, acceleration),
         Requirement(
-            0x6072, 0, 2, "torque limit [0.1 %]", round(1000 * safety.torque_limit_fraction)
+            0x6065, 0, 4, "following-error window",
+            abs(round(safety.following_error_rad * units.counts_per_rad)), lack="shown",
         ),
-        Requirement(0x607D, 1, 4, "software position limit, low", signed=True, optional=True),
-        Requirement(0x607D, 2, 4, "software position limit, high", signed=True, optional=True),
+        Requirement(0x6066, 0, 2, "following-error time [ms]", safety.following_error_timeout_ms,
+                    lack="shown"),
+        *_torque_limit(cell, profile, motor),
+        Requirement(0x607D, 1, 4, "software position limit, low", signed=True, lack="shown"),
+        Requirement(0x607D, 2, 4, "software position limit, high", signed=True, lack="shown"),
+        Requirement(0x607E, 0, 1, "polarity", 0, mask=0xC0, write=False, lack="shown",
+                    hexadecimal=True),
+        Requirement(0x60B2, 0, 2, "torque offset", 0, signed=True, write=False, lack="shown"),
         Requirement(
-            0x6060, 0, 1, "mode: cyclic synchronous velocity", CYCLIC_SYNCHRONOUS_VELOCITY,
+            0x6060, 0, 1, f"mode: {mode_words(mode)}", MODES[mode],
             signed=True,
         ),
-        Requirement(0x60C2, 1, 1, "cycle time [ms]", cell.cycle_time_ms),
-        Requirement(0x60C2, 2, 1, "cycle time, power of ten", -3, signed=True),
+        *_cycle_time(cell, profile),
         Requirement(
             RPDO_COMMUNICATION, 5, 2, "command timeout [ms]",
-            safety.master_heartbeat_timeout_ms, optional=True,
+            safety.master_heartbeat_timeout_ms, lack="shown",
+        ),
+        *(
+            Requirement(
+                *object_address(extra.object), extra.bits // 8, "by the drive's profile",
+                extra.value, signed=extra.value < 0, write=extra.written,
+            )
+            for extra in profile.settings
         ),
     )  # fmt: skip
+
+
+def _ramps(
+    cell: CellConfig, profile: ServoProfile, units: AxisUnits, acceleration: float
+) -> Iterator[Requirement]:
+    """Yield the decelerations of a stop; and the ramps to each set-point, which must not limit."""
+    factor = abs(units.acceleration_units_per_rad_s2)
+    deceleration = cell.drive_safety.quick_stop_deceleration_rad_s2
+    if profile.deceleration_rad_s2 is None:
+        value = round(deceleration * factor)
+        yield Requirement(*QUICK_STOP_DECELERATION, 4, "quick-stop deceleration", value)
+    if profile.mode == "profile_velocity":
+        steep = round(max(deceleration, _STEEPER * acceleration) * factor)
+        yield Requirement(0x6083, 0, 4, "profile acceleration", steep)
+        yield Requirement(*PROFILE_DECELERATION, 4, "profile deceleration", steep, lack="shown")
+    elif uses_profile_deceleration(cell):
+        value = round(deceleration * factor)
+        yield Requirement(*PROFILE_DECELERATION, 4, "profile deceleration", value)
+
+
+def _torque_limit(
+    cell: CellConfig, profile: ServoProfile, motor: MotorRatings
+) -> Iterator[Requirement]:
+    limit = profile.torque_limit
+    if limit is None:
+        return
+    value = None
+    if profile.torque_limit_written:
+        value = motor.limit(limit, cell.drive_safety.torque_limit_fraction)
+    unit = f"1/{limit.units:g} {limit.of.replace('_', ' ')}"
+    name = f"torque limit [{'0.1 %' if limit.of != 'ampere' and limit.units == _MILLI else unit}]"
+    yield Requirement(*object_address(limit.object), limit.bits // 8, name, value)
+
+
+def _cycle_time(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
+    if profile.mode != "profile_velocity":
+        yield Requirement(0x60C2, 1, 1, "cycle time [ms]", cell.cycle_time_ms)
+        yield Requirement(0x60C2, 2, 1, "cycle time, power of ten", -3, signed=True)

@@ -11,51 +11,58 @@ from dataclasses import dataclass
 from typing import Literal
 
 from config.cell.cell import CellConfig, DeviceIdentity, DriveAxis
+from config.cell.servo_profile import object_address
+from config.errors import ConfigError
 from config.robot.robot import Joint
 from drivers.canopen.emcy import code_text
 from drivers.canopen.frames import Frame
 from drivers.canopen.pdo import (
+    COB_ID_MASK,
     INVALID,
     PREDEFINED_NUMBERS,
     RPDO_COMMUNICATION,
     TPDO_COMMUNICATION,
+    ObjectWrite,
     PdoMapping,
     is_valid,
 )
-from drivers.canopen.sdo import SdoAbort, abort_text, object_name
+from drivers.canopen.sdo import SdoAbort, SdoCode, abort_text, object_name
 from drivers.device_text import printable
 from drivers.interfaces.servo_axes import DriveSetting
 from drivers.ports.can_link import CanLink
-from drivers.servo.cia402 import (
-    CYCLIC_SYNCHRONOUS_VELOCITY,
-    DRIVE_PROFILE,
-    AxisUnits,
-    PowerState,
-    state_of,
-)
+from drivers.servo.cia402 import AxisUnits, MotorRatings, PowerState, state_of
 from drivers.servo.requirements import (
+    INCREMENTS,
     Requirement,
     cyclic_pdos,
     identity_requirement,
+    kind_requirements,
+    rating_requirements,
+    ratings_of,
     safety_requirements,
 )
 from drivers.servo.sdo_port import SdoPort, is_missing
-from drivers.servo.stop_ramp import stop_settings
+from drivers.servo.stop_ramp import QUICK_STOP_DECELERATION, stop_settings
 from drivers.settings.write_log import WriteLog
 
 GEAR_TOLERANCE = 1e-4
-_COB_ID_MASK = INVALID | 0x7FF
+LEAST_INCREMENTS = 4
 
 Verdict = Literal["ok", "red", "allowed", "shown"]
 
 
 @dataclass(frozen=True, slots=True)
 class SetupResult:
-    """What was found out about one drive; `units` is None where they could not be read."""
+    """What was found out about one drive; `units` is None where they could not be read.
+
+    `left_to_trial` are the objects of its reactions that it does not have: what it does is not
+    known before its watches were tried.
+    """
 
     joint: str
     units: AxisUnits | None
     settings: tuple[DriveSetting, ...]
+    left_to_trial: tuple[str, ...] = ()
 
 
 class DriveSetup:
@@ -88,6 +95,8 @@ class DriveSetup:
         self._axis = axis
         self._joint = joint
         self._cell = cell
+        self._profile = cell.servo_of(axis)
+        self._left_to_trial: list[str] = []
         self._port = SdoPort(link, axis.node_id, others, write_log=write_log)
         self._settings: list[DriveSetting] = []
         self._held: dict[tuple[int, int], int] = {}
@@ -106,41 +115,41 @@ class DriveSetup:
         """
         self._identify()
         if not self._is_expected():
-            return SetupResult(self._axis.joint, None, tuple(self._settings))
-        units = self._read_units()
-        if units is not None:
-            for requirement in safety_requirements(self._cell, units):
-                self._require(requirement)
-            self._settings += stop_settings(self._cell, self._axis, self._joint, units, self._held)
-            pdos = cyclic_pdos(self._axis.node_id, self._cell.exchange)
-            for pdo in pdos:
-                self._configure_pdo(pdo)
-            self._switch_off_other_pdos({pdo.communication_index for pdo in pdos})
+            return self._result(None)
+        motor, units = self._read_units()
+        if motor is not None and units is not None:
+            self._configure(motor, units)
         self._check_state()
-        return SetupResult(self._axis.joint, units, tuple(self._settings))
+        return self._result(units)
+
+    def _result(self, units: AxisUnits | None) -> SetupResult:
+        return SetupResult(
+            self._axis.joint, units, tuple(self._settings), tuple(self._left_to_trial)
+        )
+
+    def _configure(self, motor: MotorRatings, units: AxisUnits) -> None:
+        axis, joint = self._axis, self._joint
+        steepest = joint.limits.acceleration
+        for requirement in safety_requirements(self._cell, self._profile, motor, units, steepest):
+            self._require(requirement)
+        if self._profile.deceleration_rad_s2 is not None:
+            said = f"{self._profile.deceleration_rad_s2:g} rad/s² or m/s², by the cell file"
+            self._note(*QUICK_STOP_DECELERATION, "quick-stop deceleration", "", said, "shown")
+        self._settings += stop_settings(self._cell, axis, joint, motor, units, self._held)
+        pdos = cyclic_pdos(axis.node_id, self._cell.exchange, self._profile)
+        for pdo in pdos:
+            self._configure_pdo(pdo)
+        self._switch_off_other_pdos({pdo.communication_index for pdo in pdos})
 
     def _identify(self) -> None:
-        self._require(
-            Requirement(0x1000, 0, 4, "device profile", DRIVE_PROFILE, mask=0xFFFF, write=False)
-        )
+        device, modes = kind_requirements(self._profile)
+        self._require(device)
         try:
             name = printable(self._port.read(0x1008, 0).rstrip(b"\0"))
         except SdoAbort as abort:
             name = abort_text(abort.code)
         self._note(0x1008, 0, "device name", "", name, "shown")
-        csv = 1 << CYCLIC_SYNCHRONOUS_VELOCITY - 1
-        self._require(
-            Requirement(
-                0x6502,
-                0,
-                4,
-                "supports cyclic synchronous velocity",
-                csv,
-                mask=csv,
-                write=False,
-                hexadecimal=True,
-            )
-        )
+        self._require(modes)
 
     def _is_expected(self) -> bool:
         """Read 1018h; return whether it is as the cell file, or the drive's EDS, says."""
@@ -158,34 +167,50 @@ class DriveSetup:
             self._require(identity_requirement(3, text, wanted.revision, mask=0xFFFF_0000))
         return all(setting.verdict != "red" for setting in self._settings[begun:])
 
-    def _read_units(self) -> AxisUnits | None:
-        increments = self._positive(0x608F, 1, "encoder increments")
-        revolutions = self._positive(0x608F, 2, "per motor revolutions")
-        rated_torque = self._positive(0x6076, 0, "rated motor torque [mN m]")
+    def _read_units(self) -> tuple[MotorRatings | None, AxisUnits | None]:
+        wanted = rating_requirements(self._profile)
+        known = [self._positive(requirement) for requirement in wanted]
+        if self._profile.encoder_increments is None and all(known):
+            known.append(self._tells_encoder())
         gear = self._gear_ratio()
-        if increments is None or revolutions is None or rated_torque is None or gear is None:
-            return None
-        return AxisUnits.from_drive(
-            encoder_increments=increments,
-            encoder_motor_revolutions=revolutions,
-            gear_ratio=gear,
-            rated_torque_mnm=rated_torque,
-            direction=self._axis.direction,
-            velocity_unit=self._axis.velocity_unit,
-            zero_counts=self._axis.position_zero_counts,
-        )
+        if gear is None or not all(known):
+            return None, None
+        motor = ratings_of(self._profile, self._held)
+        try:
+            units = AxisUnits.of_motor(
+                motor, self._profile, gear, self._axis.direction, self._axis.position_zero_counts
+            )
+        except ConfigError as error:
+            torque = object_address(self._profile.torque.object)
+            self._note(*torque, "torque of the motor", "in N m", str(error), "red")
+            return None, None
+        return motor, units
 
-    def _positive(self, index: int, subindex: int, name: str) -> int | None:
+    def _tells_encoder(self) -> bool:
+        """Judge 608Fh: a drive whose units are scaled by it says 1, whatever its encoder has."""
+        increments = ratings_of(self._profile, self._held).increments
+        good = increments >= LEAST_INCREMENTS and not self._profile.sets_increments
+        if not good:
+            required = f"≥ {LEAST_INCREMENTS}, the encoder's"
+            self._note(
+                *INCREMENTS, "increments in a revolution", required, f"{increments:g}", "red"
+            )
+        return good
+
+    def _positive(self, requirement: Requirement) -> bool:
+        """Read what must be above 0; return whether it is."""
+        index, subindex, name = requirement.index, requirement.subindex, requirement.name
         try:
             value = self._port.read_int(index, subindex)
         except SdoAbort as abort:
-            self._note(index, subindex, name, "a number", abort_text(abort.code), "red")
-            return None
+            self._note(index, subindex, name, "a number", _refused(abort), "red")
+            return False
+        self._held[index, subindex] = value
         good = value > 0
         self._note(
             index, subindex, name, "" if good else "above 0", str(value), "shown" if good else "red"
         )
-        return value if good else None
+        return good
 
     def _gear_ratio(self) -> float | None:
         """Return motor per joint revolutions: the robot file's, checked against 6091h.
@@ -223,8 +248,13 @@ class DriveSetup:
         try:
             found = self._port.read_int(r.index, r.subindex, signed=r.signed)
         except SdoAbort as abort:
-            verdict: Verdict = "shown" if r.optional and is_missing(abort) else self._fault(r)
-            text = "not in this drive" if is_missing(abort) else abort_text(abort.code)
+            verdict = self._fault(r)
+            text = _refused(abort)
+            if is_missing(abort) and r.lack != "red" and verdict == "red":
+                verdict = "shown"
+                if r.lack == "trial":
+                    self._left_to_trial.append(object_name(r.index, r.subindex))
+                    text += ": the trial of the watches decides"
             self._note(r.index, r.subindex, r.name, required, text, verdict)
             return
         self._held[r.index, r.subindex] = found
@@ -245,12 +275,13 @@ class DriveSetup:
             try:
                 self._port.write(write.index, write.subindex, write.data)
             except SdoAbort as abort:
+                if abort.code == SdoCode.READ_ONLY and _is_identifier(pdo, write):
+                    continue  # what is read back below decides
                 wanted = write.data[::-1].hex().upper() + "h"
                 found = f"refused: {abort_text(abort.code)}"
                 self._note(write.index, write.subindex, f"{title} mapping", wanted, found, "red")
                 return
         for held in pdo.read_back():
-            is_cob_id = (held.index, held.subindex) == (pdo.communication_index, 1)
             self._require(
                 Requirement(
                     held.index,
@@ -259,7 +290,7 @@ class DriveSetup:
                     f"{title} {_pdo_part(pdo, held.index, held.subindex)}",
                     int.from_bytes(held.data, "little"),
                     write=False,
-                    mask=_COB_ID_MASK if is_cob_id else -1,
+                    mask=COB_ID_MASK if _is_identifier(pdo, held) else -1,
                     hexadecimal=True,
                 )
             )
@@ -314,11 +345,19 @@ class DriveSetup:
         )
 
 
+def _refused(abort: SdoAbort) -> str:
+    return "not in this drive" if is_missing(abort) else abort_text(abort.code)
+
+
 def _other_pdos(used: set[int]) -> Iterator[int]:
     for number in PREDEFINED_NUMBERS:
         for family in (RPDO_COMMUNICATION, TPDO_COMMUNICATION):
             if (index := family + number - 1) not in used:
                 yield index
+
+
+def _is_identifier(pdo: PdoMapping, held: ObjectWrite) -> bool:
+    return (held.index, held.subindex) == (pdo.communication_index, 1)
 
 
 def _pdo_part(pdo: PdoMapping, index: int, subindex: int) -> str:

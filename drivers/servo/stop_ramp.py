@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from config.cell.cell import CellConfig, DriveAxis
+from config.cell.servo_profile import object_address
+from config.errors import ConfigError
 from config.robot.robot import Joint
 from drivers.interfaces.servo_axes import DriveSetting
-from drivers.servo.cia402 import AxisUnits
+from drivers.servo.cia402 import AxisUnits, MotorRatings
 
 LONGEST_STOP_S = 2.0
 LEAST_TORQUE_SHARE = 0.9
@@ -23,7 +25,6 @@ PROFILE_DECELERATION = (0x6084, 0)
 QUICK_STOP_DECELERATION = (0x6085, 0)
 FOLLOWING_ERROR_WINDOW = (0x6065, 0)
 FOLLOWING_ERROR_TIME_MS = (0x6066, 0)
-TORQUE_LIMIT = (0x6072, 0)
 
 _QUICK_STOPS_BY_PROFILE = (1, 5)
 _FAULT_REACTION_BY_PROFILE = 1
@@ -77,15 +78,20 @@ def uses_profile_deceleration(cell: CellConfig) -> bool:
 
 
 def stop_settings(
-    cell: CellConfig, axis: DriveAxis, joint: Joint, units: AxisUnits, held: Held
+    cell: CellConfig,
+    axis: DriveAxis,
+    joint: Joint,
+    motor: MotorRatings,
+    units: AxisUnits,
+    held: Held,
 ) -> Iterator[DriveSetting]:
     """Judge what one drive holds by where its axis comes to rest.
 
     Parameters
     ----------
-    cell, axis, joint, units : CellConfig, DriveAxis, Joint, AxisUnits
-        The limits, the drive, its joint, and the drive's numbers in the joint's units. With a
-        coupled wrist everything is the motor's, over its gear ratio.
+    cell, axis, joint, motor, units : CellConfig, DriveAxis, Joint, MotorRatings, AxisUnits
+        The limits, the drive, its joint, its motor, and the drive's numbers in the joint's units.
+        With a coupled wrist everything is the motor's, over its gear ratio.
     held : Held
         What was read back, by index and subindex; an object that could not be read is left out, and
         red already.
@@ -95,24 +101,39 @@ def stop_settings(
     DriveSetting
         The ordered stop, the farthest way to rest after a fault, and the torque for it.
     """
-    ramp = _ramp(cell, joint, units, held)
+    ramp = _ramp(cell, axis, joint, units, held)
     if ramp is not None:
         yield _ordered(cell, axis, joint, ramp)
         yield _after_a_fault(cell, axis, joint, units, held, ramp)
-    if TORQUE_LIMIT in held:
-        yield _torque(axis, joint, units, held[TORQUE_LIMIT])
+    limit = cell.servo_of(axis).torque_limit
+    if limit is None or object_address(limit.object) not in held:
+        return
+    try:
+        nm_per_unit = abs(joint.gear_ratio) * motor.nm_per_unit(limit)
+    except ConfigError as error:
+        found = f"{held[object_address(limit.object)]}: {error}"
+        yield DriveSetting(
+            joint.name, axis.node_id, limit.object, "torque for a stop", "", found, "shown"
+        )
+        return
+    yield _torque(axis, joint, limit.object, nm_per_unit * held[object_address(limit.object)])
 
 
-def _ramp(cell: CellConfig, joint: Joint, units: AxisUnits, held: Held) -> StopRamp | None:
+def _ramp(
+    cell: CellConfig, axis: DriveAxis, joint: Joint, units: AxisUnits, held: Held
+) -> StopRamp | None:
     """Return the longest ramp that a stop may take; None where a deceleration was not read."""
+    velocity = joint.limits.velocity * (1.0 + cell.supervision.limit_margin_fraction)
+    stated = cell.servo_of(axis).deceleration_rad_s2
+    if stated is not None:
+        return StopRamp(velocity, stated)
     used: tuple[tuple[int, int], ...] = (QUICK_STOP_DECELERATION,)
     if uses_profile_deceleration(cell):
         used = (*used, PROFILE_DECELERATION)
     if not all(key in held for key in used):
         return None
-    velocity = joint.limits.velocity * (1.0 + cell.supervision.limit_margin_fraction)
     least = min(held[key] for key in used)
-    return StopRamp(velocity, least / abs(units.velocity_units_per_rad_s))
+    return StopRamp(velocity, least / abs(units.acceleration_units_per_rad_s2))
 
 
 def _ordered(cell: CellConfig, axis: DriveAxis, joint: Joint, ramp: StopRamp) -> DriveSetting:
@@ -194,16 +215,15 @@ def _delays(cell: CellConfig, units: AxisUnits, held: Held, velocity: float) -> 
         )  # fmt: skip
 
 
-def _torque(axis: DriveAxis, joint: Joint, units: AxisUnits, permille: int) -> DriveSetting:
-    """Judge whether the drive may make the torque that motions take: a stop takes no less."""
-    allowed = abs(units.torque_nm(permille))
+def _torque(axis: DriveAxis, joint: Joint, limit: str, allowed: float) -> DriveSetting:
+    """Judge whether the torque that the drive may make is what motions take [N m or N]."""
     wanted = LEAST_TORQUE_SHARE * joint.limits.torque
     good = allowed >= wanted
     unit = "N m" if joint.type == "revolute" else "N"
     return DriveSetting(
         joint.name,
         axis.node_id,
-        "6072h:00",
+        limit,
         "torque for a stop",
         f"≥ {wanted:.4g} {unit}",
         f"{allowed:.4g} {unit}",

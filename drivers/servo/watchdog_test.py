@@ -10,13 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from config.cell.cell import CellConfig
+from config.errors import PreflightError
 from drivers.interfaces.servo_axes import EventKind
 from drivers.ports.clock import Clock
 from drivers.servo.axes import CanServoAxes
-from drivers.servo.cia402 import PowerState
+from drivers.servo.cia402 import ControlWord, PowerState
 
 HEARTBEAT_LOST = 0x8130
 
@@ -50,8 +49,10 @@ class WatchTrial:
 def try_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> tuple[WatchTrial, ...]:
     """Let both watches run out once; the drives are configured before, between and after.
 
-    With `drive_safety.trip_watchdog_with_power` the drives are switched on for the second part, at
-    velocity 0, so that their quick stop is seen; otherwise it is their emergency message.
+    With `drive_safety.trip_watchdog_with_power`, or where a drive's reactions are left to this
+    trial, the drives are switched on for the second part, at velocity 0, so that their quick stop
+    is seen; otherwise it is their emergency message. A fault that a drive is in by this trial is
+    reset.
 
     Raises
     ------
@@ -59,13 +60,48 @@ def try_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> tuple[Wat
         As of `bring_up`, `start` and `enable`.
     """
     noticed = _silent_drives(axes, clock, cell)
-    powered = cell.drive_safety.trip_watchdog_with_power
+    axes.bring_up()
+    powered = cell.drive_safety.trip_watchdog_with_power or bool(axes.left_to_trial)
     acted = _silent_computer(axes, clock, cell, powered=powered)
     axes.bring_up()
     return tuple(
         WatchTrial(axis.joint, axis.node_id, noticed[axis.joint], *acted[axis.joint], powered)
         for axis in cell.axes
     )
+
+
+def prove_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> None:
+    """Before motion, see every drive stop without this computer, where that is known by trial only.
+
+    The drives are configured before and after; nothing is done where all have told how they react.
+
+    Raises
+    ------
+    PreflightError
+        A drive went on, or was too late.
+    LockedError, DeviceTimeoutError, DeviceFaultError, TransportError
+        As of `bring_up`, `start` and `enable`.
+    """
+    if not axes.left_to_trial:
+        return
+    acted = _silent_computer(axes, clock, cell, powered=True)
+    allowed = cell.drive_safety.allow_drive_without_watchdog
+    bad = [
+        f"{axis.joint} (node {axis.node_id}): {acted[axis.joint][1]}"
+        for axis in cell.axes
+        if axis.node_id not in allowed and not acted[axis.joint][0] <= acts_within_s(cell)
+    ]
+    if bad:
+        raise PreflightError(
+            f"without this computer a drive does not stop in time: {'; '.join(bad)}. It must not be"
+            " moved; `rid-daq check` shows the trial"
+        )
+    axes.bring_up()
+
+
+def acts_within_s(cell: CellConfig) -> float:
+    """Return how long a drive may take to act after this computer's last heartbeat [s]."""
+    return 1e-3 * cell.drive_safety.master_heartbeat_timeout_ms + 2.0 * cell.cycle_time_s
 
 
 def _silent_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[str, float]:
@@ -90,31 +126,45 @@ def _silent_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[s
 def _silent_computer(
     axes: CanServoAxes, clock: Clock, cell: CellConfig, *, powered: bool
 ) -> dict[str, tuple[float, str]]:
-    """Withhold this computer's heartbeat; return when each drive acted [s], and how."""
-    acted: dict[str, tuple[float, str]] = {}
-    for joint in axes.joint_names:
-        acted[joint] = (math.nan, "nothing")
-    axes.bring_up()
+    """Withhold this computer's heartbeat; return when each drive acted [s], and how.
+
+    A drive that has left Operation Enabled is told to stay without power. None is told to stop:
+    another's act would be taken for its own.
+    """
+    acted: dict[str, tuple[float, str]]
+    acted = dict.fromkeys(axes.joint_names, (math.nan, "nothing"))
     axes.start()
     due_s = axes.enable() if powered else clock.now_s()
     since_s = axes.last_heartbeat_s
     patience_s = 3e-3 * cell.drive_safety.master_heartbeat_timeout_ms
-    rest = np.zeros(len(axes.joint_names))
     while clock.now_s() < since_s + patience_s and any(math.isnan(s) for s, _ in acted.values()):
         due_s = _cycle(axes, clock, cell, due_s)
-        if powered:
-            axes.command(rest)
-        else:
-            axes.quick_stop()
         for event in axes.take_events():
-            if event.kind is EventKind.EMERGENCY and event.code == HEARTBEAT_LOST:
+            if powered and event.joint in acted:
+                _note(acted, event.joint, event.time_s - since_s, "")
+            elif event.kind is EventKind.EMERGENCY and event.code == HEARTBEAT_LOST:
                 _note(acted, event.joint, event.time_s - since_s, "emergency 8130h")
+        if not powered:
+            axes.quick_stop()
+            continue
+        answers = zip(axes.joint_names, axes.answers.received, axes.answers.enabled, strict=True)
+        for joint, received, enabled in answers:
+            if received and not enabled:
+                _note(acted, joint, due_s - since_s, "")
+        axes.cyclic.send_words(
+            [
+                ControlWord.ENABLE_OPERATION if math.isnan(s) else ControlWord.DISABLE_VOLTAGE
+                for s, _ in acted.values()
+            ]
+        )
     if powered:
-        axes.quick_stop()
-        for joint, state in zip(axes.joint_names, axes.service.power_states(), strict=True):
+        states = axes.service.power_states()
+        for joint, state in zip(axes.joint_names, states, strict=True):
             still = state is PowerState.OPERATION_ENABLED
             acted[joint] = (math.nan if still else acted[joint][0], state.words)
         axes.disable()
+        if any(state.faulty for state in states):
+            axes.service.reset_faults()
     return acted
 
 

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from config.cell.cell import DeviceIdentity, Unsigned32
+from config.cell.cell import DeviceIdentity
+from config.cell.servo_profile import Unsigned32
 from config.formats.json_file import read_json_file
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel

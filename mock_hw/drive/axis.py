@@ -10,8 +10,11 @@ import struct
 from abc import abstractmethod
 from typing import NamedTuple, Protocol
 
+from config.cell.servo_profile import TorqueObject, object_address
+from drivers.canopen.sdo import object_name
 from mock_hw.drive import objects as od
 from mock_hw.drive.object_dictionary import ObjectDictionary
+from mock_hw.drive.objects import DriveIdentity
 from mock_hw.drive.power_stage import DriveClock, PowerStage
 
 _INT16_MAX = 2**15 - 1
@@ -98,8 +101,8 @@ class DrivenAxis:
         Its CiA 402 half, which makes the velocity demand.
     port : AxisPort
         The axis.
-    counts_per_unit : float
-        Increments per second in one unit of velocity (60FFh, 606Ch).
+    identity : DriveIdentity
+        Its motor, and the units of its objects.
     now_s : float
         When the drive is switched on [s].
     clock : DriveClock
@@ -116,14 +119,21 @@ class DrivenAxis:
         objects: ObjectDictionary,
         power: PowerStage,
         port: AxisPort,
-        counts_per_unit: float,
+        identity: DriveIdentity,
         now_s: float,
         clock: DriveClock,
     ) -> None:
         self._objects = objects
         self._power = power
         self._port = port
-        self._counts_per_unit = counts_per_unit
+        units, motor, profile = identity.units, identity.motor, identity.profile
+        self._counts_per_unit = units.counts_per_rad / units.velocity_units_per_rad_s
+        permille_nm = 1e-6 * identity.rated_torque_mnm
+        self._torque = object_address(profile.torque.object)
+        self._torque_per_permille = permille_nm / motor.nm_per_unit(profile.torque)
+        limit = profile.torque_limit or TorqueObject(object=object_name(*od.TORQUE_LIMIT))
+        self._limit = object_address(limit.object)
+        self._rated_per_limit = 1e-3 * motor.nm_per_unit(limit) / permille_nm
         self._moved_s = now_s
         self.following = FollowingError(objects, clock)
 
@@ -134,7 +144,7 @@ class DrivenAxis:
             power.velocity_at(start_s) * self._counts_per_unit,
             power.velocity_at(end_s) * self._counts_per_unit,
             power.powered,
-            self._objects[od.TORQUE_LIMIT] * 1e-3,
+            self._objects[self._limit] * self._rated_per_limit,
         )
 
     def observe(self, now_s: float) -> None:
@@ -156,7 +166,8 @@ class DrivenAxis:
         objects[od.POSITION] = _wrap(port.position_counts())
         velocity = round(port.velocity_counts_s() / self._counts_per_unit)
         objects[od.VELOCITY] = _clip(velocity, _INT32_MAX)
-        objects[od.TORQUE] = _clip(port.torque_permille(), _INT16_MAX)
+        torque = round(port.torque_permille() * self._torque_per_permille)
+        objects[self._torque] = _clip(torque, _INT16_MAX)
         objects[od.FOLLOWING_ERROR] = _clip(round(self.following.counts), _INT32_MAX)
 
 

@@ -19,7 +19,7 @@ from drivers.canopen.frames import (
 from drivers.canopen.heartbeat import heartbeat_frame, parse_consumer_entry
 from drivers.canopen.nmt import NmtCommand, NmtState, next_nmt_state, parse_nmt
 from drivers.canopen.sdo_server import SdoServer
-from drivers.servo.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, ControlWord, PowerState
+from drivers.servo.cia402 import ControlWord, PowerState
 from mock_hw.drive import objects as od
 from mock_hw.drive.axis import AxisPort, DrivenAxis
 from mock_hw.drive.errors import (
@@ -40,6 +40,7 @@ BOOT_S = 0.020
 SYNC_ANSWER_S = 100e-6
 SDO_ANSWER_S = 300e-6
 
+_TARGETS = frozenset((od.TARGET_VELOCITY, *od.TARGET_OF.values()))
 _SYNC_PATIENCE = 1.5  # periods of 1006h without SYNC, as CANopenNode has it
 
 
@@ -84,9 +85,10 @@ class SimulatedDrive:
         self._now_s = now_s
         self.clock = DriveClock()
         self.objects = ObjectDictionary(od.drive_entries(identity))
-        self.power = PowerStage(self.objects, self.clock)
-        counts_per_unit = identity.counts_per_velocity_unit
-        self.axis = DrivenAxis(self.objects, self.power, port, counts_per_unit, now_s, self.clock)
+        units = identity.units
+        ramps = units.velocity_units_per_rad_s / units.acceleration_units_per_rad_s2
+        self.power = PowerStage(self.objects, self.clock, ramps)
+        self.axis = DrivenAxis(self.objects, self.power, port, identity, now_s, self.clock)
         self.nmt = NmtState.INITIALISING
         self._sdo_cob_id = sdo_request_cob_id(identity.node_id)
         self._sdo = SdoServer(identity.node_id, self._read, self._write)
@@ -341,8 +343,8 @@ class SimulatedDrive:
                 objects[key] = value
         if od.CONTROLWORD in keys:
             self._command()
-        if od.TARGET_VELOCITY in keys:
-            self._set_target()
+        if not _TARGETS.isdisjoint(keys):
+            self.power.take_target(self._now_s)
 
     def _send_changes(self) -> None:
         """Let event-driven TPDOs be due whose objects have changed."""
@@ -360,12 +362,6 @@ class SimulatedDrive:
         if before is PowerState.FAULT and self.power.state is not PowerState.FAULT:
             self._tell(self._errors.reset())
 
-    def _set_target(self) -> None:
-        objects = self.objects
-        if objects[od.MODE] == CYCLIC_SYNCHRONOUS_VELOCITY:
-            period_s = objects[od.INTERPOLATION_PERIOD] * 10.0 ** objects[od.INTERPOLATION_INDEX]
-            self.power.set_target(objects[od.TARGET_VELOCITY], self._now_s, period_s)
-
     def _read(self, index: int, subindex: int) -> bytes:
         return self.objects.read(index, subindex)
 
@@ -378,8 +374,8 @@ class SimulatedDrive:
             self._command()
         elif key == od.STORE:
             self.objects.store()
-        elif key == od.TARGET_VELOCITY:
-            self._set_target()
+        elif key in _TARGETS:
+            self.power.take_target(self._now_s)
         elif key == od.HEARTBEAT_PRODUCER:
             self._beat_s = self._now_s if value else math.inf
         elif key == (od.ERROR_HISTORY, 0):

@@ -56,7 +56,8 @@ def drive_eds(identity: DriveIdentity, file_name: str, created: datetime) -> str
         When it is made.
     """
     by_index = attrgetter("index")
-    entries_of = groupby(sorted(drive_entries(identity), key=by_index), key=by_index)
+    seen = [entry for entry in drive_entries(identity) if not entry.hidden]
+    entries_of = groupby(sorted(seen, key=by_index), key=by_index)
     objects = {index: tuple(entries) for index, entries in entries_of}
     sections = [*_about(objects[_IDENTITY], file_name, created), *_lists(tuple(objects))]
     for index, entries in objects.items():

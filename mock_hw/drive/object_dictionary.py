@@ -34,6 +34,8 @@ class Entry:
         Which PDOs may carry it: ``"r"`` receive, ``"t"`` transmit, ``"rt"`` both.
     allowed : range or frozenset of int, optional
         The values that may be written; None for all of the type.
+    hidden : bool
+        Whether only the device itself knows it: for others there is no such object.
     """
 
     index: int
@@ -44,6 +46,7 @@ class Entry:
     access: Literal["ro", "rw"] = "ro"
     mapping: Literal["", "r", "t", "rt"] = ""
     allowed: range | frozenset[int] | None = None
+    hidden: bool = False
 
     @property
     def key(self) -> Key:
@@ -70,7 +73,7 @@ class ObjectDictionary:
 
     def __init__(self, entries: Iterable[Entry]) -> None:
         self._entries = {entry.key: entry for entry in entries}
-        self._indices = {index for index, _ in self._entries}
+        self._indices = {index for (index, _), entry in self._entries.items() if not entry.hidden}
         self._stored = {key: entry.default for key, entry in self._entries.items()}
         self._values = dict(self._stored)
 
@@ -94,7 +97,7 @@ class ObjectDictionary:
             There is no such object or sub-index.
         """
         entry = self._entries.get((index, subindex))
-        if entry is None:
+        if entry is None or entry.hidden:
             known = index in self._indices
             raise SdoAbort(SdoCode.NO_SUBINDEX if known else SdoCode.NO_OBJECT, index, subindex)
         return entry

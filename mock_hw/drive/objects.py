@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Literal
 
-from config.cell.cell import DriveAxis
+from config.cell.cell import CellConfig, DriveAxis
+from config.cell.servo_profile import BY_POSITION, ServoProfile, object_address
 from config.errors import ConfigError
 from config.robot.robot import Joint
 from config.simulation.plant import SimulatedAxis
@@ -21,7 +22,9 @@ from drivers.canopen.pdo import (
     TPDO_MAPPING,
     MappedObject,
 )
-from drivers.servo.cia402 import CYCLIC_SYNCHRONOUS_VELOCITY, DRIVE_PROFILE, AxisUnits
+from drivers.canopen.sdo import object_name
+from drivers.servo.cia402 import DRIVE_PROFILE, AxisUnits, MotorRatings
+from drivers.servo.requirements import MODES, TARGETS
 from mock_hw.drive.object_dictionary import Entry
 
 ERROR_REGISTER = (0x1001, 0)
@@ -49,6 +52,7 @@ FOLLOWING_ERROR_TIME_MS = (0x6066, 0)
 VELOCITY = (0x606C, 0)
 TORQUE_LIMIT = (0x6072, 0)
 TORQUE = (0x6077, 0)
+PROFILE_ACCELERATION = (0x6083, 0)
 PROFILE_DECELERATION = (0x6084, 0)
 QUICK_STOP_DECELERATION = (0x6085, 0)
 TORQUE_OFFSET = (0x60B2, 0)
@@ -56,6 +60,7 @@ INTERPOLATION_PERIOD = (0x60C2, 1)
 INTERPOLATION_INDEX = (0x60C2, 2)
 FOLLOWING_ERROR = (0x60F4, 0)
 TARGET_VELOCITY = (0x60FF, 0)
+TARGET_OF = {MODES[mode]: TARGETS[mode] for mode in BY_POSITION}
 
 ERROR_HISTORY_LENGTH = 8
 CONSUMERS = 4
@@ -64,12 +69,15 @@ FOLLOWING_ERROR_OFF = 0xFFFF_FFFF
 
 _PRODUCT_CODE = 0x0361
 _PDO_TYPES = frozenset((*range(241), 254, 255))
-_CSV = CYCLIC_SYNCHRONOUS_VELOCITY
+_CIA402 = ServoProfile()
+_NM_PER_A = 0.1
+_LARGEST = 3.0  # times the rated torque
+_CODES = {8: "B", 16: "H", 32: "I"}
 
 
 @dataclass(frozen=True)
 class DriveIdentity:
-    """What is fixed in one simulated drive: its address, its motor, encoder and gear.
+    """What is fixed in one simulated drive: its address, its motor, encoder and gear, its family.
 
     Attributes
     ----------
@@ -80,16 +88,16 @@ class DriveIdentity:
     gear : Fraction
         Motor revolutions by joint revolutions (6091h).
     rated_torque_mnm : int
-        The motor's rated torque, 6076h [mN m].
-    counts_per_velocity_unit : float
-        Increments per second in one unit of 60FFh.
+        The motor's rated torque [mN m].
+    profile : ServoProfile
+        Its objects and its units.
     """
 
     node_id: int
     encoder_increments: int
     gear: Fraction
     rated_torque_mnm: int
-    counts_per_velocity_unit: float = 1.0
+    profile: ServoProfile = _CIA402
 
     def __post_init__(self) -> None:
         largest = max(self.gear.numerator, self.gear.denominator)
@@ -98,11 +106,13 @@ class DriveIdentity:
                 f"node {self.node_id}: gear {self.gear} and rated torque {self.rated_torque_mnm}"
                 " mN m do not fit 6091h and 6076h; both must be positive"
             )
-        if not 0.0 < self.counts_per_velocity_unit < math.inf:
-            raise ConfigError(f"node {self.node_id}: a velocity unit of 0 increments per second")
+        if self.encoder_increments <= 0:
+            raise ConfigError(f"node {self.node_id}: an encoder without increments")
 
     @classmethod
-    def of_axis(cls, axis: DriveAxis, joint: Joint, simulated: SimulatedAxis) -> DriveIdentity:
+    def of_axis(
+        cls, cell: CellConfig, axis: DriveAxis, joint: Joint, simulated: SimulatedAxis
+    ) -> DriveIdentity:
         """Return the drive that fits a cell's axis, a robot's joint and a plant's motor.
 
         A prismatic joint's ratio (rad/m) cannot stand in 6091h, which then says 1:1.
@@ -110,31 +120,75 @@ class DriveIdentity:
         gear = Fraction(1)
         if joint.type == "revolute":
             gear = Fraction(abs(joint.gear_ratio)).limit_denominator(1_000_000)
-        rated_mnm = round(1000.0 * simulated.rated_motor_torque_nm)
-        units = AxisUnits.from_drive(
-            encoder_increments=simulated.encoder_increments_per_motor_rev,
-            encoder_motor_revolutions=1,
-            gear_ratio=abs(joint.gear_ratio),
-            rated_torque_mnm=rated_mnm,
-            direction=1,
-            velocity_unit=axis.velocity_unit,
-            zero_counts=0,
-        )
         return cls(
             axis.node_id,
             simulated.encoder_increments_per_motor_rev,
             gear,
-            rated_mnm,
-            units.counts_per_rad / units.velocity_units_per_rad_s,
+            round(1000.0 * simulated.rated_motor_torque_nm),
+            cell.servo_of(axis),
         )
+
+    @property
+    def motor(self) -> MotorRatings:
+        """What the drive knows of its motor, in full."""
+        torque = 1e-3 * self.rated_torque_mnm
+        current = self.profile.rated_current_a
+        constant = self.profile.torque_constant_nm_per_a
+        constant = constant or (_NM_PER_A if current is None else torque / current)
+        return MotorRatings(self.encoder_increments, torque, current or torque / constant, constant)
+
+    @property
+    def units(self) -> AxisUnits:
+        """Its numbers, at the motor."""
+        return AxisUnits.of_motor(self.motor, self.profile, 1.0)
 
 
 def drive_entries(identity: DriveIdentity) -> Iterator[Entry]:
-    """Yield every object of a simulated drive."""
+    """Yield every object of a simulated drive; those that nobody sees are `hidden`.
+
+    What its family lacks is there all the same: it is how the drive is built.
+    """
+    profile = identity.profile
+    entries = {entry.key: entry for entry in _all_entries(identity)}
+    for entry in entries.values():
+        name = f"{entry.index:04X}h", f"{entry.index:04X}h:{entry.subindex:02X}"
+        if any(each in profile.lacks for each in name):
+            yield replace(entry, hidden=True)
+        elif name[1] in profile.read_only:
+            yield replace(entry, access="ro")
+        else:
+            yield entry
+
+
+def _all_entries(identity: DriveIdentity) -> Iterator[Entry]:
     yield from _communication_entries(identity)
     for number in PDO_NUMBERS:
         yield from _pdo_entries(identity.node_id, number)
     yield from _profile_entries(identity)
+    yield from _makers_entries(identity)
+
+
+def _makers_entries(identity: DriveIdentity) -> Iterator[Entry]:
+    """Yield what the family has besides, or in place of CiA 402's: torque, limit, settings."""
+    profile, motor = identity.profile, identity.motor
+    torque, limit = profile.torque, profile.torque_limit
+    if torque.object != object_name(*TORQUE):
+        yield Entry(*object_address(torque.object), "torque or current", "h", 0, mapping="t")
+    if limit is not None and limit.object != object_name(*TORQUE_LIMIT):
+        code = _CODES[limit.bits]
+        access: Literal["ro", "rw"] = "rw" if profile.torque_limit_written else "ro"
+        value = motor.limit(limit, _LARGEST)
+        yield Entry(*object_address(limit.object), "torque or current limit", code, value, access)
+    if any(each.of != "rated_torque" for each in (torque, limit) if each is not None):
+        yield Entry(0x6075, 0, "rated current [mA]", "I", round(1e3 * (motor.current_a or 0.0)))
+    if profile.by_position:
+        yield Entry(*TARGETS[profile.mode], "target position", "i", 0, "rw", "r")
+    if profile.mode == "profile_velocity":
+        yield Entry(*PROFILE_ACCELERATION, "profile acceleration", "I", 10_000_000, "rw")
+    for extra in profile.settings:
+        code = _CODES[extra.bits].lower() if extra.value < 0 else _CODES[extra.bits]
+        value = 0 if extra.written else extra.value
+        yield Entry(*object_address(extra.object), "by its family", code, value, "rw")
 
 
 def _communication_entries(identity: DriveIdentity) -> Iterator[Entry]:
@@ -156,7 +210,7 @@ def _communication_entries(identity: DriveIdentity) -> Iterator[Entry]:
         yield Entry(HEARTBEAT_CONSUMER, number, "heartbeat consumer", "I", 0, "rw")
     yield Entry(*HEARTBEAT_PRODUCER, "heartbeat period [ms]", "H", 0, "rw")
     yield Entry(0x1018, 0, "identity", "B", 4)
-    yield Entry(0x1018, 1, "vendor", "I", 0)
+    yield Entry(0x1018, 1, "vendor", "I", identity.profile.vendor or 0)
     yield Entry(0x1018, 2, "product", "I", _PRODUCT_CODE)
     yield Entry(0x1018, 3, "revision", "I", 0x0001_0000)
     yield Entry(0x1018, 4, "serial number", "I", node_id)
@@ -192,6 +246,8 @@ def _mapping_entries(index: int, first: tuple[int, int] | None) -> Iterator[Entr
 
 def _profile_entries(identity: DriveIdentity) -> Iterator[Entry]:
     ramps = frozenset((0, 1, 2))
+    mode = MODES[identity.profile.mode]
+    rated = 1e-3 * identity.rated_torque_mnm * identity.profile.rated_torque_units
     quick_stops = frozenset((0, 1, 2, 5, 6))
     yield Entry(*ABORT_CONNECTION, "abort connection", "h", 1, "rw", "", range(4))
     yield Entry(*ERROR_CODE, "error code", "H", 0, mapping="t")
@@ -201,14 +257,14 @@ def _profile_entries(identity: DriveIdentity) -> Iterator[Entry]:
     yield Entry(*SHUTDOWN_OPTION, "shutdown reaction", "h", 0, "rw", "", range(2))
     yield Entry(*DISABLE_OPERATION_OPTION, "disable reaction", "h", 1, "rw", "", range(2))
     yield Entry(*FAULT_REACTION_OPTION, "fault reaction", "h", 2, "rw", "", ramps)
-    yield Entry(*MODE, "mode", "b", 0, "rw", "r", frozenset((0, _CSV)))
+    yield Entry(*MODE, "mode", "b", 0, "rw", "r", frozenset((0, mode)))
     yield Entry(*MODE_DISPLAY, "mode display", "b", 0, mapping="t")
     yield Entry(*POSITION, "position", "i", 0, mapping="t")
     yield Entry(*FOLLOWING_ERROR_WINDOW, "window", "I", FOLLOWING_ERROR_OFF, "rw")
     yield Entry(*FOLLOWING_ERROR_TIME_MS, "following-error time [ms]", "H", 0, "rw")
     yield Entry(*VELOCITY, "velocity", "i", 0, mapping="t")
     yield Entry(*TORQUE_LIMIT, "torque limit [0.1 %]", "H", 3000, "rw", "r")
-    yield Entry(0x6076, 0, "rated torque [mN m]", "I", identity.rated_torque_mnm)
+    yield Entry(0x6076, 0, "rated torque", "I", round(rated))
     yield Entry(*TORQUE, "torque [0.1 %]", "h", 0, mapping="t")
     yield Entry(*PROFILE_DECELERATION, "profile deceleration", "I", 10_000_000, "rw")
     yield Entry(*QUICK_STOP_DECELERATION, "quick-stop deceleration", "I", 10_000_000, "rw")
@@ -224,4 +280,4 @@ def _profile_entries(identity: DriveIdentity) -> Iterator[Entry]:
     yield Entry(*INTERPOLATION_INDEX, "its power of ten [s]", "b", -3, "rw", "", range(-4, -1))
     yield Entry(*FOLLOWING_ERROR, "following error", "i", 0, mapping="t")
     yield Entry(*TARGET_VELOCITY, "target velocity", "i", 0, "rw", "rt")
-    yield Entry(0x6502, 0, "supported modes: cyclic synchronous velocity", "I", 1 << _CSV - 1)
+    yield Entry(0x6502, 0, "supported modes", "I", 1 << mode - 1)

@@ -5,18 +5,33 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from drivers.servo.cia402 import FOLLOWS_COMMAND, VOLTAGE_ENABLED, PowerState, after_controlword
+from drivers.servo.cia402 import (
+    CYCLIC_SYNCHRONOUS_VELOCITY,
+    FOLLOWS_COMMAND,
+    PROFILE_VELOCITY,
+    VOLTAGE_ENABLED,
+    PowerState,
+    after_controlword,
+)
 from mock_hw.drive.object_dictionary import Key, ObjectDictionary
 from mock_hw.drive.objects import (
     ABORT_CONNECTION,
     DISABLE_OPERATION_OPTION,
     FAULT_REACTION_OPTION,
+    INTERPOLATION_INDEX,
+    INTERPOLATION_PERIOD,
+    MODE,
+    POSITION,
+    PROFILE_ACCELERATION,
     PROFILE_DECELERATION,
     QUICK_STOP_DECELERATION,
     QUICK_STOP_OPTION,
     SHUTDOWN_OPTION,
+    TARGET_OF,
+    TARGET_VELOCITY,
 )
 
+_STIFFNESS = 20.0  # of a drive's own position loop [1/s]
 _REMOTE = 0x0200
 _STAY_IN_QUICK_STOP = (5, 6)
 _WITHOUT_MOTOR_POWER = (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT)
@@ -69,6 +84,8 @@ class PowerStage:
         The drive's objects: option codes and decelerations are read there when they are needed.
     clock : DriveClock, optional
         What its ramps are timed by; a right one when left out.
+    acceleration_unit : float
+        Units of 60FFh per second in one unit of 6083h to 6085h.
 
     Attributes
     ----------
@@ -80,13 +97,20 @@ class PowerStage:
         When `advance` is due: the end of a stopping ramp [s]; infinity when none runs.
     """
 
-    def __init__(self, objects: ObjectDictionary, clock: DriveClock | None = None) -> None:
+    def __init__(
+        self,
+        objects: ObjectDictionary,
+        clock: DriveClock | None = None,
+        acceleration_unit: float = 1.0,
+    ) -> None:
         self._objects = objects
+        self._acceleration_unit = acceleration_unit
         self._clock = clock or DriveClock()
         self.state = PowerState.NOT_READY_TO_SWITCH_ON
         self.supplied = True
         self.next_s = math.inf
         self._after_ramp: PowerState | None = None
+        self._followed: int | None = None  # the position that was told last
         self._ramp = Ramp(0.0, 0.0, 0.0, 0.0)
         self._controlword = 0
 
@@ -116,6 +140,26 @@ class PowerStage:
             end_s = now_s + self._clock.lasts(over_s)
             self._ramp = Ramp(now_s, end_s, self._ramp.at(now_s), velocity)
 
+    def take_target(self, now_s: float) -> None:
+        """Go to 60FFh as the mode says: within the interpolation time, or on a ramp."""
+        objects, mode = self._objects, self._objects[MODE]
+        target = objects[TARGET_OF.get(mode, TARGET_VELOCITY)]
+        period_s = objects[INTERPOLATION_PERIOD] * 10.0 ** objects[INTERPOLATION_INDEX]
+        if mode == CYCLIC_SYNCHRONOUS_VELOCITY:
+            self.set_target(target, now_s, period_s)
+        elif mode in TARGET_OF:
+            before = target if self._followed is None else self._followed
+            self._followed = target
+            velocity = (target - before) / period_s + _STIFFNESS * (before - objects[POSITION])
+            self.set_target(velocity, now_s, period_s)
+        elif mode == PROFILE_VELOCITY:
+            change = target - self._ramp.at(now_s)
+            self.set_target(target, now_s, self._ramp_s(change, PROFILE_ACCELERATION))
+
+    def _ramp_s(self, change: float, acceleration: Key) -> float:
+        """Return how long a change of velocity takes by an object's acceleration [s]."""
+        return abs(change) / (max(1, self._objects[acceleration]) * self._acceleration_unit)
+
     def boot(self) -> None:
         """Be ready for commands (T1); a fault stays one."""
         if self.state is not PowerState.FAULT:
@@ -126,6 +170,7 @@ class PowerStage:
         """Take the power away and close the brake, at any speed."""
         self.state = state
         self._after_ramp = None
+        self._followed = None
         self.next_s = math.inf
         self._ramp = Ramp(0.0, 0.0, 0.0, 0.0)
 
@@ -218,8 +263,7 @@ class PowerStage:
 
     def _stop(self, deceleration: Key, now_s: float, after: PowerState | None) -> None:
         velocity = self._ramp.at(now_s)
-        duration_s = abs(velocity) / max(1, self._objects[deceleration])
-        end_s = now_s + self._clock.lasts(duration_s)
+        end_s = now_s + self._clock.lasts(self._ramp_s(velocity, deceleration))
         self._ramp = Ramp(now_s, end_s, velocity, 0.0)
         self._after_ramp = after
         self.next_s = math.inf if after is None else end_s

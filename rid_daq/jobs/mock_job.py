@@ -189,7 +189,7 @@ def write_eds_files(cell: str, folder: Path) -> tuple[str, list[str]]:
         loaded.config.axes, loaded.robot.joints, plant.axes, strict=True
     ):
         name = f"node{axis.node_id}.eds"
-        identity = DriveIdentity.of_axis(axis, joint, simulated)
+        identity = DriveIdentity.of_axis(loaded.config, axis, joint, simulated)
         eds_files[name] = drive_eds(identity, name, created).encode("ascii")
     present = [name for name in eds_files if (folder / name).exists()]
     if present:

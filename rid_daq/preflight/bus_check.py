@@ -12,7 +12,7 @@ from drivers.canopen.frames import tpdo_cob_id
 from drivers.cell import Cell
 from drivers.ports.socketcan_port import transmit_queue_frames
 from drivers.servo.bring_up import bus_load
-from drivers.servo.watchdog_test import WatchTrial, try_watches
+from drivers.servo.watchdog_test import WatchTrial, acts_within_s, try_watches
 
 LONGEST_QUEUE = 128
 SPARE_FRAMES = 2
@@ -126,8 +126,8 @@ def watch_lines(opened: Cell) -> list[CheckLine]:
     allowed = safety.allow_drive_without_watchdog
     lines = []
     for trial in trials:
-        limit_s = 1e-3 * safety.master_heartbeat_timeout_ms + 2.0 * cycle_s
-        lines.append(_drive_line(trial, limit_s, excused=trial.node_id in allowed))
+        excused = trial.node_id in allowed
+        lines.append(_drive_line(trial, acts_within_s(opened.config), excused=excused))
         limit_s = 1e-3 * safety.drive_heartbeat_timeout_ms + cycle_s
         good = trial.noticed_s <= limit_s
         lines.append(

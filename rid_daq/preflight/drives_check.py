@@ -11,24 +11,7 @@ from drivers.cell import Cell, open_cell
 from drivers.interfaces.servo_axes import DriveSetting
 from drivers.settings.write_log import WriteLog
 from rid_daq.preflight.bus_check import CheckLine, sender_lines, watch_lines
-
-_NEXT: dict[str, str] = {
-    "1018": "this is another drive than the data sheet (eds) or identity of the axis says: see that"
-    " the right drive has this node id, or name the EDS of this drive and firmware; where that is"
-    " known to do, identity says what the drive may answer",
-    "1016": "this drive would not stop when this computer dies: set 1016h in the drive's own tool,"
-    " or name its node in drive_safety.allow_drive_without_watchdog",
-    "6007": "this drive would not stop when this computer dies: set 6007h in the drive's own tool,"
-    " or name its node in drive_safety.allow_drive_without_watchdog",
-    "605A": "choose quick_stop_option as the drive has it, or change the drive",
-    "605E": "choose fault_reaction_option as the drive has it, or change the drive",
-    "6065": "change drive_safety.following_error_rad, or the drive",
-    "6066": "change drive_safety.following_error_timeout_ms, or the drive",
-    "6072": "change drive_safety.torque_limit_fraction, or the drive",
-    "6084": "change drive_safety.quick_stop_deceleration_rad_s2, or the drive",
-    "6085": "change drive_safety.quick_stop_deceleration_rad_s2, or the drive",
-}
-_NEXT_OTHERWISE = "the drive did not take this setting: see its manual, or set it in its own tool"
+from rid_daq.preflight.drive_advice import next_action
 
 
 class DriveTrouble(Exception):  # noqa: N818
@@ -71,14 +54,13 @@ def check_drives(
 
 
 def _setting(setting: DriveSetting) -> CheckLine:
-    action = setting.next_action or _NEXT.get(setting.object_name[:4].upper(), _NEXT_OTHERWISE)
     return CheckLine(
         where=f"{setting.joint}, node {setting.node_id}",
         what=f"{setting.object_name} {setting.name}",
         required=setting.required,
         found=setting.found,
         verdict=setting.verdict,
-        next_action=action if setting.verdict == "red" else "",
+        next_action=next_action(setting) if setting.verdict == "red" else "",
         of_drive=True,
     )
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from config.cell.cell import DriveAxis
+from config.cell.cell import CellConfig, DriveAxis
+from config.cell.servo_profile import ServoProfile
 from config.errors import PreflightError
 from config.formats.eds import ElectronicDataSheet
-from config.load import LoadedCell
+from config.load import LoadedCell, bundled_names, load_bundled_or_path
 from drivers.servo.eds_check import EdsFinding, eds_findings
+from drivers.servo.eds_fit import fit_eds
 from rid_daq.preflight.bus_check import CheckLine
 
 MOST_TOLD = 4
@@ -23,6 +25,7 @@ def eds_lines(loaded: LoadedCell) -> list[CheckLine]:
     for axis, eds in _eds_files(loaded):
         findings = eds_findings(eds, loaded.config, axis)
         red = _red(findings)
+        action = f"{eds.name}: {_advice(eds, loaded.config, axis)}" if red else ""
         lines.append(
             CheckLine(
                 where=_where(axis),
@@ -30,7 +33,7 @@ def eds_lines(loaded: LoadedCell) -> list[CheckLine]:
                 required="has what is used",
                 found=(f"lacks {len(red)} of it" if red else "as required") + _unread(eds),
                 verdict="red" if red else "ok",
-                next_action=f"{eds.name}: {_ADVICE}" if red else "",
+                next_action=action,
                 of_drive=True,
             )
         )
@@ -41,6 +44,17 @@ def eds_lines(loaded: LoadedCell) -> list[CheckLine]:
         for name, sha256 in hashes.items()
     ]
     return lines
+
+
+def _advice(eds: ElectronicDataSheet, cell: CellConfig, axis: DriveAxis) -> str:
+    """Return what to do about a data sheet: the keys that the axis lacks, if they are enough."""
+    names = bundled_names("servos")
+    profiles = {name: load_bundled_or_path(name, "servos", ServoProfile) for name in names}
+    fit = fit_eds(eds, cell, axis, profiles)
+    if not fit.accepted:
+        return _ADVICE
+    keys = ", ".join(f"{key}: {value}" for key, value in fit.keys.items())
+    return f"say what its drive does not, with the right numbers: servo: {{{keys}}} in the axis"
 
 
 def refuse_unfit_eds(loaded: LoadedCell) -> None:

@@ -41,6 +41,7 @@ class IdealAxis(AxisPort):
         self.counts = counts
         self.rate = 0.0
         self.powered = False
+        self.torque = 0
 
     def position_counts(self) -> int:
         return round(self.counts)
@@ -49,7 +50,7 @@ class IdealAxis(AxisPort):
         return self.rate
 
     def torque_permille(self) -> int:
-        return 0
+        return self.torque
 
 
 class Clock:
@@ -88,23 +89,14 @@ class ObedientCell(can.BusABC):
         self._arrived: deque[tuple[float, Frame]] = deque()
         for axis, joint in zip(cell.axes, robot.joints, strict=True):
             rated_mnm = max(1, round(1000.0 * joint.limits.torque / abs(joint.gear_ratio) / 3.0))
-            self.units.append(
-                AxisUnits.from_drive(
-                    encoder_increments=increments,
-                    encoder_motor_revolutions=1,
-                    gear_ratio=joint.gear_ratio,
-                    rated_torque_mnm=rated_mnm,
-                    direction=axis.direction,
-                    velocity_unit=axis.velocity_unit,
-                    zero_counts=0,
-                )
-            )
-            middle = 0.5 * (joint.limits.position_min + joint.limits.position_max)
-            units = self.units[-1]
-            self.axes.append(IdealAxis(units.counts(middle)))
-            per_unit = abs(units.counts_per_rad / units.velocity_units_per_rad_s)
             gear = Fraction(abs(joint.gear_ratio)).limit_denominator(1_000_000)
-            identity = DriveIdentity(axis.node_id, increments, gear, rated_mnm, per_unit)
+            profile = cell.servo_of(axis)
+            own = round(profile.encoder_increments or increments)
+            identity = DriveIdentity(axis.node_id, own, gear, rated_mnm, profile)
+            units = AxisUnits.of_motor(identity.motor, profile, joint.gear_ratio, axis.direction)
+            middle = 0.5 * (joint.limits.position_min + joint.limits.position_max)
+            self.units.append(units)
+            self.axes.append(IdealAxis(units.counts(middle)))
             self.drives.append(SimulatedDrive(identity, self.axes[-1]))
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:

@@ -167,7 +167,7 @@ class Run:
 
 
 def _is(frame: Logged, word: int) -> bool:
-    return RPDO < frame.can_id < RPDO + 0x80 and len(frame.data) == 8 and frame.word == word
+    return RPDO < frame.can_id < RPDO + 0x80 and len(frame.data) == 6 and frame.word == word
 
 
 class Rig:

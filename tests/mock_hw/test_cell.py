@@ -158,8 +158,8 @@ def test_the_trimmed_exchange_moves_the_robot_and_stops_it(loaded: LoadedCell) -
 def simulated_drive_faults(simulated: SimulatedCell, cell: Cell) -> None:
     """Let axis 2 leave Operation Enabled by a controlword of somebody else's."""
     with a_stranger(simulated) as stranger:
-        stranger.send(0x302, b"\x00\x00", 2)
         for _ in range(4):
+            stranger.send(0x302, b"\x00\x00", 2)
             cell.clock.sleep_until(cell.clock.now_s() + cell.config.cycle_time_s)
             cell.axes.exchange()
             cell.axes.send_heartbeat(cell.clock.now_s())

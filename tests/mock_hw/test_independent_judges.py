@@ -50,7 +50,9 @@ def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
     """What an EDS file of the drive would say."""
     assert loaded.plant is not None
     axis = loaded.config.axes[number]
-    identity = DriveIdentity.of_axis(axis, loaded.robot.joints[number], loaded.plant.axes[number])
+    identity = DriveIdentity.of_axis(
+        loaded.config, axis, loaded.robot.joints[number], loaded.plant.axes[number]
+    )
     objects = canopen.ObjectDictionary()
     entries = [*drive_entries(identity)]
     records = {entry.index for entry in entries if entry.subindex}

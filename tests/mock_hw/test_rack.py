@@ -12,13 +12,13 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell, load_cell
 from drivers.canopen.frames import SYNC, Frame
-from drivers.servo.cia402 import AxisUnits
+from drivers.servo.cia402 import AxisUnits, MotorRatings
 from drivers.servo.requirements import cyclic_pdos
 from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.rack import DriveRack
 
 CYCLE_S = 0.008
-COMMAND = struct.Struct("<Hih")
+COMMAND = struct.Struct("<Hi")
 ANSWER = struct.Struct("<Hih")
 
 
@@ -63,7 +63,7 @@ class Master:
         sent = [(time_s, frame) for _, time_s, frame in self.rack.take_frames()]
         self.frames += sent
         for node, velocity in zip(self.nodes, velocities, strict=True):
-            self.rack.receive(Frame(0x200 + node, COMMAND.pack(word, velocity, 0)), now_s)
+            self.rack.receive(Frame(0x200 + node, COMMAND.pack(word, velocity)), now_s)
         by_id = {frame.cob_id: frame.data for _, frame in sent}
         return [ANSWER.unpack(by_id[0x180 + node]) for node in self.nodes]
 
@@ -90,14 +90,14 @@ def test_a_drives_numbers_mean_the_joints_motion(
     cell = loaded.config.model_copy(update={"axes": axes})
     rack = rack_of(loaded, cell, snapshots=SnapshotWriter(snapshot, 3))
     units = [
-        AxisUnits.from_drive(
-            encoder_increments=simulated.encoder_increments_per_motor_rev,
-            encoder_motor_revolutions=1,
-            gear_ratio=joint.gear_ratio,
-            rated_torque_mnm=round(1000 * simulated.rated_motor_torque_nm),
-            direction=axis.direction,
-            velocity_unit=axis.velocity_unit,
-            zero_counts=axis.position_zero_counts,
+        AxisUnits.of_motor(
+            MotorRatings(
+                simulated.encoder_increments_per_motor_rev, simulated.rated_motor_torque_nm
+            ),
+            cell.servo_of(axis),
+            joint.gear_ratio,
+            axis.direction,
+            axis.position_zero_counts,
         )
         for axis, joint, simulated in zip(axes, loaded.robot.joints, loaded.plant.axes, strict=True)
     ]

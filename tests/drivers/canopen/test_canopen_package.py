@@ -186,7 +186,7 @@ class TestCanopenAsServer:
         assert result.units.counts_per_rad == pytest.approx(65189.9, abs=0.1)
         local.rpdo.read()
         local.tpdo.read()
-        assert [hex(v.index) for v in local.rpdo[1].map] == ["0x6040", "0x60ff", "0x60b2"]
+        assert [hex(v.index) for v in local.rpdo[1].map] == ["0x6040", "0x60ff"]
         assert [hex(v.index) for v in local.tpdo[1].map] == ["0x6041", "0x6064", "0x6077"]
         assert local.rpdo[1].enabled
         assert local.rpdo[1].cob_id == 0x205

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 STILL = (0.0, 0.0, 0.0)
 
 
-def commands(bench: Bench, node: int) -> list[tuple[int, int, int]]:
-    """Return (controlword, velocity, torque offset) of every RPDO sent to a node."""
-    return [struct.unpack("<Hih", data) for data in bench.bus.sent_to(0x200 + node)]
+def commands(bench: Bench, node: int) -> list[tuple[int, int]]:
+    """Return (controlword, velocity) of every RPDO sent to a node."""
+    return [struct.unpack("<Hi", data) for data in bench.bus.sent_to(0x200 + node)]
 
 
 def kinds(bench: Bench) -> list[EventKind]:
@@ -46,14 +46,14 @@ def test_it_is_a_servo_axes(bench: Bench) -> None:
 class TestEnabling:
     def test_the_way_there(self, bench: Bench) -> None:
         bench.enabled()
-        words = [word for word, _, _ in commands(bench, 1)]
+        words = [word for word, _ in commands(bench, 1)]
         assert sorted(set(words), key=words.index) == [0x0000, 0x0006, 0x0007, 0x000F]
         assert all(drive.state is PowerState.OPERATION_ENABLED for drive in bench.drives)
 
     def test_every_set_point_until_then_is_zero(self, bench: Bench) -> None:
         bench.enabled()
         for node in (1, 2, 3):
-            assert {(v, t) for _, v, t in commands(bench, node)} == {(0, 0)}
+            assert {velocity for _, velocity in commands(bench, node)} == {0}
 
     def test_heartbeat_is_on_before_the_drives_are_started(self, bench: Bench) -> None:
         bench.axes.bring_up()
@@ -106,7 +106,7 @@ class TestEnabling:
         bench.drives[1].state = PowerState.FAULT
         with pytest.raises(DeviceFaultError, match="shoulder: the drive is fault"):
             bench.axes.enable()
-        assert 0x0080 not in [word for word, _, _ in commands(bench, 2)]
+        assert 0x0080 not in [word for word, _ in commands(bench, 2)]
 
     def test_an_emergency_on_the_way(self, bench: Bench) -> None:
         bench.axes.bring_up()
@@ -185,9 +185,9 @@ class TestCycle:
     def test_velocities_go_out_in_the_drives_units(self, bench: Bench) -> None:
         bench.enabled()
         assert bench.cycle((1.0, 1.0, -1.0))
-        assert commands(bench, 1)[-1] == (0x000F, 65190, 0)
-        assert commands(bench, 2)[-1] == (0x000F, -65190, 0)
-        assert commands(bench, 3)[-1] == (0x000F, -9549, 0)
+        assert commands(bench, 1)[-1] == (0x000F, 65190)
+        assert commands(bench, 2)[-1] == (0x000F, -65190)
+        assert commands(bench, 3)[-1] == (0x000F, -9549)
 
     def test_a_missing_answer_is_flagged_and_the_rest_is_used(self, bench: Bench) -> None:
         axes = bench.enabled()
@@ -306,7 +306,7 @@ class TestStopping:
         bench.bus.sent.clear()
         assert not bench.cycle((0.5, 0.5, 0.5))
         for node in (1, 2, 3):
-            assert commands(bench, node) == [(0x0002, 0, 0)]
+            assert commands(bench, node) == [(0x0002, 0)]
         bench.drives[1].state = PowerState.OPERATION_ENABLED
         assert not bench.cycle((0.5, 0.5, 0.5)), "power that comes back moves nothing"
         with pytest.raises(DriverError, match="run start first"):
@@ -319,7 +319,7 @@ class TestStopping:
         with pytest.raises(SafetyStop, match="cannot be sent"):
             bench.cycle((0.1, 0.1, value))
         for node in (1, 2, 3):
-            assert commands(bench, node) == [(0x0002, 0, 0)]
+            assert commands(bench, node) == [(0x0002, 0)]
 
     def test_quick_stop_is_one_raw_frame_an_axis(self, bench: Bench) -> None:
         axes = bench.enabled()
@@ -378,7 +378,7 @@ class TestStopping:
         bench.bus.sent.clear()
         assert axes.disable() == ()
         assert all(drive.state is PowerState.SWITCH_ON_DISABLED for drive in bench.drives)
-        assert {word for word, _, _ in commands(bench, 1)} == {0x0000}
+        assert {word for word, _ in commands(bench, 1)} == {0x0000}
         assert bench.bus.sent_to(0x000) == [
             b"\x80\x01", b"\x80\x02", b"\x80\x03", b"\x82\x01", b"\x82\x02", b"\x82\x03",
         ]  # fmt: skip

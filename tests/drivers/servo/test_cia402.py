@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from config.cell.servo_profile import ServoProfile, VelocityUnit
 from config.errors import ConfigError
 from drivers.servo.cia402 import (
     AxisUnits,
     ControlWord,
+    MotorRatings,
     PowerState,
     after_controlword,
     next_controlword,
@@ -103,17 +106,13 @@ def test_fault_reset_acts_on_the_rising_edge_only() -> None:
     assert after_controlword(S.FAULT, 0x0080, 0x0080) is S.FAULT
 
 
-def units(**changes: object) -> AxisUnits:
-    values: dict[str, object] = {
-        "encoder_increments": 4096,
-        "encoder_motor_revolutions": 1,
-        "gear_ratio": 100.0,
-        "rated_torque_mnm": 2000,
-        "direction": 1,
-        "velocity_unit": "increments_per_s",
-        "zero_counts": 1000,
-    }
-    return AxisUnits.from_drive(**(values | changes))  # type: ignore[arg-type]
+def units(
+    unit: VelocityUnit = "increments_per_s",
+    gear_ratio: float = 100.0,
+    direction: Literal[1, -1] = 1,
+) -> AxisUnits:
+    motor = MotorRatings(increments=4096, torque_nm=2.0)
+    return AxisUnits.of_motor(motor, ServoProfile(velocity_unit=unit), gear_ratio, direction, 1000)
 
 
 def test_one_joint_revolution() -> None:
@@ -131,9 +130,9 @@ def test_rated_torque_at_the_joint() -> None:
     ("unit", "value"),
     [("increments_per_s", 65190), ("rpm", 955), ("0.1rpm", 9549)],
 )
-def test_one_radian_per_second_in_the_vendors_unit(unit: str, value: int) -> None:
-    assert round(units(velocity_unit=unit).velocity_units_per_rad_s) == value
-    assert round(units(velocity_unit=unit, direction=-1).velocity_units_per_rad_s) == -value
+def test_one_radian_per_second_in_the_vendors_unit(unit: VelocityUnit, value: int) -> None:
+    assert round(units(unit).velocity_units_per_rad_s) == value
+    assert round(units(unit, direction=-1).velocity_units_per_rad_s) == -value
 
 
 def test_a_negative_gear_ratio_does_not_turn_the_axis_twice() -> None:
@@ -142,7 +141,7 @@ def test_a_negative_gear_ratio_does_not_turn_the_axis_twice() -> None:
 
 @settings(deadline=None)
 @given(st.integers(-(2**31), 2**31 - 1), st.sampled_from([1, -1]), st.floats(0.5, 500.0))
-def test_counts_survive_the_round_trip(counts: int, direction: int, gear: float) -> None:
+def test_counts_survive_the_round_trip(counts: int, direction: Literal[1, -1], gear: float) -> None:
     axis = units(direction=direction, gear_ratio=gear)
     assert axis.counts(axis.position(counts)) == counts
 
@@ -150,9 +149,9 @@ def test_counts_survive_the_round_trip(counts: int, direction: int, gear: float)
 @settings(deadline=None)
 @given(st.integers(-(2**15), 2**15 - 1))
 def test_torque_survives_the_round_trip(permille: int) -> None:
-    assert units().torque_permille(units().torque_nm(permille)) == permille
+    assert round(units().torque_nm(permille) / units().nm_per_torque_unit) == permille
 
 
 def test_useless_factors_are_refused() -> None:
     with pytest.raises(ConfigError, match="finite, not 0"):
-        AxisUnits(0.0, 1.0, 1.0)
+        AxisUnits(0.0, 1.0, 1.0, 1.0)

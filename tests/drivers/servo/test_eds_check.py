@@ -35,9 +35,10 @@ def found(
     lines = ["[DeviceInfo]", "VendorNumber=1"]
     for title, said in (COMMUNICATION | PROFILE | (objects or {})).items():
         if said is not None:
+            said, *delivered = said.splitlines()
             data_type, access, mapping, *limits = said.split()
             lines += [f"[{title}]", f"DataType={data_type}", f"AccessType={access}"]
-            lines += [f"PDOMapping={mapping}", f"ParameterName=the\x1b[31m {title}"]
+            lines += [f"PDOMapping={mapping}", f"ParameterName=the\x1b[31m {title}", *delivered]
             lines += [
                 f"{key}={text}"
                 for key, text in zip(("LowLimit", "HighLimit"), limits, strict=False)
@@ -53,6 +54,33 @@ def test_a_sheet_that_has_everything_is_told_nothing_of(cell: CellConfig) -> Non
 
 def test_objects_that_a_drive_may_lack_may_be_missing(cell: CellConfig) -> None:
     assert found(cell, {"1029sub1": None, "1401sub1": None, "1601sub0": None}) == ()
+    assert found(cell, {"1005": None, "6502": None, "60B2": None, "6066": None}) == ()
+
+
+@pytest.mark.parametrize("title", ["6007", "605A", "605E"])
+def test_what_a_drive_does_without_a_reactions_object_is_left_to_the_trial(
+    cell: CellConfig, title: str
+) -> None:
+    (finding,) = found(cell, {title: None})
+    assert (finding.found, finding.verdict) == (
+        "not in the EDS: the trial of the watches decides",
+        "shown",
+    )
+
+
+def test_an_object_that_is_only_read_may_hold_what_is_needed(cell: CellConfig) -> None:
+    read_only = "2 ro 0\nDefaultValue="
+    assert found(cell, {"60C2sub2": read_only + "-3"}) == ()
+    (finding,) = found(cell, {"60C2sub2": read_only + "-2"})
+    assert (finding.found, finding.verdict) == ("AccessType ro", "red")
+
+
+def test_a_mode_that_the_sheet_does_not_list_is_red_unless_it_lists_none(cell: CellConfig) -> None:
+    assert found(cell, {"6502": "7 ro 0\nDefaultValue=0"}) == ()
+    assert found(cell, {"6502": "7 ro 0\nDefaultValue=0x165"}) == ()
+    (finding,) = found(cell, {"6502": "7 ro 0\nDefaultValue=0x65"})
+    assert finding.found == "65h does not list it"
+    assert finding.verdict == "red"
 
 
 @pytest.mark.parametrize(
@@ -65,12 +93,10 @@ def test_objects_that_a_drive_may_lack_may_be_missing(cell: CellConfig) -> None:
         ("6077", "3 wo 1", "6077h:00", "in TPDO 1", "16 bit, mappable", "AccessType wo"),
         ("60FF", "4 ro 1", "60FFh:00", "in RPDO 1", "32 bit, mappable", "AccessType ro"),
         ("60FF", "4 rwr 1", "60FFh:00", "in RPDO 1", "32 bit, mappable", "AccessType rwr"),
-        ("60B2", None, "60B2h:00", "in RPDO 1", "16 bit, mappable", "not in the EDS"),
         ("1016sub1", None, "1016h:01", "watch on this", "32 bit, writable", "not in the EDS"),
         ("6007", "3 ro 0", "6007h:00", "abort connection", "16 bit, writable", "AccessType ro"),
         ("6072", "7 rw 0", "6072h:00", "torque limit", "16 bit, writable", "UNSIGNED32"),
         ("1029sub1", "5 ro 0", "1029h:01", "reaction to", "8 bit, writable", "AccessType ro"),
-        ("6502", None, "6502h:00", "supported modes", "32 bit", "not in the EDS"),
         ("1400sub1", "7 ro 0", "1400h:01", "RPDO 1 conf", "32 bit, writable", "AccessType ro"),
         ("1A00sub3", None, "1A00h:03", "TPDO 1 conf", "32 bit, writable", "not in the EDS"),
         ("6077", "3 ro 1 low", "6077h:00", "in TPDO 1", "16 bit, mappable", "line LINE: LowLimit"),

@@ -31,7 +31,6 @@ identities = st.builds(
     encoder_increments=st.integers(1, 2**32 - 1),
     gear=st.fractions(min_value=Fraction(1, 1000), max_value=1000, max_denominator=1000),
     rated_torque_mnm=st.integers(1, 2**32 - 1),
-    counts_per_velocity_unit=st.just(1.0),
 )
 integers = st.sampled_from(sorted(INTEGER_BITS.keys() - {DataType.BOOLEAN}))
 names = st.text(
@@ -104,7 +103,7 @@ def test_every_object_of_a_simulated_drive_is_in_its_sheet_and_canopen_agrees(ce
     for axis, joint, simulated in zip(
         loaded.config.axes, loaded.robot.joints, loaded.plant.axes, strict=True
     ):
-        identity = DriveIdentity.of_axis(axis, joint, simulated)
+        identity = DriveIdentity.of_axis(loaded.config, axis, joint, simulated)
         text = drive_eds(identity, "node.eds", CREATED)
         sheet = parse_eds(text.encode(), "node.eds")
         entries = list(drive_entries(identity))

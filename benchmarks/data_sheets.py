@@ -1,0 +1,183 @@
+"""Which data sheets of servo drives can be used: `python -m benchmarks.data_sheets --eds DIR`.
+
+Every EDS and DCF file below a folder that is of a servo drive (CiA 402) is held against what this
+program needs of a drive: with a bundled profile, or with at most ten lines in the cell file, which
+are printed; or it is refused, with the reason. What is read is compared with what the `canopen`
+package reads, where that is installed. The last line is JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from config.cell.servo_profile import ServoProfile
+from config.errors import ConfigError
+from config.formats.eds import ElectronicDataSheet, parse_eds
+from config.formats.eds_object import EdsObject
+from config.load import bundled_names, load_bundled_or_path, load_cell
+from drivers.servo.eds_fit import EdsFit, fit_eds
+
+SERVO_DRIVE = 402
+MODES_AND_WORD = ((0x6040, 0), (0x6060, 0))
+
+
+@dataclass(frozen=True)
+class EdsFile:
+    """A file, what it says, and what it needs."""
+
+    path: Path
+    eds: ElectronicDataSheet
+    fit: EdsFit
+    differences: tuple[str, ...]
+
+    def as_json(self) -> dict[str, object]:
+        """Return it for the last line."""
+        return {
+            "file": str(self.path),
+            "base": self.fit.base,
+            "lines": len(self.fit.lines),
+            "accepted": self.fit.accepted,
+            "lacks": [finding.object_name for finding in self.fit.findings],
+            "concerns_safety": self.fit.concerns_safety,
+        }
+
+
+def is_servo_drive(eds: ElectronicDataSheet) -> bool:
+    """Return whether an EDS says so in 1000h, or has controlword and modes of CiA 402."""
+    kind = eds.get(0x1000, 0)
+    default = None if kind is None or kind.default is None else kind.default.content
+    said = isinstance(default, int) and default & 0xFFFF == SERVO_DRIVE
+    return said or all(eds.get(*address) is not None for address in MODES_AND_WORD)
+
+
+def eds_files(folder: Path) -> Iterator[tuple[Path, ElectronicDataSheet | str]]:
+    """Yield every data sheet below a folder, or why it cannot be read."""
+    for path in sorted(folder.rglob("*")):
+        if path.suffix.lower() in (".eds", ".dcf") and path.is_file():
+            try:
+                yield path, parse_eds(path.read_bytes(), path.name)
+            except ConfigError as error:
+                yield path, str(error)
+
+
+def differences(path: Path, eds: ElectronicDataSheet) -> tuple[str, ...]:
+    """Return where the `canopen` package reads another type, access or default of an object."""
+    import canopen.objectdictionary
+
+    try:
+        other = canopen.objectdictionary.import_od(str(path), node_id=1)
+    except Exception as error:  # the package raises whatever its parts do
+        return (f"canopen cannot read it: {error}",)
+    return tuple(
+        f"{item.index:04X}h:{item.subindex:02X} {words}"
+        for item in eds.objects
+        for words in _differs(item, _of(other, item))
+    )
+
+
+def _of(other: Any, item: EdsObject) -> Any:
+    """Return what the package read of an object; None where it did not."""
+    try:
+        found = other[item.index]
+        return found[item.subindex] if hasattr(found, "subindices") else found
+    except KeyError:
+        return None
+
+
+def _differs(item: EdsObject, other: Any) -> Iterator[str]:
+    if other is None:
+        yield "is not read by canopen"
+        return
+    if item.data_type is not None and getattr(other, "data_type", None) != item.data_type:
+        yield f"has type {item.data_type}, canopen: {getattr(other, 'data_type', None)}"
+    content = None if item.default is None else item.default.of_node(1)
+    theirs = getattr(other, "default", None)
+    if isinstance(content, int) and theirs != content:
+        yield f"is {content}, canopen: {theirs}"
+
+
+def main() -> None:
+    """Read the sheets of a folder and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--eds", type=Path, required=True, help="a folder with EDS and DCF files")
+    parser.add_argument("--json", action="store_true", help="the last line only")
+    options = parser.parse_args()
+    cell = load_cell("ir361").config
+    profiles = {
+        name: load_bundled_or_path(name, "servos", ServoProfile) for name in bundled_names("servos")
+    }
+    judged = importlib.util.find_spec("canopen") is not None
+    found: list[EdsFile] = []
+    unread: list[str] = []
+    seen: set[str] = set()
+    others = copies = 0
+    for path, eds in eds_files(options.eds):
+        if isinstance(eds, str):
+            unread.append(eds)
+        elif eds.sha256 in seen:
+            copies += 1
+        elif is_servo_drive(eds):
+            fit = fit_eds(eds, cell, cell.axes[0], profiles)
+            differ = differences(path, eds) if judged else ()
+            found.append(EdsFile(path.relative_to(options.eds), eds, fit, differ))
+        else:
+            others += 1
+        seen.update(() if isinstance(eds, str) else (eds.sha256,))
+    if not options.json:
+        for file in found:
+            _print(file)
+        for text in unread:
+            print(f"not read: {text}")
+    accepted = [file for file in found if file.fit.accepted]
+    refused = [file for file in found if not file.fit.accepted]
+    safety = [file for file in refused if file.fit.concerns_safety]
+    print(
+        json.dumps(
+            {
+                "sheets": len(found),
+                "accepted": len(accepted),
+                "accepted_share": len(accepted) / max(1, len(found)),
+                "with_bundled_profile": sum(file.fit.base is not None for file in accepted),
+                "most_lines": max((len(file.fit.lines) for file in accepted), default=0),
+                "refused_for_safety": len(safety),
+                "refused_otherwise": len(refused) - len(safety),
+                "refused_otherwise_lack": sorted(
+                    {
+                        each.object_name
+                        for file in refused
+                        for each in file.fit.findings
+                        if not file.fit.concerns_safety
+                    }
+                ),
+                "copies": copies,
+                "unreadable": len(unread),
+                "other_devices": others,
+                "canopen_differs": sum(len(file.differences) for file in found),
+                "each": [file.as_json() for file in found],
+            }
+        )
+    )
+
+
+def _print(file: EdsFile) -> None:
+    fit = file.fit
+    verdict = "accepted" if fit.accepted else "refused"
+    profile = fit.base or "CiA 402"
+    print(f"{verdict:9} {profile:16} {len(fit.lines):2} lines  {file.path}")
+    for line in fit.lines:
+        print(f"{'':29}{line}")
+    for finding in fit.findings:
+        safety = " (safety)" if fit.concerns_safety else ""
+        print(f"{'':10}{finding.object_name} {finding.name}: {finding.found}{safety}")
+    for words in file.differences[:3]:
+        print(f"{'':10}{words}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,142 @@
+"""`ServoProfile`: which objects a family of servo drives uses, and what their numbers mean.
+
+Data, so that another maker's drive is another file. What a drive must hold before motion stands in
+`drivers/servo/requirements.py`; this is what differs between drives that keep to CiA 402.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from config.model import ConfigModel
+from config.plausible import Plausible
+from config.robot.robot import Positive
+
+Unsigned32 = Annotated[int, Field(ge=0, lt=2**32)]
+ObjectName = Annotated[str, Field(pattern=r"^[0-9A-F]{4}h:[0-9A-F]{2}$")]
+FamilyObject = Annotated[str, Field(pattern=r"^[0-9A-F]{4}h(:[0-9A-F]{2})?$")]
+Mode = Literal["cyclic_velocity", "profile_velocity", "cyclic_position", "interpolated_position"]
+VelocityUnit = Literal["increments_per_s", "rpm", "0.1rpm"]
+Units = Annotated[Positive, Plausible(1e-9, 1e9, "")]
+
+BY_POSITION: Final[tuple[Mode, ...]] = ("cyclic_position", "interpolated_position")
+
+_INCREMENTS: Final = ("increments_per_s", 1.0)
+_TENTHS: Final = {"0.1rpm": 10.0}
+
+
+def object_address(name: str) -> tuple[int, int]:
+    """Return index and sub-index of ``6077h:00``."""
+    index, subindex = name.split("h:")
+    return int(index, 16), int(subindex, 16)
+
+
+class TorqueObject(ConfigModel):
+    """An object that holds a torque or a current.
+
+    `units` of its numbers are the rated torque, the rated current, or one ampere.
+    """
+
+    object: ObjectName
+    of: Literal["rated_torque", "rated_current", "ampere"] = "rated_torque"
+    units: Units = 1000.0
+    bits: Literal[16, 32] = 16
+
+
+class ExtraSetting(ConfigModel):
+    """An object of the maker's, or of an older profile, that must hold a value.
+
+    With `written: false` it is left to the drive to be right.
+    """
+
+    object: ObjectName
+    bits: Literal[8, 16, 32]
+    value: Annotated[int, Field(ge=-(2**31), lt=2**32)]
+    written: bool = True
+
+
+class ServoProfile(ConfigModel):
+    """One family of drives, or what a cell file adds for one drive.
+
+    Keys that are left out are those of `base`, a bundled profile; without it, what CiA 402 says.
+
+    `mode` is one of CiA 402's: 9, 3, 8 or 7 in 6060h. A drive that follows positions is told the
+    sum
+    of its velocities, in increments.
+    `encoder_increments`, units of 6064h in a motor revolution, stand for 608Fh; `rated_torque_nm`
+    for 6076h, of whose numbers `rated_torque_units` are 1 N m; `rated_current_a` for 6075h. A drive
+    that tells a current in place of a torque needs `torque_constant_nm_per_a`, the motor's.
+
+    `velocity_units` of 60FFh are one `velocity_unit`; `acceleration_units` of 6083h to 6085h are
+    one `acceleration_unit` per second, as those of velocity where they are left out.
+
+    `torque` goes into the answer of every cycle. `torque_limit` is written to what the cell's
+    `drive_safety` says, or, with `torque_limit_written: false`, read and shown; null: there is
+    none. `deceleration_rad_s2` is the joint's where the drive has no 6085h that could be set.
+
+    A simulated drive of the family lacks the objects of `lacks`, does not let those of `read_only`
+    be written, and has those of `settings` besides.
+    """
+
+    base: str | None = Field(default=None, min_length=1)
+    vendor: Unsigned32 | None = None
+    mode: Mode = "cyclic_velocity"
+    encoder_increments: Annotated[Positive, Plausible(4.0, 4.3e9, "")] | None = None
+    velocity_unit: VelocityUnit = "increments_per_s"
+    velocity_units: Units = 1.0
+    acceleration_unit: VelocityUnit | None = None
+    acceleration_units: Units | None = None
+    rated_torque_nm: Annotated[Positive, Plausible(1e-3, 5e3, "N m")] | None = None
+    rated_torque_units: Units = 1000.0
+    rated_current_a: Annotated[Positive, Plausible(1e-2, 2e3, "A")] | None = None
+    torque_constant_nm_per_a: Annotated[Positive, Plausible(1e-3, 50.0, "N m/A")] | None = None
+    torque: TorqueObject = TorqueObject(object="6077h:00")
+    torque_limit: TorqueObject | None = TorqueObject(object="6072h:00")
+    torque_limit_written: bool = True
+    deceleration_rad_s2: Annotated[Positive, Plausible(0.1, 2e3, "rad/s² or m/s²")] | None = None
+    settings: tuple[ExtraSetting, ...] = ()
+    lacks: tuple[FamilyObject, ...] = ()
+    read_only: tuple[ObjectName, ...] = ()
+
+    @model_validator(mode="after")
+    def _mappable(self) -> Self:
+        if self.torque.bits != 16:
+            raise ValueError("torque goes into an answer of 8 bytes: bits must be 16")
+        if self.by_position and (self.velocity_unit, self.velocity_units) != _INCREMENTS:
+            raise ValueError("a drive that follows positions is told increments: no velocity_unit")
+        return self
+
+    def on(self, base: ServoProfile) -> ServoProfile:
+        """Return this profile with what it leaves out taken from another."""
+        said = {name: getattr(self, name) for name in self.model_fields_set}
+        return base.model_copy(update=said | {"base": None})
+
+    @property
+    def by_position(self) -> bool:
+        """Whether the drive is told positions."""
+        return self.mode in BY_POSITION
+
+    @property
+    def sets_increments(self) -> bool:
+        """Whether 608Fh is set, as a factor, and does not tell the encoder."""
+        return any(extra.object.startswith("608Fh") for extra in self.settings)
+
+    @property
+    def velocity_per_increment(self) -> tuple[float, float]:
+        """Units of 60FFh per increment/s and per rpm; one of them is 0."""
+        return _per(self.velocity_unit, self.velocity_units)
+
+    @property
+    def acceleration_per_increment(self) -> tuple[float, float]:
+        """Units of 6085h per increment/s² and per rpm/s; one of them is 0."""
+        unit = self.acceleration_unit or self.velocity_unit
+        units = self.velocity_units if self.acceleration_unit is None else 1.0
+        return _per(unit, self.acceleration_units or units)
+
+
+def _per(unit: VelocityUnit, units: float) -> tuple[float, float]:
+    if unit == "increments_per_s":
+        return units, 0.0
+    return 0.0, units * _TENTHS.get(unit, 1.0)

@@ -1,0 +1,191 @@
+"""`EdsFit`: what a cell file must say besides, so that a drive's data sheet has what is used.
+
+For each object that an EDS lacks there is a key of the axis's `servo`, or there is none: then the
+drive cannot be used. The numbers in the keys are examples; what the keys are is what is found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, get_args
+
+from config.cell.cell import CellConfig, DriveAxis
+from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
+from config.formats.eds import ElectronicDataSheet
+from config.formats.eds_object import EdsObject, is_signed
+from config.formats.yaml_tree import dump_yaml
+from drivers.canopen.sdo import object_name
+from drivers.servo.eds_check import EdsFinding, eds_findings
+
+MOST_LINES = 10
+
+SAFETY_OBJECTS: Final = frozenset(
+    ("1016h:01", "1017h:00", "6007h:00", "605Ah:00", "605Eh:00", "6040h:00", "6041h:00",
+     "6084h:00", "6085h:00")
+)  # fmt: skip
+"""What protects people: without one of these a drive is not used, whatever the cell file says."""
+
+_MODES: Final[tuple[Mode, ...]] = get_args(Mode)
+_OF_MODES = ("6502h:00", "60FFh:00", "607Ah:00", "60C1h:01", "60C2h:01", "60C2h:02", "6083h:00")
+_CURRENT_WORDS = ("current", "torque")
+_ACTUAL_WORDS = ("actual", "present", "feedback")
+
+
+@dataclass(frozen=True)
+class EdsFit:
+    """A profile for a data sheet, with what the cell file adds to it.
+
+    Attributes
+    ----------
+    base : str or None
+        The bundled profile; None for a drive that does all that CiA 402 says.
+    added : ServoProfile
+        What is added: `added.model_fields_set`.
+    findings : tuple of EdsFinding
+        What is still red.
+    """
+
+    base: str | None
+    added: ServoProfile
+    findings: tuple[EdsFinding, ...]
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the drive can be used, with few enough lines."""
+        return not self.findings and len(self.lines) <= MOST_LINES
+
+    @property
+    def keys(self) -> dict[str, object]:
+        """The keys of the axis's `servo`, as the cell file has them."""
+        base: dict[str, object] = {} if self.base is None else {"base": self.base}
+        return base | self.added.model_dump(mode="json", exclude_unset=True)
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What stands in the cell file."""
+        if not self.keys:
+            return ()
+        return ("servo:", *(f"  {line}" for line in dump_yaml(self.keys).splitlines()))
+
+    @property
+    def concerns_safety(self) -> bool:
+        """Whether something that protects people is missing."""
+        return any(each.object_name in SAFETY_OBJECTS for each in self.findings)
+
+
+def fit_eds(
+    eds: ElectronicDataSheet,
+    cell: CellConfig,
+    axis: DriveAxis,
+    profiles: dict[str, ServoProfile],
+) -> EdsFit:
+    """Return the profile that fits a drive's data sheet: the maker's, with the fewest keys.
+
+    Parameters
+    ----------
+    eds : ElectronicDataSheet
+        The data sheet.
+    cell, axis : CellConfig, DriveAxis
+        What is asked of the drive.
+    profiles : dict of str to ServoProfile
+        The bundled profiles; those of other makers than the EDS's are not tried.
+    """
+    makers = {
+        name: profile
+        for name, profile in profiles.items()
+        if profile.vendor is not None and profile.vendor == eds.vendor
+    }
+    fits = [_fitted(eds, cell, axis, name, profile) for name, profile in makers.items()]
+    fits.append(_fitted(eds, cell, axis, None, ServoProfile()))
+    return min(fits, key=lambda fit: (len(fit.findings), fit.base is None, len(fit.keys)))
+
+
+def _fitted(
+    eds: ElectronicDataSheet,
+    cell: CellConfig,
+    axis: DriveAxis,
+    base: str | None,
+    profile: ServoProfile,
+) -> EdsFit:
+    """Add keys until nothing is red that a key could help."""
+    added: dict[str, object] = {}
+    torques = list(_torques(eds))
+    while True:
+        own = ServoProfile.model_validate(added)
+        drive = axis.model_copy(update={"servo": own.on(profile), "velocity_unit": None})
+        red = [each for each in eds_findings(eds, cell, drive) if each.verdict == "red"]
+        keys: dict[str, object] = {}
+        for finding in red:
+            keys |= _keys_for(finding, own.on(profile), eds, torques)
+        if keys.items() <= added.items():
+            return EdsFit(base, own, tuple(red))
+        added |= keys
+
+
+def _keys_for(
+    finding: EdsFinding,
+    profile: ServoProfile,
+    eds: ElectronicDataSheet,
+    torques: list[TorqueObject],
+) -> dict[str, object]:
+    """Return the keys that stand for what a finding lacks; none where nothing does."""
+    name, limit = finding.object_name, profile.torque_limit
+    keys: dict[str, object] = {}
+    if name in ("608Fh:01", "608Fh:02"):
+        keys = {"encoder_increments": 4096.0}
+    elif name == "6076h:00":
+        keys = {"rated_torque_nm": 1.0}
+    elif name == "6075h:00":
+        keys = {"rated_current_a": 1.0}
+    elif name == profile.torque.object and "in N m" in finding.required:
+        keys = {"torque_constant_nm_per_a": 0.1}
+    elif name == profile.torque.object and torques:
+        keys = {"torque": torques.pop(0)}
+    elif limit is not None and name == limit.object:
+        keys = _limit_keys(profile, eds)
+    elif name == "6085h:00":
+        keys = {"deceleration_rad_s2": 10.0}
+    elif name in _OF_MODES and profile.mode != _MODES[-1]:
+        keys = {"mode": _MODES[_MODES.index(profile.mode) + 1]}
+    elif any(name == extra.object for extra in profile.settings):
+        kept = tuple(extra for extra in profile.settings if extra.object != name)
+        keys = {"settings": kept}
+    return keys
+
+
+def _limit_keys(profile: ServoProfile, eds: ElectronicDataSheet) -> dict[str, object]:
+    """Return what stands for a limit that cannot be written: as its own, 6073h, or none."""
+    limit = profile.torque_limit
+    assert limit is not None
+    if profile.torque_limit_written and _readable(eds, limit.object, limit.bits):
+        return {"torque_limit_written": False}
+    current = TorqueObject(object="6073h:00", of="rated_current")
+    if limit.object != current.object and _readable(eds, current.object, current.bits):
+        return {"torque_limit": current, "torque_limit_written": False}
+    return {"torque_limit": None}
+
+
+def _readable(eds: ElectronicDataSheet, name: str, bits: int) -> bool:
+    index, subindex = name.split("h:")
+    found = eds.get(int(index, 16), int(subindex, 16))
+    return found is not None and found.bits == bits and not found.faults
+
+
+def _torques(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
+    """Yield what may tell the torque, the standard's first, then the maker's by its name."""
+    candidates = [item for item in eds.objects if _tells(item)]
+    standard = {0x6077: "rated_torque", 0x6078: "rated_current"}
+    for item in sorted(candidates, key=lambda item: (item.index not in standard, item.index)):
+        of = standard.get(item.index, "ampere")
+        yield TorqueObject.model_validate(
+            {"object": object_name(item.index, item.subindex), "of": of}
+        )
+
+
+def _tells(item: EdsObject) -> bool:
+    words = item.name.lower()
+    named = any(word in words for word in _CURRENT_WORDS)
+    actual = any(word in words for word in _ACTUAL_WORDS)
+    fits = item.bits == 16 and item.data_type is not None and is_signed(item.data_type)
+    return fits and item.mappable and item.sendable and named and actual

@@ -1,0 +1,220 @@
+"""Drives of other families than the standard's: brought up, moved, stopped, and tried."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
+from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
+from config.errors import PreflightError
+from config.formats.eds import parse_eds
+from config.load import bundled_names, load_bundled_or_path
+from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from drivers.cell import Cell
+from drivers.ports.can_link import CanLink
+from drivers.servo.eds_check import eds_findings
+from drivers.servo.watchdog_test import WatchTrial, prove_watches, try_watches
+from mock_hw.drive import objects as od
+from mock_hw.drive.eds import drive_eds
+from mock_hw.drive.objects import DriveIdentity
+from tests.builders.obedient_cell import ObedientCell
+
+INCREMENTS = 4096
+NAMES = ("base", "elbow")
+
+
+def robot() -> RobotDescription:
+    limits = JointLimits(
+        position_min=-3.0, position_max=3.0, velocity=2.0, acceleration=10.0, torque=300.0
+    )
+    return RobotDescription(
+        name="two",
+        kinematics=Kinematics(convention="modified_dh", rows=(KinematicRow(a_m=0.1),) * 2),
+        joints=tuple(Joint(name=name, limits=limits, gear_ratio=100.0) for name in NAMES),
+    )
+
+
+def cell_of(*profiles: ServoProfile, **safety: object) -> CellConfig:
+    told = {"quick_stop_deceleration_rad_s2": 20.0, "following_error_rad": 0.3}
+    return CellConfig(
+        name="families",
+        robot="two",
+        cycle_time_ms=4,
+        can=CanBusConfig(interface="virtual", channel="families"),
+        axes=tuple(
+            DriveAxis(joint=name, node_id=node, servo=profile)
+            for node, (name, profile) in enumerate(zip(NAMES, profiles, strict=True), start=1)
+        ),
+        position_gain_per_s=10.0,
+        drive_safety=DriveSafety.model_validate(told | safety),
+    )
+
+
+@contextmanager
+def opened(cell: CellConfig) -> Iterator[tuple[Cell, ObedientCell]]:
+    bus = ObedientCell(cell, robot(), INCREMENTS)
+    with Cell(cell, robot(), CanLink(bus)) as open_cell:
+        yield open_cell, bus
+
+
+def tried(cell: CellConfig) -> tuple[WatchTrial, ...]:
+    with opened(cell) as (open_cell, _):
+        return try_watches(open_cell.axes, open_cell.clock, cell)
+
+
+def moves(cell: CellConfig) -> None:
+    """Move both axes to and fro, and stop in motion."""
+    with opened(cell) as (open_cell, bus):
+        axes, clock = open_cell.axes, open_cell.clock
+        axes.bring_up()
+        axes.start()
+        due_s = axes.enable()
+        start = axes.answers.position.copy()
+        wanted, moved = start.copy(), []
+        for cycle in range(100):
+            clock.sleep_until(due_s := due_s + cell.cycle_time_s)
+            axes.exchange()
+            velocity = np.array([0.5, -0.3]) * math.sin(math.pi * min(1.0, cycle / 75))
+            moved.append(axes.answers.position - wanted)
+            wanted += velocity * cell.cycle_time_s
+            assert axes.command(velocity)
+            axes.send_heartbeat(clock.now_s())
+        assert np.abs(moved).max() < 0.01
+        assert axes.answers.position - start == pytest.approx([0.095, -0.057], abs=0.003)
+        assert axes.halt()
+        assert not any(drive.power.following for drive in bus.drives)
+        assert axes.disable() == ()
+
+
+WITHOUT_REACTIONS = ServoProfile(lacks=("6007h", "605Ah", "605Eh", "1029h"))
+
+
+def test_a_drive_without_objects_for_its_reactions_is_seen_to_stop() -> None:
+    cell = cell_of(WITHOUT_REACTIONS, ServoProfile())
+    trials = tried(cell)
+    assert all(trial.powered for trial in trials), "its emergency message alone proves no stop"
+    assert all(trial.acted_s <= 0.088 for trial in trials)
+    assert [trial.how for trial in trials] == ["fault", "switch on disabled"]
+    moves(cell)
+
+
+def test_before_motion_it_is_tried_without_being_asked() -> None:
+    cell = cell_of(WITHOUT_REACTIONS, ServoProfile())
+    with opened(cell) as (open_cell, bus):
+        open_cell.axes.bring_up()
+        assert open_cell.axes.left_to_trial == ("base",)
+        prove_watches(open_cell.axes, open_cell.clock, cell)
+        assert any(any(powered) for _, _, _, powered in bus.trace)
+        open_cell.axes.start()
+        open_cell.axes.enable()
+
+
+def test_a_drive_whose_reactions_are_known_is_not_powered_for_a_trial() -> None:
+    cell = cell_of(ServoProfile(), ServoProfile())
+    with opened(cell) as (open_cell, bus):
+        open_cell.axes.bring_up()
+        prove_watches(open_cell.axes, open_cell.clock, cell)
+        assert bus.trace == []
+
+
+def test_one_that_does_not_stop_without_this_computer_is_never_moved() -> None:
+    cell = cell_of(ServoProfile(), WITHOUT_REACTIONS)
+    with opened(cell) as (open_cell, bus):
+        bus.drives[1].objects[od.ABORT_CONNECTION] = 0
+        open_cell.axes.bring_up()
+        with pytest.raises(PreflightError, match=r"does not stop in time: elbow \(node 2\): op"):
+            prove_watches(open_cell.axes, open_cell.clock, cell)
+        trial = try_watches(open_cell.axes, open_cell.clock, cell)[1]
+        assert (trial.joint, trial.how) == ("elbow", "operation enabled")
+        assert math.isnan(trial.acted_s)
+
+
+def test_profile_velocity_a_current_for_the_torque_and_units_of_the_makers() -> None:
+    other = ServoProfile(
+        mode="profile_velocity",
+        encoder_increments=INCREMENTS,
+        velocity_unit="rpm",
+        velocity_units=1000.0,
+        acceleration_unit="rpm",
+        torque=TorqueObject(object="6078h:00", of="rated_current"),
+        torque_limit=TorqueObject(object="6073h:00", of="rated_current"),
+        torque_constant_nm_per_a=0.2,
+        lacks=("608Fh", "6072h", "6076h", "6077h", "60B2h", "60C2h", "6066h"),
+    )
+    cell = cell_of(other, ServoProfile())
+    moves(cell)
+    with opened(cell) as (open_cell, bus):
+        open_cell.axes.bring_up()
+        joint_nm = 100.0 * 1e-3 * bus.drives[0].objects[0x6075, 0] * 0.2
+        bus.axes[0].torque = 500
+        open_cell.axes.start()
+        open_cell.axes.exchange()
+        assert open_cell.axes.answers.torque_nm[0] == pytest.approx(0.5 * joint_nm, rel=1e-3)
+
+
+@pytest.mark.parametrize("mode", ["cyclic_position", "interpolated_position"])
+def test_a_drive_that_follows_positions_only(mode: Mode) -> None:
+    other = ServoProfile(
+        mode=mode,
+        encoder_increments=INCREMENTS,
+        rated_torque_nm=1.0,
+        torque_limit=None,
+        deceleration_rad_s2=20.0,
+        lacks=("60FFh", "6007h", "605Ah", "605Eh", "6066h", "6072h", "6076h", "6085h", "608Fh"),
+    )
+    moves(cell_of(other, ServoProfile()))
+    trials = tried(cell_of(other, ServoProfile()))
+    assert all(trial.acted_s <= 0.088 for trial in trials)
+
+
+def test_power_moves_no_axis_that_follows_positions() -> None:
+    cell = cell_of(ServoProfile(mode="cyclic_position"), ServoProfile())
+    with opened(cell) as (open_cell, bus):
+        open_cell.axes.bring_up()
+        open_cell.axes.start()
+        bus.axes[0].counts += 12345.0  # by hand, before it has power
+        open_cell.axes.enable()
+        stood = bus.axes[0].counts
+        for _ in range(20):
+            open_cell.axes.exchange()
+            open_cell.clock.sleep_until(open_cell.clock.now_s() + cell.cycle_time_s)
+            assert open_cell.axes.command(np.zeros(2))
+            open_cell.axes.send_heartbeat(open_cell.clock.now_s())
+        assert abs(bus.axes[0].counts - stood) < 2
+
+
+def bundled(name: str) -> ServoProfile:
+    """Return a bundled profile with what its drives do not tell."""
+    profile = load_bundled_or_path(name, "servos", ServoProfile)
+    own: dict[str, float] = {}
+    if profile.encoder_increments is None:
+        own["encoder_increments"] = INCREMENTS
+    if profile.torque.of == "rated_torque" and "6076h" in profile.lacks:
+        own["rated_torque_nm"] = 1.0
+    if profile.torque.of != "rated_torque":
+        own["torque_constant_nm_per_a"] = 0.3
+    return ServoProfile.model_validate(own).on(profile)
+
+
+@pytest.mark.parametrize("name", bundled_names("servos"))
+class TestBundledFamilies:
+    def test_it_is_brought_up_moved_and_stopped(self, name: str) -> None:
+        moves(cell_of(bundled(name), ServoProfile()))
+
+    def test_its_watches_act(self, name: str) -> None:
+        trials = tried(cell_of(bundled(name), ServoProfile(), trip_watchdog_with_power=True))
+        assert all(trial.acted_s <= 0.088 for trial in trials), trials
+        assert all(trial.noticed_s <= 0.108 for trial in trials), trials
+
+    def test_nothing_is_left_out_of_what_it_needs(self, name: str) -> None:
+        cell = cell_of(bundled(name), ServoProfile())
+        identity = DriveIdentity(1, INCREMENTS, Fraction(100), 1000, cell.servo_of(cell.axes[0]))
+        sheet = parse_eds(drive_eds(identity, "d.eds", datetime(2026, 1, 2)).encode(), "d.eds")
+        assert [f for f in eds_findings(sheet, cell, cell.axes[0]) if f.verdict == "red"] == []
