@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from config.cell.servo_profile import BY_POSITION, Mode
+from config.cell.servo_profile import BY_POSITION, Mode, ServoProfile
 from config.errors import TransportError
 from config.robot.wrist_coupling import WristCoupling
 from drivers.canopen.frames import SYNC, Frame, tpdo_cob_id
@@ -128,8 +128,8 @@ class CyclicExchange:
         self._units_per_rad_s = [1.0] * count
         self._nm_per_unit = [1.0] * count
         self._commands: FullCommands | TrimmedCommands
-        by_velocity: tuple[Mode, ...] = ("cyclic_velocity",) * count
-        enables = [enabling_word(mode) for mode in modes or by_velocity]
+        modes = modes or [ServoProfile().mode] * count
+        enables = [enabling_word(mode) for mode in modes]
         self._commands = (TrimmedCommands if trimmed else FullCommands)(node_ids, enables)
         self._rest = [0] * count
         self._positions: PositionTargets | None = None
