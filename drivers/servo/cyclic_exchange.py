@@ -128,7 +128,8 @@ class CyclicExchange:
         self._units_per_rad_s = [1.0] * count
         self._nm_per_unit = [1.0] * count
         self._commands: FullCommands | TrimmedCommands
-        modes = modes or [ServoProfile().mode] * count
+        if not modes:
+            modes = [ServoProfile().mode for _ in node_ids]
         enables = [enabling_word(mode) for mode in modes]
         self._commands = (TrimmedCommands if trimmed else FullCommands)(node_ids, enables)
         self._rest = [0] * count
