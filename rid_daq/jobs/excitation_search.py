@@ -112,7 +112,7 @@ class Search:
         torques = [use for use in uses if use.what.startswith("torque")]
         shares = ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in torques)
         console.say(
-            f"Largest torque expected, axis by axis: {shares} % of the limit."
+            f"Largest torque expected, axis by axis: {shares} % of what may be planned with."
             if torques
             else "Torque is not checked: the robot file has no `cad`, and no --model is given."
         )
