@@ -1,0 +1,49 @@
+"""Drives of another family from the command line: what the preflight says of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from config.load import read_named
+from rid_daq.app import run
+from tests.builders.told import document
+
+EPOS = "servo: {base: epos4, encoder_increments: 4096.0, lacks: [6007h, 6072h, 608Fh, 6091h]}\n"
+
+
+def checked(
+    folder: Path, servo: str, capsys: pytest.CaptureFixture[str], code: int
+) -> list[dict[str, Any]]:
+    """Run a preflight of the bundled cell with other drives, and return its lines."""
+    cell = folder / "cell.yaml"
+    cell.write_text(read_named("ir361", "cells", None)[0].decode() + servo)
+    words = ["check", str(cell), "--seconds", "0.1", "--json", "--runs", str(folder / "runs")]
+    assert run(words) == code
+    lines: list[dict[str, Any]] = document(capsys)["lines"]
+    return lines
+
+
+def test_a_drive_without_6007h_is_ready_by_its_trial(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = checked(tmp_path, EPOS, capsys, 0)
+    left = [line for line in lines if line["what"] == "6007h:00 abort connection"]
+    assert {(line["found"], line["verdict"]) for line in left} == {
+        ("not in this drive: the trial of the watches decides", "shown")
+    }
+    trials = [line for line in lines if "acts after, powered" in line["what"]]
+    assert {line["verdict"] for line in trials} == {"ok"}
+    assert {line["found"] for line in trials} == {"80 ms, fault"}
+
+
+def test_drives_that_lack_what_the_standard_has_are_told_which_key_stands_for_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = checked(tmp_path, "servo: {lacks: [608Fh, 60C2h]}\n", capsys, 3)
+    red = [line for line in lines if line["verdict"] == "red"]
+    assert {line["next_action"] for line in red} == {
+        "name encoder_increments, of the motor's encoder, in the axis's servo"
+    }
