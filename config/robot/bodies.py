@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -82,3 +83,16 @@ class Workspace(ConfigModel):
     planes: tuple[Plane, ...] = ()
     boxes: tuple[Box, ...] = ()
     clearance_m: Annotated[float, Field(ge=0.0), Plausible(1e-4, 1.0, "m")] = 0.02
+
+
+def refuse_unknown_pairs(bodies: Sequence[Body], may_touch: Sequence[tuple[str, str]]) -> None:
+    """Raise ValueError where two bodies share a name, or a pair is not of two named bodies."""
+    names = [body.name for body in bodies if body.name]
+    if len(set(names)) < len(names):
+        raise ValueError("two bodies have the same name")
+    for first, second in may_touch:
+        if first == second or not {first, second} <= set(names):
+            raise ValueError(
+                f"may_touch has {first!r} and {second!r}: it needs the names of two bodies;"
+                f" bodies are {', '.join(names) or 'without names'}"
+            )

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible, radius_of_gyration
-from config.robot.bodies import Body
+from config.robot.bodies import Body, refuse_unknown_pairs
 
 Vector3 = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0)]
@@ -346,15 +346,7 @@ class RobotDescription(PhysicalFile):
         for body in self.bodies:
             if body.link > n:
                 raise ValueError(f"a body sits on link {body.link} of {n}")
-        names = [body.name for body in self.bodies if body.name]
-        if len(set(names)) < len(names):
-            raise ValueError("two bodies have the same name")
-        for first, second in self.may_touch:
-            if first == second or not {first, second} <= set(names):
-                raise ValueError(
-                    f"may_touch has {first!r} and {second!r}: it needs the names of two bodies;"
-                    f" bodies are {', '.join(names) or 'without names'}"
-                )
+        refuse_unknown_pairs(self.bodies, self.may_touch)
         return self
 
     @model_validator(mode="after")

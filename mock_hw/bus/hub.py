@@ -62,12 +62,11 @@ class CanHub:
 
     In real time a frame is passed on when its time on the wire is over. A device's frame is on the
     wire from the time that it bears on, if nothing else was, and if that is not long ago: what this
-    computer takes to play a device is not the bus's time. In lock-step, time is
-    the hub's: a conservative discrete-event simulation in which time moves to the next event
-    only while every master and device waits, so order and time depend on nothing but what they
-    send. Without a master, lock-step time runs on at the wall clock's pace for `AFTER_RUN_NS` -
-    so that drives notice that their master is gone - and then stands still; the next master
-    joins at the end of that time, whenever it comes.
+    computer takes to play a device is not the bus's time. In lock-step, time is the hub's: a
+    conservative discrete-event simulation in which time moves to the next event only while every
+    master and device waits, so order and time depend on nothing but what they send. Without a
+    master it runs on at the wall clock's pace for `AFTER_RUN_NS`, so that drives notice that their
+    master is gone, and then stands still; the next master joins at its end, whenever it comes.
 
     Parameters
     ----------
@@ -115,12 +114,10 @@ class CanHub:
         self._timed: list[_Client] = []
         self._joining: list[_Client] = []
         self._to_wake: list[_Client] = []
-        self._next_key = 0
-        self._busy = 0
-        self._masters = 0
+        self._next_key = self._busy = self._masters = 0
         self._horizon_ns = 0
         self._alone = Pace(1.0)
-        self._paced = None if pace is None else Pace(pace)
+        self._paced = Pace(pace)
         self.next_s = 0.0
 
     def run(self, stop_fds: Sequence[int], stop_at_ns: int = FOREVER_NS) -> None:
@@ -187,10 +184,10 @@ class CanHub:
             self._handle_event()
         self._give_out(observers_only=True)
 
-    def _later(self, pace: Pace | None, next_ns: int, until_ns: int) -> bool:
+    def _later(self, pace: Pace, next_ns: int, until_ns: int) -> bool:
         """Return whether an event is for later than `until_ns`, and then when, as `next_s`."""
-        wall_ns = until_ns if pace is None else pace.wall_ns(next_ns, until_ns)
-        self.next_s = self.next_s if wall_ns <= until_ns else wall_ns * 1e-9
+        if (wall_ns := pace.wall_ns(next_ns, until_ns)) > until_ns:
+            self.next_s = wall_ns * 1e-9
         return wall_ns > until_ns
 
     def _handle_event(self) -> None:
@@ -220,8 +217,7 @@ class CanHub:
 
     def _admit_masters(self) -> None:
         joining, self._joining = self._joining, []  # who is gone is dropped as a member
-        if self._paced is not None:
-            self._paced.begin(time.monotonic_ns(), self._now_ns)
+        self._paced.begin(time.monotonic_ns(), self._now_ns)
         for client in joining:
             self._masters += 1
             self._welcome(client)
@@ -399,6 +395,6 @@ class CanHub:
             if client.role == Role.MASTER:
                 self._masters -= 1
                 if not self._masters:
-                    back_ns = 0 if self._faults is None else self._faults.unplugged_until_ns
+                    back_ns = self._faults.unplugged_until_ns if self._faults else 0
                     self._horizon_ns = max(self._now_ns + AFTER_RUN_NS, back_ns)
                     self._alone.begin(time.monotonic_ns(), self._now_ns)

@@ -15,11 +15,11 @@ class Pace:
 
     Parameters
     ----------
-    rate : float
-        Simulated seconds a second.
+    rate : float or None
+        Simulated seconds a second; None for as many as there can be.
     """
 
-    def __init__(self, rate: float) -> None:
+    def __init__(self, rate: float | None) -> None:
         self._rate = rate
         self._wall_ns = self._simulated_ns = 0
 
@@ -29,6 +29,8 @@ class Pace:
 
     def wall_ns(self, simulated_ns: int, now_ns: int) -> int:
         """Return when a simulated time [ns] comes, where it is `now_ns` on CLOCK_MONOTONIC [ns]."""
+        if self._rate is None:
+            return now_ns
         due_ns = self._wall_ns + round((simulated_ns - self._simulated_ns) / self._rate)
         if now_ns - due_ns > CATCHES_UP_NS:
             self.begin(now_ns, simulated_ns)

@@ -49,7 +49,11 @@ def estimate_for(path: Path, robot: RobotDescription) -> Estimate:
     ConfigError
         It is none, or of another robot, be it one with the same joint names.
     """
-    estimate = read_estimate(path)
+    return require_robot(path, read_estimate(path), robot)
+
+
+def require_robot(path: Path, estimate: Estimate, robot: RobotDescription) -> Estimate:
+    """Return the model of a file, already read; as `estimate_for`."""
     differences = robot.differences(estimate.robot)
     if differences:
         raise ConfigError(

@@ -15,12 +15,13 @@ from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
 from config.load import load_cell
 from identification.calibration.base_reaction import base_load
+from identification.estimation.file import read_estimate
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.regression.fit_grade import BAD_SHARE, Grade
 from identification.validation.base_wrench_validation import validate_base_wrench
 from identification.validation.diagnosis import diagnose
 from identification.validation.torque_prediction import Validation, validate
-from rid_daq.jobs.cell_files import estimate_for, motion_for
+from rid_daq.jobs.cell_files import estimate_for, motion_for, require_robot
 from rid_daq.report.formats import number
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result_file import write_result
@@ -121,8 +122,9 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
     RidDaqError
         The run or the model cannot be used.
     """
+    estimate = read_estimate(request.model)
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
-    estimate = estimate_for(request.model, data.robot)
+    require_robot(request.model, estimate, data.robot)
     external = estimate.options.kind == "external"
     if external and request.limits is not None:
         raise ConfigError(
