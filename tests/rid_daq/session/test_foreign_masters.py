@@ -28,7 +28,7 @@ from rid_daq.session.session import hold_cell
 pytestmark = pytest.mark.slow
 
 PROBE = 0x655  # an SDO request to a node that is not there: it changes nothing
-QUICK_STOP = "0200000000000000"
+QUICK_STOP = "020000000000"
 
 
 @dataclass
