@@ -26,6 +26,7 @@ from config.arrays import FloatArray
 from config.load import load_robot
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
+from dynamics.model.standstill import moving as moves
 from identification.equations.segments import cut, thinned
 from identification.estimation.estimate import predict
 from identification.estimation.estimators import estimate_smoothed
@@ -109,7 +110,7 @@ class ExhaustiveTrials:
 def squares(fit: FittedSignals, part: SmoothedSignals) -> list[FloatArray]:
     """Return the mean squared error of each second, (n,); NaN where a joint stands still."""
     predicted = predict(fit, part.position, part.velocity, part.acceleration)
-    moving = np.abs(fit.model.actuator_speed(part.velocity)) >= STANDSTILL_RAD_S
+    moving = moves(fit.model, part.velocity, STANDSTILL_RAD_S)
     error = np.where(moving, (part.torque_nm - predicted) ** 2, 0.0)
     second = np.floor(part.time_s - part.time_s[0])
     found = []

@@ -40,12 +40,16 @@ class Stranger:
         The file, below the folder.
     took_s : dict
         Step to wall time [s].
+    cpu_s : float
+        What all of them took of the processors [s]: more than the wall time says on a busy
+        computer, less where two processors worked.
     stopped_by : str
         What the failing command said last; empty where all passed.
     """
 
     name: str
     took_s: dict[str, float] = field(default_factory=dict)
+    cpu_s: float = 0.0
     stopped_by: str = ""
 
     @property
@@ -78,6 +82,7 @@ def drive(name: str, urdf: Path, folder: Path) -> Stranger:
         "validation": ["record", cell, str(folder / "validation.yaml"), *runs],
         "identify": ["identify", "motion", *runs],
     }
+    before_s = _children_s()
     for step in STEPS:
         if step == "validate":
             models = sorted((folder / "runs").glob("*/model.json"))
@@ -95,7 +100,14 @@ def drive(name: str, urdf: Path, folder: Path) -> Stranger:
             )
             stranger.stopped_by = f"{step}, exit {code}: {reason}"
             break
+    stranger.cpu_s = _children_s() - before_s
     return stranger
+
+
+def _children_s() -> float:
+    """Return the processor time of all commands that have ended [s]."""
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 def _run(words: list[str]) -> tuple[int, str]:
@@ -160,6 +172,7 @@ def main() -> int:
             {
                 "urdf": each.name,
                 "took_s": {step: round(took_s, 1) for step, took_s in each.took_s.items()},
+                "cpu_s": round(each.cpu_s, 1),
                 "validated": each.validated,
                 "stopped_by": each.stopped_by,
             }
@@ -172,13 +185,15 @@ def main() -> int:
 
 def _print(stranger: Stranger, *, heading: bool) -> None:
     if heading:
-        print(f"{'robot':32}" + "".join(f"{step:>11}" for step in STEPS) + f"{'total':>9}")
+        steps = "".join(f"{step:>11}" for step in STEPS)
+        print(f"{'robot':32}{steps}{'total':>9}{'CPU':>9}")
     times = "".join(
         f"{stranger.took_s[step]:>9.1f} s" if step in stranger.took_s else f"{'-':>11}"
         for step in STEPS
     )
+    both = f"{stranger.total_s:>7.0f} s{stranger.cpu_s:>7.0f} s"
     verdict = stranger.stopped_by or "passed"
-    print(f"{stranger.name[:31]:32}{times}{stranger.total_s:>7.0f} s  {verdict}", flush=True)
+    print(f"{stranger.name[:31]:32}{times}{both}  {verdict}", flush=True)
 
 
 if __name__ == "__main__":

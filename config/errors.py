@@ -54,6 +54,10 @@ class LockedError(RidDaqError):
     """Another session holds the cell."""
 
 
+class ServiceError(RidDaqError):
+    """A service refused what was asked of it, or cannot be reached."""
+
+
 class RecordingError(RidDaqError):
     """A recording or run folder cannot be written or read."""
 

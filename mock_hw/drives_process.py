@@ -196,7 +196,8 @@ def _served(
         return
     if settings.plate.path.is_symlink():
         settings.plate.path.unlink()  # of drives that were killed: this hub's name is ours alone
-    port = AmplifierPort(settings.plate, realtime=not client.lockstep, now_s=rack.time_s)
+    with signals_deferred():  # as in `_rack_on_bus`
+        port = AmplifierPort(settings.plate, realtime=not client.lockstep, now_s=rack.time_s)
     service = PlateService(port, rack, client)
     try:
         service.keep_up()

@@ -11,7 +11,8 @@ import importlib
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from types import FrameType
 from typing import Annotated, Any, NoReturn
 
@@ -52,6 +53,7 @@ COMMANDS: dict[str, str] = {
     "stream": "follow a path more closely, live: from a file or from another program",
     "tracking": "how far the robot was from where it should have been",
     "export": "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV, Parquet, MAT, MDF4",
+    "serve": "cells as a service: jobs, runs and a workbench in the browser",
     "report": "write a run's report again from its results",
     "compare": "two estimates, or the runs behind them, side by side",
     "recover": "what is readable of an unfinished, torn or damaged recording",
@@ -140,23 +142,54 @@ def run(arguments: Sequence[str]) -> int:
         The words after the program's name.
     """
     written = documents_written()
+    command = typer.main.get_command(root)
+    ending = ending_of(lambda: command(args=list(arguments), prog_name="rid-daq"))
+    if ending.said:
+        typer.echo(f"rid-daq: {printable(ending.message)}", err=True)
+    if ending.code and "--json" in arguments and documents_written() == written:
+        problem = {"kind": ending.kind, "message": ending.message, "exit_code": ending.code}
+        Console(as_json=True).document({"error": problem})
+    return ending.code
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a command ended.
+
+    Attributes
+    ----------
+    code : int
+        Its exit code.
+    kind, message : str
+        What ended it, and why; empty where nothing did.
+    said : bool
+        Whether a person is told so here; else the command has said it.
+    """
+
+    code: int
+    kind: str = ""
+    message: str = ""
+    said: bool = False
+
+
+def ending_of(command: Callable[[], object]) -> Ending:
+    """Do what a command does, and return how it ended; mistakes of ours are raised."""
     try:
-        typer.main.get_command(root)(args=list(arguments), prog_name="rid-daq")
+        command()
+    except typer.Exit as end:
+        return Ending(end.exit_code, *_ending(end.exit_code))
     except Exception as caught:
         error = _typed(caught)
-        code, kind, message = int(exit_code_of(error)), type(error).__name__, str(error)
-        typer.echo(f"rid-daq: {printable(message)}", err=True)
+        return Ending(int(exit_code_of(error)), type(error).__name__, str(error), said=True)
     except SystemExit as end:
-        code = end.code if isinstance(end.code, int) else ExitCode.DONE
-        kind, message = _ENDINGS.get(code, ("Failure", "the exit code says what"))
-        if isinstance(end, _Interrupted):
-            typer.echo(f"rid-daq: {message}", err=True)
-    else:
-        return ExitCode.DONE
-    if code and "--json" in arguments and documents_written() == written:
-        problem = {"kind": kind, "message": message, "exit_code": code}
-        Console(as_json=True).document({"error": problem})
-    return code
+        code = end.code if isinstance(end.code, int) else int(ExitCode.DONE)
+        return Ending(code, *_ending(code), said=isinstance(end, _Interrupted))
+    return Ending(ExitCode.DONE)
+
+
+def _ending(code: int) -> tuple[str, str]:
+    """Return kind and message of an ending that the command itself has told, by its exit code."""
+    return _ENDINGS.get(code, ("Failure", "the exit code says what")) if code else ("", "")
 
 
 _ENDINGS: dict[int, tuple[str, str]] = {
@@ -188,11 +221,18 @@ def _end_once(number: int, _frame: FrameType | None) -> NoReturn:
     raise _Interrupted(ExitCode.INTERRUPTED if number == signal.SIGINT else ExitCode.TERMINATED)
 
 
-def main() -> None:
-    """Run the program on the process's own arguments: the `rid-daq` script."""
-    # Leaving by an exception closes every `with`: drives disabled, files closed, children joined.
+def end_by_signals() -> None:
+    """Let signals end this program by an exception.
+
+    Leaving so closes every `with`: drives disabled, files closed, children joined.
+    """
     for number in ending_signals():
         signal.signal(number, _end_once)
+
+
+def main() -> None:
+    """Run the program on the process's own arguments: the `rid-daq` script."""
+    end_by_signals()
     sys.exit(_written_out(run(sys.argv[1:])))
 
 

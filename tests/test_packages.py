@@ -59,11 +59,21 @@ def test_an_init_file_holds_one_docstring_and_nothing_else() -> None:
 )
 def test_a_process_of_a_cell_starts_without_what_it_does_not_use(module: str) -> None:
     heavy = ("pandas", "asammdf", "scipy.sparse", "scipy.optimize", "matplotlib", "typer")
+    assert loaded_by(module, heavy) == "set()"
+
+
+@pytest.mark.parametrize("command", ["check", "design", "identify", "init", "record", "validate"])
+def test_a_command_starts_without_what_takes_a_second_to_import(command: str) -> None:
+    assert loaded_by(f"rid_daq.commands.{command}", ("scipy.stats", "scipy.signal")) == "set()"
+
+
+def loaded_by(module: str, heavy: tuple[str, ...]) -> str:
+    """Return which of the heavy modules are there once a module is imported, as a set's text."""
     program = f"import sys, {module}; print({{*{heavy}}} & set(sys.modules))"
     shown = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True
     )
-    assert shown.stdout == "set()\n"
+    return shown.stdout.strip()
 
 
 WIDEST = 8

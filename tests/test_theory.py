@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -19,14 +20,18 @@ PAPER = re.compile(r"([A-Z][a-zé]+)(?:, [A-Z][a-z]+)*(?: and [A-Z]?[a-z]+)?,? \
 """First author and year of a paper, however many authors are named between them."""
 
 
-def docstrings() -> Iterator[tuple[str, str]]:
-    """Yield where it stands, and every docstring of the packages on one line."""
+@cache
+def docstrings() -> list[tuple[str, str]]:
+    """Return where it stands, and every docstring of the packages on one line."""
+    found = []
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text())):
                 match node:
                     case ast.Expr(ast.Constant(str(text))):
-                        yield f"{path.relative_to(ROOT)}:{node.lineno}", " ".join(text.split())
+                        place = f"{path.relative_to(ROOT)}:{node.lineno}"
+                        found.append((place, " ".join(text.split())))
+    return found
 
 
 def test_every_section_that_is_cited_is_there() -> None:

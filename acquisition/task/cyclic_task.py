@@ -44,7 +44,8 @@ RING_LIMIT = 0.8
 _TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
     StopCode.STOP_COMMAND: "stopped by `rid-daq stop`",
-    StopCode.STOP_BUTTON: "stopped by the live page's stop button",
+    StopCode.STOP_BUTTON: "stopped by the page's stop button",
+    StopCode.CLIENT_LOST: "stopped because its client is out of reach",
     StopCode.RECORDER: "the recorder process has died; what it had written is kept",
     StopCode.PLATE_LINE: "the force plate's rows have ended",
     StopCode.PLATE_OVERLOAD: "the force plate was overloaded in more periods than can be left out",

@@ -63,7 +63,7 @@ def run_cyclic_task(
     try:
         _await_recorder(control, orphaned)
         source.prepare()
-        with open_cell(cell, robot, WriteLog(drive_writes)) as opened:
+        with open_cell(cell, robot, WriteLog(drive_writes, durable=not cell.simulated)) as opened:
             lockstep = not isinstance(opened.clock, MonotonicClock)
             opened.axes.bring_up()
             prove_watches(opened.axes, opened.clock, cell)

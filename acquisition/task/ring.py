@@ -2,20 +2,25 @@
 
 One process writes and one reads. Each counter has one writer and is stored with one aligned 64-bit
 store after the bytes that it announces, so no lock is needed (on x86-64, whose stores stay in
-order). The memory is anonymous: it has no name that could outlive a killed process.
+order). The memory has no name that could outlive a killed process; another program of the
+same user finds it all the same, as it finds the control block, and looks at the latest rows without
+taking any.
 """
 
 from __future__ import annotations
 
+import contextlib
+import time
 from collections.abc import Callable
-from multiprocessing import get_context
 from typing import Any
 
-from acquisition.journal.cycle_row import row_struct
+from acquisition.journal.cycle_row import MAX_JOINTS, row_struct
+from acquisition.task.shared_memory import SharedMemory
 from config.errors import RecordingError
 
-_WRITTEN, _READ = 0, 8  # 64-bit words, each in a cache line of its own
-_HEADER_BYTES = 128
+_LABEL = "rid-daq-ring-1"  # counted up where the layout changes, that of a row included
+_WRITTEN, _READ, _JOINTS, _CAPACITY, _MADE_NS = 0, 8, 16, 17, 18  # 64-bit words: three cache lines
+_HEADER_BYTES = 192
 
 
 class Ring:
@@ -23,22 +28,27 @@ class Ring:
 
     Parameters
     ----------
-    memory : ctypes array
-        Shared memory of `_HEADER_BYTES` and `capacity` rows.
-    joints : int
-        Joints in a row.
-    capacity : int
-        Rows that fit.
+    memory : SharedMemory
+        A header that says the joints of a row and how many rows there are, and the rows.
+
+    Raises
+    ------
+    RecordingError
+        The memory's size is not what its header says.
     """
 
-    def __init__(self, memory: Any, joints: int, capacity: int) -> None:
+    def __init__(self, memory: SharedMemory) -> None:
         self._memory = memory
-        self.joints = joints
-        self.capacity = capacity
-        layout = row_struct(joints)
-        self.row_size = layout.size
-        view = memoryview(memory).cast("B")
+        view = memoryview(memory.buffer)
         self._counters = view[:_HEADER_BYTES].cast("q")
+        self.joints = self._counters[_JOINTS]
+        self.capacity = self._counters[_CAPACITY]
+        if not 1 <= self.joints <= MAX_JOINTS:
+            raise RecordingError(f"ring: {self.joints} joints; give 1 to {MAX_JOINTS}")
+        layout = row_struct(self.joints)
+        self.row_size = layout.size
+        if self.capacity < 1 or len(view) != _HEADER_BYTES + self.capacity * self.row_size:
+            raise RecordingError(f"ring: {len(view)} bytes for {self.capacity} rows")
         self._rows = view[_HEADER_BYTES:]
         self._pack_into = layout.pack_into
 
@@ -48,10 +58,33 @@ class Ring:
         if capacity < 1:
             raise RecordingError(f"ring: capacity {capacity} rows; give 1 or more")
         size = _HEADER_BYTES + capacity * row_struct(joints).size
-        return cls(get_context("spawn").RawArray("B", size), joints, capacity)
+        memory = SharedMemory.create(_LABEL, size)
+        header = memoryview(memory.buffer)[:_HEADER_BYTES].cast("q")
+        header[_JOINTS], header[_CAPACITY] = joints, capacity
+        header[_MADE_NS] = time.monotonic_ns()
+        return cls(memory)
 
-    def __reduce__(self) -> tuple[Callable[..., Ring], tuple[Any, int, int]]:
-        return Ring, (self._memory, self.joints, self.capacity)
+    @classmethod
+    def of_process(cls, pid: int) -> Ring | None:
+        """Return the newest ring that another process has, to be looked at only; None without one.
+
+        It is there until that process gives it up, and shows its last rows as long as it is held
+        here. Only `latest` and the counters are for such a ring: it cannot be written to or read
+        from.
+
+        Raises
+        ------
+        PermissionError
+            The process is not this user's.
+        """
+        rings = []
+        for memory in SharedMemory.of_process(pid, _LABEL, writable=False):
+            with contextlib.suppress(RecordingError):  # it is being made just now
+                rings.append(cls(memory))
+        return max(rings, key=lambda ring: ring._counters[_MADE_NS], default=None)
+
+    def __reduce__(self) -> tuple[Callable[..., Ring], tuple[SharedMemory]]:
+        return Ring, (self._memory,)
 
     @property
     def written(self) -> int:

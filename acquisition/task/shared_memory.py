@@ -22,26 +22,58 @@ class SharedMemory:
     ----------
     descriptor : int
         Of a memory file; it is closed with this object.
+    writable : bool
+        Whether its bytes may be changed through this object.
     """
 
-    def __init__(self, descriptor: int) -> None:
+    def __init__(self, descriptor: int, writable: bool = True) -> None:
         self._descriptor = descriptor
         weakref.finalize(self, os.close, descriptor)
-        self.buffer = mmap.mmap(descriptor, os.fstat(descriptor).st_size)
+        self.buffer = mmap.mmap(
+            descriptor,
+            os.fstat(descriptor).st_size,
+            flags=mmap.MAP_SHARED | mmap.MAP_POPULATE,
+            prot=mmap.PROT_READ | (mmap.PROT_WRITE if writable else 0),
+        )
 
     @classmethod
     def create(cls, label: str, size: int) -> SharedMemory:
-        """Return fresh memory of `size` bytes; `label` says to other programs what it is."""
+        """Return fresh memory of `size` bytes; `label` says to other programs what it is.
+
+        All of it is there at once, so that no page is waited for when it is first written to.
+
+        Raises
+        ------
+        OSError
+            There is not so much memory.
+        """
         descriptor = os.memfd_create(label, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
-        os.ftruncate(descriptor, size)
+        try:
+            os.posix_fallocate(descriptor, 0, size)
+        except OSError:
+            os.close(descriptor)
+            raise
         fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW)
         return cls(descriptor)
 
     @classmethod
-    def of_process(cls, pid: int, label: str, size: int) -> Iterator[SharedMemory]:
-        """Yield what another process has of this label and size, the newest first.
+    def of_process(
+        cls, pid: int, label: str, size: int | None = None, writable: bool = True
+    ) -> Iterator[SharedMemory]:
+        """Yield what another process has of this label, the last descriptor first.
 
         Memory that its owner could still shrink is left out: who reads beyond its end is killed.
+
+        Parameters
+        ----------
+        pid : int
+            The process.
+        label : str
+            As at `create`.
+        size : int or None
+            What has another size is left out; None for any.
+        writable : bool
+            Whether its bytes are to be changed.
 
         Raises
         ------
@@ -58,15 +90,17 @@ class SharedMemory:
             try:
                 if os.readlink(f"{folder}/{number}") != f"/memfd:{label} (deleted)":
                     continue
-                descriptor = os.open(f"{folder}/{number}", os.O_RDWR | os.O_CLOEXEC)
+                mode = os.O_RDWR if writable else os.O_RDONLY
+                descriptor = os.open(f"{folder}/{number}", mode | os.O_CLOEXEC)
             except (FileNotFoundError, ProcessLookupError):
                 continue
             status = os.fstat(descriptor)
-            if status.st_ino in seen or status.st_size != size or not _keeps_size(descriptor):
+            fits = size in (None, status.st_size) and status.st_size > 0
+            if status.st_ino in seen or not fits or not _keeps_size(descriptor):
                 os.close(descriptor)
                 continue
             seen.add(status.st_ino)
-            yield cls(descriptor)
+            yield cls(descriptor, writable)
 
     def __reduce__(self) -> tuple[Callable[..., SharedMemory], tuple[Any]]:
         return _received, (reduction.DupFd(self._descriptor),)

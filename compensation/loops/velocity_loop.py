@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from compensation.loops.frequency_response import FrequencyResponse
 from config.arrays import FloatArray, freeze
@@ -222,7 +222,7 @@ def whiteness(misfit: NDArray[np.complex128]) -> float:
     for lag in range(1, lags + 1):
         alike = float(abs(np.vdot(misfit[:-lag], misfit[lag:]))) / (lines * power)
         statistic += 2.0 * lines * (lines + 1.0) / (lines - lag) * alike**2
-    return float(chi2.sf(statistic, 2 * lags))
+    return float(chdtrc(2 * lags, statistic))
 
 
 def _chance_of_cost(measured: FrequencyResponse, cost: float, parameters: int) -> float:
@@ -233,13 +233,13 @@ def _chance_of_cost(measured: FrequencyResponse, cost: float, parameters: int) -
     """
     lines, own = len(measured.frequency_hz), measured.noise_freedom
     if own <= 2:
-        return float(chi2.sf(2.0 * cost, 2 * lines - parameters))
+        return float(chdtrc(2 * lines - parameters, 2.0 * cost))
     # Of |misfit|^2 / variance with `own` complex degrees of freedom in the variance.
     mean = own / (own - 1.0)
     variance = own**3 / ((own - 1.0) ** 2 * (own - 2.0))
     left = lines - 0.5 * parameters
     scale = variance / mean
-    return float(chi2.sf(2.0 * cost / scale, 2.0 * left * mean / scale))
+    return float(chdtrc(2.0 * left * mean / scale, 2.0 * cost / scale))
 
 
 def _choices() -> list[tuple[Extra, ...]]:

@@ -19,6 +19,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+import numpy as np
+
 from compensation.online.path_kernels import (
     NODE,
     SPEED,
@@ -106,7 +108,8 @@ def next_set_point(
         Whether the motion is over, and `out` its last set-point.
     """
     n, places = out.shape[1], line.shape[0]
-    take_points(counters, rows, model, axes, nodes, counts, pace, step_s, POINTS_A_CYCLE)
+    most = int(np.int64(POINTS_A_CYCLE))  # as a literal it would be compiled for by itself
+    take_points(counters, rows, model, axes, nodes, counts, pace, step_s, most)
     known = advance(axes, nodes, counts, profiles, pace, step_s, head)
     h = counts[HEAD]
     if counts[RESTED] < 0 and counts[STATE] >= STOPPED:

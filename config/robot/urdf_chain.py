@@ -125,12 +125,15 @@ def arms_of(tree: UrdfTree, base: str | None) -> list[UrdfArm]:
                 and (len(moving) > 1 or any(_FINGER.search(joint.name) for joint in moving))
                 and _depth(tree, link) < len(chain)
             )
-            driven = [joint for joint in moving if joint.is_driven]
-            if chain and (is_gripper or not driven):
+            onwards = [joint for joint in moving if joint.is_driven or _drives_behind(tree, joint)]
+            if chain and (is_gripper or not onwards):
                 gripper = link if is_gripper else None
                 arms[link] = UrdfArm(root, link, chain, gripper)
             else:
-                waiting += [(joint.child, (*chain, joint)) for joint in driven]
+                waiting += [
+                    (joint.child, (*chain, joint) if joint.is_driven else chain)
+                    for joint in onwards
+                ]
     return sorted(arms.values(), key=lambda arm: -len(arm.joints))
 
 
@@ -148,6 +151,12 @@ def _moving_on(tree: UrdfTree, link: str) -> list[UrdfJoint]:
             else:
                 waiting.append(joint.child)
     return moving
+
+
+def _drives_behind(tree: UrdfTree, joint: UrdfJoint) -> bool:
+    """Return whether a driven joint hangs behind a joint."""
+    behind = tree.joints_below.get(joint.child, ())
+    return any(each.is_driven or _drives_behind(tree, each) for each in behind)
 
 
 def _depth(tree: UrdfTree, link: str) -> int:

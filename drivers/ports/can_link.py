@@ -9,7 +9,7 @@ from config.cell.cell import CanBusConfig
 from config.errors import TransportError
 from drivers.canopen.frames import Frame
 from drivers.ports.can_ports import Arrival, FramePort, PythonCanPort
-from drivers.ports.clock import Clock, MonotonicClock, SimulatedClock
+from drivers.ports.clock import Clock, MonotonicClock
 from drivers.ports.python_can import can, not_opened, open_bus
 from drivers.ports.socketcan_port import SocketCanPort
 
@@ -157,6 +157,24 @@ class CanLink:
     def __exit__(self, *_: object) -> None:
         """Close the bus."""
         self.close()
+
+
+class SimulatedClock:
+    """A simulated bus's clock, with typed errors."""
+
+    def __init__(self, clock: Clock, bus_name: str) -> None:
+        self._clock = clock
+        self._bus_name = bus_name
+        self.now_s = clock.now_s
+
+    def sleep_until(self, time_s: float) -> None:
+        """Let simulated time run; raises `TransportError` when the simulation is gone."""
+        try:
+            self._clock.sleep_until(time_s)
+        except (can.CanError, OSError) as error:
+            raise TransportError(
+                f"CAN bus {self._bus_name}: the simulated time stopped ({error})"
+            ) from error
 
 
 def open_can(config: CanBusConfig, *, watch_errors: bool = True) -> CanLink:

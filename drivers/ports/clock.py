@@ -7,9 +7,6 @@ from abc import abstractmethod
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from config.errors import TransportError
-from drivers.ports.python_can import can
-
 EARLY: Final = 0.1
 """The share of wake-ups that `MonotonicClock` lets come early, to be waited out."""
 
@@ -72,21 +69,3 @@ class MonotonicClock:
         """Follow the time that waking up takes at least, but for the share `EARLY`."""
         step_s = (EARLY - early) * STEP_S
         self._waking_s = min(max(self._waking_s + step_s, 0.0), MOST_WAKING_S)
-
-
-class SimulatedClock:
-    """A simulated bus's clock, with typed errors."""
-
-    def __init__(self, clock: Clock, bus_name: str) -> None:
-        self._clock = clock
-        self._bus_name = bus_name
-        self.now_s = clock.now_s
-
-    def sleep_until(self, time_s: float) -> None:
-        """Let simulated time run; raises `TransportError` when the simulation is gone."""
-        try:
-            self._clock.sleep_until(time_s)
-        except (can.CanError, OSError) as error:
-            raise TransportError(
-                f"CAN bus {self._bus_name}: the simulated time stopped ({error})"
-            ) from error

@@ -1,7 +1,8 @@
 """`WriteLog`: what a program writes to drives, and what was there before, line by line.
 
-A line reaches the operating system before its write reaches the drive, so that it outlives the
-program. Lines are JSON: first which drive a node is, then every object that changes.
+A line is on the disk before its write reaches the drive, so that it outlives the program and the
+computer's power. Lines are JSON: first which drive a node is, then every object that changes. What
+commands a drive and is no setting (6040h) is not kept: there is nothing to put back.
 """
 
 from __future__ import annotations
@@ -66,10 +67,14 @@ class WriteLog:
     ----------
     path : Path
         The file; its folder is made too.
+    durable : bool
+        Whether each line is on the disk before its write; simulated drives do not outlive a
+        computer without power, and need not wait for it.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, durable: bool = True) -> None:
         self.path = path
+        self._sync = os.O_DSYNC if durable else 0
         self._nodes: set[int] = set()
 
     def knows(self, node_id: int) -> bool:
@@ -110,7 +115,8 @@ class WriteLog:
 
     def _append(self, line: DriveLine | ChangeLine) -> None:
         text = line.model_dump_json().encode() + b"\n"
-        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC | self._sync
+        first = not self._nodes
         with system_errors(RecordingError, f"{self.path}: what is written to drives is not kept"):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(self.path, flags, 0o644)
@@ -118,10 +124,21 @@ class WriteLog:
                 written = os.write(descriptor, text)
             finally:
                 os.close(descriptor)
+            if first and self._sync:
+                _sync_folder(self.path.parent)
         if written != len(text):
             raise RecordingError(
                 f"{self.path}: what is written to drives is not kept: the disk is full"
             )
+
+
+def _sync_folder(folder: Path) -> None:
+    """Have a new file's name on the disk."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def read_write_log(path: Path) -> tuple[SavedDrive, ...]:

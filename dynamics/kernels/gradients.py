@@ -42,6 +42,13 @@ from dynamics.kernels.vectors import (
 )
 
 
+def weights_of(values: FloatArray) -> FloatArray:
+    """Return a view that cannot be written to: for one that can, numba compiles once more."""
+    weights = values.view()
+    weights.setflags(write=False)
+    return weights
+
+
 @kernel
 def pull_back(
     chain: ChainArrays,

@@ -45,6 +45,8 @@ class RobotModel:
         What the gears take of the torque that they transmit.
     coupling : WristCoupling or None
         C of q = C alpha, where the actuators move several joints (5.18).
+    speed_limits : tuple of float
+        The joints' speed limits [rad/s or m/s]; empty where none are known.
     """
 
     joint_names: tuple[str, ...]
@@ -52,6 +54,7 @@ class RobotModel:
     terms: tuple[Term, ...]
     transmission: Transmission = field(default_factory=Transmission)
     coupling: WristCoupling | None = None
+    speed_limits: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.joint_names) != self.chain.n:
@@ -105,6 +108,7 @@ class RobotModel:
             tuple(terms),
             Transmission.from_description(robot, friction=friction),
             WristCoupling.of_robot(robot),
+            tuple(joint.limits.velocity for joint in robot.joints),
         )
 
     @cached_property

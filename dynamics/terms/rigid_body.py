@@ -10,8 +10,8 @@ import numpy as np
 from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.geometry.kinematics import Chain
-from dynamics.kernels.gradients import pull_back
-from dynamics.kernels.rigid_body import fill_rigid_body
+from dynamics.kernels.gradients import pull_back, weights_of
+from dynamics.kernels.rigid_body import RotorArrays, fill_rigid_body
 from dynamics.kernels.threads import share_out
 from dynamics.terms.motion import Motion
 
@@ -19,6 +19,9 @@ PARAMETERS_PER_LINK: Final = 10
 SYMBOLS: Final = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 UNITS: Final = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
 _NO_INDEX: Final[IntArray] = np.empty(0, dtype=np.int64)
+_NO_ROTORS: Final = (_NO_INDEX, _NO_INDEX, np.empty((0, 3)), np.empty(0))
+for _none in _NO_ROTORS:
+    _none.setflags(write=False)  # as those of `Rotors` are: one kernel for both
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +118,8 @@ def links_gradient(
         Derivatives of each sum by q, v and a.
     """
     out = np.zeros((len(weights), *motion.joint.shape))
-    no_rotors = (_NO_INDEX, _NO_INDEX, np.empty((0, 3)), np.empty(0), np.eye(chain.n))
-    weights = motion.to_joints(weights)
+    no_rotors: RotorArrays = (*_NO_ROTORS, np.eye(chain.n))
+    weights = weights_of(motion.to_joints(weights))
     unweighted = np.broadcast_to(0.0, (*weights.shape[:3], 1))
 
     def pull(first: int, last: int) -> None:

@@ -10,7 +10,7 @@ from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
-from dynamics.kernels.gradients import pull_back
+from dynamics.kernels.gradients import pull_back, weights_of
 from dynamics.kernels.rigid_body import RotorArrays, fill_rotors
 from dynamics.kernels.threads import share_out
 from dynamics.terms.motion import Motion
@@ -99,7 +99,7 @@ class Rotors:
         """Return how sums of weights * columns change with the motion; see `Term`."""
         by_joint = np.zeros((len(weights), *motion.joint.shape))
         by_actuator = np.zeros_like(by_joint)
-        weights = motion.to_joints(weights)
+        weights = weights_of(motion.to_joints(weights))
         unweighted = np.broadcast_to(0.0, (*weights.shape[:3], 1))
         rotors = self._arrays(motion)
 

@@ -17,6 +17,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from dynamics.model.inverse_dynamics import torque_derivatives
+from dynamics.model.standstill import standstill as standstill_of
 from dynamics.terms.conditions import Conditions
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate
@@ -137,7 +138,7 @@ class _Simulation:
             ]
         )
         # Near standstill friction is as steep as one likes: what counts is its slope outside.
-        standstill = self.estimate.standstill_rad_s
+        standstill = standstill_of(model, self.estimate.standstill_rad_s)
         lively = np.copysign(np.maximum(np.abs(v), standstill), v)
         motion = (q[np.newaxis], lively[np.newaxis], a[np.newaxis])
         standard = self.estimate.base.to_standard(beta)

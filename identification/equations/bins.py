@@ -20,6 +20,7 @@ from config.arrays import BoolArray, FloatArray
 from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel
+from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
 from identification.equations.base_wrench import (
     BaseWrenchEquations,
@@ -158,7 +159,7 @@ def bin_equations(
     torque = to_bins(average.torque_nm, harmonics) / response[:, np.newaxis]
     gain = np.abs(response)[:, np.newaxis]
     sigma = np.sqrt(_smooth_variance(average.torque_bin_variance, average.periods_kept))
-    slow = np.abs(model.actuator_speed(v)) < standstill_rad_s
+    slow = ~moving(model, v, standstill_rad_s)
     return BinEquations(
         harmonics=harmonics,
         period_s=period_s,

@@ -11,6 +11,7 @@ from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel
+from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
 from identification.model.base_parameters import BaseParameters
 from identification.model.torque_columns import torque_columns
@@ -102,7 +103,7 @@ def time_blocks(
             yield TimeBlock(
                 columns=torque_columns(model, base, motion, run.conditions.part(rows), standard),
                 rhs=signals.torque_nm[rows],
-                use=np.abs(model.actuator_speed(motion[1])) >= standstill_rad_s,
+                use=moving(model, motion[1], standstill_rad_s),
                 event=event[rows],
             )
 

@@ -18,6 +18,7 @@ from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray, IntArray
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
+from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
 from identification.equations.time_domain import EVENT_S
 from identification.estimation.fitted_signals import fit_smoothed
@@ -137,7 +138,7 @@ class CondensedRecordings:
         total_s = sum(len(part) * part.sample_period_s for part in parts)
         length_s = max(EVENT_S, total_s / MOST_STRETCHES)
         for number, part in enumerate(parts):
-            moving = np.abs(columns.rich.actuator_speed(part.velocity)) >= options.standstill_rad_s
+            moving = moves(columns.rich, part.velocity, options.standstill_rad_s)
             for rows in _stretches(part, length_s):
                 motion = (part.position[rows], part.velocity[rows], part.acceleration[rows])
                 conditions = Conditions(temperature_k=part.temperature_k).part(rows)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import ClassVar, Final, Literal
+
+from pydantic import ConfigDict
 
 from config.arrays import FloatArray
 from identification.model.options import ModelOptions
@@ -34,8 +36,10 @@ class EstimationOptions:
         Highest frequency used [Hz]; of smoothed recordings their cut-off counts instead.
     standstill_rad_s : float
         Below this speed a joint's friction is left free, or its equation out; 0 trusts sign(v)
-        everywhere [rad/s or m/s].
+        everywhere [rad/s or m/s]. Of a slow joint a tenth of its speed limit, if that is less.
     """
+
+    __pydantic_config__: ClassVar = ConfigDict(arbitrary_types_allowed=True)
 
     model: ModelOptions = field(default_factory=ModelOptions)
     weighting: Weighting = "ml"

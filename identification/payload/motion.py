@@ -23,6 +23,7 @@ from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 from dynamics.model.cad import cad_parameters
+from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.design.two_harmonic import TwoHarmonicOptions, two_harmonic_draws
@@ -202,7 +203,7 @@ class PayloadSearch:
         limits = np.array([joint.limits.torque for joint in self.robot.joints])
         columns = torque_columns(model.model, model.base, motion, self.conditions)
         heat = self._heat(columns / limits[:, np.newaxis])
-        moving = np.abs(model.model.actuator_speed(motion[1])) > SLOW_RAD_S
+        moving = moves(model.model, motion[1], SLOW_RAD_S)
         columns = columns * (moving / limits)[:, :, np.newaxis]
         rows = columns.reshape(-1, columns.shape[2])
         friction = rows[:, model.friction]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from config.arrays import FloatArray
 from config.errors import EstimationError
@@ -57,7 +57,7 @@ class EstimateDifference:
     @property
     def limit_sigmas(self) -> float:
         """The largest difference that noise explains."""
-        return float(norm.isf(CHANCE / (2.0 * len(self.names))))
+        return float(-ndtri(CHANCE / (2.0 * len(self.names))))
 
     @property
     def worst(self) -> int:

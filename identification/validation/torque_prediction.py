@@ -10,6 +10,7 @@ from acquisition.processing.smoothing import low_pass, smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
+from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
 from identification.equations.deconvolution import without_torque_filter
 from identification.estimation.estimate import Estimate, predict
@@ -158,7 +159,7 @@ def validate(
     for number in np.unique(signals.segment):
         rows = signals.segment == number
         predicted[rows] = low_pass(predicted[rows], signals.sample_period_s, cutoff_hz)
-    moving = np.abs(estimate.model.actuator_speed(signals.velocity)) >= standstill_rad_s
+    moving = moves(estimate.model, signals.velocity, standstill_rad_s)
     if not moving.any():
         raise DataQualityError(
             f"no joint of the recording moves at {standstill_rad_s:g} rad/s or more: nothing to"

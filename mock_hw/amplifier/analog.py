@@ -129,6 +129,7 @@ class ChargeAmplifier:
         self._overloaded = 0
         self.settings = AmplifierSettings()
         self._set_filter()
+        self.convert(now_s)  # of no time: the filter is compiled before anybody waits for an answer
 
     @property
     def converting(self) -> bool:

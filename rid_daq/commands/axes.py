@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from rid_daq.commissioning.axis_test_job import AxesTested, AxisTestRequest, check_axes
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared
@@ -32,6 +34,7 @@ def axes(
     seed: Seed = 0,
     cleared: Cleared = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Test direction, encoder and gear of every axis before the first motion.
@@ -42,7 +45,6 @@ def axes(
     are signed beside the cell file; on a real cell every other motion wants that, until the cell
     or the robot file changes.
     """
-    console = Console(as_json)
     request = AxisTestRequest(
         cell=cell,
         runs=runs,
@@ -51,6 +53,11 @@ def axes(
         simulation=Simulation(realtime=realtime, seed=seed),
         cleared=cleared,
     )
+    here_or_there(service, JobKind.AXES, request, Console(as_json), perform)
+
+
+def perform(request: AxisTestRequest, console: Console) -> None:
+    """Test the axes, and say what they do; exit codes as the command has them."""
     tested = check_axes(request, console)
     console.document(_document(tested))
     if tested.stopped is not None:
@@ -59,11 +66,11 @@ def axes(
         raise typer.Exit(tested.stopped.exit_code or ExitCode.VERDICT_FAILED)
     if not tested.passed:
         console.verdict(False, "Not every axis does what the files say: change the lines above.")
-        console.next_step("axes", cell)
+        console.next_step("axes", request.cell)
         raise typer.Exit(ExitCode.VERDICT_FAILED)
     signed = "" if tested.signed is None else f" Signed in {tested.signed}."
     console.verdict(True, f"Every axis that was tested does what the files say.{signed}")
-    console.next_step("check", cell)
+    console.next_step("check", request.cell)
 
 
 def _document(tested: AxesTested) -> dict[str, object]:

@@ -10,7 +10,9 @@ import typer
 from config.errors import PreflightError, RidDaqError
 from config.load import load_cell
 from rid_daq.preflight.bus_check import CheckLine
-from rid_daq.preflight.preflight import preflight
+from rid_daq.preflight.preflight import CheckRequest, preflight
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.cells import CellName, mountable_cell
 from rid_daq.session.drive_writes import new_write_log
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
@@ -25,6 +27,7 @@ def check(
     ] = 5.0,
     cleared: Cleared = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Check a cell before motion: nothing moves.
@@ -39,13 +42,26 @@ def check(
     nothing is written to a drive that is another than its EDS says. Exit code 3 where a line is
     red.
     """
-    console = Console(as_json)
-    loaded = load_cell(cell)
+    request = CheckRequest(cell, runs, seconds, cleared)
+    here_or_there(service, JobKind.CHECK, request, Console(as_json), perform)
+
+
+def perform(request: CheckRequest, console: Console) -> None:
+    """Check a cell, and say every line.
+
+    Raises
+    ------
+    RidDaqError
+        The cell is not ready.
+    """
+    loaded = load_cell(request.cell)
     if loaded.config.drive_safety.trip_watchdog_with_power:
-        require_cleared(loaded.config, cleared)
+        require_cleared(loaded.config, request.cleared, console)
     with mountable_cell(loaded, any_eds=True) as (reachable, simulated):
-        write_log = new_write_log(runs) if simulated is None else None  # these drives outlive it
-        lines, problem = preflight(loaded, reachable, runs, seconds, write_log)
+        write_log = (
+            new_write_log(request.runs) if simulated is None else None
+        )  # these drives outlive it
+        lines, problem = preflight(loaded, reachable, request.runs, request.seconds, write_log)
     red = [line for line in lines if line.verdict == "red"]
     passed = not red and problem is None
     console.document(
@@ -61,7 +77,7 @@ def check(
     for line in red:
         console.say(f"RED {line.where}, {line.what}: {line.next_action}")
     if write_log is not None and write_log.path.exists():
-        undo = as_command("drives", "rollback", cell, write_log.path)
+        undo = as_command("drives", "rollback", request.cell, write_log.path)
         console.say(f"To undo what was written to the drives: {undo}")
     if passed:
         console.verdict(True, f"Cell {loaded.config.name} is ready. Nothing was moved.")

@@ -13,6 +13,8 @@ from rid_daq.report.formats import number
 from rid_daq.report.sections.section import finite
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.runs.run_data import Unfinished
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -32,6 +34,7 @@ def compare(
     ] = None,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare two estimates of one robot: parameters with intervals, and predicted torques.
@@ -39,8 +42,12 @@ def compare(
     Differences are told in standard deviations. Exit code 1 where one is larger than noise
     explains: the robot, its load or its surroundings have changed, or a model lacks something.
     """
-    console = Console(as_json)
     request = CompareRequest(first, second, runs, on, unfinished)
+    here_or_there(service, JobKind.COMPARE, request, Console(as_json), perform)
+
+
+def perform(request: CompareRequest, console: Console) -> None:
+    """Compare, and say what differs; exit codes as the command has them."""
     compared = compare_models(request, console)
     _print(console, compared, _verdict(compared.difference))
     if not compared.difference.agree:

@@ -10,6 +10,8 @@ import typer
 from compensation.feedforward.file import TuningEntry
 from rid_daq.jobs.feedforward_job import CompensateRequest, compensate_motion
 from rid_daq.runs.run_data import Unfinished
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.cells import CellName
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
@@ -34,6 +36,7 @@ def compensate(
     overwrite: Overwrite = False,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Compute the speeds that make the drives produce the torques that the motion takes.
@@ -42,17 +45,21 @@ def compensate(
     model, loops and transport delay get wrong together; it is averaged over its periods. Nothing
     moves. `rid-daq record CELL MOTION --feedforward FEEDFORWARD` runs the motion with it.
     """
-    console = Console(as_json)
     request = CompensateRequest(
         cell, motion, model, loop, output, runs, reference, overwrite, unfinished
     )
+    here_or_there(service, JobKind.COMPENSATE, request, Console(as_json), perform)
+
+
+def perform(request: CompensateRequest, console: Console) -> None:
+    """Make the feedforward, and say how large it is."""
     made = compensate_motion(request)
     for note in made.notes:
         console.say(f"note: {note}")
     tuning = made.tuning
     console.document(
         {
-            "feedforward": str(output),
+            "feedforward": str(request.output),
             "rows": made.rows,
             "largest_correction": made.largest,
             "tuning": None if tuning is None else tuning.model_dump(mode="json"),
@@ -63,7 +70,7 @@ def compensate(
         _print_tuning(console, tuning, tuple(made.largest))
     changes = ", ".join(f"{name} {value:.3g}" for name, value in made.largest.items())
     console.say(f"Largest correction of the speed [rad/s or m/s]: {changes}.")
-    console.next_step("record", cell, motion, "--feedforward", output)
+    console.next_step("record", request.cell, request.motion, "--feedforward", request.output)
 
 
 def _print_tuning(console: Console, tuning: TuningEntry, names: tuple[str, ...]) -> None:

@@ -21,6 +21,8 @@ from identification.design.two_harmonic import TwoHarmonicOptions
 from rid_daq.jobs.design_job import Designed, DesignRequest, Kind, design_motion
 from rid_daq.jobs.excitation_search import SearchOptions
 from rid_daq.report.sections.section import units
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.cells import CellName
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import is_given, refuse_inapplicable
@@ -145,6 +147,7 @@ def design(
     ] = True,
     seed: Annotated[int, typer.Option(min=0, help="Where they are drawn from.")] = 0,
     overwrite: Overwrite = False,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Choose an excitation and verify it densely.
@@ -154,12 +157,10 @@ def design(
     give the same motion. `two-harmonic` takes the best of many draws of one low and one high
     harmonic an axis. The motion written has passed the check of every limit, ramps included.
     """
-    console = Console(as_json)
     _refuse_inapplicable(context, kind, method)
     names = tuple(name.strip() for name in wanted.split(",") if name.strip())
     if names and is_given(context, "criterion"):
         raise ConfigError("--for takes the place of --criterion: leave one of them out")
-    refuse_output(output, overwrite)
     excitation: SearchOptions | TwoHarmonicOptions = SearchOptions(
         period_s=period_s or DEFAULT_PERIOD_S,
         periods=periods or DEFAULT_PERIODS,
@@ -197,11 +198,19 @@ def design(
         model=model,
         given=tuple(given or ()),
         seed=seed,
+        overwrite=overwrite,
     )
+    here_or_there(service, JobKind.DESIGN, request, Console(as_json), perform)
+
+
+def perform(request: DesignRequest, console: Console) -> None:
+    """Design, and say what is in the motion file; exit codes as the command has them."""
+    refuse_output(request.output, request.overwrite)
     designed = design_motion(request, console)
     _print(console, designed, request)
-    then = ", then rid-daq loop latest" if kind is Kind.MULTISINE else ""
-    console.next_step("record", cell, output, then=then)
+    then = ", then rid-daq loop latest" if request.kind is Kind.MULTISINE else ""
+    then = ", then rid-daq loop latest" if request.kind is Kind.MULTISINE else ""
+    console.next_step("record", request.cell, request.output, then=then)
     if designed.found is not None and designed.found.exit_code:
         raise typer.Exit(designed.found.exit_code)
 
@@ -223,9 +232,8 @@ def _band(words: str) -> tuple[float, float]:
     try:
         lowest, highest = (float(part) for part in words.split(":"))
     except ValueError:
-        raise ConfigError(
-            f"--band {words!r}: give the lowest and the highest frequency in Hz, as 0.5:20"
-        ) from None
+        advice = "give the lowest and the highest frequency in Hz, as 0.5:20"
+        raise ConfigError(f"--band {words!r}: {advice}") from None
     return lowest, highest
 
 
@@ -244,9 +252,7 @@ def _print(console: Console, designed: Designed, request: DesignRequest) -> None
             console.say(said)
             _print_multisine(console, axes)
             if not request.multisine.slow:
-                console.say(
-                    "Without the slow sine friction sticks: inertia and margins come out wrong."
-                )
+                console.say("Without the slow sine friction sticks: wrong inertia and margins.")
         case _:
             console.document(told)
             console.say(said)

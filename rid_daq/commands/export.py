@@ -16,6 +16,8 @@ from rid_daq.jobs.export_job import (
     export_recording,
 )
 from rid_daq.runs.run_data import Unfinished
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
@@ -62,6 +64,7 @@ def export(
     overwrite: Overwrite = False,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Write an identified model, or a run's recording, for other programs.
@@ -71,16 +74,24 @@ def export(
     say stands at its top. Tables hold both, with the identified parameters' intervals. Of a run
     every row is written as it was recorded.
     """
-    console = Console(as_json)
-    refuse_output(output, overwrite)
-    request = ExportRequest(what, to, output, runs, as_identified, despite_misfit, unfinished)
+    request = ExportRequest(
+        what, to, output, runs, as_identified, despite_misfit, unfinished, overwrite
+    )
     if request.is_model:
         refuse_inapplicable(context, {"unfinished"}, "with a model file")
         if as_identified:
             refuse_inapplicable(context, {"despite_misfit"}, "with --as-identified")
-        _print_model(console, request, export_model(request))
     else:
         refuse_inapplicable(context, {"as_identified", "despite_misfit"}, "with a recording")
+    here_or_there(service, JobKind.EXPORT, request, Console(as_json), perform)
+
+
+def perform(request: ExportRequest, console: Console) -> None:
+    """Export, and say what was written."""
+    refuse_output(request.output, request.overwrite)
+    if request.is_model:
+        _print_model(console, request, export_model(request))
+    else:
         _print_recording(console, request, export_recording(request, console))
 
 

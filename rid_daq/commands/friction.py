@@ -9,6 +9,8 @@ import typer
 
 from rid_daq.jobs.friction_job import FrictionRequest, measure_friction
 from rid_daq.runs.run_data import Unfinished
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -22,6 +24,7 @@ def friction(
     ] = None,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure friction alone: torque over speed, joint by joint, and the models that fit it.
@@ -30,8 +33,13 @@ def friction(
     design --kind constant-velocity` or `--kind reversed` makes the motion. Several runs of the same
     robot are taken together.
     """
-    console = Console(as_json)
-    found = measure_friction(FrictionRequest(run, runs, model, unfinished))
+    request = FrictionRequest(run, runs, model, unfinished)
+    here_or_there(service, JobKind.FRICTION, request, Console(as_json), perform)
+
+
+def perform(request: FrictionRequest, console: Console) -> None:
+    """Measure the friction, and say what it is; exit codes as the command has them."""
+    found = measure_friction(request)
     for note in found.notes:
         console.say(f"note: {note}")
     console.document(

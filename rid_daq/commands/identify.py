@@ -15,6 +15,8 @@ from identification.model.options import ModelOptions
 from rid_daq.jobs.identification_job import EstimationRequest, friction_terms_of
 from rid_daq.jobs.identify_job import MODEL, IdentifiedRuns, IdentifyRequest, identify_runs
 from rid_daq.runs.run_data import Unfinished
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -100,6 +102,7 @@ def identify(
     overwrite: Overwrite = False,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Estimate the robot's base parameters, with intervals, from one or more runs.
@@ -110,8 +113,6 @@ def identify(
     Exit code 6 where the model does not explain a joint's torque, or a common mistake of wiring,
     units or files explains it far better.
     """
-    console = Console(as_json)
-    refuse_output(output, overwrite)
     if choose and (friction_terms is not None or not friction):
         raise ConfigError("--choose chooses the friction terms: leave the other option out")
     request = IdentifyRequest(
@@ -140,7 +141,14 @@ def identify(
         cross_check=cross_check,
         diagnose=diagnose,
         output=output,
+        overwrite=overwrite,
     )
+    here_or_there(service, JobKind.IDENTIFY, request, Console(as_json), perform)
+
+
+def perform(request: IdentifyRequest, console: Console) -> None:
+    """Identify, and say what was found; exit codes as the command has them."""
+    refuse_output(request.output, request.overwrite)
     identified = identify_runs(request, console)
     _print(console, identified)
     if identified.bad_joints or identified.has_mistakes:

@@ -8,6 +8,8 @@ import typer
 
 from rid_daq.commissioning.jog_job import FASTEST_PERCENT, JOG_PERCENT, JogRequest
 from rid_daq.commissioning.jog_job import jog as jog_by_hand
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared
@@ -33,6 +35,7 @@ def jog(
     seed: Seed = 0,
     cleared: Cleared = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Move one joint at a time while a key is held; let go, and the robot stops.
@@ -44,7 +47,6 @@ def jog(
     program is suspended, and is switched off where it is killed. After a minute without a key the
     power is taken away. Ctrl-C is a quick stop. It is not an enabling device.
     """
-    console = Console(as_json)
     request = JogRequest(
         cell=cell,
         runs=runs,
@@ -54,6 +56,11 @@ def jog(
         simulation=Simulation(realtime=realtime, seed=seed),
         cleared=cleared,
     )
+    here_or_there(service, JobKind.JOG, request, Console(as_json), perform)
+
+
+def perform(request: JogRequest, console: Console) -> None:
+    """Jog, and say how it ended; exit codes as the command has them."""
     run = jog_by_hand(request, console)
     console.document(run.document())
     run.print_verdict(console)

@@ -9,6 +9,8 @@ import typer
 
 from rid_daq.jobs.loop_job import LoopRequest, measure_velocity_loops
 from rid_daq.runs.run_data import Unfinished
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -31,6 +33,7 @@ def loop(
     overwrite: Overwrite = False,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how the drives' velocity loops answer, and fit gain and integral time.
@@ -39,8 +42,13 @@ def loop(
     deviations, from what differs between periods and between realisations. The margins are those
     of current, velocity and position loop together; the run's report draws everything.
     """
-    console = Console(as_json)
-    found = measure_velocity_loops(LoopRequest(run, runs, output, overwrite, unfinished))
+    request = LoopRequest(run, runs, output, overwrite, unfinished)
+    here_or_there(service, JobKind.LOOP, request, Console(as_json), perform)
+
+
+def perform(request: LoopRequest, console: Console) -> None:
+    """Measure the loops, and say what they are; exit codes as the command has them."""
+    found = measure_velocity_loops(request)
     for note in found.notes:
         console.say(f"note: {note}")
     told = {"run": found.run_id, "loops": str(found.output), "report": str(found.report)}

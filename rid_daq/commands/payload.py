@@ -7,6 +7,7 @@ from typing import Any, Final
 import typer
 from typer.core import TyperGroup
 
+from rid_daq.commands.payload_certificate import certificate
 from rid_daq.commands.payload_export import export
 from rid_daq.commands.payload_identify import identify
 from rid_daq.commands.payload_read_back import read_back
@@ -37,4 +38,5 @@ group = typer.Typer(
 group.command("identify")(identify)
 group.command("export")(export)
 group.command("read-back")(read_back)
+group.command("certificate")(certificate)
 group.command(SESSION)(session)

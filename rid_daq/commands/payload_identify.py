@@ -17,6 +17,8 @@ from rid_daq.jobs.identification_job import friction_terms_of
 from rid_daq.jobs.payload.identify_job import PayloadIdentifyRequest, identify_payload_runs
 from rid_daq.jobs.payload.payload_job import PAYLOAD, known_quantity
 from rid_daq.runs.run_data import Unfinished
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -116,6 +118,7 @@ def identify(
     overwrite: Overwrite = False,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Identify a payload: mass, centre of gravity and inertia, from runs with and without it.
@@ -123,8 +126,6 @@ def identify(
     Friction is free in every run. Exit code 1 where the payload is less sure than the limits ask
     for; what the motion does not show is named, with the motion that would.
     """
-    console = Console(as_json)
-    refuse_output(output, overwrite)
     request = PayloadIdentifyRequest(
         loaded=loaded,
         unloaded=unloaded or (),
@@ -143,7 +144,14 @@ def identify(
         options=ModelOptions(rotors=rotors, friction_terms=friction_terms_of(friction_terms)),
         unfinished=unfinished,
         output=output,
+        overwrite=overwrite,
     )
+    here_or_there(service, JobKind.PAYLOAD_IDENTIFY, request, Console(as_json), perform)
+
+
+def perform(request: PayloadIdentifyRequest, console: Console) -> None:
+    """Identify a payload, and say the verdict; exit codes as the command has them."""
+    refuse_output(request.output, request.overwrite)
     identified = identify_payload_runs(request, console)
     section, verdict, file = identified.section, identified.verdict, identified.file
     console.document(

@@ -11,6 +11,8 @@ from identification.payload.body import REPORTED, REPORTED_UNITS
 from identification.payload.controllers.formats import LoadFormat
 from rid_daq.jobs.payload.load_data_job import ReadBackRequest, read_back_payload
 from rid_daq.report.formats import number
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -29,6 +31,7 @@ def read_back(
             "--tolerance", min=0.0, help="Largest difference [%]: controllers round what they hold."
         ),
     ] = 0.1,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Parse load data and compare them with a payload; exit code 1 where they differ.
@@ -36,13 +39,18 @@ def read_back(
     Compared are the mass, the centre of gravity (as a share of its distance from the flange) and
     the inertia (as a share of its largest moment).
     """
-    console = Console(as_json)
-    found = read_back_payload(ReadBackRequest(payload, file, form, tolerance_percent))
+    request = ReadBackRequest(payload, form, file, tolerance_percent=tolerance_percent)
+    here_or_there(service, JobKind.PAYLOAD_READ_BACK, request, Console(as_json), perform)
+
+
+def perform(request: ReadBackRequest, console: Console) -> None:
+    """Compare, and say the verdict; exit codes as the command has them."""
+    found = read_back_payload(request)
     measured, read, verdict = found.measured.reported, found.found.reported, found.verdict
     console.document(
         {
-            "file": str(file),
-            "format": form.value,
+            "file": request.source,
+            "format": request.form.value,
             "verdict": verdict,
             "read": dict(zip(REPORTED, read.tolist(), strict=True)),
         }

@@ -15,6 +15,8 @@ from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payload_session
 from rid_daq.recording.payload_steps import PayloadSessionRequest, StepFailed
 from rid_daq.recording.recorded_run import stop_document
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.cells import CellName, Pace
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import WithoutAxisTest
@@ -90,13 +92,13 @@ def session(
     token: Token = None,
     certificate: Certificate = None,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Lead through a payload session: check, rehearse, warm up, run, attach, run, identify.
 
     An interrupted session goes on with --resume: what was recorded counts.
     """
-    console = Console(as_json)
     request = PayloadSessionRequest(
         cell=cell,
         runs=runs,
@@ -121,6 +123,11 @@ def session(
         pace=pace,
         live=LiveOptions(live, listen, token, certificate),
     )
+    here_or_there(service, JobKind.PAYLOAD, request, Console(as_json), perform)
+
+
+def perform(request: PayloadSessionRequest, console: Console) -> None:
+    """Lead through a session, and say its verdict; exit codes as the command has them."""
     ended = run_payload_session(request, console)
     if isinstance(ended, StepFailed):
         _print_failed(console, ended)

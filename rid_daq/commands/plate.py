@@ -11,6 +11,8 @@ from config.errors import ConfigError
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.plate_zero_job import PlateZeroed, PlateZeroRequest, zero_plate
 from rid_daq.recording.recorded_run import stop_document
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.cells import CellName, Pace, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared, WithoutAxisTest
@@ -59,6 +61,7 @@ def zero(
     cleared: Cleared = False,
     without_axis_test: WithoutAxisTest = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the plate's offsets: read it, turn axis 1 by half a turn, read it, go back, read it.
@@ -68,7 +71,6 @@ def zero(
     third reading tells the drift. The lines for the cell file are printed. Exit code 1 where the
     zero does not hold.
     """
-    console = Console(as_json)
     request = PlateZeroRequest(
         cell=cell,
         runs=runs,
@@ -81,6 +83,11 @@ def zero(
         label=label,
         simulation=Simulation(realtime=realtime, pace=pace, seed=seed),
     )
+    here_or_there(service, JobKind.PLATE_ZERO, request, Console(as_json), perform)
+
+
+def perform(request: PlateZeroRequest, console: Console) -> None:
+    """Zero the plate, and say how well; exit codes as the command has them."""
     zeroed = zero_plate(request, console)
     if zeroed.zero is None:
         _print_stop(console, zeroed)

@@ -18,6 +18,8 @@ from rid_daq.recording.record_job import (
     record_motion_file,
 )
 from rid_daq.recording.recorded_run import stop_document
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.cells import CellName, Pace, Realtime, Seed, Simulation
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import Cleared, WithoutAxisTest
@@ -84,6 +86,7 @@ def record(
     token: Token = None,
     certificate: Certificate = None,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Run a motion on a cell and record it into a new run folder.
@@ -93,7 +96,6 @@ def record(
     Where a goal of --until is not reached by the last period, the exit code is 1. Where more than
     2 % of a drive's answers were lost, or more than 5 periods are bad, it is 6.
     """
-    console = Console(as_json)
     request = RecordRequest(
         cell=cell,
         motion=motion,
@@ -110,6 +112,11 @@ def record(
         axis_test=AxisTestRule.unless(without_axis_test),
         live=LiveOptions(live, listen, token, certificate),
     )
+    here_or_there(service, JobKind.RECORD, request, Console(as_json), perform)
+
+
+def perform(request: RecordRequest, console: Console) -> None:
+    """Record, and say what became of it; exit codes as the command has them."""
     recorded = record_motion_file(request, console)
     _print(console, recorded)
     if recorded.exit_code:

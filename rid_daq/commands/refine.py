@@ -9,6 +9,8 @@ import typer
 
 from rid_daq.jobs.feedforward_job import Refined, RefineRequest, refine_feedforward
 from rid_daq.runs.run_data import Unfinished
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.output_file import Overwrite
@@ -24,6 +26,7 @@ def refine(
     overwrite: Overwrite = False,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Correct a feedforward by what the robot missed with it.
@@ -33,12 +36,16 @@ def refine(
     noise, or has stopped shrinking, it says so and the file is the one that the run had. An error
     that grows is refused.
     """
-    console = Console(as_json)
     request = RefineRequest(run, model, loop, output, runs, overwrite, unfinished)
+    here_or_there(service, JobKind.REFINE, request, Console(as_json), perform)
+
+
+def perform(request: RefineRequest, console: Console) -> None:
+    """Refine the feedforward, and say what is left."""
     refined = refine_feedforward(request)
     for note in refined.notes:
         console.say(f"note: {note}")
-    _print(console, output, refined)
+    _print(console, request.output, refined)
 
 
 def _print(console: Console, output: Path, refined: Refined) -> None:

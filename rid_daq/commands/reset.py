@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from config.errors import PreflightError
 from config.load import load_cell
 from drivers.cell import open_cell
 from drivers.device_text import printable
 from drivers.servo.fault_reset import FaultReset
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.cells import CellName, reachable_cell
 from rid_daq.terminal.console import AsJson, Console
 
 
+@dataclass(frozen=True)
+class ResetRequest:
+    """What `rid-daq reset` was asked for: a bundled name or a cell file."""
+
+    cell: str
+
+
 def reset(
     cell: CellName,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Reset the faults of a cell's drives, once you have found and removed their causes.
@@ -20,8 +32,18 @@ def reset(
     The program never does this by itself. No power is switched on and nothing moves; motion needs
     the whole preflight again. Exit code 3 where a drive stays in fault.
     """
-    console = Console(as_json)
-    loaded = load_cell(cell)
+    here_or_there(service, JobKind.RESET, ResetRequest(cell), Console(as_json), perform)
+
+
+def perform(request: ResetRequest, console: Console) -> None:
+    """Reset the faults, and say what each drive is now.
+
+    Raises
+    ------
+    PreflightError
+        A fault remains.
+    """
+    loaded = load_cell(request.cell)
     with (
         reachable_cell(loaded) as reachable,
         open_cell(reachable, loaded.robot) as opened,
@@ -58,7 +80,7 @@ def reset(
     count = sum(drive.was_faulty for drive in drives)
     what = "No drive was in fault." if not count else f"Reset: {count} of {len(drives)} drives."
     console.verdict(True, f"{what} Nothing was switched on.")
-    console.next_step("check", cell)
+    console.next_step("check", request.cell)
 
 
 def _sentence(drive: FaultReset) -> str:

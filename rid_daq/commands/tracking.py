@@ -9,6 +9,8 @@ import typer
 from rid_daq.jobs.tracking_job import Tracked, TrackingRequest, track_runs
 from rid_daq.report.sections.tracking import ErrorSize, FollowedMotion
 from rid_daq.runs.run_data import Unfinished
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 
@@ -21,6 +23,7 @@ def tracking(
     ] = None,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare positions reached with positions wanted, joint by joint and along the tool's path.
@@ -29,8 +32,12 @@ def tracking(
     the first run's folder. Rows of a motion's main part count. Kinematics are those of the robot
     file.
     """
-    console = Console(as_json)
     request = TrackingRequest(run, against or (), runs, unfinished)
+    here_or_there(service, JobKind.TRACKING, request, Console(as_json), perform)
+
+
+def perform(request: TrackingRequest, console: Console) -> None:
+    """Say how far the robot was from its path."""
     _print(console, track_runs(request, console))
 
 

@@ -10,6 +10,8 @@ import typer
 from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from rid_daq.jobs.validate_job import Validated, ValidateRequest, predict_motion, validate_run
 from rid_daq.runs.run_data import Unfinished
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -54,6 +56,7 @@ def validate(
     ] = None,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Predict a run's torques with a model and judge the error, axis by axis.
@@ -61,7 +64,6 @@ def validate(
     Exit code 1 where an axis, or the reaction on the base, exceeds its limit; 6 where the run
     allows no verdict: the model was identified from it, or it moves for less than 5 s.
     """
-    console = Console(as_json)
     request = ValidateRequest(
         model=model,
         run=run,
@@ -77,11 +79,18 @@ def validate(
     if request.is_motion_file:
         of_runs = {"limits", "band_hz", "standstill_rad_s", "unfinished"}
         refuse_inapplicable(context, of_runs, "with a motion file")
-        validated = predict_motion(request)
     else:
         refuse_inapplicable(context, {"cell"}, "with a run, which has its own")
         if not base:
             refuse_inapplicable(context, {"mass_kg"}, "without --base-limits")
+    here_or_there(service, JobKind.VALIDATE, request, Console(as_json), perform)
+
+
+def perform(request: ValidateRequest, console: Console) -> None:
+    """Validate, and say the verdict; exit codes as the command has them."""
+    if request.is_motion_file:
+        validated = predict_motion(request)
+    else:
         validated = validate_run(request, console)
     _print(console, validated)
     if validated.verdict.passed is False:

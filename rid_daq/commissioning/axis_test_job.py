@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
 
 from acquisition.hold_to_run.line import Line, LineCheck
@@ -26,9 +25,8 @@ from rid_daq.preflight.axis_test import AxisTestRule, axis_test_file, sign_axis
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunSession, open_session
 from rid_daq.session.cells import Simulation
-from rid_daq.terminal.clearance import asked, require_cleared
+from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.keyboard import require_keyboard
 
 SPEED_SHARE: Final = 0.02
 TURN: Final = np.deg2rad(2.0)
@@ -119,12 +117,12 @@ def check_axes(request: AxisTestRequest, console: Console) -> AxesTested:
             f" {', '.join(names)}"
         )
     if not request.unattended:
-        require_keyboard()
+        console.require_keys()
     elif not loaded.config.simulated:
         raise PreflightError(
             f"cell {loaded.config.name} is real: somebody must hold the key and look at the robot"
         )
-    require_cleared(loaded.config, request.cleared)
+    require_cleared(loaded.config, request.cleared, console)
     verdicts: list[AxisVerdict] = []
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=AxisTestRule.HELD
@@ -212,6 +210,7 @@ class AxisBench:
 
         return record_held(
             self._session,
+            self._console,
             HeldRun(
                 label=f"axis test {name}",
                 sentence=f"Axis test of {name}.",
@@ -261,13 +260,19 @@ class AxisBench:
         def which(text: str) -> str:
             word = text.strip()  # SPACE was held
             if word not in ("+", "-", "0", *names):
-                raise typer.BadParameter("answer +, -, 0 or a joint's name")
+                raise ConfigError("answer +, -, 0 or a joint's name")
             return word
 
-        way = asked(
-            lambda question, **more: typer.prompt(question, value_proc=which, **more),
+        way = self._console.ask(
             f"Did {motion.joint} move as was said (+), the other way (-), did nothing move (0), or"
             " another joint (its name)?",
+            which,
+            [
+                ("As was said", "+"),
+                ("The other way", "-"),
+                ("Nothing moved", "0"),
+                *((f"{name} moved", name) for name in names if name != motion.joint),
+            ],
         )
         if way == "0":
             return Seen("")
@@ -279,16 +284,10 @@ class AxisBench:
             )
         )
 
-        def how_far(text: str) -> float:
-            try:
-                return parse_amount(text, motion, 1e3 * tool_m)
-            except ConfigError as error:
-                raise typer.BadParameter(str(error)) from None
-
-        amount = asked(
-            lambda question, **more: typer.prompt(question, value_proc=how_far, **more),
+        amount = self._console.ask(
             f"By about how much, in {motion.unit}"
             + (", or in mm of the tool point (24mm)?" if motion.unit == "°" else "?"),
+            lambda text: parse_amount(text, motion, 1e3 * tool_m),
         )
         sign = -1.0 if way == "-" else 1.0
         return Seen(motion.joint, sign * amount * np.sign(motion.commanded))

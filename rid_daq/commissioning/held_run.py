@@ -13,7 +13,7 @@ from acquisition.session.outcome import RecordOutcome
 from config.arrays import FloatArray
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Record, RunRequest, RunSession
-from rid_daq.terminal.keyboard import Keyboard
+from rid_daq.terminal.console import Console
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class HeldRun:
     unattended: str = ""
 
 
-def record_held(session: RunSession, asked: HeldRun) -> RecordedRun:
+def record_held(session: RunSession, console: Console, asked: HeldRun) -> RecordedRun:
     """Record a run that moves only while a key is held.
 
     Raises
@@ -71,7 +71,7 @@ def record_held(session: RunSession, asked: HeldRun) -> RecordedRun:
 
     def drive(record: Record) -> RecordOutcome:
         with (
-            _keys(asked, dead_man) as keys,
+            _keys(console, asked, dead_man) as keys,
             Pilot(dead_man, len(robot.joints), keys, asked.plan, asked.until, asked.ready),
         ):
             return record(motion)
@@ -82,7 +82,7 @@ def record_held(session: RunSession, asked: HeldRun) -> RecordedRun:
 
 
 @contextlib.contextmanager
-def _keys(asked: HeldRun, dead_man: DeadMan) -> Iterator[Keys]:
+def _keys(console: Console, asked: HeldRun, dead_man: DeadMan) -> Iterator[Keys]:
     if asked.unattended:
         yield HeldForGood(asked.unattended)
         return
@@ -91,5 +91,5 @@ def _keys(asked: HeldRun, dead_man: DeadMan) -> Iterator[Keys]:
         if asked.tapped(key):
             dead_man.finish()
 
-    with Keyboard(tapped) as keyboard:
-        yield keyboard
+    with console.keys(tapped) as keys:
+        yield keys

@@ -21,7 +21,6 @@ from rid_daq.recording.run_session import open_session
 from rid_daq.session.cells import Simulation
 from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.keyboard import require_keyboard
 
 JOG_PERCENT: Final = 5.0
 FASTEST_PERCENT: Final = 10.0
@@ -81,18 +80,19 @@ def jog(request: JogRequest, console: Console) -> RecordedRun:
             " file, as `home: [0.0, …]`"
         )
     check = LineCheck(loaded.config, loaded.robot, request.speed_percent / 100.0)
-    require_keyboard()
-    require_cleared(loaded.config, request.cleared)
+    console.require_keys()
+    require_cleared(loaded.config, request.cleared, console)
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=AxisTestRule.HELD
     ) as session:
         if request.home:
             assert home is not None
-            return record_held(session, _homing(request, loaded, home, check, console))
+            return record_held(session, console, _homing(request, loaded, home, check, console))
         jogging = Jogging(loaded.robot, home, check, console)
         console.say(jogging.help)
         return record_held(
             session,
+            console,
             HeldRun(
                 request.label,
                 "Jogged by hand.",

@@ -169,6 +169,9 @@ class _Told:
     def say(self, text: str = "") -> None:
         """Leave it to the run's folder."""
 
+    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+        """Leave it to the progress."""
+
     @contextlib.contextmanager
     def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
         """Show how much of a motion is done."""

@@ -56,6 +56,8 @@ class DesignRequest:
         Models of earlier runs, whose information counts.
     seed : int
         What runs at constant speed are drawn from.
+    overwrite : bool
+        Whether the file may be there already.
     """
 
     cell: str
@@ -66,6 +68,7 @@ class DesignRequest:
     model: Path | None = None
     given: tuple[Path, ...] = ()
     seed: int = 0
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)

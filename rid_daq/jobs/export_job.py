@@ -77,6 +77,8 @@ class ExportRequest:
         against.
     unfinished : bool
         Whether a run that was never finished will do.
+    overwrite : bool
+        Whether the file may be there already.
     """
 
     what: str
@@ -86,6 +88,7 @@ class ExportRequest:
     as_identified: bool = False
     despite_misfit: bool = False
     unfinished: bool = False
+    overwrite: bool = False
 
     @property
     def is_model(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -68,18 +68,21 @@ class IdentifyRequest:
         of wiring are looked for.
     output : Path or None
         The model file; that of the first run if None.
+    overwrite : bool
+        Whether that file may be there already.
     """
 
     runs: Path
     names: tuple[str, ...]
-    unfinished: bool
-    how: EstimationRequest
+    unfinished: bool = False
+    how: EstimationRequest = field(default_factory=EstimationRequest)
     loaded: tuple[str, ...] = ()
     load_mass_kg: tuple[float, float] | None = None
     choose: bool = False
     cross_check: bool = False
     diagnose: bool = True
     output: Path | None = None
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)

@@ -81,6 +81,25 @@ class Access:
             raise ConfigError(f"--certificate {certificate}: there is no such file")
         return cls(address, port, secret, certificate)
 
+    @classmethod
+    def of_service(cls, listen: str, certificate: Path | None) -> Access:
+        """Return what the options of `rid-daq serve` say; its tokens are its own.
+
+        Raises
+        ------
+        ConfigError
+            The address is none, or can be reached from other machines and has no TLS.
+        """
+        address, port = _parse_listen(listen)
+        if not ipaddress.ip_address(address).is_loopback and certificate is None:
+            raise ConfigError(
+                f"--listen {listen}: other machines can reach this address, so it needs"
+                " --certificate FILE (TLS); without it pages are served on 127.0.0.1 only"
+            )
+        if certificate is not None and not certificate.is_file():
+            raise ConfigError(f"--certificate {certificate}: there is no such file")
+        return cls(address, port, "", certificate)
+
     @property
     def scheme(self) -> str:
         """`https` with a certificate, else `http`."""

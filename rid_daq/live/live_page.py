@@ -110,7 +110,7 @@ def live_page(console: Console, options: LiveOptions) -> Iterator[LivePage | Non
         return
     access = Access.of_options(options.listen, options.token, options.certificate)
     access.tls()
-    with _listen(access) as listener:
+    with listen_on(access) as listener:
         access = replace(access, port=listener.getsockname()[1])
         typer.echo(
             f"Live page: {access.url}\nIts stop button is software, not an emergency stop.",
@@ -119,7 +119,14 @@ def live_page(console: Console, options: LiveOptions) -> Iterator[LivePage | Non
         yield LivePage(access, listener)
 
 
-def _listen(access: Access) -> socket.socket:
+def listen_on(access: Access) -> socket.socket:
+    """Return a socket that listens where `access` says.
+
+    Raises
+    ------
+    ConfigError
+        It cannot.
+    """
     family = socket.AF_INET6 if ":" in access.address else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import os
 import resource
 import socket
-from typing import Any
 
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from config.process.termination import leave_terminal
 from rid_daq.live.access import Access
+from rid_daq.live.asgi_server import AsgiServer
+from rid_daq.live.connection import Limits
+from rid_daq.live.feed import Feed
+from rid_daq.live.live_app import live_app
 from rid_daq.live.picture import MotionPicture, ShownMotion
-from rid_daq.live.server import REQUEST_PATIENCE_S, LiveServer
 
 PERIOD_S = 0.05
 BACKLOG = 128
 MOST_DESCRIPTORS = 256
-LAST_WORDS_S = 0.5
+LIMITS = Limits(body_bytes=1024)
 
 
 def run_live_page(
@@ -64,27 +65,17 @@ async def _serve(
     control: ControlBlock,
     parent: int,
 ) -> None:
-    loop = asyncio.get_running_loop()
-    loop.set_exception_handler(lambda loop, context: None)
-    live = LiveServer(access, lambda: control.program.request_stop(StopCode.STOP_BUTTON))
-    tls = access.tls()
-    timeouts: dict[str, Any] = {}
-    if tls is not None:
-        patience_s = REQUEST_PATIENCE_S
-        timeouts = {"ssl_handshake_timeout": patience_s, "ssl_shutdown_timeout": patience_s}
-    server = await loop.create_server(
-        live.protocol, sock=listener, backlog=BACKLOG, ssl=tls, **timeouts
-    )
-    while True:
-        over = control.task_gone or os.getppid() != parent
-        if live.streams or not live.latest or over:
-            live.publish(picture.document())
-        if over:
-            break
-        await asyncio.sleep(PERIOD_S)
-    server.close()
-    live.close()
-    with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(LAST_WORDS_S):
-            while live.streams or live.waiting:
-                await asyncio.sleep(0.01)
+    asyncio.get_running_loop().set_exception_handler(lambda loop, context: None)
+    feed, until = Feed(), asyncio.Event()
+    app = live_app(access, feed, lambda: control.program.request_stop(StopCode.STOP_BUTTON))
+    server = AsgiServer(app, access.tls(), LIMITS)
+    serving = asyncio.create_task(server.serve([listener], until))
+    feed.show(picture.document())
+    while not (serving.done() or control.task_gone or os.getppid() != parent):
+        if feed.viewers:
+            feed.show(picture.document())
+        await asyncio.wait([serving], timeout=PERIOD_S)
+    feed.show(picture.document())
+    feed.end()
+    until.set()
+    await serving

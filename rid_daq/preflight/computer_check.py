@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
-import multiprocessing
 import os
 import shutil
 import tempfile
 import time
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 from acquisition.session.record import FREE_BYTES
-from acquisition.task.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY, become_realtime
+from acquisition.task.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY
 from config.errors import RecordingError, system_errors
-from config.process.termination import ignore_termination, signals_blocked
-from drivers.ports.clock import MonotonicClock
 from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.lateness import lateness
 
 WRITE_BYTES = 4 << 20
 SLOWEST_BYTES_S = 1e6
 LONGEST_WRITE_S = 5.0
 FIRST_YEAR = 2025
-_LEARNING, _SLEEPS = 150, 50
-_SLEEP_S = 0.002
 _CLOCK_SOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 
 
@@ -105,45 +99,10 @@ def _clock() -> list[CheckLine]:
             "this computer",
             "clock source; a cycle begins late by, median and worst",
             "",
-            f"{source}; {_lateness()}",
+            f"{source}; {lateness()}",
             "shown",
         ),
     ]
-
-
-def _lateness() -> str:
-    """Return how late sleeps end in a process that asks for all that the cyclic task asks for."""
-    context = multiprocessing.get_context("spawn")
-    pipe, theirs = context.Pipe()
-    process = context.Process(target=sleep_like_the_task, args=(theirs,), daemon=True)
-    try:
-        with signals_blocked():
-            process.start()
-        theirs.close()
-        late_s: list[float] = pipe.recv()
-    except EOFError:  # it was killed
-        return "not measured"
-    finally:
-        pipe.close()
-        if process.pid is not None:
-            process.kill()
-            process.join()
-    late_s.sort()
-    return f"{1e3 * late_s[_SLEEPS // 2]:.3f} ms, {1e3 * late_s[-1]:.2f} ms"
-
-
-def sleep_like_the_task(pipe: Connection) -> None:
-    """Sleep again and again, the main function of a process; send how late each sleep ended [s]."""
-    ignore_termination()
-    become_realtime()
-    clock = MonotonicClock()
-    late_s = []
-    for _ in range(_LEARNING + _SLEEPS):
-        due_s = clock.now_s() + _SLEEP_S
-        clock.sleep_until(due_s)
-        late_s.append(clock.now_s() - due_s)
-    with contextlib.suppress(OSError):  # a program that was interrupted does not wait for it
-        pipe.send(late_s[_LEARNING:])
 
 
 def _privileges() -> list[CheckLine]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from config.cell.cell import CellConfig
@@ -16,6 +17,28 @@ from rid_daq.preflight.drives_check import DriveTrouble, check_drives
 from rid_daq.preflight.eds_check import eds_lines
 from rid_daq.preflight.monitor_check import monitor_lines
 from rid_daq.preflight.plate_check import PlateCheck
+
+
+@dataclass(frozen=True)
+class CheckRequest:
+    """What `rid-daq check` was asked for.
+
+    Attributes
+    ----------
+    cell : str
+        A bundled name or a cell file.
+    runs : Path
+        The folder of the run folders.
+    seconds : float
+        How long answers are counted [s].
+    cleared : bool
+        Whether a person has cleared the cell.
+    """
+
+    cell: str
+    runs: Path
+    seconds: float = 5.0
+    cleared: bool = False
 
 
 def preflight(

@@ -212,13 +212,14 @@ class PayloadGuide:
         if not request.warm_up_percent:
             self.state.note_fact("warm_up", "skipped")
             return
-        watch = WarmUpWatch(request.warm_up_percent)
+        watch = WarmUpWatch(request.warm_up_percent, self.console.warms_up)
         most = {"periods": request.warm_up_periods, "transient_periods": 0}
         yield Step(WARM_UP, self.motion.model_copy(update=most), watch)
         fact: JsonValue = {
             "drift_percent": watch.drift_percent,
             "periods": watch.periods,
             "verdict": "settled" if watch.settled else "NOT settled",
+            "settled_percent": request.warm_up_percent,
         }
         self.state.note_fact("warm_up", fact)
 

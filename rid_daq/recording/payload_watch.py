@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from acquisition.motion.samples import Phase
-from acquisition.processing.period_table import cut_periods
 from acquisition.processing.periods import PeriodAverage
-from acquisition.recording.recording import Recording
 from acquisition.session.early_stop import NewPeriods
 from config.arrays import FloatArray
 from config.errors import DataQualityError, EstimationError
@@ -17,11 +15,11 @@ from config.robot.robot import RobotDescription
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import identify_payload
+from identification.payload.warm_up import FEWEST_PERIODS, period_powers, power_change_percent
 from rid_daq.jobs.payload.payload_job import PayloadRequest
 from rid_daq.recording.average_so_far import AverageSoFar
 
-FEWEST_PERIODS = 4
-FITTED_PERIODS = 6
+WarmUpTold = Callable[[Sequence[str], Sequence[Sequence[float]], float], None]
 
 
 class WarmUpWatch:
@@ -34,10 +32,13 @@ class WarmUpWatch:
     ----------
     drift_percent : float
         Settled where no joint's power changes by more in a period.
+    told : callable, optional
+        Told the joints' names, the power of more periods, one row each [W], and `drift_percent`.
     """
 
-    def __init__(self, drift_percent: float) -> None:
+    def __init__(self, drift_percent: float, told: WarmUpTold | None = None) -> None:
         self._limit = drift_percent
+        self._told = told
         self._power: list[FloatArray] = []
         self.drift_percent: float | None = None
         self.periods = 0
@@ -50,14 +51,14 @@ class WarmUpWatch:
 
     def enough(self, new: NewPeriods) -> bool:
         """Look at the periods so far."""
-        self._power.extend(period_powers(new.recording, new.first_row))
+        more = period_powers(new.recording, new.first_row)
+        self._power.extend(more)
+        if self._told is not None and len(more):
+            self._told(new.recording.joint_names, more.tolist(), self._limit)
         power = np.array(self._power)
         if len(power) < FEWEST_PERIODS:
             return False
-        # The slope of a line through the last periods, so that their noise does not decide.
-        last = power[-FITTED_PERIODS:]
-        slope = np.polyfit(np.arange(len(last)), last, 1)[0]
-        change = 100.0 * np.abs(slope) / np.maximum(np.abs(last.mean(axis=0)), 1e-9)
+        change = np.abs(power_change_percent(power))
         worst = int(np.argmax(change))
         self.drift_percent, self.periods = float(change[worst]), len(power)
         self.worst = new.recording.joint_names[worst]
@@ -75,22 +76,6 @@ class WarmUpWatch:
             f"friction of {self.worst} changes by {self.drift_percent:.2f} % a period (settled at"
             f" {self._limit:g} %)"
         )
-
-
-def period_powers(recording: Recording, start: int | None = None) -> FloatArray:
-    """Return the mean mechanical power of each joint in each whole period, (periods, n) [W].
-
-    `start` is the row of the motion at which the first period begins, where that is known.
-    """
-    if recording.samples_per_period is None or recording.sample_period_s is None:
-        raise DataQualityError("warming up is told from periods: the motion must be periodic")
-    n = len(recording.joint_names)
-    if int(np.count_nonzero(recording.phase == Phase.MAIN)) < recording.samples_per_period:
-        return np.zeros((0, n))
-    values, present = cut_periods(recording, start)
-    whole = values[present.all(axis=(1, 2))]
-    speed = np.gradient(whole[:, :, :n], recording.sample_period_s, axis=1)
-    return np.asarray(np.mean(speed * whole[:, :, n:], axis=1))
 
 
 class MassWatch:

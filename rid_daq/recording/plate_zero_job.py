@@ -123,7 +123,7 @@ def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
     turn = plan_turn(loaded.robot, pose)
     cycle_s = loaded.config.cycle_time_s
     samples, readings = turn_samples(loaded.robot, turn, request.settle_s, request.read_s, cycle_s)
-    require_cleared(loaded.config, request.cleared)
+    require_cleared(loaded.config, request.cleared, console)
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=request.axis_test
     ) as session:

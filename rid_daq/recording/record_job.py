@@ -128,7 +128,7 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
         accuracy = AccuracyWatch(request.until, loaded.robot, samples)
     name = request.label or as_label(request.motion.stem)
     require_label(name)
-    require_cleared(loaded.config, request.cleared)
+    require_cleared(loaded.config, request.cleared, console)
     if request.frames:
         require_listenable(loaded.config.can)
     script = _fault_script(request, loaded.config)

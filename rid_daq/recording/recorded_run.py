@@ -29,6 +29,7 @@ _WHAT_TO_DO = {
     StopCode.INTERRUPTED: _AGAIN,
     StopCode.STOP_COMMAND: _AGAIN,
     StopCode.STOP_BUTTON: _AGAIN,
+    StopCode.CLIENT_LOST: "Bring the client back into reach, then start again.",
     StopCode.RECORDER: "Check the disk (free space, speed) and who else works in the run folder,"
     " then start again.",
     StopCode.BUS: "Then run `rid-daq check`.",

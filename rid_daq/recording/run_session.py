@@ -73,6 +73,10 @@ class Display(Protocol):
         """Show a sentence."""
 
     @abstractmethod
+    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+        """Be told that a motion of so many cycles begins; 0 where nobody knows."""
+
+    @abstractmethod
     def progress(
         self, title: str, total: float | None, unit: str
     ) -> AbstractContextManager[Progress]:
@@ -210,6 +214,10 @@ class RunSession:
             observer = self.page.observer(request.sentence, samples, self.cell, robot)
 
         def record(driven: MotionSamples | SetPointSource) -> RecordOutcome:
+            rows, per_period = (
+                (0, None) if samples is None else (len(samples), samples.samples_per_period)
+            )
+            self.display.begins(folder.run_id, request.sentence, rows, per_period)
             with self.display.progress(request.role, *total_of(samples)) as shown:
                 outcome = record_motion(
                     self.cell,

@@ -86,7 +86,7 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
     forward = OnlineFeedforward.identified(loaded.config, loaded.robot, estimate, loops)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
-    require_cleared(loaded.config, request.cleared)
+    require_cleared(loaded.config, request.cleared, console)
     files["model.json"] = read_file(request.model, estimate_file.LARGEST_FILE_BYTES)
     files["loops.json"] = read_file(request.loop, loop_file.LARGEST_FILE_BYTES)
     options = request.options

@@ -14,6 +14,7 @@ from config.errors import ConfigError, TransportError
 from config.load import LoadedCell
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from rid_daq.preflight.eds_check import refuse_unfit_eds
+from rid_daq.session.ownership import refuse_owned
 from rid_daq.session.session import hold_cell
 
 if TYPE_CHECKING:
@@ -120,6 +121,7 @@ def mountable_cell(
     payload, faults = simulation.payload, simulation.faults
     cell = loaded.config
     refuse_one_process(cell)
+    refuse_owned(cell)
     if not any_eds:
         refuse_unfit_eds(loaded)
     if not cell.simulated or is_served(cell):

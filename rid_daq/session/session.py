@@ -53,7 +53,7 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
     RecordingError
         The lock file cannot be opened, or the session's not be written.
     """
-    path = _lock_path(cell, folder or lock_folder(cell))
+    path = lock_path(cell, folder)
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(held_file(path))
@@ -97,10 +97,13 @@ def lock_folder(cell: CellConfig) -> Path:
     return machine_lock_folders()[0]
 
 
-def _lock_path(cell: CellConfig, folder: Path) -> Path:
+def lock_path(cell: CellConfig, folder: Path | None = None) -> Path:
+    """Return the lock of a cell's bus; `folder` as `hold_cell` has it."""
     bus = f"{cell.can.interface}:{cell.can.channel}"
     words = re.sub(r"[^\w.-]", "_", bus)[-40:]
-    return folder / f"rid-daq-{words}-{hashlib.sha256(bus.encode()).hexdigest()[:8]}.lock"
+    return (
+        folder or lock_folder(cell)
+    ) / f"rid-daq-{words}-{hashlib.sha256(bus.encode()).hexdigest()[:8]}.lock"
 
 
 def _holder(path: Path) -> str:

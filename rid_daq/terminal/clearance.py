@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 import typer
 
 from config.cell.cell import CellConfig
 from config.errors import PreflightError
 from rid_daq.terminal.console import Console
-
-T = TypeVar("T")
 
 Cleared = Annotated[
     bool,
@@ -35,22 +31,7 @@ WithoutAxisTest = Annotated[
 """The option that every command has that moves a real robot by itself."""
 
 
-def asked(ask: Callable[..., T], question: str) -> T:
-    """Ask a person by `typer.prompt` or `typer.confirm`, beside what programs read.
-
-    Raises
-    ------
-    PreflightError
-        There is no answer: the input has ended.
-    """
-    try:
-        return ask(question, err=True)
-    except typer.Abort:
-        typer.echo(err=True)  # the question's line has no end
-        raise PreflightError("nobody answered: nothing more is moved") from None
-
-
-def require_cleared(cell: CellConfig, cleared: bool) -> None:
+def require_cleared(cell: CellConfig, cleared: bool, console: Console) -> None:
     """Ask whether a real cell is clear; nobody is asked about a simulated one.
 
     Parameters
@@ -59,24 +40,38 @@ def require_cleared(cell: CellConfig, cleared: bool) -> None:
         The cell.
     cleared
         Whether that was said already.
+    console
+        Where a person is asked.
 
     Raises
     ------
     PreflightError
         Nobody can be asked, or the answer is not the cell's name.
     """
-    if cell.simulated or cleared:
-        return
+    if not cell.simulated:
+        clear(cell.name, cleared, console)
+
+
+def clear(cell: str, cleared: bool, console: Console) -> bool:
+    """Ask whether a real cell is clear, unless that was said already; return True.
+
+    Raises
+    ------
+    PreflightError
+        Nobody can be asked, or the answer is not the cell's name.
+    """
+    if cleared:
+        return True
     advice = "clear the cell, then type its name, or give --i-have-cleared-the-cell"
-    if not sys.stdin.isatty():
-        raise PreflightError(f"cell {cell.name} is real and nobody can be asked: {advice}")
-    answer = asked(
-        typer.prompt,
-        f"Robot will move. Nobody in cell {cell.name}, emergency stop at hand? Type the cell's"
-        " name",
+    if not console.can_ask:
+        raise PreflightError(f"cell {cell} is real and nobody can be asked: {advice}")
+    answer = console.ask(
+        f"Robot will move. Nobody in cell {cell}, emergency stop at hand? Type the cell's name",
+        str,
     )
-    if answer != cell.name:
-        raise PreflightError(f"nothing was moved: {answer!r} is not {cell.name!r}; {advice}")
+    if answer != cell:
+        raise PreflightError(f"nothing was moved: {answer!r} is not {cell!r}; {advice}")
+    return True
 
 
 def require_yes(console: Console, question: str, answered: bool) -> None:
@@ -91,7 +86,7 @@ def require_yes(console: Console, question: str, answered: bool) -> None:
         console.say(question)
         console.say("  answered by flag")
         return
-    if not sys.stdin.isatty():
+    if not console.can_ask:
         raise PreflightError(f"{question} Nobody can be asked here: answer by the flags (--yes)")
-    if not asked(typer.confirm, f"{question} Done?"):
+    if not console.confirm(f"{question} Done?"):
         raise PreflightError("nothing was moved further: the answer was no")

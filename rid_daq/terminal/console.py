@@ -6,13 +6,20 @@ import json
 import re
 import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol, TypeVar
 
 import typer
 from pydantic import BaseModel
+
+from config.errors import ConfigError, PreflightError
+
+if TYPE_CHECKING:
+    from acquisition.hold_to_run.pilot import Keys
+
+T = TypeVar("T")
 
 _INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
@@ -131,10 +138,12 @@ class Console:
         """Write the command's result for programs; nothing without `--json`."""
         if self.as_json:
             _output.documents += 1
-            text = json.dumps(
-                document, ensure_ascii=False, indent=2, allow_nan=False, default=_as_json
-            )
+            text = self.as_text(document)
             _write(_INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
+
+    def as_text(self, document: Mapping[str, object] | BaseModel) -> str:
+        """Return a document as JSON."""
+        return json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False, default=_as_json)
 
     def table(
         self,
@@ -175,6 +184,112 @@ class Console:
             cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
             self.say("  ".join(cells).rstrip())
 
+    @property
+    def can_ask(self) -> bool:
+        """Whether somebody is there who can be asked."""
+        return sys.stdin.isatty()
+
+    def ask(
+        self,
+        question: str,
+        understood: Callable[[str], T],
+        choices: Sequence[tuple[str, str]] = (),
+    ) -> T:
+        """Ask a person, beside what programs read, until an answer is understood.
+
+        Parameters
+        ----------
+        question
+            The question.
+        understood
+            Returns what an answer means; raises ConfigError where it means nothing.
+        choices
+            Answers that a page shows as buttons: what each says, and its text.
+
+        Raises
+        ------
+        PreflightError
+            There is no answer: the input has ended.
+        """
+
+        def meaning(text: str) -> T:
+            try:
+                return understood(text)
+            except ConfigError as error:
+                raise typer.BadParameter(str(error)) from None
+
+        answer: T = _answered(lambda: typer.prompt(question, value_proc=meaning, err=True))
+        return answer
+
+    def confirm(self, question: str) -> bool:
+        """Ask a person for yes or no, beside what programs read.
+
+        Raises
+        ------
+        PreflightError
+            There is no answer: the input has ended.
+        """
+        return _answered(lambda: typer.confirm(question, err=True))
+
+    def require_keys(self) -> None:
+        """Refuse to begin where no key can be held.
+
+        Raises
+        ------
+        PreflightError
+            There is no keyboard.
+        """
+        from rid_daq.terminal.keyboard import require_keyboard
+
+        require_keyboard()
+
+    def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
+        """Return what says which key is held, for as long as its `with` lasts.
+
+        Parameters
+        ----------
+        tapped
+            Told of every key that comes, held or not.
+
+        Raises
+        ------
+        PreflightError
+            On entering: there is no keyboard.
+        """
+        from rid_daq.terminal.keyboard import Keyboard
+
+        return Keyboard(tapped)
+
+    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+        """Be told that a motion begins; what a person sees of it is its progress.
+
+        Parameters
+        ----------
+        run
+            The id of its run.
+        title
+            What is done, in a sentence.
+        rows
+            How many cycles it has, 0 where nobody knows.
+        rows_per_period
+            Of a periodic motion.
+        """
+
+    def warms_up(
+        self, joints: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float
+    ) -> None:
+        """Be told of more periods of a warm-up; what a person sees of it is its progress.
+
+        Parameters
+        ----------
+        joints
+            Base to flange.
+        power_w
+            What friction takes of each joint, one row a period [W].
+        settled_percent
+            The change of a period that counts as warm [%].
+        """
+
     @contextmanager
     def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
         """Show how far a long step is, with the time that is left.
@@ -189,6 +304,14 @@ class Console:
                 yield bar
         else:
             yield _Lines(title, total, unit)
+
+
+def _answered(ask: Callable[[], T]) -> T:
+    try:
+        return ask()
+    except typer.Abort:
+        typer.echo(err=True)  # the question's line has no end
+        raise PreflightError("nobody answered: nothing more is moved") from None
 
 
 class _Silent:

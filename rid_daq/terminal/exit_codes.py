@@ -36,6 +36,7 @@ _BY_ERROR: tuple[tuple[type[errors.RidDaqError], ExitCode], ...] = (
     (errors.RecordingError, ExitCode.STORAGE),
     (errors.ShortageError, ExitCode.STORAGE),
     (errors.LockedError, ExitCode.LOCKED),
+    (errors.ServiceError, ExitCode.COMMUNICATION),
 )
 
 

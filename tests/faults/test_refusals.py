@@ -69,6 +69,7 @@ def far_table(plan: FourierMotion) -> str:
 
 
 @pytest.mark.fault(16)
+@pytest.mark.slow
 def test_a_motion_file_beyond_a_limit_is_exit_3_and_not_one_frame(
     loaded: LoadedCell,
     motion_of: Callable[[str, int], FourierMotion],

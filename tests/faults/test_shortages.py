@@ -120,7 +120,13 @@ def _limited(
         ("record ir361 m.yaml", resource.RLIMIT_AS, 300_000_000, "not enough memory"),
         ("demo", resource.RLIMIT_AS, 700_000_000, "not enough memory"),
         ("runs --verify", resource.RLIMIT_AS, 60_000_000, "not enough memory"),
-        ("demo", resource.RLIMIT_FSIZE, 0, "cannot be written: File too large"),
+        pytest.param(
+            "demo",
+            resource.RLIMIT_FSIZE,
+            0,
+            "cannot be written: File too large",
+            marks=pytest.mark.slow,
+        ),
         ("init new", resource.RLIMIT_FSIZE, 100, "cannot be written: File too large"),
     ],
 )
@@ -218,6 +224,7 @@ def test_a_result_that_was_changed_is_refused_by_its_key(
     measured("file and key named")
 
 
+@pytest.mark.slow
 def test_a_dollar_sign_in_a_name_begins_no_formula(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path, "dollars")
     data = (

@@ -27,6 +27,7 @@ AT = 230
     ("deceleration", "found"),
     [(1e-30, "never: its deceleration is 0"), (0.01, "286 s, 409 rad")],
 )
+@pytest.mark.slow
 def test_a_quick_stop_that_is_none_is_exit_3_and_no_drive_gets_power(
     loaded: LoadedCell,
     motion_of: Callable[[str, int], FourierMotion],

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from benchmarks.coverage import coverage
 
 
+@pytest.mark.slow
 def test_the_honest_interval_holds_the_truth_where_others_do_not() -> None:
     found = coverage(60)
     assert 0.90 <= found.clustered <= 0.98

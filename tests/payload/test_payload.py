@@ -91,6 +91,7 @@ def test_every_procedure_recovers_the_payload_within_its_intervals(
     assert found.body.can_exist
 
 
+@pytest.mark.slow
 def test_two_sigma_intervals_hold_in_at_least_nine_of_ten_cases(
     lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion
 ) -> None:

@@ -20,7 +20,7 @@ def six_axis_motion(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int],
         asked = design_two_harmonic(
             cell.robot,
             TwoHarmonicOptions(
-                4.8, highest_harmonic=4, limit_fraction=0.35, tries=8, seed=3, periods=periods
+                3.216, highest_harmonic=4, limit_fraction=0.35, tries=8, seed=3, periods=periods
             ),
             cell.config.cycle_time_s,
         )

@@ -33,6 +33,7 @@ CODES = {
     errors.RecordingError: 7,
     errors.LockedError: 8,
     errors.ShortageError: 7,
+    errors.ServiceError: 4,
 }
 
 

@@ -53,6 +53,8 @@ class PayloadIdentifyRequest:
         Whether a run that was never finished will do.
     output : Path or None
         The payload file; that of the first loaded run if None.
+    overwrite : bool
+        Whether that file may be there already.
     """
 
     loaded: Sequence[str]
@@ -68,6 +70,7 @@ class PayloadIdentifyRequest:
     options: ModelOptions = field(default_factory=ModelOptions)
     unfinished: bool = False
     output: Path | None = None
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)

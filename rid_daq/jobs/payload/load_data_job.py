@@ -34,11 +34,14 @@ class PayloadExportRequest:
         Whose controller it is for.
     output : Path
         The file to write.
+    overwrite : bool
+        Whether it may be there already.
     """
 
     payload: Path
     to: LoadFormat
     output: Path
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,18 +84,34 @@ class ReadBackRequest:
 
     Attributes
     ----------
-    payload, file : Path
-        A payload file, and load data as exported or saved from the robot.
+    payload : Path
+        A payload file.
     form : LoadFormat
-        Whose controller they come from.
+        Whose controller the load data come from.
+    file : Path or None
+        Load data as exported or saved from the robot; None where they are in `text`.
+    text : str
+        The same, as a person has typed or pasted them.
     tolerance_percent : float
         The largest difference [%].
     """
 
     payload: Path
-    file: Path
     form: LoadFormat
+    file: Path | None = None
+    text: str = ""
     tolerance_percent: float = 0.1
+
+    def __post_init__(self) -> None:
+        if (self.file is None) == (not self.text.strip()):
+            raise ConfigError("give the load data either as a file or as text")
+        if len(self.text.encode()) > LARGEST_TEXT:
+            raise ConfigError(f"the load data are longer than {LARGEST_TEXT} bytes")
+
+    @property
+    def source(self) -> str:
+        """Where the load data come from, in words."""
+        return "what was typed in" if self.file is None else str(self.file)
 
 
 @dataclass(frozen=True)
@@ -112,10 +131,11 @@ def read_back_payload(request: ReadBackRequest) -> ReadBack:
     ConfigError
         A file cannot be read, or is none of this format.
     """
-    file = request.file
+    file, text = request.source, request.text
     body = read_payload(request.payload).estimate.body
-    with system_errors(ConfigError, f"{file}: cannot be read"):
-        text = read_file(file, LARGEST_TEXT).decode("utf-8", errors="replace")
+    if request.file is not None:
+        with system_errors(ConfigError, f"{file}: cannot be read"):
+            text = read_file(request.file, LARGEST_TEXT).decode("utf-8", errors="replace")
     try:
         found = read_load_data(text, request.form)
     except ConfigError as error:

@@ -1,7 +1,10 @@
 from __future__ import annotations
 
 import struct
+import subprocess
+import sys
 from collections import deque
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,13 +37,14 @@ def test_a_row_has_one_layout_for_struct_numpy_and_the_ros_message(joints: int) 
     assert row["phase"] == 3
     # CDR: every primitive aligned to its own size, fixed arrays without a length
     sizes = {"float64": 8, "int32": 4, "uint32": 4, "int16": 2, "uint16": 2, "uint8": 1}
+    assert dtype.fields is not None
+    offsets: dict[str, int] = {key: field[1] for key, field in dtype.fields.items()}
     offset = 0
     for line in message_text(FIELDS, joints).splitlines():
         kind, name = line.split("#")[0].split()
         size = sizes[kind.split("[")[0]]
         offset += -offset % size
-        assert dtype.fields is not None
-        assert dtype.fields[name][1] == offset, name
+        assert offsets[name] == offset, name
         offset += size * (joints if "[" in kind else 1)
     assert offset == dtype.itemsize
 
@@ -83,3 +87,42 @@ def test_a_row_that_does_not_fit_its_fields_is_refused() -> None:
 def test_a_ring_has_room() -> None:
     with pytest.raises(RecordingError, match="capacity"):
         Ring.create(3, 0)
+
+
+CHILD = """
+import sys
+from acquisition.task.ring import Ring
+from tests.acquisition.task.test_ring import a_row
+before, ring = Ring.create(3, 8), Ring.create(2, 4)
+assert before.write(a_row(3, 9))
+assert all(ring.write(a_row(2, cycle)) for cycle in range(4))
+ring.read(1)
+assert ring.write(a_row(2, 4))
+print("ready", flush=True)
+sys.stdin.readline()
+print(ring.waiting, ring.written)
+"""
+
+
+def test_another_program_looks_at_the_newest_rows_and_can_change_nothing() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", CHILD],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[3],
+    ) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == "ready\n"
+        ring = Ring.of_process(program.pid)
+        assert ring is not None
+        assert (ring.joints, ring.capacity, ring.written, ring.waiting) == (2, 4, 5, 4)
+        with pytest.raises(TypeError, match="read-only"):
+            ring.read()
+        with pytest.raises((TypeError, struct.error, BufferError)):
+            ring._pack_into(ring._rows, 0, *a_row(2, 7))
+        told, _ = program.communicate("\n", timeout=120.0)
+    assert told == "4 5\n"
+    rows = np.frombuffer(ring.latest(2), dtype=row_dtype(2))
+    assert rows["cycle"].tolist() == [3, 4], "the last rows are kept by who looks at them"
+    assert Ring.of_process(program.pid) is None

@@ -26,6 +26,7 @@ QUICK_STOP, SYNC = "0200", "080"
 
 
 @pytest.mark.fault(23)
+@pytest.mark.slow
 def test_every_axis_is_told_to_stop_before_the_sync_after_the_request(
     tmp_path: Path, measured: Callable[[str], None]
 ) -> None:

@@ -177,6 +177,7 @@ class TestStops:
         needed = torque(model, path, speed, np.gradient(speed, T, axis=0), parameters)
         weak = np.array(forward.axes)
         weak[4, 0] = 0.95 * np.abs(needed[200:400, 0]).max()
+        weak.setflags(write=False)  # or the kernels are compiled for it by themselves
         source = source_of(replace(forward, axes=weak), path, end=False)
         held_limits(drive(source))
         assert source.stop is not None
@@ -226,9 +227,10 @@ class TestDoubt:
     ) -> None:
         """Between friction and springs of a wrong file anything may be divided by nothing."""
         samples = planned()
-        broken = [np.array(values) for values in forward.torque.arrays]
-        broken[3][2, 0] = np.nan
-        torque_of = SampleTorque(3, tuple(broken))  # type: ignore[arg-type]
+        sound = forward.torque.arrays
+        links = np.array(sound[3])
+        links[2, 0] = np.nan
+        torque_of = SampleTorque(3, (*sound[:3], links, *sound[4:]))
         source = source_of(replace(forward, torque=torque_of), samples.position)
         points = drive(source)
         held_limits(points)
@@ -259,6 +261,7 @@ class TestDoubt:
         samples = planned()
         axes = np.array(forward.axes)
         axes[5] /= 40.0  # gains that ask for corrections forty times as large
+        axes.setflags(write=False)
         source = source_of(replace(forward, axes=axes), samples.position)
         points = drive(source)
         held_limits(points)

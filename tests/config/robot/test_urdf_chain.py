@@ -72,6 +72,11 @@ def test_a_floating_base_is_held_and_of_two_trees_the_longer_is_taken() -> None:
     assert names(arm("x>y", *ARM, base="x")) == ["xy"]
 
 
+def test_a_joint_that_mimics_does_not_end_the_arm_without_a_word() -> None:
+    with pytest.raises(ConfigError, match=r"'cd' mimics 'ab' in the middle.*Give --tip c for"):
+        arm("a>b", "b>c", "c>d:mimic", "d>e", "e>f")
+
+
 def test_a_joint_that_mimics_in_the_middle_of_the_arm_is_refused_with_a_way_out() -> None:
     with pytest.raises(ConfigError, match=r"'cd' mimics 'ab' in the middle.*Give --tip c for"):
         arm("a>b", "b>c", "c>d:mimic", "d>e", tip="e")

@@ -126,6 +126,7 @@ def test_a_motion_file_says_the_same_motion(problem) -> None:
     assert first.offset + sum(first.cosine) == pytest.approx(q[0, 0], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_no_clear_pose_is_told_with_the_two_that_meet(problem) -> None:
     buried = Workspace(planes=(Plane(name="the ceiling", normal=(0.0, 0.0, -1.0), offset_m=0.5),))
     with pytest.raises(ConfigError, match="the ceiling and link"):

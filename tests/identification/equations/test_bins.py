@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,6 +48,17 @@ def pendulum() -> RobotModel:
         joints=(Joint(name="j", limits=limits),),
     )
     return RobotModel.from_description(robot)
+
+
+def test_a_joint_that_is_slow_by_nature_moves_below_the_usual_standstill(
+    pendulum: RobotModel,
+) -> None:
+    lift = replace(pendulum, speed_limits=(0.013,))
+    slow = one_joint_average(0.004 * swing(0.4))  # at most 0.0126 rad/s
+    assert of(pendulum, slow, 0.02).left_out_fraction == pytest.approx([1.0])
+    assert of(lift, slow, 0.02).left_out_fraction[0] < 0.1
+    still = one_joint_average(0.0002 * swing(0.4))
+    assert of(lift, still, 0.02).left_out_fraction == pytest.approx([1.0])
 
 
 def of(model: RobotModel, average: PeriodAverage, standstill_rad_s: float = 0.0) -> BinEquations:

@@ -87,6 +87,7 @@ class TestPeriodic:
         assert np.median(estimate.sigma_residual / estimate.sigma_noise) > 2.0
         assert np.median(estimate.sigma / estimate.sigma_noise) > 10.0
 
+    @pytest.mark.slow
     def test_two_sigma_hold_the_truth_of_a_robot_that_sticks_at_every_reversal(
         self, arm: KnownArm, run: Run
     ) -> None:

@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba import typeof
 from scipy import signal
 
 from config.simulation.plant import SimulatedPlate
+from mock_hw.amplifier import analog
 from mock_hw.amplifier.analog import AmplifierRows, AmplifierSettings, ChargeAmplifier
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -55,6 +57,25 @@ def test_a_steady_force_since_operate_reads_as_that_force_in_counts() -> None:
     np.testing.assert_allclose(rows.counts[-1] * NEWTONS, 100.0 * np.arange(8), atol=0.2)
     assert rows.counts.dtype == np.int16
     assert not rows.overload.any()
+
+
+def test_its_filter_is_compiled_before_anybody_can_wait_for_an_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    compiled: Any = analog._run_filter
+    types: list[tuple[object, ...]] = []
+
+    def watched(*arguments: object) -> int:
+        types.append(tuple(typeof(each) for each in arguments))
+        return int(compiled(*arguments))
+
+    monkeypatch.setattr(analog, "_run_filter", watched)
+    amplifier = switched_on()
+    assert len(types) == 1
+    amplifier.operate(ZERO)
+    amplifier.start()
+    held(amplifier, 100.0, 0.2)
+    assert types[1:] == types[:1]
 
 
 def test_at_reset_it_reads_zero_whatever_the_sensors_feel() -> None:

@@ -66,6 +66,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
             program.kill()
 
 
+@pytest.mark.slow
 def test_signals_to_the_whole_group_leave_the_hardware_to_the_program(
     start: Start, tmp_path: Path
 ) -> None:

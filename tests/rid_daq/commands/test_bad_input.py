@@ -150,6 +150,7 @@ def test_bad_input_is_one_clear_message(
     assert message.strip()
 
 
+@pytest.mark.slow
 def test_a_cell_that_waits_for_the_wrong_drive_is_told_which(
     desk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -20,6 +20,8 @@ from drivers.settings.write_log import DRIVE_WRITES
 from rid_daq.app import run
 from rid_daq.jobs.mock_job import MockRequest, serve_cell
 
+pytestmark = pytest.mark.slow
+
 KILLED_IN_SET_UP = """
 import os, signal, sys
 from config.load import load_cell
@@ -105,7 +107,6 @@ def workplace(
     run(["drives", "restore", place.cell, str(before), "--runs", str(tmp_path)])
 
 
-@pytest.mark.slow
 def test_a_record_changes_the_drives_and_rollback_brings_them_back_bit_by_bit(
     workplace: Workplace,
 ) -> None:

@@ -252,9 +252,9 @@ def session(
     """A cell of 4 ms, moved once alone and once with a payload; drive 5 is silent once."""
     path = tmp_path_factory.mktemp("runs")
     with fast_cell(loaded) as simulated:
-        runs = [record(loaded, simulated.cell, motion(1, 0.35, 4.0), path)]
+        runs = [record(loaded, simulated.cell, motion(1, 0.1, 2.0), path)]
         simulated.attach("medium")
-        runs.append(record(loaded, simulated.cell, motion(1, 0.35, 4.0), path))
+        runs.append(record(loaded, simulated.cell, motion(1, 0.1, 2.0), path))
         yield simulated, runs
 
 
@@ -305,7 +305,7 @@ class TestWarmUpAndPayload:
     ) -> None:
         _, runs = session
         with fast_cell(loaded) as again:
-            outcome, folder = record(loaded, again.cell, motion(1, 0.35, 4.0), tmp_path)
+            outcome, folder = record(loaded, again.cell, motion(1, 0.1, 2.0), tmp_path)
         np.testing.assert_array_equal(
             read_journal(outcome.path).rows["torque_raw"],
             read_journal(runs[0][0].path).rows["torque_raw"],
@@ -358,7 +358,7 @@ class TestWhenTheDrivesDoNotTell:
             nobody = cell.model_copy(
                 update={"monitor": cell.monitor.model_copy(update={"link": link})}
             )
-            asked = motion(1, 0.2, 4.0)
+            asked = motion(1, 0.1, 2.0)
             without, folder = record(loaded, nobody, asked, tmp_path)
             dead, _ = record(loaded, cell, asked, tmp_path, kill_monitor)
         assert without.complete
@@ -381,7 +381,7 @@ def test_check_reads_every_motor(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_record_mounts_a_payload(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "motion.yaml"
-    path.write_text(to_yaml(motion(1, 0.2, 4.8)))
+    path.write_text(to_yaml(motion(1, 0.1, 2.4)))
     runs = ["--runs", str(tmp_path / "runs")]
     assert run(["record", "kr15", str(path), "--payload", "huge", *runs]) == 2
     assert "there are: small, medium, large" in capsys.readouterr().err

@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from pypdf import PdfReader
 
 from acquisition.journal.cycles import read_journal
 from acquisition.motion.samples import Phase
@@ -19,9 +21,10 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
 from acquisition.session.early_stop import NewPeriods
 from identification.payload.periodic_runs import PeriodicRuns
+from identification.payload.warm_up import period_powers
 from rid_daq.app import run
 from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_runs
-from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch, period_powers
+from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
 from rid_daq.runs.run_data import RunData
 
 pytestmark = pytest.mark.slow
@@ -67,6 +70,22 @@ def test_a_session_weighs_the_payload_unattended(
     report = Path(document["report"]).read_text(encoding="utf-8")
     assert "Payload session on kr15" in report
     assert Path(document["file"]).exists()
+
+
+def test_a_session_is_certified(weighed: tuple[Path, dict[str, Any], int], tmp_path: Path) -> None:
+    runs, document, _ = weighed
+    out = tmp_path / "certificate.pdf"
+    words = ["payload", "certificate", document["session"], "-o", str(out)]
+    assert run([*words, "--runs", str(runs)]) == 0
+    text = " ".join(" ".join(page.extract_text() for page in PdfReader(out).pages).split())
+    mass = document["payload"]["parameters"][0]
+    found = re.search(r"mass m ([\d.]+) ([\d.]+) kg", text)
+    assert found is not None
+    assert abs(float(found[1]) - mass["value"]) <= 0.1 * mass["std"]
+    assert float(found[2]) == pytest.approx(2.0 * mass["std"], rel=0.05)
+    assert "Simulated: medium was on the flange." in text
+    for step, run_id in document["done"].items():
+        assert f"{step} {run_id}" in text
 
 
 def periods_of(run: Path, begun: int, periods: int) -> NewPeriods:

@@ -55,13 +55,43 @@ def make_cell(folder: Path) -> Path:
     return cell
 
 
+@contextmanager
+def served(cell: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Iterator[SimulatedCell]:
+    """Serve a cell as `rid-daq mock --lockstep` does: its amplifier outlives the commands."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    loaded = load_cell(str(cell))
+    assert loaded.plant is not None
+    with SimulatedCell(
+        CellSimulation(
+            loaded.config,
+            loaded.robot,
+            loaded.plant,
+            realtime=False,
+            seed=1,
+            directory=runtime_directory(),
+            amplifier_profile=loaded.amplifier_profile,
+        )
+    ) as simulated:
+        yield simulated
+
+
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_cell(tmp_path_factory.mktemp("zero"))
 
 
 @pytest.fixture(scope="module")
-def zeroed(cell: Path) -> dict[str, Any]:
+def lasting(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The cell's devices, which outlive the commands."""
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        served(cell, patch, tmp_path_factory.mktemp("served")),
+    ):
+        yield
+
+
+@pytest.fixture(scope="module")
+def zeroed(cell: Path, lasting: None) -> dict[str, Any]:
     """What the command says in JSON, having written the zero."""
     runs = ["--runs", str(cell.parent / "runs")]
     with pytest.MonkeyPatch.context() as patch:
@@ -145,44 +175,20 @@ def test_the_zero_stands_in_the_cell_file_and_beside_the_run(
     assert "# a Kistler 9281B under the robot" in cell.read_text()
 
 
-@contextmanager
-def served(cell: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Iterator[SimulatedCell]:
-    """Serve a cell as `rid-daq mock --lockstep` does: its amplifier outlives the commands."""
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
-    loaded = load_cell(str(cell))
-    assert loaded.plant is not None
-    with SimulatedCell(
-        CellSimulation(
-            loaded.config,
-            loaded.robot,
-            loaded.plant,
-            realtime=False,
-            seed=1,
-            directory=runtime_directory(),
-            amplifier_profile=loaded.amplifier_profile,
-        )
-    ) as simulated:
-        yield simulated
-
-
 def test_other_commands_measure_from_that_zero(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    zeroed: dict[str, Any], cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    cell = make_cell(tmp_path)
     runs = ["--runs", str(tmp_path / "runs")]
-    with served(cell, monkeypatch, tmp_path):
-        assert run(["plate", "zero", str(cell), "--write", *QUICK, *runs]) == 0
-        assert "written into" in capsys.readouterr().out
-        assert run(["check", str(cell), "--seconds", "0.3", "--json", *runs]) == 0
-        lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)["lines"]}
-        assert lines["force at rest beyond its zero"]["verdict"] == "ok"
-        assert abs(float(lines["force at rest beyond its zero"]["found"].split()[1])) < 2.5
-        moved = tmp_path / "moved.yaml"
-        moved.write_text(cell.read_text().replace("    pose: [-1.57", "    pose: [1.57"))
-        assert run(["check", str(moved), "--seconds", "0.3", "--json", *runs]) == 0
-        lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)["lines"]}
-        elsewhere = lines["force at rest beyond its zero, elsewhere than there"]
-        assert elsewhere["verdict"] == "shown"
+    assert run(["check", str(cell), "--seconds", "0.3", "--json", *runs]) == 0
+    lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)["lines"]}
+    assert lines["force at rest beyond its zero"]["verdict"] == "ok"
+    assert abs(float(lines["force at rest beyond its zero"]["found"].split()[1])) < 2.5
+    moved = cell.with_name("moved.yaml")
+    moved.write_text(cell.read_text().replace("    pose: [-1.57", "    pose: [1.57"))
+    assert run(["check", str(moved), "--seconds", "0.3", "--json", *runs]) == 0
+    lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)["lines"]}
+    elsewhere = lines["force at rest beyond its zero, elsewhere than there"]
+    assert elsewhere["verdict"] == "shown"
 
 
 def interrupting(after_row: int, sent: list[int]) -> Callable[..., Callable[[Progress], None]]:

@@ -54,6 +54,7 @@ def red(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, list[dict
     return code, [line for line in lines if line["verdict"] == "red"]
 
 
+@pytest.mark.slow
 def test_a_file_that_is_wrong_against_the_devices_is_red_until_it_is_corrected(
     files: Path, tmp_path: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -68,6 +69,7 @@ def test_a_file_that_is_wrong_against_the_devices_is_red_until_it_is_corrected(
         assert red(capsys, cell) == (0, [])
 
 
+@pytest.mark.slow
 def test_drives_that_are_not_there_are_told_by_their_nodes(
     files: Path, tmp_path: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -77,6 +77,7 @@ def test_a_payload_is_weighed_from_runs_with_and_without_it(
     assert abs(mass["value"] - 2.805) < 2.0 * mass["std"]
 
 
+@pytest.mark.slow
 def test_a_report_is_of_one_model_however_many_were_made(workshop: Path) -> None:
     runs, of_it = ["--runs", str(workshop / "runs")], find_run(workshop / "runs", "unloaded")
     other, own = workshop / "other.json", workshop / "own.json"

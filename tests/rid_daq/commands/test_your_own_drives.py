@@ -26,6 +26,7 @@ def checked(
     return lines
 
 
+@pytest.mark.slow
 def test_a_drive_without_6007h_is_ready_by_its_trial(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -39,6 +40,7 @@ def test_a_drive_without_6007h_is_ready_by_its_trial(
     assert {line["found"] for line in trials} == {"80 ms, fault"}
 
 
+@pytest.mark.slow
 def test_drives_that_lack_what_the_standard_has_are_told_which_key_stands_for_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

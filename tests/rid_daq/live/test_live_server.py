@@ -11,7 +11,6 @@ import re
 import resource
 import socket
 import ssl
-import subprocess
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -29,9 +28,8 @@ from acquisition.task.ring import Ring
 from acquisition.task.states import TaskState
 from config.load import load_cell
 from rid_daq.live.access import Access
-from rid_daq.live.live_process import MOST_DESCRIPTORS, run_live_page
+from rid_daq.live.live_process import LIMITS, MOST_DESCRIPTORS, run_live_page
 from rid_daq.live.picture import MotionPicture, ShownMotion
-from rid_daq.live.server import MOST_STREAMS, MOST_WAITING
 
 TOKEN = "t" * 40
 PATIENCE_S = 120.0
@@ -126,11 +124,15 @@ def _parts(answer: bytes) -> tuple[int, str, bytes]:
 def _event(line: socket.socket) -> bytes:
     """Return the next whole event of a stream."""
     received = b""
-    while b"\ndata: " not in received or not received.endswith(b"\n\n"):
+    while b"\ndata: " not in received or not received.endswith(b"\n\n\r\n"):  # a chunk's end
         data = line.recv(65536)
         assert data, "the stream has ended"
         received += data
-    return received.strip().rpartition(b"\ndata: ")[2]
+    return _last_event(received)
+
+
+def _last_event(received: bytes) -> bytes:
+    return received.rpartition(b"\ndata: ")[2].partition(b"\n\n")[0]
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +152,7 @@ def unstopped(served: Served) -> Served:
 def test_the_address_of_the_terminal_opens_the_page_and_leaves_a_cookie(served: Served) -> None:
     status, head, _ = served.get(f"/?t={TOKEN}")
     assert status == 303
-    assert "Location: /\r\n" in head
+    assert "\r\nlocation: /\r\n" in head.lower()
     assert "HttpOnly; SameSite=Strict" in head
     status, head, body = served.get("/", served.cookie)
     assert status == 200
@@ -184,7 +186,7 @@ def test_a_name_that_was_rebound_to_this_machine_gets_nothing(unstopped: Served)
         assert (status, body) == (421, b"")
     status, _, _ = unstopped.ask(STOP % name + b"X-Rid-Daq: stop\r\n" + STOP_BODY)
     assert status == 421
-    assert unstopped.ask(b"GET / HTTP/1.1\r\n\r\n")[0] == 421
+    assert unstopped.ask(b"GET / HTTP/1.1\r\n\r\n")[0] == 400, "no name at all"
     assert unstopped.control.program.stop_code == 0
 
 
@@ -208,8 +210,8 @@ def test_what_a_form_of_a_strangers_page_can_send_stops_nothing(unstopped: Serve
     assert unstopped.ask(b"GET /stop HTTP/1.1\r\nHost: %s\r\n\r\n" % unstopped.host)[0] == 403
     options = b"OPTIONS /stop HTTP/1.1\r\nHost: %s\r\nOrigin: https://evil.example\r\n\r\n"
     status, head, _ = unstopped.ask(options % unstopped.host)
-    assert status == 400
-    assert "Access-Control" not in head
+    assert status == 403
+    assert "access-control" not in head.lower()
     assert unstopped.control.program.stop_code == 0
 
 
@@ -286,15 +288,15 @@ def test_a_thousand_clients_cost_a_bounded_amount_and_the_stop_gets_through(
 
 
 def test_more_viewers_than_there_is_room_for_are_told_to_come_again(served: Served) -> None:
-    viewers = [served._ask_for_events() for _ in range(MOST_STREAMS + 1)]
+    viewers = [served._ask_for_events() for _ in range(LIMITS.streams + 1)]
     answers = [_parts(viewer.recv(65536)) for viewer in viewers]
     for viewer in viewers:
         viewer.close()
     refused = [head for status, head, _ in answers if status == 503]
     # one who has just left, in an earlier test, may still have had a place
     assert 1 <= len(refused) <= 2
-    assert all("Retry-After" in head for head in refused)
-    assert MOST_STREAMS + MOST_WAITING < MOST_DESCRIPTORS
+    assert all("retry-after" in head.lower() for head in refused)
+    assert LIMITS.streams + LIMITS.answering + LIMITS.waiting < MOST_DESCRIPTORS
 
 
 def test_texts_of_devices_are_data_on_the_page_and_nothing_else(served: Served) -> None:
@@ -336,23 +338,6 @@ def test_the_picture_has_every_joint_against_its_limits(served: Served) -> None:
     assert (one["position_min"], one["velocity_limit"]) == (limits.position_min, limits.velocity)
 
 
-@pytest.fixture(scope="module")
-def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("tls")
-    key, cert = folder / "key.pem", folder / "cert.pem"
-    subprocess.run(
-        [
-            *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256"),
-            *("-nodes", "-keyout", str(key), "-out", str(cert), "-days", "2", "-subj", "/CN=live"),
-        ],
-        check=True,
-        capture_output=True,
-    )
-    both = folder / "live.pem"
-    both.write_bytes(cert.read_bytes() + key.read_bytes())
-    return both
-
-
 def test_on_another_address_it_is_tls_and_the_token(certificate: Path) -> None:
     live = Served(Access("0.0.0.0", 0, TOKEN, certificate))
     try:
@@ -379,5 +364,5 @@ def test_it_ends_with_the_motion_and_its_viewers_see_the_end() -> None:
         began_s = time.monotonic()
         live.close()
         rest = _read_all(viewer)
-    assert json.loads(rest[rest.rindex(b"data: ") + 6 :])["over"]
+    assert json.loads(_last_event(rest))["over"]
     assert live.process.exitcode == 0, f"after {time.monotonic() - began_s:.1f} s"

@@ -3,7 +3,8 @@
 import multiprocessing
 from pathlib import Path
 
-from rid_daq.preflight.computer_check import computer_lines, sleep_like_the_task, try_awake
+from rid_daq.preflight.computer_check import computer_lines, try_awake
+from rid_daq.preflight.lateness import sleep_like_the_task
 
 
 def test_keeping_processors_awake_is_tried_and_given_back(tmp_path: Path) -> None:

@@ -124,6 +124,7 @@ def test_a_plate_that_is_not_there_is_an_error_of_the_line(
         lines_of(served, amplifier=gone)
 
 
+@pytest.mark.slow
 def test_the_bundled_cells_plate_is_checked_with_it(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["check", "ir361", "--seconds", "0.3", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)

@@ -1,0 +1,95 @@
+"""Write what the service promises: `python docs/reference/api.py`.
+
+`rid_daq/service/requests.json` holds the schema of every job's request, `openapi.json` the whole
+API. What programs that were written for the API of before would stumble over is not written,
+unless the first number of `API_VERSION` is another one.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from rid_daq.service.api.app import make_api, openapi_of
+from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.request_check import request_schemas
+from rid_daq.service.service import CellService
+from rid_daq.worker.job_requests import request_schema
+
+HERE = Path(__file__).resolve().parent
+OPENAPI = HERE / "openapi.json"
+REQUESTS = HERE.parent.parent / "rid_daq" / "service" / "requests.json"
+
+
+def requests() -> str:
+    """Return the schemas of the requests, as the code has them."""
+    schemas = {kind.value: request_schema(kind) for kind in JobKind}
+    return json.dumps(schemas, indent=1, sort_keys=True) + "\n"
+
+
+def openapi() -> str:
+    """Return the API's document, as the code has it."""
+    with tempfile.TemporaryDirectory() as folder:
+        service = CellService(Path(folder), [])
+        app = make_api(service, Doorkeeper(service.tokens, 0, secure=False))
+        return json.dumps(openapi_of(app), indent=1, sort_keys=True) + "\n"
+
+
+def breaks(before: Any, after: Any) -> list[str]:
+    """Return what of an API is gone, or is asked for that was not before; a place a line."""
+    found: list[str] = []
+    for method_or_path in before.get("paths", {}):
+        if method_or_path not in after["paths"]:
+            found.append(f"{method_or_path}: is gone")
+            continue
+        old, new = before["paths"][method_or_path], after["paths"][method_or_path]
+        found += [f"{verb} {method_or_path}: is gone" for verb in old if verb not in new]
+        for verb in set(old) & set(new):
+            known = {each["name"] for each in old[verb].get("parameters", [])}
+            asked = [
+                each["name"]
+                for each in new[verb].get("parameters", [])
+                if each.get("required") and each["name"] not in known
+            ]
+            found += [f"{verb} {method_or_path}: asks for {name}" for name in asked]
+    old_schemas = before.get("components", {}).get("schemas", {})
+    new_schemas = after.get("components", {}).get("schemas", {})
+    for name, old in old_schemas.items():
+        new = new_schemas.get(name)
+        if new is None:
+            found.append(f"{name}: is gone")
+            continue
+        gone = set(old.get("properties", {})) - set(new.get("properties", {}))
+        found += [f"{name}.{each}: is gone" for each in sorted(gone)]
+        asked_now = set(new.get("required", [])) - set(old.get("required", []))
+        known = set(old.get("properties", {}))
+        is_answer = not name.startswith("Request-") and not name.endswith("Wanted")
+        asked_now -= set() if not is_answer else set(new.get("properties", {})) - known
+        found += [f"{name}.{each}: is asked for" for each in sorted(asked_now)]
+        values = set(map(str, old.get("enum", []))) - set(map(str, new.get("enum", [])))
+        found += [f"{name}: {each} is gone" for each in sorted(values)]
+    return found
+
+
+def main() -> int:
+    """Write both files, or say what stands in the way."""
+    REQUESTS.write_text(requests(), encoding="utf-8")
+    request_schemas.cache_clear()
+    new = openapi()
+    if OPENAPI.exists():
+        before, after = json.loads(OPENAPI.read_text(encoding="utf-8")), json.loads(new)
+        same = before["info"]["version"].split(".")[0] == after["info"]["version"].split(".")[0]
+        broken = breaks(before, after) if same else []
+        if broken:
+            sys.stderr.write("\n".join([*broken, "not written: programs would break", ""]))
+            return 1
+    OPENAPI.write_text(new, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,69 @@
+"""`rid-daq payload certificate`: a payload's certificate as PDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rid_daq.recording.certificate_job import (
+    CERTIFICATE,
+    PayloadCertificateRequest,
+    write_certificate,
+)
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
+from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.output_file import Overwrite, refuse_output
+
+
+def certificate(
+    session: Annotated[
+        str,
+        typer.Argument(
+            metavar="SESSION",
+            help="A payload session, or a run with a payload of `payload identify`.",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help=f"The PDF; {CERTIFICATE} in the session if not."
+        ),
+    ] = None,
+    by: Annotated[
+        str | None, typer.Option("--by", metavar="NAME", help="Who answers for it.")
+    ] = None,
+    overwrite: Overwrite = False,
+    runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a payload's certificate: values with intervals, verdict with limits, origin, SHA-256.
+
+    Every file that it lists is compared with its SHA-256 first. A failed verdict is certified as
+    failed; a session that is not finished is refused. The same session gives the same bytes.
+    """
+    request = PayloadCertificateRequest(session, runs, output, by, overwrite)
+    here_or_there(service, JobKind.PAYLOAD_CERTIFICATE, request, Console(as_json), perform)
+
+
+def perform(request: PayloadCertificateRequest, console: Console) -> None:
+    """Write a certificate, and say where it is."""
+    refuse_output(request.output, request.overwrite)
+    certified, file = write_certificate(request)
+    verdict = certified.verdict
+    console.document(
+        {
+            "file": str(file),
+            "run": certified.run_id,
+            "simulated": certified.simulated,
+            "verdict": verdict,
+        }
+    )
+    if certified.simulated:
+        console.say("The cell is simulated; every page says so.")
+    console.say(f"Verdict on it: {verdict.headline}")
+    console.verdict(True, f"Wrote {file}")

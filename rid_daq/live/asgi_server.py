@@ -1,0 +1,262 @@
+"""`AsgiServer`: serves an application to browsers and programs; bounded whatever they do.
+
+uvicorn speaks HTTP and WebSocket; what it lacks stands here and in `connection`: a client's time
+for its request, how many may be at it, how much they may send, and who has to go for a new one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import ssl
+from collections.abc import Sequence
+from http import HTTPStatus
+from typing import Any
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.config import Config
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.server import ServerState
+
+from rid_daq.live.connection import Connection, Door, Limits
+
+LAST_WORDS_S = 0.5
+_BACKLOG = 1024
+_ACCEPTED_AT_ONCE = 8  # then those who are there are heard, before more come in
+_CONNECTION = "rid_daq_connection"
+_CLOSE = (b"connection", b"close")
+_EVENTS = b"text/event-stream"
+
+
+class AsgiServer:
+    """Serves one application; every connection carries one request, or one stream.
+
+    The application finds in `scope["state"]["local"]` whether a request came by a Unix socket. It
+    gets a request when all of it is there. A WebSocket, or an answer of type `text/event-stream`,
+    is a stream: `Limits.streams` of them may stay, another gets 503.
+
+    Parameters
+    ----------
+    app : ASGI application
+        What answers.
+    tls : ssl.SSLContext or None
+        How connections by TCP are encrypted, None where they are not.
+    limits : Limits
+        What clients may take.
+    """
+
+    def __init__(
+        self, app: ASGIApp, tls: ssl.SSLContext | None = None, limits: Limits | None = None
+    ) -> None:
+        self.limits = limits or Limits()
+        self._app = app
+        self._tls = tls
+        self._state = ServerState()
+        self._config = Config(
+            self._answer,
+            http="h11",
+            ws="websockets-sansio",
+            ws_max_size=self.limits.message_bytes,
+            ws_ping_interval=self.limits.stream_s / 2,
+            ws_ping_timeout=self.limits.stream_s / 2,
+            ws_per_message_deflate=False,
+            interface="asgi3",
+            log_config=None,
+            log_level="error",  # what unknown clients send is no news
+            access_log=False,
+            proxy_headers=False,
+            server_header=False,
+            date_header=False,
+        )
+        self._config.load()
+        self._doors: list[Door] = []
+
+    @property
+    def streams(self) -> int:
+        """How many streams there are now."""
+        return sum(len(door.streams) for door in self._doors)
+
+    async def serve(
+        self,
+        listeners: Sequence[socket.socket],
+        until: asyncio.Event,
+        last_words_s: float = LAST_WORDS_S,
+    ) -> None:
+        """Serve on sockets that are bound, until the event is set; they are closed then.
+
+        From then on nobody is let in; answers and streams have `last_words_s` to end by themselves.
+        A WebSocket that has not is told 1012, and the application's tasks are cancelled.
+
+        Parameters
+        ----------
+        listeners : sequence of socket
+            By TCP (with TLS where there is a context) and Unix sockets (without).
+        until : asyncio.Event
+            Ends it.
+        last_words_s : float
+            How long the end may take.
+
+        Raises
+        ------
+        RuntimeError
+            The application's start has failed.
+        """
+        lifespan = self._config.lifespan_class(self._config)
+        await lifespan.startup()
+        if lifespan.should_exit:
+            raise RuntimeError("the application did not start")
+        try:
+            async with contextlib.AsyncExitStack() as stack:
+                for listener in listeners:
+                    await self._open(listener, lifespan.state, stack)
+                await until.wait()
+            await self._end(last_words_s)
+        finally:
+            await self._abandon(last_words_s)
+            await lifespan.shutdown()
+
+    async def _open(
+        self, listener: socket.socket, state: dict[str, Any], stack: contextlib.AsyncExitStack
+    ) -> None:
+        local = listener.family == socket.AF_UNIX
+
+        def speaker(connection: Connection) -> asyncio.Protocol:
+            own = {**state, "local": local, _CONNECTION: connection}
+            return H11Protocol(self._config, self._state, own)
+
+        door = Door(self.limits, speaker, None if local else self._tls)
+        self._doors.append(door)
+        server = await asyncio.get_running_loop().create_server(
+            lambda: Connection(door), sock=listener, backlog=_ACCEPTED_AT_ONCE
+        )
+        stack.callback(server.close)
+        listener.listen(_BACKLOG)
+
+    async def _end(self, last_words_s: float) -> None:
+        for door in self._doors:
+            door.dismiss_waiting()
+        await self._until_empty(last_words_s)
+        for door in self._doors:
+            door.shut_down()
+        await self._until_empty(last_words_s)
+
+    async def _until_empty(self, patience_s: float) -> None:
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(patience_s):
+                while any(door.connections for door in self._doors):
+                    await asyncio.sleep(0.01)
+
+    async def _abandon(self, patience_s: float) -> None:
+        for door in self._doors:
+            door.abort()
+        if self._state.tasks:
+            await asyncio.wait(tuple(self._state.tasks), timeout=patience_s)
+        tasks = tuple(self._state.tasks)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Ask the application; uvicorn calls this."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        connection: Connection = scope["state"].pop(_CONNECTION)
+        try:
+            if scope["type"] == "websocket":
+                await self._answer_websocket(connection, scope, receive, send)
+            else:
+                await self._answer_request(connection, scope, receive, send)
+        finally:
+            connection.answered()
+
+    async def _answer_request(
+        self, connection: Connection, scope: Scope, receive: Receive, send: Send
+    ) -> None:
+        try:
+            body = await self._body(scope, receive)
+        except _TooLongError:
+            await _refuse(send, HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+            return
+        if body is None:
+            return
+        connection.request_is_whole()
+        body_messages = [{"type": "http.request", "body": body, "more_body": False}]
+        refused = False
+
+        async def replayed() -> Message:
+            return body_messages.pop() if body_messages else await receive()
+
+        async def reply(message: Message) -> None:
+            nonlocal refused
+            if message["type"] == "http.response.start":
+                headers = [(name.lower(), value) for name, value in message["headers"]]
+                stream = any(n == b"content-type" and v.startswith(_EVENTS) for n, v in headers)
+                if stream and not connection.become_stream():
+                    refused = True
+                    await _refuse(send, HTTPStatus.SERVICE_UNAVAILABLE, (b"retry-after", b"5"))
+                    return
+                message = {**message, "headers": [*headers, _CLOSE]}
+            if not refused:
+                await send(message)
+                if message["type"] == "http.response.body" and not message.get("more_body"):
+                    connection.answered()
+
+        await self._app(scope, replayed, reply)
+
+    async def _answer_websocket(
+        self, connection: Connection, scope: Scope, receive: Receive, send: Send
+    ) -> None:
+        connection.request_is_whole()
+        refused = False
+
+        async def reply(message: Message) -> None:
+            nonlocal refused
+            if message["type"] == "websocket.accept" and not connection.become_stream():
+                refused = True
+                status = HTTPStatus.SERVICE_UNAVAILABLE
+                await _refuse(send, status, (b"retry-after", b"5"), kind="websocket.http.response")
+            if refused:
+                raise ConnectionAbortedError
+            await send(message)
+
+        try:
+            await self._app(scope, receive, reply)
+        except Exception:
+            if not refused:  # else the application was told, by an error, that nobody is there
+                raise
+
+    async def _body(self, scope: Scope, receive: Receive) -> bytes | None:
+        """Return a request's whole body, None where the client has gone."""
+        announced = dict(scope["headers"]).get(b"content-length", b"0")
+        if int(announced) > self.limits.body_bytes:
+            raise _TooLongError
+        body = bytearray()
+        while (message := await receive())["type"] == "http.request":
+            body += message.get("body", b"")
+            if len(body) > self.limits.body_bytes:
+                raise _TooLongError
+            if not message.get("more_body"):
+                return bytes(body)
+        return None
+
+
+class _TooLongError(Exception):
+    """A request with more than is taken."""
+
+
+async def _refuse(
+    send: Send, status: HTTPStatus, *headers: tuple[bytes, bytes], kind: str = "http.response"
+) -> None:
+    """Answer with a status and its name."""
+    body = status.phrase.encode() + b"\n"
+    plain = (b"content-type", b"text/plain; charset=utf-8")
+    length = (b"content-length", str(len(body)).encode())
+    start = {
+        "type": f"{kind}.start",
+        "status": int(status),
+        "headers": [plain, length, _CLOSE, *headers],
+    }
+    await send(start)
+    await send({"type": f"{kind}.body", "body": body})

@@ -1,0 +1,104 @@
+"""`live_app`: what the live page's browser may ask for: the page, its events, the stop."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import AsyncIterator, Callable
+from http import HTTPStatus
+from importlib.resources import files
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+from starlette.types import ASGIApp
+
+from rid_daq.live.access import STOP_HEADER, Access
+from rid_daq.live.feed import Feed
+from rid_daq.live.guard import Guard
+
+_FILES = {
+    "/": ("page.html", "text/html"),
+    "/page.css": ("page.css", "text/css"),
+    "/icon.svg": ("icon.svg", "image/svg+xml"),
+    "/page.js": ("page.js", "text/javascript"),
+}
+_NO_TOKEN = (
+    "This page needs the whole address that rid-daq has shown in its terminal, with ?t= and what"
+    " follows.\n"
+)
+
+
+def live_app(access: Access, feed: Feed, stop: Callable[[], None]) -> ASGIApp:
+    """Return the application behind its guard.
+
+    All but the stop needs the token; the stop needs it from another machine only: a stop too many
+    costs a run, one too few may cost an arm.
+
+    Parameters
+    ----------
+    access : Access
+        Who may ask for what.
+    feed : Feed
+        The events, each a line of JSON.
+    stop : callable
+        Asks for the motion's stop.
+    """
+    folder = files("rid_daq.live")
+    contents = {path: folder.joinpath(name).read_bytes() for path, (name, _) in _FILES.items()}
+
+    async def file(request: Request) -> Response:
+        path = request.url.path
+        token = request.query_params.get("t") if path == "/" else None
+        if token is not None and access.knows(token):
+            away = {"Location": "/", "Set-Cookie": access.cookie()}
+            return Response(status_code=HTTPStatus.SEE_OTHER, headers=away)
+        if token is not None or not access.has_token(request.headers):
+            return _not_admitted()
+        if path not in contents:
+            return Response(status_code=HTTPStatus.NOT_FOUND)
+        return Response(contents[path], media_type=_FILES[path][1])
+
+    async def events(request: Request) -> Response:
+        if not access.has_token(request.headers):
+            return _not_admitted()
+        if request.method != "GET":
+            return Response(status_code=HTTPStatus.NOT_FOUND)
+        return StreamingResponse(_lines(feed), media_type="text/event-stream")
+
+    async def ask_to_stop(request: Request) -> Response:
+        if request.headers.get(STOP_HEADER) != "stop":
+            return Response(status_code=HTTPStatus.FORBIDDEN)
+        if not _from_here(request) and not access.has_token(request.headers):
+            return _not_admitted()
+        stop()
+        return JSONResponse({"stop": "asked for"}, HTTPStatus.ACCEPTED)
+
+    async def not_found(request: Request, error: Exception) -> Response:
+        return Response(status_code=HTTPStatus.NOT_FOUND)
+
+    app = Starlette(
+        routes=[
+            Route("/stop", ask_to_stop, methods=["POST"]),
+            Route("/events", events),
+            Route("/{path:path}", file),
+        ],
+        exception_handlers={HTTPStatus.METHOD_NOT_ALLOWED: not_found},
+    )
+    return Guard(app, access)
+
+
+async def _lines(feed: Feed) -> AsyncIterator[bytes]:
+    yield b"retry: 1000\n\n"
+    async for document in feed.view():
+        yield b"data: " + document + b"\n\n"
+
+
+def _from_here(request: Request) -> bool:
+    if request.state.local:
+        return True
+    return request.client is not None and ipaddress.ip_address(request.client.host).is_loopback
+
+
+def _not_admitted() -> Response:
+    return Response(_NO_TOKEN, HTTPStatus.FORBIDDEN, media_type="text/plain")

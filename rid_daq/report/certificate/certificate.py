@@ -1,0 +1,122 @@
+"""`Certificate`: what a payload's certificate says; `certificate_pdf` makes pages of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from identification.payload.verdict import PayloadResult
+from rid_daq.report.sections.payload import payload_verdict
+from rid_daq.report.sections.verdict import Verdict
+
+
+@dataclass(frozen=True)
+class CertifiedRun:
+    """A run that a session recorded, or that a payload was identified from.
+
+    Attributes
+    ----------
+    step : str
+        Which step of the session it was; empty outside of sessions.
+    run_id, label, status : str
+        As its manifest says.
+    created_utc, finished_utc : str
+        When it began and ended, ISO 8601.
+    """
+
+    step: str
+    run_id: str
+    label: str
+    status: str
+    created_utc: str
+    finished_utc: str
+
+
+@dataclass(frozen=True)
+class CertifiedFile:
+    """A file of a run, and the SHA-256 that was compared with its bytes."""
+
+    run_id: str
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Device:
+    """A device of the cell, and its serial number; None where none is recorded."""
+
+    name: str
+    serial: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What a payload's certificate says.
+
+    Attributes
+    ----------
+    run_id, label : str
+        The session, or the run that holds the payload.
+    is_session : bool
+        Whether it is a guided session.
+    payload : PayloadResult
+        The payload with its checks.
+    how : str
+        How it was found.
+    findings : tuple of str
+        What a person should know of it.
+    by : str or None
+        Who answers for it; None where nobody was named.
+    begun_utc, ended_utc : str
+        Of the session or run, ISO 8601.
+    identified_utc : str or None
+        When the payload was identified; None where that is not recorded.
+    cell : str or None
+        Name of the cell; None of recordings from elsewhere.
+    simulated : bool
+        Whether any of the runs is of a simulated cell.
+    devices : tuple of Device
+        Robot and drives.
+    runs : tuple of CertifiedRun
+        All runs, in the order of the session.
+    files : tuple of CertifiedFile
+        Files of the session and of the runs.
+    software : tuple of (str, str)
+        Name and version of what recorded.
+    identified_with, written_with : str
+        Which program identified the payload, and which wrote the certificate.
+    """
+
+    run_id: str
+    label: str
+    is_session: bool
+    payload: PayloadResult
+    how: str
+    findings: tuple[str, ...]
+    by: str | None
+    begun_utc: str
+    ended_utc: str
+    identified_utc: str | None
+    cell: str | None
+    simulated: bool
+    devices: tuple[Device, ...]
+    runs: tuple[CertifiedRun, ...]
+    files: tuple[CertifiedFile, ...]
+    software: tuple[tuple[str, str], ...]
+    identified_with: str
+    written_with: str
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the payload is as sure as was asked for."""
+        return payload_verdict(self.payload)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the motion shows all ten parameters."""
+        return all(self.payload.estimate.seen)
+
+    @property
+    def dated(self) -> datetime:
+        """When the session or run ended."""
+        return datetime.fromisoformat(self.ended_utc)

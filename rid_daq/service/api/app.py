@@ -1,0 +1,101 @@
+"""`make_api`: the API as one ASGI application."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+from fastapi import APIRouter, FastAPI, Request
+from fastapi.openapi.utils import get_openapi
+from fastapi.responses import JSONResponse
+
+from config.errors import RidDaqError
+from rid_daq.service.api import cells, jobs, live_socket, people, runs, system
+from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.records import Record
+from rid_daq.service.refusals import status_of
+from rid_daq.service.request_check import request_schemas
+from rid_daq.service.service import CellService
+
+API_VERSION = "1.0"
+
+
+class Problem(Record):
+    """Why something was refused: the kind of error, and a sentence."""
+
+    error: str
+    message: str
+
+
+def make_api(
+    service: CellService, doorkeeper: Doorkeeper, more: Sequence[APIRouter] = ()
+) -> FastAPI:
+    """Return the application.
+
+    Parameters
+    ----------
+    service : CellService
+        What it is of.
+    doorkeeper : Doorkeeper
+        Who is let in.
+    more : sequence of APIRouter
+        Routes beside the API: pages.
+    """
+    app = FastAPI(
+        title="rid-daq service",
+        version=API_VERSION,
+        summary="Robot cells: state, lease, jobs, runs.",
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/api/v1/openapi.json",
+        responses={"default": {"model": Problem, "description": "Refused, and why."}},
+    )
+    app.state.service = service
+    app.state.doorkeeper = doorkeeper
+    for each in (cells, jobs, runs, people, system, live_socket):
+        app.include_router(each.router)
+    for router in more:
+        app.include_router(router)
+    app.add_exception_handler(RidDaqError, _refused)
+    app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign]
+    return app
+
+
+def openapi_of(app: FastAPI) -> dict[str, Any]:
+    """Return the OpenAPI document, with the request of every kind of job in it."""
+    if app.openapi_schema is None:
+        document = get_openapi(
+            title=app.title,
+            version=app.version,
+            summary=app.summary,
+            routes=app.routes,
+        )
+        schemas = document["components"]["schemas"]
+        for kind, schema in request_schemas().items():
+            name = f"Request-{kind}"
+            own = copy.deepcopy(schema)
+            for inner, definition in own.pop("$defs", {}).items():
+                schemas[f"{name}-{inner}"] = _moved(definition, name)
+            schemas[name] = _moved(own, name)
+        app.openapi_schema = document
+    return app.openapi_schema
+
+
+def _moved(schema: Any, name: str) -> Any:
+    """Return a schema whose references lead to the document's components."""
+    if isinstance(schema, list):
+        return [_moved(each, name) for each in schema]
+    if not isinstance(schema, dict):
+        return schema
+    moved = {key: _moved(each, name) for key, each in schema.items()}
+    reference = moved.get("$ref")
+    if isinstance(reference, str):
+        moved["$ref"] = reference.replace("#/$defs/", f"#/components/schemas/{name}-")
+    return moved
+
+
+async def _refused(_request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RidDaqError)
+    told = Problem(error=type(error).__name__, message=str(error))
+    return JSONResponse(told.model_dump(), status_code=status_of(error))

@@ -1,0 +1,110 @@
+"""Routes of cells: how they are, who has them, stop."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import APIRouter, Body, Header, Request
+
+from rid_daq.service.api.context import Door, OfCell, Operator, Service, Who, is_local
+from rid_daq.service.records import CellStatus, HeldLease, Lease, Preflight, Record
+from rid_daq.service.refusals import NotKnownError
+
+router = APIRouter(prefix="/api/v1/cells", tags=["cells"])
+
+LeaseKey = Annotated[
+    str | None, Header(alias="x-rid-daq-lease", description="The key of the cell's lease.")
+]
+
+
+class LeaseWanted(Record):
+    """A lease that is asked for; `confirmed` is the cell's name, to take it over from somebody."""
+
+    note: str = ""
+    seconds: float = 15.0
+    confirmed: str | None = None
+
+
+class LeaseRenewed(Record):
+    """How long a lease holds on [s]."""
+
+    seconds: float = 15.0
+
+
+class StopAsked(Record):
+    """Whether something was told to stop; and what to do where nothing was."""
+
+    told: bool
+    sentence: str
+
+
+@router.get("")
+async def list_cells(service: Service, who: Who) -> list[CellStatus]:
+    """Return every cell as it is now."""
+    return [service.status(cell) for cell in service.cells.values()]
+
+
+@router.get("/{cell}")
+async def get_cell(cell: OfCell, service: Service) -> CellStatus:
+    """Return a cell as it is now."""
+    return service.status(cell)
+
+
+@router.get("/{cell}/preflight")
+async def get_preflight(cell: OfCell, service: Service) -> Preflight | None:
+    """Return the newest preflight with all its lines."""
+    return service.readiness.preflight(cell)
+
+
+@router.get("/{cell}/lease")
+async def get_lease(cell: OfCell, service: Service) -> Lease | None:
+    """Return who has the cell."""
+    return service.leases.of(cell.name)
+
+
+@router.post("/{cell}/lease", status_code=HTTPStatus.CREATED)
+async def take_lease(
+    cell: OfCell, service: Service, who: Operator, wanted: Annotated[LeaseWanted, Body()]
+) -> HeldLease:
+    """Take the cell, or take it over: a person's confirmation is the cell's name."""
+    before = service.leases.of(cell.name)
+    lease = service.leases.take(cell.name, who, wanted.note, wanted.seconds, wanted.confirmed)
+    over = "" if before is None else f"over from {before.owner}"
+    service.audit.note(who.name, "took the cell", cell.name, f"{over} {wanted.note}".strip())
+    return lease
+
+
+@router.put("/{cell}/lease")
+async def renew_lease(
+    cell: OfCell,
+    service: Service,
+    who: Operator,
+    renewed: Annotated[LeaseRenewed, Body()],
+    key: LeaseKey = None,
+) -> Lease:
+    """Let the lease hold on: the heartbeat of its holder."""
+    return service.leases.renew(cell.name, key or "", renewed.seconds)
+
+
+@router.delete("/{cell}/lease", status_code=HTTPStatus.NO_CONTENT)
+async def give_lease_back(
+    cell: OfCell, service: Service, who: Operator, key: LeaseKey = None
+) -> None:
+    """Give the cell back."""
+    service.leases.give_back(cell.name, key or "")
+    service.audit.note(who.name, "gave the cell back", cell.name)
+
+
+@router.post("/{cell}/stop", status_code=HTTPStatus.ACCEPTED)
+async def stop(cell: str, request: Request, service: Service, door: Door) -> StopAsked:
+    """Stop what moves. Everybody may: no lease, no role, from this computer no token either."""
+    who = door.look(request.headers, local=is_local(request))
+    client = request.client
+    from_here = client is None or client.host in ("127.0.0.1", "::1")
+    if who is None and not from_here:
+        raise NotKnownError("show a token to stop from another computer; or press the stop there")
+    told = service.stop(service.cell(cell).name, "somebody" if who is None else who.name)
+    if told:
+        return StopAsked(told=True, sentence="Stop asked for: watch that the axes come to rest.")
+    return StopAsked(told=False, sentence="Nothing moves here by this service.")

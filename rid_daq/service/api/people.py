@@ -1,0 +1,131 @@
+"""Routes of who may come in: tokens, pairing, and the log of who did what."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import APIRouter, Body, Query, Request, Response
+
+from rid_daq.service.api.context import Administrator, Door, Service, Who
+from rid_daq.service.pairing import WaitingDevice
+from rid_daq.service.records import AuditEntry, Identity, Record, Role, Token
+from rid_daq.service.refusals import UnknownError
+
+router = APIRouter(prefix="/api/v1", tags=["people"])
+
+
+class TokenWanted(Record):
+    """A token that is to be made, for a program or a person."""
+
+    name: str
+    role: Role = Role.OPERATOR
+    person: bool = False
+
+
+class NewToken(Token):
+    """A token with its secret, which is shown this once."""
+
+    secret: str
+
+
+class PairingBegun(Record):
+    """What a new device shows, and the secret that it asks again with."""
+
+    code: str
+    secret: str
+
+
+class PairingAsked(Record):
+    """The secret of a device that waits."""
+
+    secret: str
+
+
+class PairingState(Record):
+    """Whether a device has been let in; its cookie is set then."""
+
+    confirmed: bool
+
+
+class PairingConfirmed(Record):
+    """Whom a code lets in, and as what."""
+
+    code: str
+    name: str
+    role: Role = Role.OPERATOR
+
+
+@router.get("/whoami")
+async def who_am_i(who: Who) -> Identity:
+    """Return who asks."""
+    return who
+
+
+@router.get("/tokens")
+async def list_tokens(who: Administrator, service: Service) -> list[Token]:
+    """Return the tokens, without their secrets."""
+    return list(service.tokens.all())
+
+
+@router.post("/tokens", status_code=HTTPStatus.CREATED)
+async def make_token(
+    who: Administrator, service: Service, wanted: Annotated[TokenWanted, Body()]
+) -> NewToken:
+    """Make a token; its secret is shown this once."""
+    token, secret = service.tokens.add(wanted.name, wanted.role, person=wanted.person)
+    service.audit.note(who.name, "made a token", details=f"{token.name}, {token.role.value}")
+    return NewToken(**token.model_dump(), secret=secret)
+
+
+@router.delete("/tokens/{token}", status_code=HTTPStatus.NO_CONTENT)
+async def revoke_token(token: str, who: Administrator, service: Service) -> None:
+    """Let somebody in no more."""
+    if not service.tokens.revoke(token):
+        raise UnknownError(f"no token {token!r}")
+    service.audit.note(who.name, "revoked a token", details=token)
+
+
+@router.post("/pairing", status_code=HTTPStatus.CREATED)
+async def begin_pairing(request: Request, door: Door) -> PairingBegun:
+    """Begin to pair this device: it shows the code, somebody at the cell confirms it."""
+    waiting, secret = door.pairing.begin(request.headers.get("user-agent", "a device"))
+    return PairingBegun(code=waiting.code, secret=secret)
+
+
+@router.post("/pairing/state")
+async def pairing_state(
+    asked: Annotated[PairingAsked, Body()], door: Door, response: Response
+) -> PairingState:
+    """Return whether this device has been let in, and let it in then."""
+    secret = door.pairing.collect(asked.secret)
+    if secret is not None:
+        response.headers["set-cookie"] = door.cookie(secret)
+    return PairingState(confirmed=secret is not None)
+
+
+@router.get("/pairing")
+async def list_waiting(who: Administrator, door: Door) -> list[WaitingDevice]:
+    """Return the devices that wait to be let in."""
+    return list(door.pairing.waiting())
+
+
+@router.post("/pairing/confirm", status_code=HTTPStatus.CREATED)
+async def confirm_pairing(
+    who: Administrator,
+    door: Door,
+    service: Service,
+    confirmed: Annotated[PairingConfirmed, Body()],
+) -> Token:
+    """Let in the device that shows a code."""
+    token = door.pairing.confirm(confirmed.code, confirmed.name, confirmed.role)
+    service.audit.note(who.name, "paired a device", details=f"{token.name}, {token.role.value}")
+    return token
+
+
+@router.get("/audit")
+async def list_audit(
+    who: Administrator, service: Service, limit: Annotated[int, Query(ge=1, le=5000)] = 200
+) -> list[AuditEntry]:
+    """Return who did what, newest first."""
+    return list(service.audit.newest(limit))

@@ -1,0 +1,215 @@
+"""Routes of runs, and of the motions, models and payloads in the service's folder."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import FileResponse, Response
+
+from acquisition.runs.catalogue import damaged_runs, find_run, list_runs
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import Manifest
+from config.errors import ConfigError, RecordingError
+from config.formats.whole_file import write_whole
+from rid_daq.service.api.context import Operator, Service, Who
+from rid_daq.service.records import Record
+from rid_daq.service.refusals import UnknownError
+from rid_daq.service.request_check import require_inside
+from rid_daq.service.service import STATE_FOLDER, CellService
+
+router = APIRouter(prefix="/api/v1", tags=["runs"])
+
+REPORT, RESULT = "report.html", "result.json"
+MOST_FILE_BYTES = 16 << 20
+_KINDS = frozenset({".yaml", ".json"})
+_SAVED = _KINDS | {".urdf", ".sdf", ".c", ".py", ".csv", ".parquet", ".mat", ".mf4"}
+_SAVED |= {".src", ".mod", ".ls", ".script", ".txt", ".pdf"}
+
+
+class RunEntry(Record):
+    """A run: what its manifest says, and whether it can be read."""
+
+    id: str
+    label: str
+    kind: str
+    status: str
+    created_utc: str
+    robot: str = ""
+    has_report: bool = False
+    problem: str = ""
+    files: tuple[str, ...] = ()
+
+
+class FolderFile(Record):
+    """A file in the service's folder that requests may name."""
+
+    path: str
+    size_bytes: int
+    changed_s: float
+
+
+@router.get("/runs")
+def list_all_runs(
+    service: Service,
+    who: Who,
+    search: Annotated[str, Query(max_length=100)] = "",
+    status: str | None = None,
+    kind: str | None = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 200,
+) -> list[RunEntry]:
+    """Return the newest runs first; `search` is looked for in ids, labels and robots."""
+    found = [_entry(folder, manifest) for folder, manifest in list_runs(service.runs)]
+    found += [
+        RunEntry(
+            id=folder.run_id,
+            label="",
+            kind="",
+            status="damaged",
+            created_utc="",
+            problem=str(problem),
+        )
+        for folder, problem in damaged_runs(service.runs)
+    ]
+    words = search.lower()
+    wanted = [
+        run
+        for run in sorted(found, key=lambda each: each.id, reverse=True)
+        if words in f"{run.id} {run.label} {run.robot}".lower()
+        and status in (None, run.status)
+        and kind in (None, run.kind)
+    ]
+    return wanted[:limit]
+
+
+@router.get("/runs/{run}")
+def get_run(run: str, service: Service, who: Who) -> RunEntry:
+    """Return a run."""
+    folder = run_folder(service, run)
+    return _entry(folder, folder.manifest())
+
+
+@router.get("/runs/{run}/manifest")
+def get_manifest(run: str, service: Service, who: Who) -> dict[str, Any]:
+    """Return all that a run says of itself."""
+    return run_folder(service, run).manifest().model_dump(mode="json")
+
+
+@router.get("/runs/{run}/report", response_class=FileResponse)
+def get_report(run: str, service: Service, who: Who) -> Response:
+    """Return a run's report, a page that stands alone."""
+    return _file(run_folder(service, run), REPORT, "text/html; charset=utf-8")
+
+
+@router.get("/runs/{run}/result", response_class=FileResponse)
+def get_result(run: str, service: Service, who: Who) -> Response:
+    """Return a run's result."""
+    return _file(run_folder(service, run), RESULT, "application/json")
+
+
+@router.get("/runs/{run}/files/{name}", response_class=FileResponse)
+def get_run_file(run: str, name: str, service: Service, who: Who) -> Response:
+    """Return one of a run's files, to be saved."""
+    folder = run_folder(service, run)
+    if name not in folder.manifest().files and name not in (REPORT, RESULT):
+        raise UnknownError(f"run {folder.run_id} has no file {name!r}")
+    return _file(folder, name, "application/octet-stream", saved=True)
+
+
+@router.get("/files")
+def list_files(service: Service, who: Who) -> list[FolderFile]:
+    """Return the motions, models and other files that requests may name, newest first."""
+    found = []
+    for path in service.folder.rglob("*"):
+        inside = path.relative_to(service.folder)
+        if path.suffix not in _KINDS or _is_hidden(inside) or not path.is_file():
+            continue
+        status = path.stat()
+        found.append(
+            FolderFile(path=str(inside), size_bytes=status.st_size, changed_s=status.st_mtime)
+        )
+    return sorted(found, key=lambda each: each.changed_s, reverse=True)
+
+
+@router.get("/files/{path:path}", response_class=FileResponse)
+def get_file(path: str, service: Service, who: Who) -> Response:
+    """Return a file of the service's folder, to be saved: also what jobs have exported."""
+    found = _named(service, path, _SAVED)
+    if not found.is_file():
+        raise UnknownError(f"no file {path!r}")
+    return FileResponse(found, media_type="application/octet-stream", filename=found.name)
+
+
+@router.put("/files/{path:path}", status_code=HTTPStatus.CREATED)
+async def put_file(path: str, request: Request, service: Service, who: Operator) -> FolderFile:
+    """Put a motion, a model or another file of YAML or JSON into the folder; none is replaced."""
+    found = _named(service, path)
+    if found.is_relative_to(service.runs.resolve()):
+        raise ConfigError(f"{path}: runs are made by recording; put files beside them")
+    if found.exists():
+        raise ConfigError(f"{path}: is there already; choose another name")
+    content = bytearray()
+    async for part in request.stream():
+        content += part
+        if len(content) > MOST_FILE_BYTES:
+            raise ConfigError(f"{path}: is larger than {MOST_FILE_BYTES >> 20} MiB")
+    found.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(found, bytes(content))
+    service.audit.note(who.name, "put a file", details=path)
+    status = found.stat()
+    inside = str(found.relative_to(service.folder))
+    return FolderFile(path=inside, size_bytes=status.st_size, changed_s=status.st_mtime)
+
+
+def run_folder(service: CellService, run: str) -> RunFolder:
+    """Return the folder of a run of the service, by id, label or `latest`.
+
+    Raises
+    ------
+    UnknownError
+        There is none.
+    """
+    if "/" in run or run in ("", ".", ".."):
+        raise UnknownError(f"no run {run!r}")
+    try:
+        return find_run(service.runs, run)
+    except ConfigError as error:
+        raise UnknownError(str(error)) from None
+
+
+def _entry(folder: RunFolder, manifest: Manifest) -> RunEntry:
+    robot = manifest.facts.get("robot")
+    return RunEntry(
+        id=manifest.run_id,
+        label=manifest.label,
+        kind=manifest.kind,
+        status=manifest.status,
+        created_utc=manifest.created_utc,
+        robot=robot if isinstance(robot, str) else "",
+        has_report=folder.file(REPORT).exists(),
+        files=tuple(sorted(manifest.files)),
+    )
+
+
+def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Response:
+    path = folder.file(name)
+    if not path.is_file() or path.is_symlink():
+        raise RecordingError(f"run {folder.run_id} has no {name} yet")
+    return FileResponse(path, media_type=kind, filename=name if saved else None)
+
+
+def _named(service: CellService, path: str, kinds: frozenset[str] = _KINDS) -> Path:
+    found = require_inside(path, service.folder)
+    inside = found.relative_to(service.folder)
+    if found.suffix not in kinds or _is_hidden(inside):
+        raise ConfigError(
+            f"{path}: give a file of the service's folder whose name ends in one of"
+            f" {', '.join(sorted(kinds))}"
+        )
+    return found
+
+
+def _is_hidden(inside: Path) -> bool:
+    return STATE_FOLDER in inside.parts or any(part.startswith(".") for part in inside.parts)

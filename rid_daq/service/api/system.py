@@ -1,0 +1,62 @@
+"""Routes for the plant's monitoring: health and metrics, in Prometheus' text."""
+
+from __future__ import annotations
+
+import resource
+import time
+
+from fastapi import APIRouter, Response
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Gauge, generate_latest
+
+from rid_daq.service.api.context import Service, Who
+from rid_daq.service.records import CellState, JobState, Record
+from rid_daq.session.versions import program_version
+
+router = APIRouter(tags=["system"])
+
+
+class Health(Record):
+    """That the service answers, and since when it runs [s]."""
+
+    status: str
+    version: str
+    up_s: float
+
+
+@router.get("/api/v1/health")
+async def health(service: Service) -> Health:
+    """Answer that the service is alive; nobody needs a token for that."""
+    up_s = time.time() - service.started_s
+    return Health(status="ok", version=program_version(), up_s=up_s)
+
+
+@router.get("/metrics", response_class=Response)
+async def metrics(service: Service, who: Who) -> Response:
+    """Return the service's numbers."""
+    registry = CollectorRegistry()
+
+    def gauge(name: str, what: str, labels: tuple[str, ...] = ()) -> Gauge:
+        return Gauge(f"rid_daq_{name}", what, labels, registry=registry)
+
+    state = gauge("cell_state", "1 for the state that a cell is in.", ("cell", "state"))
+    ready = gauge("cell_ready", "Whether a cell is ready to move.", ("cell",))
+    age = gauge("cell_preflight_age_seconds", "Age of the preflight that counts.", ("cell",))
+    leased = gauge("cell_leased", "Whether somebody has a cell.", ("cell",))
+    for cell in service.cells.values():
+        status = service.status(cell)
+        for each in CellState:
+            state.labels(cell.name, each.value).set(status.state is each)
+        ready.labels(cell.name).set(status.state is CellState.READY)
+        leased.labels(cell.name).set(status.lease is not None)
+        if status.preflight_age_s is not None:
+            age.labels(cell.name).set(status.preflight_age_s)
+    jobs = gauge("jobs", "Jobs that are known, by state.", ("state",))
+    counts = service.jobs.counts()
+    for each_state in JobState:
+        jobs.labels(each_state.value).set(counts.get(each_state.value, 0))
+    gauge("viewers", "Pages and programs that look on.").set(len(service.viewers))
+    gauge("stops_total", "Stops asked for since the start.").set(service.stops)
+    gauge("start_time_seconds", "When the service began, since 1970.").set(service.started_s)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    gauge("peak_memory_bytes", "Most memory that the service has had.").set(1024 * peak)
+    return Response(generate_latest(registry), media_type=CONTENT_TYPE_LATEST)

@@ -1,0 +1,358 @@
+"""`ServiceClient`: a service from a program: cells, a lease as a `with`, jobs as calls that wait.
+
+>>> with ServiceClient.at("local") as service, service.lease("ir361", note="CI") as cell:
+...     cell.run("check").require_done()
+...     recorded = cell.run("record", {"motion": "motion.yaml"}).require_done()
+...     service.run("ir361", "identify", {"names": [recorded.job.run]})
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+from urllib.parse import quote
+
+import httpx
+
+from config import errors
+from config.errors import ConfigError, LockedError, RidDaqError, ServiceError
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import CellStatus, HeldLease, Job, JobState, OnLostClient
+from rid_daq.service.refusals import NotAllowedError, NotKnownError, UnknownError
+from rid_daq.service.sockets import local_sockets
+from rid_daq.terminal.job_events import EVENT, AnyEvent, Documented, Ended
+
+LOOK_S: Final = 0.1
+LEASE_S: Final = 15.0
+LEASE_HEADER: Final = "x-rid-daq-lease"
+TOKEN_VARIABLE: Final = "RID_DAQ_TOKEN"
+_PATIENCE_S: Final = 10.0
+
+Watch = Callable[[Job, AnyEvent], None]
+"""Told what a job says, as it says it."""
+
+
+@dataclass(frozen=True)
+class JobResult:
+    """A job that is over.
+
+    Attributes
+    ----------
+    job : Job
+        How it ended.
+    document : dict or None
+        Its result for programs, as the command's `--json`; None where it has none.
+    ended : Ended or None
+        Its own last word; None where its process died.
+    """
+
+    job: Job
+    document: dict[str, Any] | None
+    ended: Ended | None
+
+    def require_done(self) -> Self:
+        """Return this result where the job ended well.
+
+        Raises
+        ------
+        ServiceError
+            It did not.
+        """
+        if self.job.state is not JobState.DONE:
+            raise ServiceError(
+                f"job {self.job.id} ({self.job.kind.value}) is {self.job.state.value}:"
+                f" {self.job.reason}"
+            )
+        return self
+
+
+class ServiceClient:
+    """A service, asked by a program.
+
+    Parameters
+    ----------
+    http : httpx.Client
+        Leads there, and shows a token where one is needed.
+    """
+
+    def __init__(self, http: httpx.Client) -> None:
+        self._http = http
+
+    @classmethod
+    def at(cls, address: str, token: str | None = None) -> Self:
+        """Return the client of a service.
+
+        Parameters
+        ----------
+        address : str
+            `local` for the only service of this user on this computer, the path of its socket, or
+            its address as https://HOST:PORT.
+        token : str, optional
+            What it wants to see; the environment variable RID_DAQ_TOKEN if not given.
+
+        Raises
+        ------
+        ConfigError
+            It is no address, or there is not exactly one local service.
+        """
+        headers = {"x-rid-daq": "client", "content-type": "application/json"}
+        secret = token or os.environ.get(TOKEN_VARIABLE, "")
+        if secret:
+            headers["authorization"] = f"Bearer {secret}"
+        if address.startswith(("http://", "https://")):
+            return cls(httpx.Client(base_url=address, headers=headers, timeout=_PATIENCE_S))
+        transport = httpx.HTTPTransport(uds=str(_socket(address)))
+        return cls(
+            httpx.Client(
+                base_url="http://localhost",
+                headers=headers,
+                transport=transport,
+                timeout=_PATIENCE_S,
+            )
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        self._http.close()
+
+    def ask(self, method: str, path: str, body: object = None, lease: str | None = None) -> Any:
+        """Return what the service answers, as JSON has it.
+
+        Raises
+        ------
+        RidDaqError
+            It refused, by the error that it names.
+        ServiceError
+            It cannot be reached.
+        """
+        headers = {} if lease is None else {LEASE_HEADER: lease}
+        try:
+            answer = self._http.request(method, f"/api/v1{path}", json=body, headers=headers)
+        except httpx.HTTPError as error:
+            raise ServiceError(f"the service cannot be reached: {error}") from None
+        if answer.is_success:
+            return answer.json() if answer.content else None
+        raise _refusal(answer)
+
+    def cells(self) -> list[CellStatus]:
+        """Return every cell of the service as it is now."""
+        return [CellStatus.model_validate(each) for each in self.ask("GET", "/cells")]
+
+    def cell(self, name: str) -> CellStatus:
+        """Return a cell as it is now."""
+        return CellStatus.model_validate(self.ask("GET", f"/cells/{quote(name)}"))
+
+    def job(self, job_id: str) -> Job:
+        """Return a job as it is now."""
+        return Job.model_validate(self.ask("GET", f"/jobs/{quote(job_id)}"))
+
+    def stop(self, cell: str) -> None:
+        """Stop what moves in a cell."""
+        self.ask("POST", f"/cells/{quote(cell)}/stop")
+
+    def put_file(self, path: Path, name: str) -> None:
+        """Put a local file into the service's folder."""
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+        answer = self._http.put(f"/api/v1/files/{quote(name)}", content=content)
+        if not answer.is_success:
+            raise _refusal(answer)
+
+    def get_run_file(self, run: str, name: str) -> bytes:
+        """Return a file of a run."""
+        answer = self._http.get(f"/api/v1/runs/{quote(run)}/files/{quote(name)}")
+        if not answer.is_success:
+            raise _refusal(answer)
+        return answer.content
+
+    @contextmanager
+    def lease(self, cell: str, note: str = "", seconds: float = LEASE_S) -> Iterator[LeasedCell]:
+        """Have a cell for as long as the `with` lasts; it is renewed meanwhile.
+
+        Raises
+        ------
+        LockedError
+            Somebody else has it.
+        """
+        wanted = {"note": note, "seconds": seconds}
+        lease = HeldLease.model_validate(self.ask("POST", f"/cells/{quote(cell)}/lease", wanted))
+        over = threading.Event()
+
+        def renew() -> None:
+            while not over.wait(seconds / 4.0):
+                try:
+                    path = f"/cells/{quote(cell)}/lease"
+                    self.ask("PUT", path, {"seconds": seconds}, lease.key)
+                except LockedError:
+                    return  # lost: the next job is refused, by its words
+                except ServiceError:
+                    continue
+
+        beating = threading.Thread(target=renew, name="lease", daemon=True)
+        beating.start()
+        try:
+            yield LeasedCell(self, lease)
+        finally:
+            over.set()
+            beating.join()
+            with contextlib.suppress(LockedError, ServiceError):  # it runs out by itself
+                self.ask("DELETE", f"/cells/{quote(cell)}/lease", None, lease.key)
+
+    def run(
+        self,
+        cell: str,
+        kind: str | JobKind,
+        request: dict[str, Any] | None = None,
+        *,
+        lease: str | None = None,
+        cleared: bool = False,
+        on_lost_client: OnLostClient = "stop",
+        watch: Watch = lambda _job, _event: None,
+    ) -> JobResult:
+        """Have a job done and wait for its end.
+
+        Parameters
+        ----------
+        cell : str
+            The cell's name.
+        kind : str
+            The kind of job.
+        request : dict, optional
+            What is asked for, as `/api/v1/requests` has it.
+        lease : str, optional
+            The key of the lease; a job that opens the cell needs it.
+        cleared : bool
+            Whether nobody is in the cell and the emergency stop is at hand.
+        on_lost_client : "stop" or "finish"
+            What happens to a motion where this program is gone.
+        watch : callable
+            Told what the job says.
+
+        Raises
+        ------
+        RidDaqError
+            It was refused.
+        """
+        wanted = {
+            "kind": JobKind(kind).value,
+            "request": request or {},
+            "cleared": cleared,
+            "on_lost_client": on_lost_client,
+        }
+        begun = self.ask("POST", f"/cells/{quote(cell)}/jobs", wanted, lease)
+        return self.follow(Job.model_validate(begun), watch)
+
+    def follow(self, job: Job, watch: Watch = lambda _job, _event: None) -> JobResult:
+        """Wait for the end of a job that was begun."""
+        known = 0
+        document: dict[str, Any] | None = None
+        ended: Ended | None = None
+        while True:
+            job = self.job(job.id)
+            for told in self.ask("GET", f"/jobs/{job.id}/events?after={known}"):
+                known += 1
+                event = EVENT.validate_python(told)
+                if isinstance(event, Documented):
+                    document = event.document
+                if isinstance(event, Ended):
+                    ended = event
+                watch(job, event)
+            if job.state.is_over:
+                return JobResult(job, document, ended)
+            time.sleep(LOOK_S)
+
+
+@dataclass(frozen=True)
+class LeasedCell:
+    """A cell that this program has.
+
+    Attributes
+    ----------
+    service : ServiceClient
+        Its service.
+    lease : HeldLease
+        Its lease.
+    """
+
+    service: ServiceClient
+    lease: HeldLease
+
+    def run(
+        self,
+        kind: str | JobKind,
+        request: dict[str, Any] | None = None,
+        *,
+        cleared: bool = False,
+        on_lost_client: OnLostClient = "stop",
+        watch: Watch = lambda _job, _event: None,
+    ) -> JobResult:
+        """Have a job done on the cell and wait for its end; as `ServiceClient.run`."""
+        return self.service.run(
+            self.lease.cell,
+            kind,
+            request,
+            lease=self.lease.key,
+            cleared=cleared,
+            on_lost_client=on_lost_client,
+            watch=watch,
+        )
+
+    def answer(self, job: Job, question: int, text: str) -> None:
+        """Answer what a job asks."""
+        told = {"question": question, "text": text}
+        self.service.ask("POST", f"/jobs/{job.id}/answer", told, self.lease.key)
+
+
+_REFUSALS: dict[str, type[RidDaqError]] = {
+    each.__name__: each for each in (NotAllowedError, NotKnownError, UnknownError)
+}
+
+
+def _refusal(answer: httpx.Response) -> RidDaqError:
+    """Return the error that an answer names."""
+    try:
+        told = answer.json()
+        name, message = str(told["error"]), str(told["message"])
+    except (ValueError, KeyError, TypeError):
+        return ServiceError(f"the service answers {answer.status_code} {answer.reason_phrase}")
+    named = getattr(errors, name, None)
+    if name in _REFUSALS:
+        return _REFUSALS[name](message)
+    if isinstance(named, type) and issubclass(named, RidDaqError):
+        return named(message)
+    return ServiceError(message)
+
+
+def _socket(address: str) -> Path:
+    if address != "local":
+        path = Path(address)
+        if not path.is_socket():
+            raise ConfigError(
+                f"--service {address}: give local, the path of a service's socket, or"
+                " https://HOST:PORT"
+            )
+        return path
+    found = local_sockets()
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise ConfigError("no service of yours runs on this computer: `rid-daq serve CELL` is one")
+    names = ", ".join(map(str, found))
+    raise ConfigError(f"several services run on this computer: name the socket of one: {names}")

@@ -1,0 +1,117 @@
+"""`Doorkeeper`: who asks, by what they show; nobody is trusted for where they ask from."""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+import time
+from collections.abc import Mapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Final
+
+from rid_daq.service.pairing import Pairing
+from rid_daq.service.records import Identity, Role, Token
+from rid_daq.service.refusals import NotAllowedError, NotKnownError
+from rid_daq.service.store.tokens import TokenStore
+
+USE_NOTED_EVERY_S: Final = 60.0
+LOCAL: Final = Identity(name="this computer", role=Role.ADMINISTRATOR, person=False, token="")
+
+
+class Doorkeeper:
+    """Tells who somebody is.
+
+    Parameters
+    ----------
+    tokens : TokenStore
+        Who is let in.
+    port : int
+        Where pages are served: cookies do not know ports, so their name does.
+    secure : bool
+        Whether cookies are for TLS alone.
+
+    Attributes
+    ----------
+    pairing : Pairing
+        The devices that wait.
+    link_secret : str
+        What the address shown in the terminal ends in; good as long as the service runs.
+    """
+
+    def __init__(self, tokens: TokenStore, port: int, *, secure: bool) -> None:
+        self.tokens = tokens
+        self.pairing = Pairing(tokens)
+        self.link_secret = secrets.token_urlsafe(32)
+        self._cookie = f"rid_daq_service_{port}"
+        self._secure = secure
+        self._noted: dict[str, float] = {}
+
+    def identity(self, headers: Mapping[str, str], *, local: bool) -> Identity:
+        """Return who asks.
+
+        Parameters
+        ----------
+        headers
+            Of the request.
+        local
+            Whether it came by the socket that only this user can open.
+
+        Raises
+        ------
+        NotKnownError
+            It shows no token that is known.
+        """
+        found = self.look(headers, local=local)
+        if found is None:
+            raise NotKnownError(
+                "show a token (Authorization: Bearer ...), or pair this device on its page"
+            )
+        return found
+
+    def look(self, headers: Mapping[str, str], *, local: bool) -> Identity | None:
+        """Return who asks, None where nobody knows."""
+        secret = self._shown(headers)
+        token = None if secret is None else self.tokens.known(secret)
+        if token is None:
+            return LOCAL if local else None
+        now_s = time.time()
+        if now_s - self._noted.get(token.id, 0.0) > USE_NOTED_EVERY_S:
+            self._noted[token.id] = now_s
+            self.tokens.note_use(token)
+        return Identity(name=token.name, role=token.role, person=token.person, token=token.id)
+
+    def log_in(self, link_secret: str) -> str:
+        """Return the cookie of somebody who has opened the address from the terminal.
+
+        Raises
+        ------
+        NotAllowedError
+            It is another address.
+        """
+        if not hmac.compare_digest(link_secret.encode(), self.link_secret.encode()):
+            raise NotAllowedError(
+                "this address is of another start of the service: see its terminal"
+            )
+        _, secret = self.tokens.add("browser of this computer", Role.ADMINISTRATOR, person=True)
+        return self.cookie(secret)
+
+    def cookie(self, secret: str) -> str:
+        """Return the Set-Cookie header that holds a token."""
+        secure = "; Secure" if self._secure else ""
+        return (
+            f"{self._cookie}={secret}; HttpOnly; SameSite=Strict; Path=/; Max-Age=31536000{secure}"
+        )
+
+    def revoke(self, token: Token) -> bool:
+        """Let somebody in no more; return whether they were let in."""
+        return self.tokens.revoke(token.id)
+
+    def _shown(self, headers: Mapping[str, str]) -> str | None:
+        kind, _, bearer = headers.get("authorization", "").partition(" ")
+        if kind.lower() == "bearer" and bearer.strip():
+            return bearer.strip()
+        try:
+            cookie = SimpleCookie(headers.get("cookie", "")).get(self._cookie)
+        except CookieError:
+            return None
+        return None if cookie is None else cookie.value

@@ -1,0 +1,124 @@
+"""`serve_cells`: the service as a process: its sockets, its loop, its end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from fastapi import APIRouter
+
+from config.errors import ConfigError, LockedError
+from config.process.file_locks import held_file
+from config.process.termination import ending_signals
+from rid_daq.live.access import Access
+from rid_daq.live.asgi_server import AsgiServer
+from rid_daq.live.connection import Limits
+from rid_daq.live.guard import PLOT_POLICY, Guard
+from rid_daq.live.live_page import listen_on
+from rid_daq.service.api.app import make_api
+from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.logs import LOG
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.service import STATE_FOLDER, CellService
+from rid_daq.service.sockets import local_listener
+from rid_daq.session.ownership import owned
+
+LARGEST_BODY_BYTES: Final = 17 << 20
+
+
+@dataclass(frozen=True)
+class ServeRequest:
+    """What `rid-daq serve` was asked for.
+
+    Attributes
+    ----------
+    cells : tuple of str
+        Bundled names or cell files.
+    folder : Path
+        Where runs, motions and models lie.
+    access : Access
+        Where pages are served, and by which certificate.
+    pace : float
+        How many times the clock's pace simulated cells keep.
+    """
+
+    cells: tuple[str, ...]
+    folder: Path
+    access: Access
+    pace: float = 1.0
+
+
+def serve_cells(
+    request: ServeRequest, pages: Sequence[APIRouter], ready: Callable[[str, Path], None]
+) -> None:
+    """Serve cells until this process is told to end; then nothing moves any more.
+
+    Parameters
+    ----------
+    request : ServeRequest
+        What is served, and where.
+    pages : sequence of APIRouter
+        Routes beside the API.
+    ready : callable
+        Told the address to open in a browser, and the socket for programs.
+
+    Raises
+    ------
+    ConfigError
+        A cell file is wrong, or an address cannot be served at.
+    LockedError
+        Another service has one of the cells, or this folder.
+    RecordingError
+        What the service keeps cannot be read or written.
+    """
+    folder = request.folder.resolve()
+    if not folder.is_dir():
+        raise ConfigError(f"{folder}: is no folder; make it first")
+    cells = [ServedCell(reference, request.pace) for reference in request.cells]
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(_only_one(folder))
+        for cell in cells:
+            stack.enter_context(owned(cell.loaded.config))
+        listener = stack.enter_context(listen_on(request.access))
+        access = replace(request.access, port=listener.getsockname()[1])
+        local, address = stack.enter_context(local_listener(folder))
+        service = CellService(folder, cells)
+        secure = access.certificate is not None
+        doorkeeper = Doorkeeper(service.tokens, access.port, secure=secure)
+        app = make_api(service, doorkeeper, pages)
+        server = AsgiServer(
+            Guard(app, access, PLOT_POLICY), access.tls(), Limits(body_bytes=LARGEST_BODY_BYTES)
+        )
+        link = replace(access, token=doorkeeper.link_secret).url
+
+        async def serve() -> None:
+            until = asyncio.Event()
+            loop = asyncio.get_running_loop()
+            for number in ending_signals():
+                loop.add_signal_handler(number, until.set)
+            ready(link, address)
+            LOG.info("serving %s", ", ".join(service.cells))
+            over = asyncio.Event()
+            serving = asyncio.create_task(server.serve([listener, local], over))
+            try:
+                await service.run(until)
+            finally:
+                over.set()
+                await serving
+            LOG.info("ended")
+
+        asyncio.run(serve())
+
+
+@contextlib.contextmanager
+def _only_one(folder: Path) -> Iterator[None]:
+    (folder / STATE_FOLDER).mkdir(exist_ok=True, mode=0o700)
+    try:
+        with held_file(folder / STATE_FOLDER / "lock"):
+            yield
+    except BlockingIOError:
+        raise LockedError(f"{folder}: another service works in this folder") from None

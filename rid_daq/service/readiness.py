@@ -1,0 +1,105 @@
+"""`Readiness`: whether a cell may move: its newest preflight, its files, and open faults."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+from rid_daq.service.records import Preflight
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.store.cells import CellStore
+
+PREFLIGHT_LIMIT_S: Final = 1800.0
+
+_NO_FAULT = frozenset(
+    {
+        "INTERRUPTED",
+        "STOP_COMMAND",
+        "STOP_BUTTON",
+        "CLIENT_LOST",
+        "PROGRAM_GONE",
+        "RECORDER",
+        "LATE_CYCLE",
+        "POINTS_LOST",
+        "POINTS_REFUSED",
+    }
+)
+"""Stops after which nobody needs to look at the robot before the next preflight."""
+
+
+class Readiness:
+    """Whether cells are ready.
+
+    Parameters
+    ----------
+    store : CellStore
+        Where preflights and faults are kept.
+    now_s : callable
+        The time since 1970 [s].
+    """
+
+    def __init__(self, store: CellStore, now_s: Callable[[], float] = time.time) -> None:
+        self._store = store
+        self._now_s = now_s
+
+    def age_s(self, cell: ServedCell) -> float | None:
+        """Return how old the newest preflight is [s], None where there is none."""
+        found = self._store.preflight(cell.name)
+        return None if found is None else self._now_s() - found[0].at_s
+
+    def preflight(self, cell: ServedCell) -> Preflight | None:
+        """Return the newest preflight, with why it does not count where it does not."""
+        found = self._store.preflight(cell.name)
+        if found is None:
+            return None
+        return found[0].model_copy(update={"void_because": self._void(cell, *found)})
+
+    def obstacle(self, cell: ServedCell) -> str:
+        """Return why the cell is not ready to move, in a sentence; empty where it is."""
+        fault = self._store.fault(cell.name)
+        if fault:
+            return f"stopped by a fault: {fault} Find its cause, then reset the cell."
+        if cell.problem:
+            return f"its files are wrong: {cell.problem}"
+        found = self._store.preflight(cell.name)
+        if found is None:
+            return "it was not checked yet: check it."
+        return self._void(cell, *found)
+
+    def fault(self, cell: ServedCell) -> str:
+        """Return the open fault, empty where there is none."""
+        return self._store.fault(cell.name)
+
+    def note_check(self, cell: ServedCell, document: dict[str, Any] | None) -> None:
+        """Keep what a check has found."""
+        if document is None or "lines" not in document:
+            return
+        told = document["lines"]
+        preflight = Preflight(
+            at_s=self._now_s(),
+            passed=bool(document.get("passed")),
+            problem=document.get("problem"),
+            lines=tuple(told),
+        )
+        self._store.note_preflight(cell.name, preflight, cell.files_hash())
+
+    def note_end(self, cell: ServedCell, document: dict[str, Any] | None) -> None:
+        """Keep the fault that has stopped a motion, where one has; its preflight is void."""
+        stop = None if document is None else document.get("stop")
+        if isinstance(stop, dict) and stop.get("code") not in _NO_FAULT:
+            self._store.note_fault(cell.name, str(stop.get("text", "the motion was stopped.")))
+
+    def note_reset(self, cell: ServedCell) -> None:
+        """Forget the fault that a person has reset."""
+        self._store.note_fault(cell.name, "")
+
+    def _void(self, cell: ServedCell, preflight: Preflight, files_hash: str) -> str:
+        if not preflight.passed:
+            return "its preflight is red: see there what to do, then check again."
+        age_s = self._now_s() - preflight.at_s
+        if age_s > PREFLIGHT_LIMIT_S:
+            return f"its preflight is {age_s / 60.0:.0f} min old: check it again."
+        if files_hash != cell.files_hash():
+            return "its files have changed since the preflight: check it again."
+        return ""

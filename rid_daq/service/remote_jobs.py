@@ -1,0 +1,194 @@
+"""`here_or_there`: a command's request done here, or by the service that has the cell."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import typer
+from pydantic import TypeAdapter
+
+from config import errors
+from config.errors import ConfigError, RidDaqError, ServiceError
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.terminal.clearance import clear
+from rid_daq.terminal.console import Console, Progress
+
+Service = Annotated[
+    str | None,
+    typer.Option(
+        "--service",
+        metavar="ADDRESS",
+        help="Let a service do this: `local` for the one on this computer, or https://HOST:PORT"
+        " with a token in RID_DAQ_TOKEN. Files are named as in its folder.",
+    ),
+]
+"""The option of every command that a service can do."""
+
+R = TypeVar("R")
+
+_OWNED = ("cell", "runs", "cleared", "live")
+_NAME = re.compile(r"^name:\s*[\"']?([\w.-]+)", re.MULTILINE)
+
+
+def here_or_there(
+    service: str | None,
+    kind: JobKind,
+    request: R,
+    console: Console,
+    perform: Callable[[R, Console], None],
+) -> None:
+    """Do what was asked for here, or send it to a service and show what it says.
+
+    Parameters
+    ----------
+    service : str or None
+        The service's address; None to do it here.
+    kind : JobKind
+        The kind of job.
+    request : dataclass
+        What was asked for.
+    console : Console
+        Where it is shown.
+    perform : callable
+        Does it here.
+
+    Raises
+    ------
+    typer.Exit
+        With the exit code of the command, where that is not 0.
+    RidDaqError
+        As the command does; or the service refused, or cannot be reached.
+    """
+    if service is None:
+        perform(request, console)
+    else:
+        _send(service, kind, request, console)
+
+
+def _send(address: str, kind: JobKind, request: Any, console: Console) -> None:
+    from rid_daq.service.client import JobResult, ServiceClient
+
+    told = TypeAdapter(type(request)).dump_python(request, mode="json", exclude_defaults=True)
+    body = {name: value for name, value in told.items() if name not in _OWNED}
+    with ServiceClient.at(address) as service, ExitStack() as stack:
+        cells = service.cells()
+        name = _cell_name(getattr(request, "cell", None), [each.cell for each in cells])
+        cell = next(each for each in cells if each.cell == name)
+        shown = _Shown(console)
+        if not kind.opens_cell:
+            result: JobResult = service.run(name, kind, body, watch=shown)
+        else:
+            leased = stack.enter_context(service.lease(name, note=f"rid-daq {kind.value}"))
+            shown.answer = leased.answer
+            cleared = cell.simulated or not kind.moves
+            cleared = cleared or clear(name, getattr(request, "cleared", False), console)
+            try:
+                result = leased.run(kind, body, cleared=cleared, watch=shown)
+            except KeyboardInterrupt:
+                service.stop(name)
+                raise
+            except SystemExit:
+                service.stop(name)
+                raise
+    shown.close()
+    _end(result.job.reason, result.ended)
+
+
+def _end(reason: str, ended: Any) -> None:
+    """End as the command would have.
+
+    Raises
+    ------
+    RidDaqError
+        What has ended it.
+    typer.Exit
+        With its exit code.
+    """
+    if ended is None:
+        raise ServiceError(reason)
+    kind = getattr(errors, ended.error or "", None)
+    if isinstance(kind, type) and issubclass(kind, RidDaqError):
+        raise kind(ended.message)
+    if ended.exit_code:
+        raise typer.Exit(ended.exit_code)
+
+
+def _cell_name(asked: str | None, names: list[str]) -> str:
+    """Return which of a service's cells is meant: by its name, or by a file that has it.
+
+    Raises
+    ------
+    ConfigError
+        None of them.
+    """
+    if asked is None:
+        return names[0]
+    if asked in names:
+        return asked
+    path = Path(asked)
+    named = _NAME.search(path.read_text(encoding="utf-8")) if path.is_file() else None
+    if named is not None and named[1] in names:
+        return named[1]
+    raise ConfigError(f"the service has no cell {asked!r}; it has {', '.join(names)}")
+
+
+class _Shown:
+    """Shows on a console what a job says, and asks there what it asks.
+
+    Parameters
+    ----------
+    console : Console
+        Where.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self.answer: Callable[[Any, int, str], None] = lambda _job, _question, _text: None
+        self._console = console
+        self._title = ""
+        self._display: AbstractContextManager[Progress] | None = None
+        self._progress: Progress | None = None
+
+    def __call__(self, job: Any, event: Any) -> None:
+        console = self._console
+        if event.kind == "progress":
+            if event.title != self._title or self._progress is None:
+                self.close()
+                self._title = event.title
+                self._display = console.progress(event.title, event.total, event.unit)
+                self._progress = self._display.__enter__()
+            self._progress.update(event.done, event.line)
+            return
+        self.close()
+        match event.kind:
+            case "said":
+                console.say(event.text)
+            case "judged":
+                console.verdict(event.passed, event.text)
+            case "tabled":
+                console.table(event.columns, event.rows, event.red)
+            case "documented":
+                console.document(event.document)
+            case "asked":
+                self._ask(job, event)
+
+    def close(self) -> None:
+        """End the progress that is shown."""
+        if self._display is not None:
+            self._display.__exit__(None, None, None)
+        self._display = self._progress = None
+
+    def _ask(self, job: Any, event: Any) -> None:
+        if event.form == "hold":
+            raise ConfigError(
+                "a key must be held: do this on the service's page, or in a terminal at the cell"
+                " without --service"
+            )
+        if event.form == "yes_no":
+            text = "yes" if self._console.confirm(event.text) else "no"
+        else:
+            text = self._console.ask(event.text, str)
+        self.answer(job, event.question, text)

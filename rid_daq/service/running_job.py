@@ -1,0 +1,224 @@
+"""`RunningJob`: a worker process, what it says, and the motion that it has under way."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from acquisition.supervision.stop_reason import StopCode
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.ring import Ring
+from rid_daq.live.picture import MotionPicture, ShownMotion
+from rid_daq.service.records import Job
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.terminal.job_events import (
+    EVENT,
+    Answered,
+    AnyEvent,
+    Asked,
+    Documented,
+    Ended,
+    Judged,
+    MotionBegun,
+)
+
+
+class EventTail:
+    """Reads the events of a job as they are written.
+
+    Parameters
+    ----------
+    path : Path
+        The file of the events.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._offset = 0
+        self._rest = b""
+
+    def new(self) -> Sequence[AnyEvent]:
+        """Return what has been said since the last look."""
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._offset)
+                data = file.read()
+        except FileNotFoundError:
+            return []
+        self._offset += len(data)
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        events = []
+        for line in lines:
+            with contextlib.suppress(ValidationError):  # a line that a killed worker has torn
+                events.append(EVENT.validate_json(line))
+        return events
+
+
+class RunningJob:
+    """A job that runs.
+
+    Parameters
+    ----------
+    job : Job
+        As it is journalled.
+    cell : ServedCell
+        Its cell.
+    process : asyncio.subprocess.Process
+        Its worker.
+    events : Path
+        The file of its events.
+
+    Attributes
+    ----------
+    job : Job
+        As it is journalled last.
+    stopping : str
+        Why it was told to stop; empty where it was not.
+    question : Asked or None
+        What waits for an answer.
+    ended : Ended or None
+        Its own last word.
+    """
+
+    def __init__(
+        self, job: Job, cell: ServedCell, process: asyncio.subprocess.Process, events: Path
+    ) -> None:
+        self.job = job
+        self.cell = cell
+        self.process = process
+        self.stopping = ""
+        self.question: Asked | None = None
+        self.ended: Ended | None = None
+        self.document: dict[str, Any] | None = None
+        self.run: str | None = None
+        self.last_bad = ""
+        self._tail = EventTail(events)
+        self._motion: MotionBegun | None = None
+        self._control: ControlBlock | None = None
+        self._picture: MotionPicture | None = None
+
+    def look(self) -> Sequence[AnyEvent]:
+        """Return what it has said since the last look, and remember what counts."""
+        new = self._tail.new()
+        for event in new:
+            match event:
+                case MotionBegun():
+                    self._motion, self._picture, self.run = event, None, event.run
+                case Asked():
+                    self.question = event
+                case Answered():
+                    self.question = None
+                case Documented():
+                    self.document = event.document
+                case Judged(passed=False):
+                    self.last_bad = event.text
+                case Ended():
+                    self.ended = event
+        return new
+
+    @property
+    def is_over(self) -> bool:
+        """Whether its process has ended."""
+        return self.process.returncode is not None
+
+    def stop(self, why: str, code: StopCode) -> None:
+        """Have it end: a motion by the word in shared memory, anything else by SIGTERM."""
+        self.stopping = self.stopping or why
+        control = self._find_control()
+        if control is not None:
+            control.program.request_stop(code)
+        else:
+            with contextlib.suppress(ProcessLookupError):
+                self.process.terminate()
+
+    def order(self, **order: Any) -> None:
+        """Tell its worker something; nothing where it has ended."""
+        writer = self.process.stdin
+        if writer is not None and not writer.is_closing():
+            writer.write((json.dumps(order) + "\n").encode())
+
+    def samples(self) -> dict[str, Any] | None:
+        """Return the newest picture of the motion under way, None where none is."""
+        if self._motion is None or self.is_over:
+            return None
+        control = self._find_control()
+        if control is None:
+            return None
+        if self._picture is None or control is not self._control:
+            ring = Ring.of_process(self.process.pid)
+            if ring is None:
+                return None
+            loaded = self.cell.loaded
+            shown = ShownMotion(
+                self._motion.title,
+                self._motion.rows,
+                self._motion.rows_per_period,
+                loaded.config,
+                loaded.robot,
+            )
+            self._control, self._picture = control, MotionPicture(shown, ring, control)
+        found: dict[str, Any] = json.loads(self._picture.document())
+        return found
+
+    def _find_control(self) -> ControlBlock | None:
+        """Return the control block of the motion under way, None where none is."""
+        if self.is_over:
+            return None
+        if self._control is None or self._control.task_gone:
+            try:
+                return ControlBlock.of_process(self.process.pid)
+            except OSError:  # it has just ended
+                return None
+        return self._control
+
+
+class WarmWorker:
+    """A worker that is ready before there is a job: it has imported what jobs need.
+
+    Parameters
+    ----------
+    log : Path
+        Where workers write what is no event: mistakes of the program.
+    """
+
+    def __init__(self, log: Path) -> None:
+        self._log = log
+        self._ready: asyncio.subprocess.Process | None = None
+
+    async def prepare(self) -> None:
+        """Start one, where none is ready."""
+        if self._ready is None or self._ready.returncode is not None:
+            self._ready = await self._start()
+
+    async def take(self) -> asyncio.subprocess.Process:
+        """Return a worker that waits for its job."""
+        ready, self._ready = self._ready, None
+        if ready is not None and ready.returncode is None:
+            return ready
+        return await self._start()
+
+    async def end(self) -> None:
+        """End the one that is ready."""
+        ready, self._ready = self._ready, None
+        if ready is not None and ready.returncode is None:
+            ready.kill()
+            await ready.wait()
+
+    async def _start(self) -> asyncio.subprocess.Process:
+        with self._log.open("ab") as log:
+            return await asyncio.create_subprocess_exec(
+                sys.executable,
+                "-m",
+                "rid_daq.worker",
+                stdin=asyncio.subprocess.PIPE,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )

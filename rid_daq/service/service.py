@@ -1,0 +1,338 @@
+"""`CellService`: cells, their jobs and who may do what; nothing here speaks HTTP.
+
+One job a cell at a time, journalled before its worker is told to begin. Jobs that only compute wait
+for one another. Whatever the service does, a motion can be stopped without it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from acquisition.runs.run_id import new_run_id
+from acquisition.supervision.stop_reason import StopCode
+from config.errors import ConfigError, LockedError, PreflightError
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.leases import Leases
+from rid_daq.service.readiness import PREFLIGHT_LIMIT_S, Readiness
+from rid_daq.service.records import (
+    CellState,
+    CellStatus,
+    Identity,
+    Job,
+    JobState,
+    OnLostClient,
+    Role,
+)
+from rid_daq.service.refusals import NotAllowedError, UnknownError
+from rid_daq.service.request_check import check_request, request_schemas
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.store.audit import AuditLog
+from rid_daq.service.store.cells import CellStore
+from rid_daq.service.store.database import open_database
+from rid_daq.service.store.jobs import JobStore
+from rid_daq.service.store.leases import LeaseStore
+from rid_daq.service.store.tokens import TokenStore
+from rid_daq.service.viewers import Viewers
+from rid_daq.service.workshop import Workshop
+
+LOOK_S: Final = 0.05
+CELLS_S: Final = 0.2
+STATE_FOLDER: Final = ".rid-daq-service"
+
+
+class CellService:
+    """The cells that this process owns.
+
+    Parameters
+    ----------
+    folder : Path
+        Where runs, motions and models lie; what clients name is inside of it.
+    cells : sequence of ServedCell
+        The cells.
+
+    Raises
+    ------
+    ConfigError
+        Two cells have one name.
+    RecordingError
+        What the service keeps cannot be read or written.
+    """
+
+    def __init__(self, folder: Path, cells: Sequence[ServedCell]) -> None:
+        self.folder = folder.resolve()
+        self.runs = self.folder / "runs"
+        self.cells = {cell.name: cell for cell in cells}
+        if len(self.cells) != len(cells):
+            raise ConfigError("two of the cells have one name: give each its own")
+        state = self.folder / STATE_FOLDER
+        state.mkdir(exist_ok=True, mode=0o700)
+        self._database = open_database(state / "service.db")
+        self.jobs = JobStore(self._database)
+        self.tokens = TokenStore(self._database)
+        self.audit = AuditLog(self._database)
+        self.leases = Leases(LeaseStore(self._database))
+        cell_store = CellStore(self._database)
+        for name in self.cells:
+            cell_store.add(name)
+        self.readiness = Readiness(cell_store)
+        self.viewers = Viewers()
+        self.workshop = Workshop(
+            self.folder,
+            self.runs,
+            state,
+            jobs=self.jobs,
+            audit=self.audit,
+            leases=self.leases,
+            readiness=self.readiness,
+            viewers=self.viewers,
+        )
+        self.started_s = time.time()
+        self.stops = 0
+        self._told: dict[str, str] = {}
+
+    def cell(self, name: str) -> ServedCell:
+        """Return a cell by its name.
+
+        Raises
+        ------
+        UnknownError
+            There is none.
+        """
+        found = self.cells.get(name)
+        if found is None:
+            raise UnknownError(f"no cell {name!r} here; there are {', '.join(self.cells)}")
+        return found
+
+    def job(self, job_id: str) -> Job:
+        """Return a job by its id.
+
+        Raises
+        ------
+        UnknownError
+            There is none.
+        """
+        found = self.jobs.get(job_id)
+        if found is None:
+            raise UnknownError(f"no job {job_id!r}")
+        return found
+
+    def status(self, cell: ServedCell) -> CellStatus:
+        """Return what everybody may see of a cell."""
+        running = self.workshop.of_cell(cell.name)
+        obstacle = self.readiness.obstacle(cell)
+        fault = self.readiness.fault(cell)
+        if running is not None and not running.job.kind.moves:
+            state = CellState.CHECKING
+        elif running is not None:
+            state = CellState.STOPPING if running.stopping else CellState.MOVING
+        elif fault:
+            state = CellState.FAULT
+        else:
+            state = CellState.CLOSED if obstacle else CellState.READY
+        robot = cell.loaded.robot
+        return CellStatus(
+            cell=cell.name,
+            robot=robot.name,
+            joints=robot.joint_names,
+            simulated=cell.loaded.config.simulated,
+            pace=cell.pace,
+            state=state,
+            fault=fault,
+            preflight_age_s=None if obstacle and not fault else self.readiness.age_s(cell),
+            preflight_limit_s=PREFLIGHT_LIMIT_S,
+            not_ready_because=obstacle,
+            job=None if running is None else running.job,
+            lease=self.leases.of(cell.name),
+        )
+
+    async def begin(
+        self,
+        cell: ServedCell,
+        kind: JobKind,
+        request: dict[str, Any],
+        who: Identity,
+        *,
+        lease: str | None = None,
+        cleared: bool = False,
+        on_lost_client: OnLostClient = "stop",
+    ) -> Job:
+        """Journal a job and begin it; one that only computes may have to wait for its turn.
+
+        Parameters
+        ----------
+        cell : ServedCell
+            Its cell.
+        kind : JobKind
+            What is done.
+        request : dict
+            What is asked for, as `requests.json` has it.
+        who : Identity
+            Who asks.
+        lease : str, optional
+            The key of the cell's lease.
+        cleared : bool
+            Whether a person has just said that nobody is in the cell.
+        on_lost_client : "stop" or "finish"
+            What happens to a motion whose lease ends.
+
+        Raises
+        ------
+        ConfigError
+            It is no request of this kind.
+        LockedError
+            Somebody else has the cell, or another job has its bus open.
+        PreflightError
+            The cell is not ready to move, or nobody has said that it is clear.
+        NotAllowedError
+            Who asks may only look.
+        """
+        require_role(who, Role.OPERATOR)
+        if self.workshop.closing:
+            raise LockedError("the service is ending: nothing more is begun")
+        request = paced(kind, request, cell.pace_here())
+        check_request(kind, request, self.folder)
+        if kind.opens_cell:
+            self._require_free(cell, kind, lease, cleared=cleared)
+        held = self.leases.of(cell.name)
+        job = Job(
+            id=new_run_id(time.time_ns()),
+            cell=cell.name,
+            kind=kind,
+            state=JobState.ACCEPTED,
+            owner=who.name,
+            request=request,
+            on_lost_client=on_lost_client,
+            lease=held.id if kind.opens_cell and held is not None else None,
+            created_s=time.time(),
+        )
+        self.audit.note(who.name, f"began {kind.value}", cell.name, f"job {job.id}")
+        return await self.workshop.begin(job, cell, cleared=cleared)
+
+    def stop(self, cell: str, who: str) -> bool:
+        """Stop what moves in a cell; return whether something was told to stop."""
+        running = self.workshop.of_cell(cell)
+        if running is None:
+            return False
+        running.stop(f"stopped by {who}", StopCode.STOP_BUTTON)
+        self.stops += 1
+        self.audit.note(who, "stopped", cell, f"job {running.job.id}")
+        return True
+
+    def cancel(self, job: Job, who: Identity) -> None:
+        """End a job: one that waits does not begin, one that runs is stopped.
+
+        Raises
+        ------
+        NotAllowedError
+            Who asks may only look; a motion is stopped by `stop`, which everybody may.
+        """
+        require_role(who, Role.OPERATOR)
+        self.audit.note(who.name, "cancelled", job.cell, f"job {job.id}")
+        self.workshop.cancel(job, who.name)
+
+    def answer(self, job: Job, question: int, text: str, who: Identity, lease: str | None) -> None:
+        """Answer what a job asks.
+
+        Raises
+        ------
+        LockedError
+            It asks nothing of that number now, or who answers does not have the cell.
+        NotAllowedError
+            Who answers may only look.
+        """
+        require_role(who, Role.OPERATOR)
+        running = self.workshop.get(job.id)
+        asked = None if running is None else running.question
+        if running is None or asked is None or asked.question != question:
+            raise LockedError(f"job {job.id} does not ask question {question} now")
+        if job.kind.opens_cell:
+            self.leases.require(job.cell, lease)
+        self.audit.note(who.name, "answered", job.cell, f"{asked.text} {text}")
+        running.order(answer=question, text=text)
+
+    def hold(self, job_id: str, *, held: str | None = None, tapped: str | None = None) -> None:
+        """Pass on a key that is held, or was tapped, on a page; for 0.2 s at most."""
+        running = self.workshop.get(job_id)
+        if running is None or running.question is None or running.question.form != "hold":
+            return
+        if held is not None:
+            running.order(held=held)
+        if tapped is not None:
+            running.order(tapped=tapped)
+
+    async def run(self, until: asyncio.Event) -> None:
+        """Watch jobs and leases until the event; then stop what moves, and end."""
+        await self.workshop.prepare()
+        next_s = 0.0
+        while not until.is_set():
+            await self.workshop.look()
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + CELLS_S
+                for cell in self.cells.values():
+                    self._publish_cell(cell)
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(until.wait(), LOOK_S)
+        await self.workshop.close()
+        self._database.close()
+
+    def _require_free(
+        self, cell: ServedCell, kind: JobKind, lease: str | None, *, cleared: bool
+    ) -> None:
+        cell.look_again()
+        self.leases.require(cell.name, lease)
+        running = self.workshop.of_cell(cell.name)
+        if self.workshop.is_busy(cell.name):
+            busy = "a job" if running is None else running.job.kind.value
+            raise LockedError(
+                f"cell {cell.name}: {busy} is under way: wait for its end, or stop it"
+            )
+        if not kind.moves:
+            return
+        obstacle = self.readiness.obstacle(cell)
+        if obstacle:
+            raise PreflightError(f"cell {cell.name} is not ready: {obstacle}")
+        if not (cleared or cell.loaded.config.simulated):
+            raise PreflightError(
+                f"cell {cell.name} is real: say that nobody is in it and the emergency stop is at"
+                " hand (cleared), each time"
+            )
+
+    def _publish_cell(self, cell: ServedCell) -> None:
+        """Tell viewers how a cell is, where that is news."""
+        status = self.status(cell).model_dump(mode="json", exclude={"preflight_age_s"})
+        told = json.dumps({"type": "cell", "cell": status})
+        if self._told.get(cell.name) != told:
+            self._told[cell.name] = told
+            self.viewers.tell(told)
+
+
+def require_role(who: Identity, role: Role) -> None:
+    """Refuse who may not do what a role may.
+
+    Raises
+    ------
+    NotAllowedError
+        The role is not enough.
+    """
+    if not who.role.includes(role):
+        raise NotAllowedError(f"{who.name} is {who.role.value}: this needs {role.value}")
+
+
+def paced(kind: JobKind, request: dict[str, Any], pace: float | None) -> dict[str, Any]:
+    """Return a request whose simulated cell keeps the service's pace where it names none."""
+    known = request_schemas()[kind.value]["properties"]
+    if pace is None:
+        return request
+    if "pace" in known:
+        return {"pace": pace, **request}
+    if "simulation" in known:
+        simulation = request.get("simulation", {})
+        if isinstance(simulation, dict) and not simulation.get("realtime"):
+            return {**request, "simulation": {"pace": pace, **simulation}}
+    return request

@@ -1,0 +1,54 @@
+"""Where the services of this user are reached by programs on this computer."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+_ENDING: Final = "service.sock"
+
+
+def socket_of(folder: Path) -> Path:
+    """Return where the service of a folder is reached; short, as a socket's name must be."""
+    from mock_hw.host.runtime_directory import runtime_directory
+
+    digest = hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:12]
+    return runtime_directory() / f"rid-daq-{digest}.{_ENDING}"
+
+
+def local_sockets() -> list[Path]:
+    """Return the sockets of the services that answer."""
+    from mock_hw.host.runtime_directory import runtime_directory
+
+    return [path for path in sorted(runtime_directory().glob(f"*.{_ENDING}")) if _answers(path)]
+
+
+@contextlib.contextmanager
+def local_listener(folder: Path) -> Iterator[tuple[socket.socket, Path]]:
+    """Yield a socket that only this user can open, and where it is; it is gone afterwards."""
+    path = socket_of(folder)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        path.unlink(missing_ok=True)  # of a service that was killed: the folder's lock is ours
+        mask = os.umask(0o177)
+        try:
+            listener.bind(str(path))
+        finally:
+            os.umask(mask)
+        try:
+            yield listener, path
+        finally:
+            path.unlink(missing_ok=True)
+
+
+def _answers(path: Path) -> bool:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as tried:
+        try:
+            tried.connect(str(path))
+        except OSError:
+            return False
+    return True

@@ -1,0 +1,135 @@
+"""The systemd unit of the service: written by `--install`, and kept current by the program."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from config.errors import ConfigError, RecordingError, system_errors
+from config.formats.whole_file import write_whole
+from rid_daq.session.versions import program_version
+
+NAME: Final = "rid-daq.service"
+_HEAD: Final = "# Written by rid-daq"
+_TEXT = """\
+{head} {version}; it is written again by newer versions. Changes of yours belong into
+# {name}.d/own.conf (`systemctl edit`), which is left alone.
+[Unit]
+Description=rid-daq: {cells}
+After=network.target
+
+[Service]
+Type=exec
+WorkingDirectory={folder}
+ExecStart={command}
+# The service stops what moves; its workers end by themselves.
+KillSignal=SIGTERM
+KillMode=mixed
+TimeoutStopSec=45
+Restart=on-failure
+RestartSec=2
+LimitRTPRIO=99
+LimitMEMLOCK=infinity
+
+[Install]
+WantedBy={target}
+"""
+
+
+@dataclass(frozen=True)
+class SystemdUnit:
+    """A unit of this program.
+
+    Attributes
+    ----------
+    path : Path
+        Where it lies.
+    text : str
+        What stands in it.
+    """
+
+    path: Path
+    text: str
+
+    @classmethod
+    def of(cls, cells: Sequence[str], folder: Path, arguments: Sequence[str]) -> SystemdUnit:
+        """Return the unit of a service: of the computer where root asks, else of the user.
+
+        Parameters
+        ----------
+        cells
+            What is served.
+        folder
+            Where.
+        arguments
+            The command line behind `rid-daq serve`.
+        """
+        is_root = os.geteuid() == 0
+        home = Path("/etc/systemd/system")
+        if not is_root:
+            own = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
+            home = Path(own) / "systemd" / "user"
+        program = [sys.executable, "-m", "rid_daq", "serve", *arguments]
+        text = _TEXT.format(
+            head=_HEAD,
+            version=program_version(),
+            name=NAME,
+            cells=_escaped(", ".join(cells)),
+            folder=_escaped(str(folder.resolve())),
+            command=_escaped(shlex.join(program)),
+            target="multi-user.target" if is_root else "default.target",
+        )
+        return cls(home / NAME, text)
+
+    def install(self) -> str:
+        """Write it; return what a person does next.
+
+        Raises
+        ------
+        ConfigError
+            A unit of somebody else is there.
+        RecordingError
+            It cannot be written.
+        """
+        with system_errors(RecordingError, f"{self.path}: cannot be written"):
+            before = self.path.read_text(encoding="utf-8") if self.path.exists() else _HEAD
+            if not before.startswith(_HEAD):
+                raise ConfigError(
+                    f"{self.path}: is there already and was not written by rid-daq: move it away"
+                )
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(self.path, self.text.encode())
+        user = "" if os.geteuid() == 0 else " --user"
+        return f"systemctl{user} daemon-reload && systemctl{user} enable --now {NAME}"
+
+    def keep_current(self) -> bool:
+        """Write it again where systemd has started this program from an older one of ours.
+
+        Returns
+        -------
+        bool
+            Whether it was written.
+        """
+        if "INVOCATION_ID" not in os.environ or not self.path.exists():
+            return False
+        try:
+            before = self.path.read_text(encoding="utf-8")
+        except OSError:
+            return False
+        if before == self.text or not before.startswith(_HEAD):
+            return False
+        try:
+            write_whole(self.path, self.text.encode())
+        except (OSError, RecordingError):
+            return False
+        return True
+
+
+def _escaped(text: str) -> str:
+    """Return text that systemd takes as it is: no specifiers, no lines."""
+    return text.replace("%", "%%").replace("\n", " ")

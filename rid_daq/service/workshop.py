@@ -1,0 +1,300 @@
+"""`Workshop`: the jobs that run, each by its own worker, and those that wait."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import time
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from acquisition.supervision.stop_reason import StopCode
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.leases import Leases
+from rid_daq.service.logs import LOG
+from rid_daq.service.readiness import Readiness
+from rid_daq.service.records import Job, JobState
+from rid_daq.service.running_job import EventTail, RunningJob, WarmWorker
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.store.audit import AuditLog
+from rid_daq.service.store.jobs import JobStore
+from rid_daq.service.viewers import Viewers
+from rid_daq.terminal.job_events import Ended, MotionBegun
+
+LOOK_S: Final = 0.05
+END_PATIENCE_S: Final = 20.0
+NICENESS: Final = 10
+
+
+class Workshop:
+    """Starts workers, watches them, and writes what became of their jobs.
+
+    Parameters
+    ----------
+    folder, runs, state : Path
+        Where relative paths begin, where runs lie, where events of jobs are kept.
+    jobs : JobStore
+        The journal of jobs.
+    audit : AuditLog
+        Who did what.
+    leases : Leases
+        Who has which cell.
+    readiness : Readiness
+        Where checks and faults are kept.
+    viewers : Viewers
+        Who is told what happens.
+
+    Attributes
+    ----------
+    closing : bool
+        Whether nothing more is begun.
+    """
+
+    closing = False
+
+    def __init__(
+        self,
+        folder: Path,
+        runs: Path,
+        state: Path,
+        *,
+        jobs: JobStore,
+        audit: AuditLog,
+        leases: Leases,
+        readiness: Readiness,
+        viewers: Viewers,
+    ) -> None:
+        self._folder, self._runs, self._state = folder, runs, state
+        (state / "jobs").mkdir(parents=True, exist_ok=True, mode=0o700)
+        self._jobs = jobs
+        self._audit = audit
+        self._leases = leases
+        self._readiness = readiness
+        self._viewers = viewers
+        self._running: dict[str, RunningJob] = {}
+        self._queue: deque[tuple[Job, ServedCell]] = deque()
+        self._computing = False
+        self._reserved: set[str] = set()
+        self._warm = WarmWorker(state / "workers.log")
+        self._interrupt_leftovers()
+
+    def __iter__(self) -> Iterator[RunningJob]:
+        return iter(tuple(self._running.values()))
+
+    def get(self, job_id: str) -> RunningJob | None:
+        """Return a job that runs, None where it does not."""
+        return self._running.get(job_id)
+
+    def of_cell(self, cell: str) -> RunningJob | None:
+        """Return the job that has a cell's bus open, None where none has."""
+        of_cell = (each for each in self._running.values() if each.job.cell == cell)
+        return next((each for each in of_cell if each.job.kind.opens_cell), None)
+
+    def is_busy(self, cell: str) -> bool:
+        """Whether a job has a cell's bus open, or is just being started."""
+        return cell in self._reserved or self.of_cell(cell) is not None
+
+    def events(self, job_id: str) -> Path:
+        """Return the file of a job's events."""
+        return self._state / "jobs" / f"{job_id}.jsonl"
+
+    async def begin(self, job: Job, cell: ServedCell, *, cleared: bool) -> Job:
+        """Journal a job and begin it; one that only computes may have to wait for its turn.
+
+        Parameters
+        ----------
+        job : Job
+            A new job.
+        cell : ServedCell
+            Its cell.
+        cleared : bool
+            Whether a person has just said that nobody is in the cell.
+        """
+        self._jobs.add(job)
+        self._publish(job)
+        if not job.kind.opens_cell:
+            self._queue.append((job, cell))
+            await self._begin_next()
+            return self._jobs.get(job.id) or job
+        self._reserved.add(cell.name)
+        try:
+            return await self._start(job, cell, cleared=cleared)
+        finally:
+            self._reserved.discard(cell.name)
+
+    def cancel(self, job: Job, who: str) -> None:
+        """End a job: one that waits does not begin, one that runs is stopped."""
+        waiting = next((each for each in self._queue if each[0].id == job.id), None)
+        if waiting is not None:
+            self._queue.remove(waiting)
+            self._change(job, JobState.STOPPED, f"cancelled by {who} before it began")
+        elif job.id in self._running:
+            self._running[job.id].stop(f"cancelled by {who}", StopCode.STOP_BUTTON)
+
+    async def prepare(self) -> None:
+        """Have a worker ready before there is a job."""
+        await self._warm.prepare()
+
+    async def look(self) -> None:
+        """Pass on what jobs say, settle those that are over, begin what waits."""
+        for running in self:
+            self._pass_on(running)
+            self._watch_lease(running)
+            if running.is_over:
+                self._pass_on(running)
+                self._settle(running)
+        if not self.closing:
+            await self._begin_next()
+            if not self._running:
+                await self._warm.prepare()
+
+    async def close(self) -> None:
+        """Stop what moves, end what computes, and mark all of it."""
+        self.closing = True
+        for running in self:
+            running.stop("the service ended", StopCode.INTERRUPTED)
+        until_s = time.monotonic() + END_PATIENCE_S
+        while self._running and time.monotonic() < until_s:
+            await self.look()
+            await asyncio.sleep(LOOK_S)
+        for running in self:
+            running.process.kill()
+            await running.process.wait()
+            self._pass_on(running)
+            self._settle(running)
+        await self._warm.end()
+        for job, _ in self._queue:
+            self._change(job, JobState.INTERRUPTED, "the service ended before it began")
+
+    def _pass_on(self, running: RunningJob) -> None:
+        for event in running.look():
+            if isinstance(event, MotionBegun):
+                running.job = self._jobs.change(running.job, run=event.run)
+            told = {"type": "event", "job": running.job.id, "event": event.model_dump()}
+            self._viewers.tell(json.dumps(told))
+        if len(self._viewers):
+            picture = running.samples()
+            if picture is not None:
+                told = {"type": "samples", "cell": running.job.cell, "job": running.job.id}
+                self._viewers.show(running.job.cell, json.dumps({**told, "picture": picture}))
+
+    def _watch_lease(self, running: RunningJob) -> None:
+        job = running.job
+        if job.kind.moves and not running.stopping and job.on_lost_client == "stop":
+            lease = self._leases.of(job.cell)
+            if lease is None or lease.id != job.lease:
+                running.stop(f"{job.owner} is out of reach", StopCode.CLIENT_LOST)
+                self._audit.note(job.owner, "was out of reach", job.cell, f"job {job.id} stopped")
+
+    def _settle(self, running: RunningJob) -> None:
+        """Write what became of a job whose worker has ended."""
+        job, cell = running.job, running.cell
+        del self._running[job.id]
+        document, ended = running.document, running.ended
+        state, reason = outcome_of(running, self.closing)
+        run = running.run or (document or {}).get("run")
+        job = self._jobs.change(
+            job,
+            state=state,
+            ended_s=time.time(),
+            exit_code=None if ended is None else ended.exit_code,
+            reason=reason,
+            run=run if isinstance(run, str) else None,
+        )
+        if job.kind is JobKind.CHECK:
+            self._readiness.note_check(cell, document)
+        elif job.kind is JobKind.RESET and state is JobState.DONE:
+            self._readiness.note_reset(cell)
+        elif job.kind.moves:
+            self._readiness.note_end(cell, document)
+        level = logging.INFO if state is JobState.DONE else logging.WARNING
+        LOG.log(level, "job over: %s", reason or state.value, extra={"job": job})
+        self._publish(job)
+
+    async def _begin_next(self) -> None:
+        """Begin the next job that only computes, where none does."""
+        computing = any(not each.job.kind.opens_cell for each in self)
+        if computing or self._computing or not self._queue:
+            return
+        self._computing = True
+        try:
+            await self._start(*self._queue.popleft(), cleared=False)
+        finally:
+            self._computing = False
+
+    async def _start(self, job: Job, cell: ServedCell, *, cleared: bool) -> Job:
+        try:
+            process = await self._warm.take()
+        except OSError as error:
+            job = self._jobs.change(
+                job,
+                state=JobState.FAILED,
+                ended_s=time.time(),
+                reason=f"its process cannot be started: {error.strerror}",
+            )
+            self._publish(job)
+            return job
+        job = self._jobs.change(job, state=JobState.RUNNING, began_s=time.time(), pid=process.pid)
+        running = RunningJob(job, cell, process, self.events(job.id))
+        self._running[job.id] = running
+        running.order(
+            kind=job.kind.value,
+            request=job.request,
+            cell=cell.reference,
+            runs=str(self._runs),
+            folder=str(self._folder),
+            events=str(self.events(job.id)),
+            cleared=cleared,
+            niceness=0 if job.kind.opens_cell else NICENESS,
+        )
+        LOG.info("job begun", extra={"job": job})
+        self._publish(job)
+        return job
+
+    def _interrupt_leftovers(self) -> None:
+        """Mark the jobs of a service that was killed; none of them runs again by itself."""
+        for job in self._jobs.unfinished():
+            begun = job.state is JobState.RUNNING
+            run = ended = None
+            for event in EventTail(self.events(job.id)).new():
+                if isinstance(event, MotionBegun):
+                    run = event.run
+                if isinstance(event, Ended):
+                    ended = event
+            reason = "the service was killed before it began"
+            if begun:
+                reason = "the service was killed; the drives have stopped by their own watch"
+            if begun and ended is not None:
+                reason = "the service was killed; the job's own process has ended its motion"
+            job = job.model_copy(update={"run": run or job.run})
+            self._change(job, JobState.INTERRUPTED, reason)
+
+    def _change(self, job: Job, state: JobState, reason: str) -> None:
+        self._publish(self._jobs.change(job, state=state, ended_s=time.time(), reason=reason))
+
+    def _publish(self, job: Job) -> None:
+        self._viewers.tell(json.dumps({"type": "job", "job": job.model_dump(mode="json")}))
+
+
+def outcome_of(running: RunningJob, closing: bool) -> tuple[JobState, str]:
+    """Return what became of a job whose process has ended, and why in a sentence."""
+    ended, document = running.ended, running.document
+    if ended is None:
+        return JobState.INTERRUPTED, (
+            f"its process died (exit code {running.process.returncode}); the drives stop by their"
+            " own watch"
+        )
+    if closing:
+        return JobState.INTERRUPTED, running.stopping
+    if ended.exit_code == 0:
+        return JobState.DONE, ""
+    stop = None if document is None else document.get("stop")
+    if running.stopping:
+        return JobState.STOPPED, running.stopping
+    if isinstance(stop, dict):
+        return JobState.STOPPED, str(stop.get("text", ""))
+    told = ended.message if ended.error not in (None, "Failure") else None
+    return JobState.FAILED, told or running.last_bad or "see what it said"

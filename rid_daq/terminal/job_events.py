@@ -1,0 +1,140 @@
+"""`JobEvent`: what a job says on its way, one line of JSON each; and how it is shown again.
+
+The worker writes them into the job's folder, the service reads them from there and sends them on,
+the client shows them as the command would have.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+
+class _Event(BaseModel):
+    """What every event has: `at_s`, when it was said [s since 1970]."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    at_s: float
+
+
+class Said(_Event):
+    """A sentence for people."""
+
+    kind: Literal["said"] = "said"
+    text: str
+
+
+class Judged(_Event):
+    """The sentence that matters: good, bad, or neither."""
+
+    kind: Literal["judged"] = "judged"
+    passed: bool | None
+    text: str
+
+
+class Tabled(_Event):
+    """A table for people; `red` marks rows."""
+
+    kind: Literal["tabled"] = "tabled"
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    red: tuple[bool, ...] | None = None
+
+
+class Documented(_Event):
+    """The result for programs."""
+
+    kind: Literal["documented"] = "documented"
+    document: dict[str, Any]
+
+
+class MotionBegun(_Event):
+    """A motion begins: its run, its sentence, how many cycles it has, 0 if nobody knows."""
+
+    kind: Literal["motion"] = "motion"
+    run: str
+    title: str
+    rows: int
+    rows_per_period: int | None
+
+
+class Progressed(_Event):
+    """How far a long step is; `total` is None where nobody knows how long it is."""
+
+    kind: Literal["progress"] = "progress"
+    title: str
+    done: float
+    total: float | None
+    unit: str
+    line: str
+
+
+class Choice(BaseModel):
+    """An answer that somebody may choose: what it says, and the text that is sent."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    label: str
+    text: str
+
+
+class WarmedUp(_Event):
+    """More periods of a warm-up: what friction takes of each joint [W], and what counts as warm.
+
+    `power_w` has one row a period, in the order of `joints`; it counts as warm where no joint's
+    power changes by more than `settled_percent` in a period.
+    """
+
+    kind: Literal["warmed_up"] = "warmed_up"
+    joints: tuple[str, ...]
+    power_w: tuple[tuple[float, ...], ...]
+    settled_percent: float
+
+
+class Asked(_Event):
+    """A question that waits for an answer: free text, yes or no, or a key to be held.
+
+    `choices` are answers to a free text that a page shows as buttons.
+    """
+
+    kind: Literal["asked"] = "asked"
+    question: int
+    form: Literal["text", "yes_no", "hold"]
+    text: str
+    choices: tuple[Choice, ...] = ()
+
+
+class Answered(_Event):
+    """A question needs no answer any more."""
+
+    kind: Literal["answered"] = "answered"
+    question: int
+
+
+class Ended(_Event):
+    """The job's end: exit code as the command's; `error` and `message` where one ended it."""
+
+    kind: Literal["ended"] = "ended"
+    exit_code: int
+    error: str | None = None
+    message: str | None = None
+
+
+AnyEvent = Annotated[
+    Said
+    | Judged
+    | Tabled
+    | Documented
+    | MotionBegun
+    | Progressed
+    | WarmedUp
+    | Asked
+    | Answered
+    | Ended,
+    Field(discriminator="kind"),
+]
+
+EVENT: TypeAdapter[AnyEvent] = TypeAdapter(AnyEvent)
+"""Reads and writes one event."""

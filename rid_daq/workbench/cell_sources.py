@@ -1,0 +1,45 @@
+"""`CellSource`: a file of a cell as it is now, line by line, with the error where it stands."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rid_daq.service.served_cell import ServedCell
+
+_PLACE = re.compile(r"(?:^|[\s/\\])([^\s/\\:]+):(\d+)(?::\d+)?: ")
+
+
+@dataclass(frozen=True)
+class CellSource:
+    """A file of a cell.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    lines : sequence of str
+        What it says.
+    wrong_line : int or None
+        The line that an error names, counted from 1.
+    """
+
+    name: str
+    lines: Sequence[str]
+    wrong_line: int | None
+
+
+def sources_of(cell: ServedCell) -> tuple[CellSource, ...]:
+    """Return the files of a cell; where it has an error, the line that it names."""
+    loaded = cell.look_again()
+    place = _PLACE.search(cell.problem)
+    found = []
+    for name, content in loaded.files.items():
+        path = None if loaded.path is None else loaded.path.resolve().parent / name
+        if path is not None and path.is_file():
+            content = path.read_bytes()
+        wrong = int(place[2]) if place is not None and place[1] == name else None
+        lines = content.decode("utf-8", errors="replace").splitlines()
+        found.append(CellSource(name, lines, wrong))
+    return tuple(found)

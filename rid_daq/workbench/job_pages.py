@@ -1,0 +1,68 @@
+"""The pages of the work on a cell: Experiment, Identify, Payload, Compensation."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import HTMLResponse
+
+from rid_daq.service.api.context import OfCell, Service
+from rid_daq.service.api.runs import run_folder
+from rid_daq.workbench.folder_files import FolderFiles, folder_files
+from rid_daq.workbench.visit import PageRoute, Visit, Visitor
+
+router = APIRouter(prefix="/cells/{cell}", route_class=PageRoute, include_in_schema=False)
+
+
+@router.get("/experiment")
+async def experiment_page(visit: Visitor) -> HTMLResponse:
+    """Show what may be driven, with its picture."""
+    return visit.page("experiment.html", files=await _files(visit))
+
+
+@router.get("/identify")
+async def identify_page(visit: Visitor) -> HTMLResponse:
+    """Show the way from runs to a model."""
+    return visit.page("identify.html", files=await _files(visit))
+
+
+@router.get("/identify/check")
+def identify_check(
+    cell: OfCell, service: Service, run: Annotated[list[str] | None, Query()] = None
+) -> dict[str, Any]:
+    """Return whether runs can be identified together."""
+    from rid_daq.workbench.data_check import check_data
+
+    folders = [run_folder(service, name) for name in run or ()]
+    return check_data(cell.loaded, folders).model_dump(mode="json")
+
+
+@router.get("/payload")
+async def payload_page(visit: Visitor) -> HTMLResponse:
+    """Show the guided payload session."""
+    from identification.payload.controllers.formats import LoadFormat
+    from rid_daq.workbench.payload_sessions import interrupted_sessions
+
+    plant = visit.cell.loaded.plant
+    return visit.page(
+        "payload.html",
+        files=await _files(visit),
+        payloads=() if plant is None else tuple(plant.payloads),
+        interrupted=await run_in_threadpool(
+            interrupted_sessions, visit.service.runs, visit.cell.name
+        ),
+        formats=tuple(LoadFormat),
+    )
+
+
+@router.get("/compensation")
+async def compensation_page(visit: Visitor) -> HTMLResponse:
+    """Show loops, feedforward, paths before and after, and streaming."""
+    return visit.page("compensation.html", files=await _files(visit))
+
+
+async def _files(visit: Visit) -> FolderFiles:
+    robot = visit.cell.loaded.robot.name
+    return await run_in_threadpool(folder_files, visit.service, robot)

@@ -1,0 +1,89 @@
+"""`MotionFacts`: what a person should know of a motion before it is driven, and its picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bokeh.models import GridPlot
+from pydantic import BaseModel, ConfigDict
+
+from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.motion_file import AnyMotion
+from config.load import LoadedCell
+from identification.design.two_harmonic import condition_number
+from identification.estimation.estimate import predict
+from rid_daq.figures.motion_figure import motion_figure
+from rid_daq.jobs.cell_files import estimate_for, motion_for
+
+
+class MotionFacts(BaseModel):
+    """What a person should know of a motion.
+
+    Attributes
+    ----------
+    kind, sentence : str
+        Its kind, and what it is in a sentence.
+    duration_s : float
+        How long it takes [s].
+    periods : int or None
+        Of a periodic motion.
+    condition_number : float or None
+        Of an excitation.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    kind: str
+    sentence: str
+    duration_s: float
+    periods: int | None
+    condition_number: float | None
+
+
+def motion_facts(cell: LoadedCell, path: Path) -> MotionFacts:
+    """Return what a person should know of a motion file.
+
+    Raises
+    ------
+    ConfigError, LimitError
+        The file is none, or is of another robot, or the motion breaks a limit.
+    """
+    motion = motion_for(path, cell)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
+    excitation = excitation_of(motion)
+    return MotionFacts(
+        kind=motion.kind,
+        sentence=motion.describe(),
+        duration_s=samples.duration_s,
+        periods=None if excitation is None else excitation.periods,
+        condition_number=_condition(cell, motion),
+    )
+
+
+def motion_picture(cell: LoadedCell, path: Path, model: Path | None) -> GridPlot:
+    """Return the picture of a motion file, with the torque that a model expects.
+
+    Raises
+    ------
+    ConfigError, LimitError
+        As `motion_facts`; or the model is of another robot.
+    """
+    motion = motion_for(path, cell)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
+    torque = None
+    if model is not None:
+        one = samples.whole(1)
+        estimate = estimate_for(model, cell.robot)
+        torque = predict(estimate, one.position, one.velocity, one.acceleration)
+    condition = _condition(cell, motion)
+    return motion_figure(samples, cell.robot, cell.config.workspace, torque, condition)
+
+
+def excitation_of(motion: AnyMotion) -> FourierMotion | None:
+    """Return a motion that has a condition number, None of the other kinds."""
+    return motion if isinstance(motion, FourierMotion) else None
+
+
+def _condition(cell: LoadedCell, motion: AnyMotion) -> float | None:
+    excitation = excitation_of(motion)
+    return None if excitation is None else condition_number(cell.robot, excitation)

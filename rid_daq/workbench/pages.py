@@ -1,0 +1,27 @@
+"""`PAGES`: the routers of all pages."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from fastapi import APIRouter
+
+from rid_daq.workbench import (
+    cell_page,
+    door_pages,
+    figure_routes,
+    job_pages,
+    runs_pages,
+    settings_page,
+    static_files,
+)
+
+PAGES: Final[tuple[APIRouter, ...]] = (
+    door_pages.router,
+    static_files.router,
+    figure_routes.router,
+    cell_page.router,
+    job_pages.router,
+    runs_pages.router,
+    settings_page.router,
+)

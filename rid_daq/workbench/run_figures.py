@@ -1,0 +1,140 @@
+"""`run_drawings`: the figures that a run has, each made when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from bokeh.models import GridPlot
+
+from acquisition.motion.motion_file import load_motion
+from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RunFolder
+from config.cell.cell import CellConfig
+from config.errors import RecordingError
+from config.load import load_bundled_or_path, load_robot
+from identification.payload.file import read_payload
+from identification.payload.warm_up import period_powers
+from rid_daq.figures.bode_figure import bode_figure
+from rid_daq.figures.fit_figure import fit_figure
+from rid_daq.figures.friction_figure import friction_figure
+from rid_daq.figures.motion_figure import motion_figure
+from rid_daq.figures.parameters_figure import parameters_figure
+from rid_daq.figures.path_figure import path_figure
+from rid_daq.figures.payload_figure import payload_figure
+from rid_daq.figures.residual_spectrum import residual_spectrum
+from rid_daq.figures.warm_up_figure import warm_up_figure
+from rid_daq.jobs.payload.payload_job import PAYLOAD
+from rid_daq.recording.payload_state import STATE, SessionState
+from rid_daq.recording.payload_steps import WARM_UP
+from rid_daq.report.result import Result
+from rid_daq.report.result_file import RESULT, read_result
+from rid_daq.runs.run_data import CELL, MOTION, ROBOT, RunData
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that a run has.
+
+    Attributes
+    ----------
+    name : str
+        As its address has it.
+    title : str
+        What it shows, in words.
+    make : callable
+        Makes it.
+    """
+
+    name: str
+    title: str
+    make: Callable[[], GridPlot]
+
+
+def run_drawings(folder: RunFolder) -> tuple[Drawing, ...]:
+    """Return the figures that a run has, the result's first.
+
+    Parameters
+    ----------
+    folder : RunFolder
+        The run.
+
+    Raises
+    ------
+    RidDaqError
+        One of its files cannot be read.
+    """
+    found: list[Drawing] = []
+    if folder.file(PAYLOAD).exists():
+        found.append(Drawing("payload", "Centre of gravity", partial(_payload, folder)))
+    if folder.file(STATE).exists():
+        found += _warm_up(folder)
+    if folder.file(RESULT).exists():
+        found += _of_result(read_result(folder))
+    if folder.file(MOTION).exists():
+        found.append(Drawing("motion", "Motion", partial(_motion, folder)))
+    return tuple(found)
+
+
+def _of_result(result: Result) -> list[Drawing]:
+    found: list[Drawing] = []
+    curves, estimate = result.curves, result.estimate
+    if curves is not None and curves.torque is not None:
+        title = "Measured and predicted torque"
+        found.append(Drawing("fit", title, partial(fit_figure, curves.torque)))
+    if curves is not None and curves.spectrum is not None:
+        axes = estimate.axes if estimate is not None else ()
+        units = tuple(axis.unit for axis in axes) or ("N m",) * len(curves.spectrum.axes)
+        make = partial(residual_spectrum, curves.spectrum, units)
+        found.append(Drawing("spectrum", "Spectrum of what the model leaves", make))
+    if estimate is not None:
+        make = partial(parameters_figure, estimate)
+        found.append(Drawing("parameters", "Parameters with their intervals", make))
+    if result.velocity_loops is not None:
+        found += [
+            Drawing(
+                f"bode-{axis.joint}", f"Velocity loop of {axis.joint}", partial(bode_figure, axis)
+            )
+            for axis in result.velocity_loops.axes
+        ]
+    if result.tracking is not None:
+        joints = result.tracking.joints
+        found += [
+            Drawing(f"path-{i}", motion.sentence, partial(path_figure, motion, joints))
+            for i, motion in enumerate(result.tracking.motions, start=1)
+        ]
+    if result.friction is not None:
+        make = partial(friction_figure, result.friction)
+        found.append(Drawing("friction", "Friction over speed", make))
+    return found
+
+
+def _payload(folder: RunFolder) -> GridPlot:
+    return payload_figure(read_payload(folder.file(PAYLOAD)).estimate)
+
+
+def _warm_up(folder: RunFolder) -> list[Drawing]:
+    """Return the figure of a payload session's warm-up, where it had one and noted its limit."""
+    state = SessionState.read(folder)
+    fact = state.facts.get("warm_up")
+    run = state.done.get(WARM_UP)
+    settled = fact.get("settled_percent") if isinstance(fact, dict) else None
+    if run is None or not isinstance(settled, (int, float)):
+        return []
+
+    def make() -> GridPlot:
+        recording = RunData.load(find_run(folder.path.parent, run)).recording
+        return warm_up_figure(recording.joint_names, period_powers(recording), float(settled))
+
+    return [Drawing("warm-up", "Warm-up", make)]
+
+
+def _motion(folder: RunFolder) -> GridPlot:
+    for name in (ROBOT, CELL):
+        if not folder.file(name).exists():
+            raise RecordingError(f"run {folder.run_id} has no {name}: its motion is not drawn")
+    cell = load_bundled_or_path(str(folder.file(CELL)), "cells", CellConfig)
+    robot = load_robot(str(folder.file(ROBOT)))
+    samples = load_motion(folder.file(MOTION)).plan(robot, cell.cycle_time_s)
+    return motion_figure(samples, robot, cell.workspace)

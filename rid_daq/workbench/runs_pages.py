@@ -1,0 +1,46 @@
+"""The pages of runs: all of them, and each by itself."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import HTMLResponse
+
+from rid_daq.service.api.runs import REPORT, RESULT, run_folder
+from rid_daq.workbench.robot_history import history_of
+from rid_daq.workbench.visit import PageRoute, Visitor
+
+router = APIRouter(prefix="/cells/{cell}/runs", route_class=PageRoute, include_in_schema=False)
+
+
+@router.get("")
+async def runs_page(visit: Visitor) -> HTMLResponse:
+    """Show the runs: to look for, to compare."""
+    return visit.page("runs.html")
+
+
+@router.get("/history")
+async def history_page(
+    visit: Visitor, quantity: Annotated[str, Query(max_length=200)] = ""
+) -> HTMLResponse:
+    """Show how what was identified of the cell's robot has changed from run to run."""
+    robot = visit.cell.loaded.robot.name
+    histories = await run_in_threadpool(history_of, visit.service.runs, robot)
+    names = [each.title for each in histories]
+    chosen = next((each for each in histories if each.title == quantity), None)
+    if chosen is None and histories:
+        chosen = histories[0]
+    return visit.page("history.html", robot=robot, names=names, chosen=chosen)
+
+
+@router.get("/{run}")
+async def run_page(visit: Visitor, run: str) -> HTMLResponse:
+    """Show one run."""
+    folder = run_folder(visit.service, run)
+    manifest = folder.manifest()
+    extra = [name for name in (REPORT, RESULT) if folder.file(name).exists()]
+    sizes = {name: entry.size_bytes for name, entry in sorted(manifest.files.items())}
+    sizes |= {name: folder.file(name).stat().st_size for name in extra}
+    return visit.page("run.html", run=manifest, sizes=sizes, has_report=REPORT in extra)

@@ -1,0 +1,80 @@
+// The page of a cell: state, actions, joints, preflight, last runs.
+import { duration, element, find } from "./dom.js";
+import { JobPanel } from "./job_panel.js";
+import { showJoints } from "./joints.js";
+import { loadPreflight } from "./preflight.js";
+import { runTable } from "./run_table.js";
+import { ask, on, preflightAge } from "./service.js";
+
+const panel = new JobPanel(find("job"), { next, ended });
+let status = null;
+
+const actions = {
+  check: () => panel.begin("check"),
+  reset: () => panel.begin("reset"),
+  plate: () => panel.begin("plate_zero", {}, { moves: true }),
+  axes: () => panel.begin("axes", {}, { moves: true }),
+  jog: () => panel.begin("jog", {}, { moves: true }),
+  home: () => panel.begin("jog", { home: true }, { moves: true }),
+};
+for (const [id, action] of Object.entries(actions)) find(id)?.addEventListener("click", action);
+
+function next(job, document) {
+  const again = (text, action) => element("button", { type: "button", class: "main", onclick: action }, text);
+  if (job.kind === "check" && !document?.passed) return [again("Check again", actions.check)];
+  if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];
+  if (job.state !== "done" && status?.fault) return [again("Reset, once its cause is found", actions.reset)];
+  if (job.state !== "done" && job.kind !== "check") return [again("Check", actions.check)];
+  return [];
+}
+
+function ended(job) {
+  if (job.run) find("joints-words").textContent = "Values at the end of the last motion.";
+  refresh();
+}
+
+function refresh() {
+  loadPreflight(find("preflight"), find("preflight-words"));
+  loadRuns();
+}
+
+async function loadRuns() {
+  try {
+    const runs = await ask("GET", "/runs?limit=5");
+    find("last-runs").replaceChildren(
+      runs.length ? runTable(runs) : element("p", { class: "soft" }, "None yet."),
+    );
+  } catch (error) {
+    find("last-runs").replaceChildren(element("p", { class: "problem" }, error.message));
+  }
+}
+
+function showState() {
+  if (!status) return;
+  const words = find("now");
+  const age = preflightAge();
+  const job = status.job;
+  let text, kind = "";
+  if (status.state === "fault") [text, kind] = [`Fault: ${status.fault} Find its cause, then reset.`, "bad"];
+  else if (status.state === "moving") text = `The robot moves: ${job.kind}, by ${job.owner}.`;
+  else if (status.state === "stopping") text = "The robot is being stopped.";
+  else if (status.state === "checking") text = `Nothing moves: ${job.kind} is under way.`;
+  else if (status.state === "ready") {
+    const left = Math.max(0, status.preflight_limit_s - (age ?? 0));
+    text = `Ready to move. Checked ${duration(age ?? 0)} ago; good for another ${duration(left)}.`;
+    kind = "good";
+  } else text = `Not ready to move: ${status.not_ready_because}`;
+  if (words.textContent !== text) words.textContent = text;
+  words.className = `verdict ${kind}`;
+  const main = status.state === "fault" ? "reset" : status.state === "closed" ? "check" : null;
+  for (const id of ["check", "reset"]) find(id).classList.toggle("main", id === main);
+}
+
+on("cell", (now) => {
+  status = now;
+  showState();
+});
+on("samples", (picture) => showJoints(find("joints"), find("joints-words"), picture));
+on("again", refresh);
+setInterval(showState, 1000);
+refresh();

@@ -1,0 +1,43 @@
+// Makes and finds elements; text is always text, never markup.
+
+export const find = (id) => document.getElementById(id);
+
+// element("p", { class: "soft", onclick: f, hidden: true }, "text", child, ...)
+export function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (typeof value === "boolean") made.toggleAttribute(name, value);
+    else if (value !== undefined && value !== null) made.setAttribute(name, value);
+  }
+  made.append(...children.filter((child) => child !== null && child !== undefined));
+  return made;
+}
+
+export function table(columns, rows, red = null, caption = null) {
+  return element(
+    "div",
+    { class: "scroll", tabindex: "0", role: "group", "aria-label": caption ?? "table" },
+    element(
+      "table",
+      {},
+      element("thead", {}, element("tr", {}, ...columns.map((each) => element(...(each ? ["th", { scope: "col" }, each] : ["td"]))))),
+      element(
+        "tbody",
+        {},
+        ...rows.map((row, i) =>
+          element("tr", { class: red?.[i] ? "red" : null }, ...row.map((cell) => element("td", {}, cell))),
+        ),
+      ),
+    ),
+  );
+}
+
+// How long something takes or has taken, in words.
+export function duration(seconds) {
+  if (seconds < 90) return `${Math.max(0, Math.round(seconds))} s`;
+  if (seconds < 5400) return `${Math.round(seconds / 60)} min`;
+  return `${(seconds / 3600).toFixed(1)} h`;
+}
+
+export const moment = (seconds) => new Date(1000 * seconds).toLocaleString();

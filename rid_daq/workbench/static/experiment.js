@@ -1,0 +1,121 @@
+// Experiment: choose or design a motion, see it, rehearse and record it.
+import { duration, element, find } from "./dom.js";
+import { on, page } from "./service.js";
+import { CELL, WorkPanel, factsUrl, figureIn, link, look, motionUrl, nameOf, number, numberOf, offer, press, wanted } from "./work.js";
+
+const motion = find("motion");
+const kind = find("kind");
+const picture = find("picture");
+
+const panel = new WorkPanel(find("job"), {
+  next: (job) => {
+    if (job.state !== "done" || !job.run) return [];
+    const run = encodeURIComponent(job.run);
+    if (job.kind !== "record") return [];
+    const multisine = chosenKind === "multisine";
+    return multisine
+      ? [link(`${CELL}/compensation?run=${run}`, "Measure the velocity loops", { class: "button main" })]
+      : [link(`${CELL}/identify?run=${run}`, "Identify this run", { class: "button main" })];
+  },
+  ended: (job, document) => {
+    if (job.kind === "design" && job.state === "done" && document) {
+      find("design").open = false;
+      offer(motion, document.motion, document.motion, kind.value);
+      motion.scrollIntoView({ block: "center" });
+    }
+  },
+});
+
+// ---- the motion and its picture
+let asked = 0;
+let chosenKind = "";
+
+async function showMotion() {
+  const mine = ++asked;
+  const problem = find("motion-problem");
+  const facts = find("facts");
+  find("no-motion").hidden = motion.options.length > 0;
+  problem.textContent = "";
+  if (!motion.value) return;
+  find("label").placeholder = motion.value.replace(/\.yaml$/, "");
+  try {
+    const told = await look(factsUrl(motion.value));
+    if (mine !== asked) return;
+    chosenKind = told.kind;
+    const lines = [["Motion", told.sentence], ["Takes", duration(told.duration_s)]];
+    if (told.periods !== null) lines.push(["Periods", String(told.periods)]);
+    if (told.condition_number !== null) lines.push(["Condition number", number(told.condition_number, 3)]);
+    facts.replaceChildren(...lines.map(([word, value]) => element("div", {}, element("dt", {}, word), element("dd", {}, value))));
+    figureIn(picture, motionUrl(motion.value, find("model").value));
+  } catch (error) {
+    if (mine !== asked) return;
+    facts.replaceChildren();
+    picture.replaceChildren();
+    problem.textContent = error.message;
+  }
+}
+
+motion.addEventListener("change", showMotion);
+find("model").addEventListener("change", showMotion);
+
+// ---- design
+function showFields() {
+  for (const part of document.querySelectorAll("[data-of]")) part.hidden = !part.dataset.of.split(" ").includes(kind.value);
+}
+
+kind.addEventListener("change", () => {
+  const periods = { multisine: ["8", "4"] }[kind.value] ?? ["10", "16"];
+  [find("period").value, find("periods").value] = periods;
+  find("name").value = kind.value;
+  showFields();
+});
+
+function designRequest() {
+  const periodic = kind.value !== "constant-velocity";
+  const period_s = periodic ? numberOf("period", { least: 0.1 }) : 10;
+  const periods = periodic ? numberOf("periods", { least: 2, whole: true }) : 16;
+  const multisine = kind.value === "multisine";
+  const quick = find("method").value === "quick";
+  const excitation = quick ? { period_s, periods, tries: 200 } : { period_s, periods, starts: 12, budget_s: 300 };
+  return {
+    output: nameOf("name", ".yaml"),
+    kind: kind.value,
+    excitation: multisine ? { period_s: 10, periods: 16, tries: 200 } : excitation,
+    multisine: multisine ? { period_s, periods } : {},
+  };
+}
+
+find("design-form").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  try {
+    await panel.begin("design", designRequest());
+  } catch (error) {
+    panel.refuse("design", error);
+  }
+});
+
+// ---- record
+function recordRequest(rehearse) {
+  if (!motion.value) throw new Error("Choose a motion file, or design one.");
+  const request = { motion: motion.value, rehearse, until: find("until").value.split(",").map((each) => each.trim()).filter(Boolean) };
+  const label = find("label").value.trim();
+  if (label) request.label = label;
+  if (find("model").value) request.model = find("model").value;
+  if (find("feedforward").value) request.feedforward = find("feedforward").value;
+  return request;
+}
+
+press("rehearse", panel, "record", () => panel.begin("record", recordRequest(true), { moves: true }));
+press("record", panel, "record", () => panel.begin("record", recordRequest(false), { moves: true }));
+press("check", panel, "check", () => panel.begin("check"));
+
+if (wanted.get("kind")) {
+  kind.value = wanted.get("kind");
+  find("design").open = true;
+  kind.dispatchEvent(new Event("change"));
+}
+if (wanted.get("motion")) offer(motion, wanted.get("motion"));
+else showMotion();
+showFields();
+on("again", showMotion);
+document.title = `Experiment · ${page.cell}${page.simulated ? " (simulated)" : ""} · rid-daq`;

@@ -1,0 +1,77 @@
+// Hold-to-run buttons: a key is sent while one is pressed, and "let go" at once when it is not.
+import { element } from "./dom.js";
+import { hold, letGo, tap } from "./service.js";
+
+const JOG_KEYS = [["−", "-"], ["+", "+"]];
+
+// Return { pad, leave } for a job that wants a key to be held.
+export function holdPad(job, joints) {
+  const abort = new AbortController();
+  const { signal } = abort;
+  const listen = (target, types, listener) => {
+    for (const type of types) target.addEventListener(type, listener, { signal });
+  };
+  const buttons = [];
+
+  const release = () => {
+    letGo();
+    for (const each of buttons) each.classList.remove("held");
+  };
+
+  function holder(text, key, label = null) {
+    const button = element("button", { type: "button", class: "hold", "aria-label": label }, text);
+    const press = () => {
+      button.classList.add("held");
+      hold(job.id, key);
+    };
+    listen(button, ["pointerdown"], (event) => {
+      if (event.button !== 0) return;
+      button.setPointerCapture(event.pointerId);
+      event.preventDefault();
+      button.focus();
+      press();
+    });
+    listen(button, ["pointerup", "pointercancel", "lostpointercapture", "blur"], release);
+    listen(button, ["contextmenu"], (event) => event.preventDefault());
+    listen(button, ["keydown"], (event) => {
+      if (event.key !== " " && event.key !== "Enter") return;
+      event.preventDefault();
+      if (!event.repeat) press();
+    });
+    listen(button, ["keyup"], release);
+    buttons.push(button);
+    return button;
+  }
+  listen(window, ["blur", "pagehide"], release);
+  listen(document, ["visibilitychange"], release);
+
+  const free = job.kind === "jog" && !job.request.home;
+  const rows = [];
+  if (free) {
+    const choices = joints.slice(0, 9).map((joint, i) => {
+      const choice = element("button", { type: "button", class: "joint", "aria-pressed": String(i === 0) }, joint);
+      choice.addEventListener("click", () => {
+        release();
+        tap(job.id, String(i + 1));
+        for (const each of choices) each.setAttribute("aria-pressed", String(each === choice));
+      });
+      return choice;
+    });
+    rows.push(element("div", { class: "joints", role: "group", "aria-label": "joint" }, ...choices));
+    const hints = { "-": "hold to move back", "+": "hold to move forth" };
+    rows.push(element("div", { class: "holds" }, ...JOG_KEYS.map(([text, key]) => holder(text, key, hints[key]))));
+    if (document.querySelector("[data-home=yes]"))
+      rows.push(element("div", { class: "holds" }, holder("Hold: to the home pose", "h")));
+  } else {
+    rows.push(element("div", { class: "holds" }, holder("Hold to move", " ")));
+  }
+  const end = element("button", { type: "button", onclick: () => tap(job.id, "q") }, "Finish");
+  rows.push(element("div", { class: "actions" }, end));
+  rows.unshift(element("p", { class: "question" }, "Hold the button: the robot moves. Let go: it stops."));
+
+  const leave = () => {
+    release();
+    abort.abort();
+  };
+  return { pad: element("div", { class: "pad" }, ...rows), leave };
+}

@@ -1,0 +1,208 @@
+// Identify: Data, Model, Check, Solve, Result.
+import { element, find } from "./dom.js";
+import { estimateParts, validationParts } from "./identify_result.js";
+import { ask, mayMove, on } from "./service.js";
+import { CELL, WorkPanel, completeRuns, figuresOf, fileLink, findings, look, nameOf, numberOf, options, press, runWords, wanted } from "./work.js";
+
+const solve = find("solve");
+let runs = [];
+let checked = null; // what the check found of the runs that are chosen now; null while it is not known
+let solvedWith = null;
+let model = null;
+let solving = false;
+
+const panel = new WorkPanel(find("job"), { ended });
+
+// ---- stages
+const WORDS = { done: "complete", bad: "look here", now: "under way", wait: "not yet" };
+function stage(name, state) {
+  const line = document.querySelector(`[data-stage="${name}"]`);
+  line.dataset.state = state;
+  line.querySelector("span").textContent = WORDS[state];
+}
+
+const chosenRuns = () => [...document.querySelectorAll("#runs input:checked")].map((box) => box.value);
+const friction = () => document.querySelector("input[name=friction]:checked").value;
+const terms = () => [...document.querySelectorAll("#terms input:checked")].map((box) => box.value);
+
+function modelProblem() {
+  if (friction() === "terms" && !terms().length) return "Choose at least one friction term.";
+  if (friction() === "terms" && terms().includes("asymmetric") && (terms().includes("coulomb") || terms().includes("offset")))
+    return "asymmetric stands for coulomb and offset: choose it or them.";
+  try {
+    numberOf("band", { least: 0.01 });
+  } catch (error) {
+    return error.message;
+  }
+  return "";
+}
+
+function request() {
+  const friction_terms = friction() === "terms" ? terms() : null;
+  return {
+    names: chosenRuns(),
+    choose: friction() === "data",
+    cross_check: find("cross").checked,
+    diagnose: find("diagnose").checked,
+    how: {
+      options: {
+        weighting: find("weighting").value,
+        band_hz: Number(find("band").value.replace(",", ".")),
+        model: { kind: find("measured").value, ...(friction_terms ? { friction_terms } : {}) },
+      },
+    },
+  };
+}
+
+function show() {
+  const names = chosenRuns();
+  const dataGood = names.length > 0 && checked !== null && checked.data.every((each) => each.passed !== false);
+  const problem = modelProblem();
+  const checkGood = dataGood && !problem && checked.model.every((each) => each.passed !== false);
+  stage("data", dataGood ? "done" : names.length && checked ? "bad" : "wait");
+  stage("model", problem ? "bad" : "done");
+  stage("check", checkGood ? "done" : dataGood ? "bad" : "wait");
+  const same = solvedWith !== null && JSON.stringify(request()) === solvedWith;
+  stage("solve", solving ? "now" : same ? "done" : "wait");
+  find("terms").hidden = friction() !== "terms";
+  find("data-findings").replaceChildren(...(names.length && checked ? findings(checked.data) : []));
+  find("model-findings").replaceChildren(...findings([problem ? { passed: false, text: problem } : { passed: true, text: modelWords() }]));
+  find("check-findings").replaceChildren(...(dataGood ? findings(checked.model) : []));
+  find("check-words").textContent = dataGood ? "Data and model together:" : names.length ? "The data are not complete yet." : "Choose runs first.";
+  let why = "";
+  if (!mayMove) why = "This device may only look on. An administrator gives it the role operator.";
+  else if (!names.length) why = "Data are missing: choose a run.";
+  else if (checked === null) why = "The data are being checked.";
+  else if (!dataGood) why = "The data are not complete: see Data.";
+  else if (problem) why = "The model is not complete: see Model.";
+  else if (!checkGood) why = "The check found what is wrong: see Check.";
+  else if (solving) why = "Under way.";
+  solve.disabled = why !== "";
+  find("solve-why").textContent = why;
+}
+
+function modelWords() {
+  const many = checked === null ? "" : `${checked.parameters} base parameters. `;
+  if (friction() === "data") return `${many}The friction terms of each joint are chosen by the data.`;
+  if (friction() === "terms") return `${many}Friction of every joint: ${terms().join(", ").replaceAll("_", " ")}.`;
+  const each = checked === null ? "" : `: ${Object.entries(checked.friction).map(([joint, own]) => `${joint} ${own.join(", ") || "none"}`).join("; ")}`;
+  return `${many}Friction as the robot file has it${each}.`;
+}
+
+let asked = 0;
+async function check() {
+  const mine = ++asked;
+  checked = null;
+  show();
+  try {
+    const query = chosenRuns().map((name) => `run=${encodeURIComponent(name)}`).join("&");
+    const told = await look(`${CELL}/identify/check?${query}`);
+    if (mine !== asked) return;
+    checked = told;
+  } catch (error) {
+    if (mine !== asked) return;
+    checked = { data: [{ passed: false, text: error.message }], model: [], parameters: 0, friction: {} };
+  }
+  show();
+}
+
+async function showRuns() {
+  const before = chosenRuns();
+  runs = await completeRuns();
+  find("no-runs").hidden = runs.length > 0;
+  const chosen = before.length ? before : wanted.getAll("run");
+  const legend = element("legend", {}, "Runs to identify from");
+  find("runs").replaceChildren(legend, ...runs.map((run) => {
+    const box = element("input", { type: "checkbox", value: run.id, name: "run" });
+    box.checked = chosen.includes(run.id);
+    return element("label", {}, box, `${runWords(run)}${run.files.includes("model.json") ? " (has a model)" : ""}`);
+  }));
+  await check();
+}
+
+find("runs").addEventListener("change", check);
+find("stage-model").addEventListener("input", show);
+press("solve", panel, "identify", async () => {
+  const asks = request();
+  solving = true;
+  show();
+  const job = await panel.begin("identify", asks);
+  if (job) solvedWith = JSON.stringify(asks);
+  else solving = false;
+  show();
+});
+
+// ---- what jobs end with
+async function ended(job, document) {
+  if (job.kind === "identify") {
+    solving = false;
+    const run = document ? runOf(document.model) : null;
+    if (run === null) {
+      solvedWith = null;
+      stage("result", "bad");
+    } else await showResult(run);
+    show();
+  }
+  if (job.kind === "validate" && document) await showValidation();
+  if (job.kind === "export" && document) {
+    const name = document.file.split("/").at(-1);
+    find("exported").replaceChildren(element("p", {}, document.sentence ?? ""), fileLink(name, `Save ${name}`));
+  }
+}
+
+const runOf = (path) => path.split("/").at(-2);
+
+async function showResult(run) {
+  const place = find("result");
+  try {
+    const result = await ask("GET", `/runs/${encodeURIComponent(run)}/result`);
+    if (!result.estimate) return;
+    model = { run, path: `runs/${run}/model.json` };
+    const wantedFigures = new Set(["fit", "spectrum", "parameters"]);
+    const cards = await figuresOf(run, (name) => wantedFigures.has(name), (name) => name === "fit");
+    place.replaceChildren(...estimateParts(result), ...cards);
+    place.dataset.run = run;
+    find("no-result").hidden = true;
+    find("after").hidden = false;
+    const bad = result.estimate.axes.some((axis) => axis.grade === "bad") || result.estimate.mistakes?.length;
+    stage("result", bad ? "bad" : "done");
+    const used = new Set(chosenRuns());
+    used.add(run);
+    options(find("other"), runs.filter((each) => !used.has(each.id)).map((each) => ({ value: each.id, words: runWords(each) })));
+    find("result-title").scrollIntoView({ block: "start" });
+  } catch (error) {
+    place.replaceChildren(element("p", { class: "problem" }, error.message));
+  }
+}
+
+press("validate", panel, "validate", async () => {
+  if (!find("other").value) throw new Error("There is no other run: record one that the model was not identified from.");
+  find("validation").dataset.run = find("other").value;
+  await panel.begin("validate", { model: model.path, run: find("other").value });
+});
+
+async function showValidation() {
+  const place = find("validation");
+  try {
+    const result = await ask("GET", `/runs/${encodeURIComponent(place.dataset.run)}/result`);
+    const cards = await figuresOf(place.dataset.run, (name) => name === "fit", () => true);
+    place.replaceChildren(...validationParts(result), ...cards);
+    place.scrollIntoView({ block: "start" });
+  } catch (error) {
+    place.replaceChildren(element("p", { class: "problem" }, error.message));
+  }
+}
+
+const ENDINGS = { urdf: ".urdf", sdf: ".sdf", pinocchio: ".py", c: ".c", python: ".py", csv: ".csv", json: ".json" };
+press("export", panel, "export", async () => {
+  const to = find("format").value;
+  find("exported").replaceChildren();
+  await panel.begin("export", { what: model.path, to, output: nameOf("export-name", ENDINGS[to]), overwrite: true });
+});
+
+on("again", showRuns);
+stage("solve", "wait");
+stage("result", "wait");
+await showRuns().catch((error) => find("no-runs").replaceChildren(error.message));
+const [first] = wanted.getAll("run");
+if (first && runs.find((run) => run.id === first)?.files.includes("model.json")) await showResult(first);

@@ -1,0 +1,228 @@
+// A job as it goes: progress, sentences, tables, questions, verdict, what next.
+import { confirmClear } from "./dialog.js";
+import { duration, element, table } from "./dom.js";
+import { holdPad } from "./hold_pad.js";
+import { answerJob, ask, beginJob, lease, now, on, page } from "./service.js";
+
+const KINDS = {
+  check: "Check", reset: "Reset", axes: "Axis test", jog: "Jog", plate_zero: "Zero the plate",
+  record: "Record", payload: "Payload session", stream: "Stream", design: "Design", identify: "Identify",
+  validate: "Validate", friction: "Friction", loop: "Velocity loop", compensate: "Compensate",
+  refine: "Refine", tracking: "Tracking", compare: "Compare", payload_identify: "Payload", export: "Export",
+  payload_export: "Load data", payload_read_back: "Read back", payload_certificate: "Certificate",
+};
+const ENDS = {
+  done: ["good", "Done"], failed: ["bad", "Failed"], stopped: ["bad", "Stopped"],
+  interrupted: ["bad", "Interrupted"],
+};
+const over = (job) => job.state in ENDS;
+
+export const kindWords = (kind) => KINDS[kind] ?? kind;
+
+// new JobPanel(section, { next: (job, document) => [element, ...] })
+export class JobPanel {
+  constructor(section, { next = () => [], ended = () => {} } = {}) {
+    this.section = section;
+    this.next = next;
+    this.ended = ended;
+    this.job = null;
+    on("event", (job) => job === this.job?.id && this.follow());
+    on("job", (job) => job.id === this.job?.id && this.change(job));
+    on("again", () => this.job && this.refresh());
+    on("samples", (picture, job) => job === this.job?.id && this.showPicture(picture));
+    on("cell", (status) => this.adopt(status));
+  }
+
+  // Begin a job and show it; a motion asks first whether the cell is clear. Resolves with the job or
+  // null where somebody has thought better of it; a refusal is shown here.
+  async begin(kind, request = {}, { moves = false, onLostClient = "stop" } = {}) {
+    if (moves && !(await confirmClear(kindWords(kind)))) return null;
+    try {
+      const more = { cleared: moves, on_lost_client: onLostClient };
+      const job = await beginJob(kind, request, more);
+      this.show(job);
+      return job;
+    } catch (error) {
+      this.refuse(kind, error);
+      return null;
+    }
+  }
+
+  refuse(kind, error) {
+    this.job = null;
+    this.section.replaceChildren(
+      element("h2", {}, kindWords(kind)),
+      element("p", { class: "verdict bad", role: "alert" }, `Refused: ${error.message}`),
+    );
+    this.section.hidden = false;
+    this.section.scrollIntoView({ block: "nearest" });
+  }
+
+  // The job that has the cell is shown where this panel shows none that runs.
+  adopt(status) {
+    if (status.job && status.job.id !== this.job?.id && (!this.job || over(this.job))) this.show(status.job);
+  }
+
+  show(job) {
+    this.job = job;
+    this.known = 0;
+    this.asking = null;
+    this.question = null;
+    this.document = null;
+    this.progress = element("progress", { max: "1", "aria-label": "how far" });
+    this.count = element("p", { class: "count number" });
+    this.verdict = element("div", { class: "verdicts", role: "status" });
+    this.questions = element("div", { class: "questions" });
+    this.after = element("div", { class: "next actions" });
+    this.said = element("div", { class: "said", role: "log", tabindex: "0", "aria-label": "what the job says" });
+    const end = element("button", { type: "button", onclick: () => this.cancel() }, "End this job");
+    this.cancelling = end;
+    const head = element("div", { class: "job-head" }, element("h2", {}, kindWords(job.kind)), end);
+    this.way = element("div", { class: "way" }, this.progress, this.count);
+    this.section.replaceChildren(head, this.way, this.questions, this.verdict, this.after, this.said);
+    this.section.hidden = false;
+    this.change(job);
+    this.follow();
+    this.section.scrollIntoView({ block: "nearest" });
+  }
+
+  async refresh() {
+    try {
+      this.change(await ask("GET", `/jobs/${this.job.id}`));
+    } catch {
+      return; // out of reach again: the page says so
+    }
+    await this.follow();
+  }
+
+  async cancel() {
+    try {
+      await ask("POST", `/jobs/${this.job.id}/cancel`, {});
+    } catch (error) {
+      this.say("p", `Not ended: ${error.message}`, "problem");
+    }
+  }
+
+  async change(job) {
+    const ended = over(job) && !(this.endedJob === job.id);
+    this.job = job;
+    this.cancelling.hidden = over(job);
+    this.way.hidden = over(job);
+    if (job.state === "accepted") this.count.textContent = "Waits until another job has ended.";
+    if (!ended) return;
+    this.endedJob = job.id;
+    await this.follow();
+    this.drop();
+    const [kind, word] = ENDS[job.state];
+    const reason = job.reason ? `: ${job.reason}` : "";
+    this.verdict.append(element("p", { class: `verdict ${kind} end` }, `${kindWords(job.kind)}: ${word.toLowerCase()}${reason}`));
+    const links = [...this.next(job, this.document)];
+    if (job.run) {
+      const address = `/cells/${encodeURIComponent(page.cell)}/runs/${encodeURIComponent(job.run)}`;
+      links.push(element("a", { class: "button", href: address }, `Run ${job.run}`));
+    }
+    this.after.replaceChildren(...links);
+    this.ended(job, this.document);
+  }
+
+  // Get what the job has said since the last time; one request at a time, none is missed.
+  follow() {
+    const job = this.job.id;
+    this.asking = (this.asking ?? Promise.resolve()).then(async () => {
+      if (this.job?.id !== job) return;
+      try {
+        const events = await ask("GET", `/jobs/${job}/events?after=${this.known}`);
+        if (this.job?.id !== job) return;
+        this.known += events.length;
+        for (const event of events) this.take(event);
+      } catch {
+        // out of reach: `refresh` comes once the service is back
+      }
+    });
+    return this.asking;
+  }
+
+  take(event) {
+    switch (event.kind) {
+      case "said": return event.text && this.say("p", event.text);
+      case "judged": return this.judge(event);
+      case "tabled": return this.said.append(table(event.columns, event.rows, event.red));
+      case "documented": return (this.document = event.document);
+      case "motion": return this.say("h3", event.title);
+      case "progress": return this.showProgress(event);
+      case "asked": return this.askPerson(event);
+      case "answered": return this.drop();
+      case "ended": return event.message && this.judge({ passed: false, text: event.message });
+    }
+  }
+
+  say(tag, text, kind = null) {
+    const near = this.said.scrollHeight - this.said.scrollTop - this.said.clientHeight < 40;
+    this.said.append(element(tag, { class: kind }, text));
+    if (near) this.said.scrollTop = this.said.scrollHeight;
+  }
+
+  judge({ passed, text }) {
+    const kind = passed === true ? "good" : passed === false ? "bad" : "";
+    const mark = passed === true ? "✓ " : passed === false ? "✗ " : "";
+    this.verdict.append(element("p", { class: `verdict ${kind}` }, mark + text));
+  }
+
+  showProgress({ title, done, total, unit, line }) {
+    if (total) this.progress.value = done / total;
+    else this.progress.removeAttribute("value");
+    const of = total ? `${Math.round(done)} of ${Math.round(total)} ${unit}` : `${Math.round(done)} ${unit}`;
+    this.count.textContent = [title, of, line].filter(Boolean).join(" · ");
+  }
+
+  showPicture({ words, share, count, left_s: left, stop, problem }) {
+    if (share === null) this.progress.removeAttribute("value");
+    else this.progress.value = share;
+    const rest = left === null || left === undefined ? "" : `${duration(left)} left`;
+    this.count.textContent = [words, count, rest, stop, problem].filter(Boolean).join(" · ");
+  }
+
+  drop() {
+    this.question?.leave?.();
+    this.question = null;
+    this.questions.replaceChildren();
+  }
+
+  askPerson(event) {
+    this.drop();
+    const job = this.job;
+    const problem = element("p", { class: "problem", role: "alert" });
+    const answer = async (text) => {
+      problem.textContent = "";
+      try {
+        await answerJob(job.id, event.question, text);
+      } catch (error) {
+        problem.textContent = error.message;
+      }
+    };
+    let parts = [];
+    if (event.form === "hold") {
+      this.question = holdPad(job, now.status?.joints ?? []);
+      parts = [this.question.pad];
+    } else if (event.form === "yes_no") {
+      const choice = (text, said) => element("button", { type: "button", class: "answer", onclick: () => answer(said) }, text);
+      parts = [element("div", { class: "answers" }, choice("Yes", "yes"), choice("No", "no"))];
+    } else {
+      const input = element("input", { id: "answer", type: "text", autocomplete: "off" });
+      const send = element("button", { type: "submit", class: "main" }, "Answer");
+      const form = element("form", { class: "free" }, element("label", { for: "answer" }, "Answer"), input, send);
+      form.addEventListener("submit", (submitted) => {
+        submitted.preventDefault();
+        answer(input.value.trim());
+      });
+      const large = (event.choices ?? []).map(({ text, label }) =>
+        element("button", { type: "button", class: "answer", onclick: () => answer(text) }, label),
+      );
+      parts = [large.length ? element("div", { class: "answers" }, ...large) : null, form].filter(Boolean);
+    }
+    const text = event.text ? element("p", { class: "question" }, event.text) : null;
+    const mine = lease.key ? null : element("p", { class: "problem" }, "Who has the cell answers.");
+    this.questions.replaceChildren(...[text, mine, ...parts, problem].filter(Boolean));
+    this.questions.scrollIntoView({ block: "nearest" });
+  }
+}

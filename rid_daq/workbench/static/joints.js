@@ -1,0 +1,46 @@
+// Joints against their limits, from the newest picture of a motion.
+
+const DEGREES = 180 / Math.PI;
+const OLD_S = 0.5;
+
+const digits = (value, unit) => `${value.toPrecision(3)} ${unit}`;
+
+export function showJoints(section, words, picture) {
+  const { joints, age_s: age, moving } = picture;
+  const old = age === null || age > OLD_S;
+  const sentence = old && moving ? `NOT LIVE: no new values for ${age ?? "…"} s.` : `${picture.words}.`;
+  if (words.textContent !== sentence) words.textContent = sentence;
+  words.classList.toggle("problem", old && moving);
+  for (const joint of joints) {
+    const card = section.querySelector(`[data-joint="${CSS.escape(joint.name)}"]`);
+    if (card) showJoint(card, joint);
+  }
+}
+
+function showJoint(card, joint) {
+  const turns = joint.unit === "rad";
+  const [unit, factor] = turns ? ["°", DEGREES] : ["mm", 1000];
+  const set = (name, text, share) => {
+    card.querySelector(`[data-show="${name}"]`).textContent = text;
+    card.querySelector(`[data-show="${name}-bar"]`).value = share;
+  };
+  const known = (value) => value !== null && value !== undefined;
+  card.classList.toggle("silent", joint.answers === false);
+  if (known(joint.position)) {
+    const { position_min: low, position_max: high } = joint;
+    const [at, from, to] = [joint.position, low, high].map((value) => (factor * value).toFixed(1));
+    set("position", `${at} ${unit} (${from} to ${to})`, (joint.position - low) / (high - low));
+  }
+  if (known(joint.velocity)) {
+    const text = `${digits(factor * joint.velocity, `${unit}/s`)} of ${digits(factor * joint.velocity_limit, "")}`;
+    set("velocity", text, Math.abs(joint.velocity) / joint.velocity_limit);
+  }
+  if (known(joint.torque)) {
+    const text = `${digits(joint.torque, joint.torque_unit)} of ${digits(joint.torque_limit, "")}`;
+    set("torque", text, joint.torque_share ?? Math.abs(joint.torque) / joint.torque_limit);
+  }
+  if (known(joint.following_error))
+    set("error", digits(factor * joint.following_error, unit), joint.following_error_share ?? 0);
+  const warm = card.querySelector('[data-show="temperature"]');
+  warm.textContent = known(joint.temperature_c) ? `${joint.temperature_c.toFixed(0)} °C` : "";
+}

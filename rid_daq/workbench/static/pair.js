@@ -1,0 +1,52 @@
+// The page of a new device: shows a code and asks until somebody has confirmed it.
+const POLL_MS = 1000;
+const HEADERS = { "x-rid-daq": "page", "content-type": "application/json" };
+const [code, words, again] = ["code", "words", "again"].map((id) => document.getElementById(id));
+
+async function post(path, body) {
+  const signal = AbortSignal.timeout(5000);
+  const answer = await fetch(path, { method: "POST", headers: HEADERS, body: JSON.stringify(body), signal });
+  const told = await answer.json();
+  if (!answer.ok) throw new Error(told.message);
+  return told;
+}
+
+async function begin() {
+  again.hidden = true;
+  try {
+    const begun = await post("/api/v1/pairing", {});
+    code.textContent = `${begun.code.slice(0, 3)} ${begun.code.slice(3)}`;
+    words.textContent = "Waiting until somebody confirms it. The code is good for 5 minutes.";
+    setTimeout(look, POLL_MS, begun.secret);
+  } catch (error) {
+    giveUp(error);
+  }
+}
+
+async function look(secret) {
+  try {
+    const state = await post("/api/v1/pairing/state", { secret });
+    if (state.confirmed) {
+      words.textContent = "Confirmed.";
+      location.replace("/");
+      return;
+    }
+    setTimeout(look, POLL_MS, secret);
+  } catch (error) {
+    if (error instanceof TypeError || error.name === "TimeoutError") {
+      words.textContent = "The service does not answer; trying again.";
+      setTimeout(look, 2 * POLL_MS, secret);
+    } else {
+      giveUp(error);
+    }
+  }
+}
+
+function giveUp(error) {
+  code.textContent = "– – –";
+  words.textContent = `No code: ${error.message}`;
+  again.hidden = false;
+}
+
+again.addEventListener("click", begin);
+begin();

@@ -1,0 +1,215 @@
+// Payload: the guided session, its warm-up, its result, load data for the controller.
+import { element, find, table } from "./dom.js";
+import { ask } from "./service.js";
+import { WorkPanel, checksOf, figureIn, figuresOf, findingList, gradeOf, number, numberOf, press, verdictOf, wanted, fileLink, link } from "./work.js";
+
+const STEPS = ["prepare", "rehearsal", "warm-up", "unloaded", "attach", "loaded", "result"];
+const WORDS = { done: "done", now: "now", bad: "look here", wait: "not yet", skipped: "skipped" };
+const DRAWN_MS = 3000;
+let session = null;
+
+const panel = new WorkPanel(find("job"), { heard, begun, ended });
+
+// ---- steps
+function step(name, state) {
+  const line = document.querySelector(`[data-stage="${name}"]`);
+  line.dataset.state = state;
+  line.querySelector("span span").textContent = WORDS[state];
+}
+
+function reach(name, state = "now") {
+  const here = STEPS.indexOf(name);
+  STEPS.forEach((each, i) => {
+    const line = document.querySelector(`[data-stage="${each}"]`);
+    if (i < here && line.dataset.state !== "skipped") step(each, "done");
+    if (i > here) step(each, "wait");
+  });
+  step(name, state);
+}
+
+function begun(job) {
+  if (job.kind !== "payload") return;
+  reach("prepare");
+  find("warm-up").hidden = true;
+}
+
+// ---- what the session says on its way
+let drawnAt = -Infinity;
+let later = null;
+
+function heard(event, job) {
+  if (job.kind !== "payload") return;
+  if (event.kind === "motion") {
+    const found = /^Payload session: (rehearsal|warm-up|unloaded|loaded)/.exec(event.title);
+    if (found) reach(found[1]);
+  }
+  if (event.kind === "warmed_up") drawWarmUp(job.id);
+  if (event.kind === "asked" && /[Aa]ttach/.test(event.text)) reach("attach");
+}
+
+function drawWarmUp(job) {
+  clearTimeout(later);
+  const wait = drawnAt + DRAWN_MS - performance.now();
+  if (wait > 0) {
+    later = setTimeout(() => drawWarmUp(job), wait);
+    return;
+  }
+  drawnAt = performance.now();
+  find("warm-up").hidden = false;
+  figureIn(find("warm-figure"), `/figures/jobs/${encodeURIComponent(job)}/warm-up`);
+}
+
+async function ended(job, document) {
+  if (job.kind === "payload") {
+    if (document?.session) await showResult(document.session);
+    else if (job.state !== "done") {
+      const now = window.document.querySelector('[data-state="now"]');
+      if (now) step(now.dataset.stage, "bad");
+    }
+  }
+  if (job.kind === "payload_export" && document) showLoadData(document);
+  if (job.kind === "payload_certificate" && document) {
+    find("certificate").replaceChildren(fileLink(document.file, "Save the certificate (PDF)"));
+  }
+  if (job.kind === "payload_read_back" && document) {
+    find("compared").replaceChildren(verdictOf(document.verdict), checksOf(document.verdict));
+  }
+}
+
+// ---- the session
+function request() {
+  const mass = find("mass").value.trim();
+  const known = mass ? [{ name: "m", value: numberOf("mass", { least: 0.0001 }), sigma: numberOf("mass-sigma", { least: 0 }) }] : [];
+  const asks = {
+    known,
+    label: find("label").value.trim() || "payload",
+    limits: {
+      mass_percent: numberOf("mass-limit", { least: 0 }),
+      centre_mm: numberOf("centre-limit", { least: 0 }),
+      inertia_percent: numberOf("inertia-limit", { least: 0 }),
+      residual_percent: numberOf("residual-limit", { least: 0 }),
+    },
+    periods: numberOf("periods", { least: 2, whole: true }),
+    repeats: numberOf("repeats", { least: 1, whole: true }),
+    rehearsal_percent: numberOf("rehearsal", { least: 0 }),
+    warm_up_percent: numberOf("warm", { least: 0 }),
+    warm_up_periods: numberOf("warm-periods", { least: 3, whole: true }),
+  };
+  if (find("payload")?.value) asks.payload = find("payload").value;
+  if (find("model").value) asks.model = find("model").value;
+  return asks;
+}
+
+press("begin", panel, "payload", () => {
+  const motion = find("motion").value;
+  return panel.begin("payload", motion ? { ...request(), motion } : request(), { moves: true });
+});
+press("check", panel, "check", () => panel.begin("check"));
+for (const button of document.querySelectorAll(".resume")) {
+  button.addEventListener("click", async () => {
+    try {
+      await panel.begin("payload", { ...request(), resume: button.dataset.run }, { moves: true });
+    } catch (error) {
+      panel.refuse("payload", error);
+    }
+  });
+}
+
+// ---- the result
+const NAMES = { m: "mass", cx: "centre of gravity, x", cy: "centre of gravity, y", cz: "centre of gravity, z" };
+
+async function showResult(run) {
+  const place = find("result");
+  find("result-card").hidden = false;
+  try {
+    const result = await ask("GET", `/runs/${encodeURIComponent(run)}/result`);
+    if (!result.payload) throw new Error(`Run ${run} has no payload.`);
+    session = { run, payload: `runs/${run}/payload.json` };
+    const { payload, verdict } = result;
+    const cards = await figuresOf(run, (name) => name === "payload" || name === "warm-up", (name) => name === "payload");
+    const notes = [...payload.findings, ...(result.notes ?? []), ...(payload.existence ? [payload.existence] : [])];
+    place.replaceChildren(...[
+      verdictOf(verdict),
+      checksOf(verdict),
+      notes.length ? findingList(notes.map((text) => ({ passed: null, text }))) : null,
+      parameters(payload),
+      element("p", {}, "Centre of gravity from the flange; inertia about the centre of gravity, in the flange's axes."),
+      ...cards,
+      axes(payload),
+      repeats(payload),
+      element("p", { class: "soft" }, payload.sentence),
+      papers(run),
+    ].filter(Boolean));
+    find("after").hidden = verdict.passed !== true;
+    find("load-data").replaceChildren();
+    find("compared").replaceChildren();
+    reach("result", verdict.passed ? "done" : "bad");
+    find("result-card").scrollIntoView({ block: "start" });
+  } catch (error) {
+    place.replaceChildren(element("p", { class: "problem" }, error.message));
+  }
+}
+
+function parameters(payload) {
+  const rows = payload.parameters.map((each) => [
+    NAMES[each.name] ?? `inertia ${each.name}`,
+    each.value === null ? "not seen by this motion" : number(each.value, 5),
+    each.std === null ? "–" : `± ${number(2 * each.std, 2)}`, each.unit, each.known ? "known" : "",
+  ]);
+  return table(["parameter", "value", "2σ", "unit", ""], rows, null, "payload");
+}
+
+function axes(payload) {
+  const rows = payload.axes.map((axis) => [
+    axis.joint, gradeOf(axis.grade), axis.reason ?? "–", `${number(axis.payload, 3)} ${axis.unit}`,
+    `${number(axis.residual, 3)} ${axis.unit}`, `${number(axis.mass_per_percent, 2)} kg`,
+  ]);
+  const columns = ["axis", "fit", "why", "payload (RMS)", "left over (RMS)", "mass per 1 % of torque"];
+  return element("details", {}, element("summary", {}, "What each axis sees"), table(columns, rows, null, "axes"));
+}
+
+function repeats({ repeats: found }) {
+  if (!found) return null;
+  const text = `${found.runs} runs, each for itself: the mass scatters by ${number(found.scatter[0], 3)} kg (1σ).`;
+  return element("p", {}, text);
+}
+
+function papers(run) {
+  const report = `/api/v1/runs/${encodeURIComponent(run)}/report`;
+  const by = element("input", { id: "by", type: "text", autocomplete: "off", maxlength: "80" });
+  const make = element("button", { id: "certify", type: "button", "data-needs": "role", disabled: true }, "Make the certificate");
+  make.addEventListener("click", () => {
+    const asks = { session: run, output: `certificate-${run}.pdf`, overwrite: true };
+    panel.begin("payload_certificate", by.value.trim() ? { ...asks, by: by.value.trim() } : asks);
+  });
+  return element("div", { class: "tools" },
+    element("label", { for: "by" }, "Who answers for the certificate", by), make,
+    element("div", { id: "certificate", class: "actions", role: "status" }),
+    link(report, "Report", { target: "_blank" }));
+}
+
+// ---- the controller
+const ENDINGS = { kuka: ".src", abb: ".mod", fanuc: ".txt", ur: ".script", franka: ".json", staubli: ".txt", urdf: ".urdf" };
+
+press("export", panel, "payload_export", async () => {
+  const to = find("make").value;
+  await panel.begin("payload_export", {
+    payload: session.payload, to, output: `load-data-${session.run}-${to}${ENDINGS[to]}`, overwrite: true,
+  });
+});
+
+function showLoadData(document) {
+  find("load-data").replaceChildren(
+    element("p", {}, `For robot ${document.robot}. Enter it, then compare what the controller holds below.`),
+    element("pre", { tabindex: "0", "aria-label": "load data" }, document.text),
+    element("div", { class: "actions" }, fileLink(document.file, `Save ${document.file}`)));
+}
+
+press("read-back", panel, "payload_read_back", async () => {
+  const text = find("typed").value;
+  if (!text.trim()) throw new Error("Type or paste what the controller holds.");
+  await panel.begin("payload_read_back", { payload: session.payload, form: find("make").value, text });
+});
+
+reach("prepare");
+if (wanted.get("run")) await showResult(wanted.get("run"));

@@ -1,0 +1,65 @@
+// The page of runs: looks for, filters, compares two.
+import { element, find } from "./dom.js";
+import { JobPanel } from "./job_panel.js";
+import { runTable } from "./run_table.js";
+import { ask, mayMove } from "./service.js";
+
+const panel = new JobPanel(find("job"));
+const kinds = new Set();
+const [search, kind, status] = ["search", "kind", "status"].map(find);
+const WAIT_MS = 250;
+let waiting = null;
+let asked = 0;
+let picked = [];
+
+async function load() {
+  const mine = ++asked;
+  const wanted = new URLSearchParams({ search: search.value.trim(), limit: "500" });
+  if (kind.value) wanted.set("kind", kind.value);
+  if (status.value) wanted.set("status", status.value);
+  try {
+    const runs = await ask("GET", `/runs?${wanted}`);
+    if (mine !== asked) return;
+    for (const run of runs) addKind(run.kind);
+    picked = [];
+    showPicked();
+    const none = element("p", { class: "soft" }, "No run is like this.");
+    find("runs").replaceChildren(runs.length ? runTable(runs, pick) : none, ...runs.filter((run) => run.problem).map(damaged));
+  } catch (error) {
+    find("runs").replaceChildren(element("p", { class: "problem" }, error.message));
+  }
+}
+
+function addKind(name) {
+  if (!name || kinds.has(name)) return;
+  kinds.add(name);
+  kind.append(element("option", {}, name));
+}
+
+const damaged = (run) =>
+  element("p", { class: "verdict bad" }, `${run.problem} Next, in a terminal in the service's folder: rid-daq recover ${run.id}`);
+
+function pick(event) {
+  const { checked, value } = event.target;
+  picked = checked ? [...picked, value] : picked.filter((id) => id !== value);
+  showPicked();
+}
+
+function showPicked() {
+  find("compare").disabled = picked.length !== 2 || !mayMove;
+  find("compare").classList.toggle("main", picked.length === 2);
+  find("picked").textContent = picked.length === 2 ? `${picked[0]} with ${picked[1]}` : "Pick two runs that were identified.";
+}
+
+const later = () => {
+  clearTimeout(waiting);
+  waiting = setTimeout(load, WAIT_MS);
+};
+search.addEventListener("input", later);
+for (const choice of [kind, status]) choice.addEventListener("change", load);
+find("filter").addEventListener("submit", (event) => {
+  event.preventDefault();
+  load();
+});
+find("compare").addEventListener("click", () => panel.begin("compare", { first: picked[0], second: picked[1] }));
+load();

@@ -1,0 +1,120 @@
+// The page of settings, for administrators: devices, tokens, the log of who did what.
+import { dialog } from "./dialog.js";
+import { element, find, moment, table } from "./dom.js";
+import { ask } from "./service.js";
+
+const LOOK_MS = 2000;
+const code = find("pairing-code");
+
+async function showWaiting() {
+  let devices;
+  try {
+    devices = await ask("GET", "/pairing");
+  } catch {
+    return; // the shell says that the service is out of reach
+  }
+  const shown = [...find("waiting").children].map((each) => each.value).join();
+  if (shown === devices.map((each) => each.code).join()) return;
+  find("waiting").replaceChildren(
+    ...devices.map((each) =>
+      element(
+        "button",
+        { type: "button", value: each.code, onclick: () => choose(each) },
+        `${each.code.slice(0, 3)} ${each.code.slice(3)}: ${deviceWords(each.device)}`,
+      ),
+    ),
+  );
+}
+
+// What a browser says of itself, shortened to what a person recognises.
+function deviceWords(agent) {
+  const system = agent.match(/Android|iPad|iPhone|Windows|Macintosh|Linux/)?.[0] ?? "a device";
+  const browser = agent.match(/Firefox|Edg|Chrome|Safari/)?.[0] ?? "";
+  return [system, browser].filter(Boolean).join(", ");
+}
+
+function choose(device) {
+  code.value = device.code;
+  find("pairing-name").focus();
+}
+
+find("pairing").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const words = find("pairing-words");
+  const confirmed = {
+    code: code.value.replace(/\s/g, ""),
+    name: find("pairing-name").value.trim(),
+    role: find("pairing-role").value,
+  };
+  try {
+    const token = await ask("POST", "/pairing/confirm", confirmed);
+    words.className = "verdict good";
+    words.textContent = `${token.name} is let in as ${token.role}.`;
+    event.target.reset();
+    await Promise.all([showTokens(), showWaiting(), showAudit()]);
+  } catch (error) {
+    words.className = "verdict bad";
+    words.textContent = error.message;
+  }
+});
+
+async function showTokens() {
+  const tokens = await ask("GET", "/tokens");
+  const revoke = (token) => element("button", { type: "button", onclick: () => revokeToken(token) }, "Revoke");
+  const rows = tokens.map((token) => [
+    token.name,
+    token.role,
+    token.person ? "person" : "program",
+    moment(token.created_s),
+    token.used_s ? moment(token.used_s) : "never",
+    revoke(token),
+  ]);
+  find("tokens").replaceChildren(table(["name", "role", "who", "made", "last used", "revoke"], rows, null, "tokens"));
+}
+
+async function revokeToken(token) {
+  const text = `${token.name} comes in no more, from now on.`;
+  if (!(await dialog(`Revoke ${token.name}?`, [element("p", {}, text)], "Revoke", { danger: true }))) return;
+  try {
+    await ask("DELETE", `/tokens/${encodeURIComponent(token.id)}`);
+    await Promise.all([showTokens(), showAudit()]);
+  } catch (error) {
+    find("tokens").append(element("p", { class: "problem" }, error.message));
+  }
+}
+
+find("token").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const place = find("token-secret");
+  try {
+    const wanted = { name: find("token-name").value.trim(), role: find("token-role").value };
+    const made = await ask("POST", "/tokens", wanted);
+    place.replaceChildren(
+      element("p", {}, `The token of ${made.name}. Copy it now, it is shown this once; in RID_DAQ_TOKEN the command finds it.`),
+      element("p", { class: "secret" }, made.secret),
+    );
+    event.target.reset();
+    await Promise.all([showTokens(), showAudit()]);
+  } catch (error) {
+    place.replaceChildren(element("p", { class: "problem" }, error.message));
+  }
+});
+
+async function showAudit() {
+  const entries = await ask("GET", "/audit?limit=100");
+  const rows = entries.map((each) => [moment(each.at_s), each.who, each.what, each.cell, each.details]);
+  find("audit").replaceChildren(table(["when", "who", "what", "cell", "details"], rows, null, "audit log"));
+}
+
+async function load(part, show) {
+  try {
+    await show();
+  } catch (error) {
+    find(part).replaceChildren(element("p", { class: "problem" }, error.message));
+  }
+}
+
+load("tokens", showTokens);
+load("audit", showAudit);
+showWaiting();
+setInterval(showWaiting, LOOK_MS);

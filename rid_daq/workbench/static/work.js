@@ -1,0 +1,211 @@
+// What the pages of the work share: a panel with a running estimate, figures, findings, choices.
+import { showFigure } from "/figures/script/figure.js";
+import { element, find, table } from "./dom.js";
+import { JobPanel } from "./job_panel.js";
+import { ask, page, Refusal } from "./service.js";
+
+export const CELL = `/cells/${encodeURIComponent(page.cell)}`;
+export const wanted = new URLSearchParams(location.search);
+
+// A panel that also keeps the newest line of how a step goes, such as the running estimate, and
+// tells `heard` of every event.
+export class WorkPanel extends JobPanel {
+  constructor(section, { heard = () => {}, begun = () => {}, ...options } = {}) {
+    super(section, options);
+    this.heard = heard;
+    this.begun = begun;
+  }
+
+  show(job) {
+    super.show(job);
+    this.line = element("p", { class: "estimate number", hidden: true });
+    this.way.after(this.line);
+    this.begun(job);
+  }
+
+  async change(job) {
+    await super.change(job);
+    if (job.ended_s && this.line) this.line.hidden = true;
+  }
+
+  take(event) {
+    if (event.kind === "progress") {
+      this.line.textContent = event.line;
+      this.line.hidden = !event.line;
+    }
+    this.heard(event, this.job);
+    return super.take(event);
+  }
+}
+
+// Ask a page's own address, which is no part of the API.
+export async function look(path) {
+  let answer;
+  try {
+    answer = await fetch(path, { signal: AbortSignal.timeout(30000) });
+  } catch {
+    throw new Refusal("OutOfReach", "The service does not answer.", 0);
+  }
+  const told = await answer.json();
+  if (!answer.ok) throw new Refusal(told.error, told.message ?? `refused (${answer.status})`, answer.status);
+  return told;
+}
+
+const address = (path, values) => {
+  const query = new URLSearchParams(Object.entries(values).filter(([, value]) => value));
+  return `${path}?${query}`;
+};
+export const motionUrl = (file, model) => address(`/figures${CELL}/motion`, { file, model });
+export const factsUrl = (file) => address(`/figures${CELL}/motion/facts`, { file });
+
+// The plot library is large: it is loaded with the first figure, so that buttons work before it.
+let library = null;
+function plots() {
+  library ??= new Promise((resolve, reject) => {
+    const script = element("script", { src: "/figures/script/bokeh.js", onload: resolve });
+    script.addEventListener("error", () => reject(new Error("The plots could not be loaded: reload the page.")));
+    document.head.append(script);
+  });
+  return library;
+}
+
+// Show a figure; the one that is there stays until the new one is drawn.
+export async function figureIn(place, url) {
+  place.dataset.url = url;
+  try {
+    await plots();
+  } catch (error) {
+    place.replaceChildren(element("p", { class: "problem" }, error.message));
+    return;
+  }
+  if (place.dataset.url !== url) return;
+  if (place.lastElementChild?.dataset.figureState === "loading") {
+    place.dataset.again = "yes"; // drawn once more when this one is there
+    return;
+  }
+  const before = place.lastElementChild;
+  const drawn = element("div");
+  place.append(drawn);
+  const watch = new MutationObserver(() => {
+    const state = drawn.dataset.figureState;
+    if (state === "loading") return;
+    before?.takeOut?.();
+    before?.remove();
+    place.dataset.figureState = state;
+    watch.disconnect();
+    if (place.dataset.again) {
+      delete place.dataset.again;
+      figureIn(place, place.dataset.url);
+    }
+  });
+  watch.observe(drawn, { attributes: true, attributeFilter: ["data-figure-state"] });
+  place.dataset.figureState = "loading";
+  drawn.takeOut = showFigure(drawn, url);
+}
+
+// A figure of a run behind its title; it is fetched when it is opened.
+export function figureCard(run, { name, title }, open = false) {
+  const place = element("div", { class: "figure" });
+  const card = element("details", { "data-figure": name }, element("summary", {}, title), place);
+  card.addEventListener("toggle", () => {
+    if (card.open && !place.dataset.url)
+      figureIn(place, `/figures/runs/${encodeURIComponent(run)}/${encodeURIComponent(name)}`);
+  });
+  card.open = open;
+  return card;
+}
+
+export async function figuresOf(run, chosen = () => true, open = () => false) {
+  const names = await look(`/figures/runs/${encodeURIComponent(run)}`);
+  return names.filter((each) => chosen(each.name)).map((each) => figureCard(run, each, open(each.name)));
+}
+
+// ---- words
+export function findings(list) {
+  const words = { true: ["good", "Good: "], false: ["bad", "Wrong: "], null: ["", ""] };
+  return list.map(({ passed, text }) => {
+    const [kind, word] = words[passed];
+    return element("li", { class: kind }, element("b", {}, word), text);
+  });
+}
+
+export const findingList = (list) => element("ul", { class: "findings" }, ...findings(list));
+
+export function verdictOf({ passed, headline, sentence }) {
+  const kind = passed === true ? "good" : passed === false ? "bad" : "";
+  const mark = passed === true ? "✓ " : passed === false ? "✗ " : "";
+  return element("div", { class: "verdicts" },
+    element("p", { class: `verdict end ${kind}` }, mark + headline),
+    element("p", {}, sentence));
+}
+
+export function checksOf({ checks }) {
+  if (!checks.length) return null;
+  const number = (value) => Number(value.toPrecision(4)).toString();
+  const rows = checks.map((each) => [
+    each.text, `${number(each.value)} ${each.unit}`, `${each.relation} ${number(each.limit)} ${each.unit}`,
+    each.passed ? "holds" : "does not hold",
+  ]);
+  return table(["held to", "reached", "required", ""], rows, checks.map((each) => !each.passed), "what was held to limits");
+}
+
+const MARKS = { good: "●", doubtful: "◐", bad: "○" };
+export const gradeOf = (grade) => grade ? element("span", { class: `grade ${grade}` }, `${MARKS[grade]} ${grade}`) : "–";
+
+export function number(value, digits = 4) {
+  return value === null || value === undefined ? "–" : Number(value.toPrecision(digits)).toString();
+}
+
+// ---- choices
+export function options(select, list, chosen = null) {
+  const before = chosen ?? select.value;
+  const none = select.dataset.none === undefined ? [] : [element("option", { value: "" }, select.dataset.none)];
+  select.replaceChildren(...none, ...list.map(({ value, words }) => element("option", { value }, words)));
+  if ([...select.options].some((option) => option.value === before)) select.value = before;
+}
+
+// Add a file that a job has written, and choose it.
+export function offer(select, path, words = path, kind = "") {
+  const there = [...select.options].find((option) => option.value === path);
+  if (!there) select.prepend(element("option", { value: path, "data-kind": kind }, words));
+  select.value = path;
+  select.dispatchEvent(new Event("change"));
+}
+
+export const runWords = (run) => `${run.label || run.id}, ${run.created_utc.slice(0, 16).replace("T", " ")}`;
+
+export async function completeRuns() {
+  const runs = await ask("GET", "/runs?limit=200");
+  return runs.filter((run) => run.kind !== "payload session" && (run.status === "complete" || run.status === "recovered"));
+}
+
+// The number in a field; throws a sentence where there is none.
+export function numberOf(id, { least = -Infinity, whole = false } = {}) {
+  const input = find(id);
+  const value = Number(input.value.replace(",", "."));
+  const label = input.labels[0].firstChild.textContent.trim();
+  if (input.value.trim() === "" || !Number.isFinite(value) || value < least || (whole && !Number.isInteger(value)))
+    throw new Error(`${label}: give a ${whole ? "whole " : ""}number${least > -Infinity ? ` of at least ${least}` : ""}.`);
+  return value;
+}
+
+// The name of a file to write, from a field.
+export function nameOf(id, ending) {
+  const name = find(id).value.trim();
+  if (!/^[A-Za-z0-9][\w.-]{0,80}$/.test(name)) throw new Error("Name of the file: use letters, digits, - and _.");
+  return name.endsWith(ending) ? name : name + ending;
+}
+
+// Do what a button asks for; a mistake in a field is shown in the panel.
+export function press(id, panel, kind, action) {
+  find(id).addEventListener("click", async () => {
+    try {
+      await action();
+    } catch (error) {
+      panel.refuse(kind, error);
+    }
+  });
+}
+
+export const link = (href, text, more = {}) => element("a", { class: "button", href, ...more }, text);
+export const fileLink = (path, text) => link(`/api/v1/files/${path.split("/").map(encodeURIComponent).join("/")}`, text, { download: "" });

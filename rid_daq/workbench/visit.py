@@ -1,0 +1,122 @@
+"""`Visit`: somebody's look at a page of a cell; it renders the page in the shell of all pages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Annotated, Any, Final
+
+import jinja2
+from fastapi import Depends, Request
+from fastapi.responses import HTMLResponse, RedirectResponse
+from fastapi.routing import APIRoute
+from starlette.responses import Response
+
+from config.errors import RidDaqError
+from rid_daq.service.api.context import OfCell, Service, Who
+from rid_daq.service.records import Identity
+from rid_daq.service.refusals import NotKnownError, status_of
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.service import CellService
+from rid_daq.session.versions import program_version
+from rid_daq.workbench.menu import MENU
+
+_TEMPLATES: Final = jinja2.Environment(
+    loader=jinja2.PackageLoader("rid_daq.workbench"),
+    autoescape=True,
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+
+
+def _utc(text: str) -> str:
+    """Return a moment of a manifest as people read it, to the second."""
+    return f"{text[:10]} {text[11:19]} UTC" if "T" in text else text
+
+
+_TEMPLATES.filters["utc"] = _utc
+
+
+@dataclass(frozen=True)
+class Visit:
+    """Somebody who is known looks at a page of a cell.
+
+    Attributes
+    ----------
+    request : Request
+        What the browser asked for.
+    service : CellService
+        The service.
+    who : Identity
+        Who looks.
+    cell : ServedCell
+        The cell.
+    """
+
+    request: Request
+    service: CellService
+    who: Identity
+    cell: ServedCell
+
+    def page(
+        self, template: str, /, status: HTTPStatus = HTTPStatus.OK, **context: Any
+    ) -> HTMLResponse:
+        """Return a page: a template that extends `base.html`; for routes that are `async`.
+
+        Parameters
+        ----------
+        template : str
+            Its name in the folder `templates`.
+        status : HTTPStatus
+            The answer's status.
+        **context
+            What it shows beside what the shell does (`cell`, `status`, `who`, `menu`).
+        """
+        cell = self.cell
+        base = f"/cells/{cell.name}"
+        text = _TEMPLATES.get_template(template).render(
+            cell=cell,
+            cells=tuple(self.service.cells.values()),
+            status=self.service.status(cell),
+            who=self.who,
+            menu=MENU,
+            base=base,
+            path=self.request.url.path.removeprefix(base),
+            version=program_version(),
+            **context,
+        )
+        return HTMLResponse(text, status)
+
+
+def bare_page(template: str, /, status: HTTPStatus = HTTPStatus.OK, **context: Any) -> HTMLResponse:
+    """Return a page for somebody who is not known, or who has named no cell."""
+    text = _TEMPLATES.get_template(template).render(version=program_version(), **context)
+    return HTMLResponse(text, status)
+
+
+async def _visit(request: Request, service: Service, who: Who, cell: OfCell) -> Visit:
+    return Visit(request, service, who, cell)
+
+
+Visitor = Annotated[Visit, Depends(_visit)]
+"""The parameter of a page's route: whose address has `{cell}` in it."""
+
+
+class PageRoute(APIRoute):
+    """A route of a page: who is not known comes to the pairing, and a refusal is a page too."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """Return what answers a request."""
+        handler = super().get_route_handler()
+
+        async def answer(request: Request) -> Response:
+            try:
+                return await handler(request)
+            except NotKnownError:
+                return RedirectResponse("/pair", HTTPStatus.SEE_OTHER)
+            except RidDaqError as error:
+                return bare_page("problem.html", status_of(error), message=str(error))
+
+        return answer

@@ -1,0 +1,216 @@
+"""`JobConsole`: a console whose words go into the job's events, and whose questions to a client."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
+
+from pydantic import BaseModel
+
+from config.errors import ConfigError, PreflightError
+from rid_daq.terminal.console import Console, Progress, printable
+from rid_daq.terminal.job_events import (
+    Answered,
+    AnyEvent,
+    Asked,
+    Choice,
+    Documented,
+    Judged,
+    MotionBegun,
+    Progressed,
+    Said,
+    Tabled,
+    WarmedUp,
+)
+from rid_daq.worker.orders import Orders
+
+if TYPE_CHECKING:
+    from acquisition.hold_to_run.pilot import Keys
+
+T = TypeVar("T")
+
+PROGRESS_S: Final = 0.5
+"""The least time between two events of one progress [s]."""
+
+
+class EventFile:
+    """The events of a job, one line each, at the end of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file, open as long as the `with` lasts.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("a", encoding="utf-8")
+        self._writing = threading.Lock()
+
+    def __enter__(self) -> EventFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def write(self, event: AnyEvent) -> None:
+        """Write an event, from any thread; whoever reads the file sees it at once."""
+        with self._writing:
+            self._file.write(event.model_dump_json() + "\n")
+            self._file.flush()
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobConsole(Console):
+    """Says what a command says, as events.
+
+    Attributes
+    ----------
+    events : EventFile
+        Where they go.
+    orders : Orders
+        Where answers and held keys come from.
+    """
+
+    events: EventFile
+    orders: Orders
+
+    @property
+    def is_terminal(self) -> bool:
+        """Nobody sees this as it is written."""
+        return False
+
+    def say(self, text: str = "") -> None:
+        """Tell a sentence."""
+        self.events.write(Said(at_s=time.time(), text=printable(text)))
+
+    def verdict(self, passed: bool | None, text: str) -> None:
+        """Tell the sentence that matters."""
+        self.events.write(Judged(at_s=time.time(), passed=passed, text=printable(text)))
+
+    def document(self, document: Mapping[str, object] | BaseModel) -> None:
+        """Tell the command's result for programs."""
+        told: dict[str, Any] = json.loads(self.as_text(document))
+        self.events.write(Documented(at_s=time.time(), document=told))
+
+    def table(
+        self,
+        columns: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        red: Sequence[bool] | None = None,
+    ) -> None:
+        """Tell a table."""
+        told = tuple(tuple(printable(cell) for cell in row) for row in rows)
+        marked = None if red is None else tuple(bool(each) for each in red)
+        event = Tabled(at_s=time.time(), columns=tuple(columns), rows=told, red=marked)
+        self.events.write(event)
+
+    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+        """Tell that a motion begins."""
+        self.events.write(
+            MotionBegun(
+                at_s=time.time(),
+                run=run,
+                title=title,
+                rows=rows,
+                rows_per_period=rows_per_period,
+            )
+        )
+
+    def warms_up(
+        self, joints: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float
+    ) -> None:
+        """Tell of more periods of a warm-up."""
+        told = tuple(tuple(map(float, period)) for period in power_w)
+        self.events.write(
+            WarmedUp(
+                at_s=time.time(),
+                joints=tuple(joints),
+                power_w=told,
+                settled_percent=settled_percent,
+            )
+        )
+
+    @property
+    def can_ask(self) -> bool:
+        """Somebody may be at the page; who is not is waited for."""
+        return True
+
+    def ask(
+        self,
+        question: str,
+        understood: Callable[[str], T],
+        choices: Sequence[tuple[str, str]] = (),
+    ) -> T:
+        """Ask the client until an answer is understood; as `Console.ask`."""
+        text = question
+        shown = tuple(Choice(label=label, text=text) for label, text in choices)
+        while True:
+            answer = self._answer("text", text, shown)
+            try:
+                return understood(answer)
+            except ConfigError as error:
+                text = f"{error}. {question}"
+
+    def confirm(self, question: str) -> bool:
+        """Ask the client for yes or no; as `Console.confirm`."""
+        return self._answer("yes_no", question).strip().lower() in ("y", "yes")
+
+    def require_keys(self) -> None:
+        """Accept: a page's button is a key."""
+
+    def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
+        """Return what says which key the client holds, for as long as its `with` lasts."""
+        return self._held_keys(tapped)
+
+    @contextmanager
+    def _held_keys(self, tapped: Callable[[str], None]) -> Iterator[Keys]:
+        number = self.orders.next_question()
+        self.events.write(Asked(at_s=time.time(), question=number, form="hold", text=""))
+        with self.orders.taps_to(tapped):
+            yield self.orders
+        self.events.write(Answered(at_s=time.time(), question=number))
+
+    def _answer(
+        self, form: Literal["text", "yes_no"], text: str, choices: tuple[Choice, ...] = ()
+    ) -> str:
+        number = self.orders.next_question()
+        asked = Asked(at_s=time.time(), question=number, form=form, text=text, choices=choices)
+        self.events.write(asked)
+        answer = self.orders.wait_for_answer(number)
+        self.events.write(Answered(at_s=time.time(), question=number))
+        if answer is None:
+            raise PreflightError("nobody answered: nothing more is moved")
+        return answer
+
+    @contextmanager
+    def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
+        """Tell how far a long step is, twice a second at most."""
+        yield _Told(self.events, title, total, unit)
+
+
+class _Told:
+    def __init__(self, events: EventFile, title: str, total: float | None, unit: str) -> None:
+        self._events = events
+        self._title, self._total, self._unit = title, total, unit
+        self._next_s = 0.0
+
+    def update(self, done: float, line: str) -> None:
+        now_s = time.time()
+        if now_s < self._next_s and done != self._total:
+            return
+        self._next_s = now_s + PROGRESS_S
+        event = Progressed(
+            at_s=now_s,
+            title=self._title,
+            done=done,
+            total=self._total,
+            unit=self._unit,
+            line=line,
+        )
+        self._events.write(event)

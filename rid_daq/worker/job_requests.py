@@ -1,0 +1,99 @@
+"""The requests of jobs: which command does a kind of job, and what its request may say."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import PydanticOmit
+
+from config.errors import ConfigError
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.terminal.console import Console
+
+OWNED: Final = frozenset({"cell", "runs", "cleared", "live"})
+"""Fields of requests that the service fills in."""
+
+_MODULES = {
+    JobKind.PLATE_ZERO: "plate",
+    JobKind.PAYLOAD: "payload_session",
+}
+
+
+def performer(kind: JobKind) -> Callable[[Any, Console], None]:
+    """Return what does a kind of job: the `perform` of its command."""
+    module = importlib.import_module(f"rid_daq.commands.{_MODULES.get(kind, kind.value)}")
+    found: Callable[[Any, Console], None] = module.perform
+    return found
+
+
+def request_type(kind: JobKind) -> type[Any]:
+    """Return the request of a kind of job."""
+    found: type[Any] = get_type_hints(performer(kind))["request"]
+    return found
+
+
+def request_of(kind: JobKind, told: dict[str, Any], cell: str, runs: Path, *, cleared: bool) -> Any:
+    """Return the request of a job.
+
+    Parameters
+    ----------
+    kind : JobKind
+        Its kind.
+    told : dict
+        What the client says of it.
+    cell : str
+        The cell, a bundled name or a file.
+    runs : Path
+        The folder of the run folders.
+    cleared : bool
+        Whether a person has just said that the cell is clear.
+
+    Raises
+    ------
+    ConfigError
+        It is not a request of this kind.
+    """
+    request = request_type(kind)
+    fields = request.__dataclass_fields__
+    owned = {"cell": cell, "runs": runs, "cleared": cleared}
+    filled = {**told, **{name: value for name, value in owned.items() if name in fields}}
+    try:
+        return TypeAdapter(request).validate_python(filled)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise ConfigError(f"{kind.value}: {where}: {first['msg']}") from None
+
+
+def request_schema(kind: JobKind) -> dict[str, Any]:
+    """Return the JSON schema of what a client may say of a job; nothing else is taken."""
+    schema = TypeAdapter(request_type(kind)).json_schema(schema_generator=_Schema)
+    properties = {k: v for k, v in schema["properties"].items() if k not in OWNED}
+    required = [name for name in schema.get("required", []) if name not in OWNED]
+    closed: dict[str, Any] = _closed({**schema, "properties": properties, "required": required})
+    return closed
+
+
+class _Schema(GenerateJsonSchema):
+    """Leaves out what only a program in the same process can say."""
+
+    def handle_invalid_for_json_schema(self, schema: Any, error_info: str) -> JsonSchemaValue:
+        raise PydanticOmit
+
+
+def _closed(schema: Any) -> Any:
+    if isinstance(schema, list):
+        return [_closed(each) for each in schema]
+    if not isinstance(schema, dict):
+        return schema
+    closed = {name: _closed(each) for name, each in schema.items() if name != "title"}
+    if isinstance(schema.get("properties"), dict):
+        # a property may be called title
+        closed["properties"] = {k: _closed(v) for k, v in schema["properties"].items()}
+        closed.setdefault("additionalProperties", False)
+    return closed

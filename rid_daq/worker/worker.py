@@ -1,0 +1,107 @@
+"""The life of a worker: ready, told one job, does it, and says how it ended."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+from typing import IO, Any
+
+from pydantic import BaseModel, ConfigDict
+
+from rid_daq.app import Ending, end_by_signals, ending_of
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.terminal.console import printable
+from rid_daq.terminal.job_events import Ended
+from rid_daq.worker.job_console import EventFile, JobConsole
+from rid_daq.worker.job_requests import performer, request_of
+from rid_daq.worker.orders import Orders
+
+
+class WorkOrder(BaseModel):
+    """The first line that a worker is told.
+
+    Attributes
+    ----------
+    kind : JobKind
+        What is done.
+    request : dict
+        What the client says of it.
+    cell : str
+        The cell, a bundled name or a file.
+    runs, folder, events : Path
+        The folder of the run folders, the one that relative paths are of, the file of the events.
+    cleared : bool
+        Whether a person has just said that the cell is clear.
+    niceness : int
+        How far it stands back for others.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    kind: JobKind
+    request: dict[str, Any]
+    cell: str
+    runs: Path
+    folder: Path
+    events: Path
+    cleared: bool
+    niceness: int = 0
+
+
+def main() -> int:
+    """Wait for the job on standard input, do it, and return its exit code."""
+    end_by_signals()
+    _warm_up()
+    line = sys.stdin.readline()
+    if not line:
+        return 0
+    return work(WorkOrder.model_validate_json(line), sys.stdin)
+
+
+def work(order: WorkOrder, source: IO[str]) -> int:
+    """Do a job; its end is the last of its events.
+
+    Parameters
+    ----------
+    order : WorkOrder
+        The job.
+    source : text stream
+        Where further orders come from.
+    """
+    os.chdir(order.folder)
+    os.nice(order.niceness)
+    with EventFile(order.events) as events:
+        orders = Orders(source)
+        console = JobConsole(events=events, orders=orders)
+
+        def job() -> None:
+            told = order.request
+            request = request_of(order.kind, told, order.cell, order.runs, cleared=order.cleared)
+            performer(order.kind)(request, console)
+
+        orders.start()
+        try:
+            ending = ending_of(job)
+        except BaseException as error:
+            ending = Ending(1, "Mistake", f"of the program: {type(error).__name__}: {error}")
+            events.write(_ended(ending))
+            raise
+        events.write(_ended(ending))
+    return ending.code
+
+
+def _ended(ending: Ending) -> Ended:
+    return Ended(
+        at_s=time.time(),
+        exit_code=ending.code,
+        error=ending.kind or None,
+        message=printable(ending.message) or None,
+    )
+
+
+def _warm_up() -> None:
+    """Import what most jobs need, so that a job begins at once."""
+    for kind in (JobKind.RECORD, JobKind.IDENTIFY, JobKind.CHECK):
+        performer(kind)

@@ -1,0 +1,125 @@
+"""A payload session as it lies in its folders, without a motion having been recorded for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from config.load import LoadedCell, load_cell
+from drivers.settings.saved_drive import DriveIdentity
+from drivers.settings.write_log import DRIVE_WRITES, WriteLog
+from identification.payload.body import PayloadBody
+from identification.payload.estimate import PayloadEstimate
+from identification.payload.file import write_payload
+from identification.payload.verdict import PayloadLimits, PayloadResult, checks
+from rid_daq.jobs.payload.payload_job import PAYLOAD
+from rid_daq.recording.payload_state import SessionState
+from rid_daq.report.result import Result
+from rid_daq.report.result_file import write_result
+from rid_daq.report.sections.payload import PayloadSection, payload_verdict
+from rid_daq.runs.run_data import CELL
+
+MEDIUM = PayloadBody.of_reported(
+    np.array([9.579, 0.024, 0.090, -0.202, 0.612, 0.063, 0.637, -0.158, -0.002, -0.008])
+)
+SIGMA = 1e-3
+
+
+@dataclass(frozen=True)
+class Session:
+    """A session's folder, the runs that its payload is of, and the payload."""
+
+    folder: RunFolder
+    state: SessionState
+    payload: PayloadResult
+
+
+def certified_session(
+    runs: Path, label: str = "gripper 4", *, simulated: bool = True, mass_percent: float = 5.0
+) -> Session:
+    """Write a payload session that has come to its verdict.
+
+    Parameters
+    ----------
+    runs : Path
+        The folder of the run folders.
+    label : str
+        What it is called.
+    simulated : bool
+        Whether its cell file says that the cell is simulated.
+    mass_percent : float
+        The limit of the mass.
+    """
+    loaded = load_cell("kr15")
+    folder = RunFolder.create(runs, label, kind="payload session", software={"rid-daq": "0.1.0"})
+    _write_cell(folder, loaded, simulated)
+    state = SessionState(folder, "kr15")
+    for number, step in enumerate(("warm-up", "unloaded", "loaded 1"), start=1):
+        run = RunFolder.create(runs, f"{label} {number}"[-64:], software={"rid-daq": "0.1.0"})
+        _write_cell(run, loaded, simulated)
+        run.write("recording.mcap", f"rows of {step}".encode())
+        log = WriteLog(run.file(DRIVE_WRITES), durable=False)
+        for node in range(1, 6):
+            log.add_drive(node, DriveIdentity(vendor=1, serial=7000 + node))
+        run.finish(RunStatus.COMPLETE)
+        state.note_step(step, run.run_id)
+    estimate = estimate_of(loaded, tuple(state.done[name] for name in state.measurements))
+    limits = PayloadLimits(mass_percent=mass_percent)
+    payload = PayloadResult(estimate, checks(estimate, limits))
+    note_payload(folder, payload)
+    folder.finish(RunStatus.COMPLETE)
+    return Session(folder, state, payload)
+
+
+def note_payload(folder: RunFolder, payload: PayloadResult) -> None:
+    """Write a payload and its result into a run, as a session and `payload identify` do."""
+    write_payload(folder.file(PAYLOAD), payload)
+    folder.write(PAYLOAD, folder.file(PAYLOAD).read_bytes())
+    section = PayloadSection.of(payload, None, ["Warm-up: settled."])
+    result = Result.new("Payload", payload.estimate.robot.name)
+    write_result(folder, result.updated(payload=section, verdict=payload_verdict(payload)))
+
+
+def estimate_of(loaded: LoadedCell, run_ids: tuple[str, ...]) -> PayloadEstimate:
+    """Return an estimate that is a body which can exist, each parameter as sure as the others."""
+    joints = len(loaded.robot.joints)
+    return PayloadEstimate(
+        robot=loaded.robot,
+        procedure="together",
+        values=MEDIUM.parameters,
+        covariance=SIGMA**2 * np.eye(10),
+        covariance_noise=0.1 * SIGMA**2 * np.eye(10),
+        gain_slopes=np.zeros((10, joints)),
+        unseen=np.zeros((10, 0)),
+        condition_number=3.0,
+        known=(),
+        residual_nm=np.full(joints, 0.5),
+        payload_nm=np.full(joints, 20.0),
+        equations=600,
+        cell_name=loaded.config.name,
+        run_ids=run_ids,
+        torque_nm=np.full(joints, 100.0),
+        contradictions=np.zeros(0),
+    )
+
+
+def without_checks(payload: PayloadResult) -> PayloadResult:
+    """Return a payload that was held against nothing."""
+    return replace(payload, checks=())
+
+
+def with_unseen_inertia(payload: PayloadResult) -> PayloadResult:
+    """Return a payload whose motion shows no inertia about z."""
+    estimate = replace(payload.estimate, unseen=np.eye(10)[:, 9:])
+    return PayloadResult(estimate, checks(estimate, PayloadLimits()))
+
+
+def _write_cell(folder: RunFolder, loaded: LoadedCell, simulated: bool) -> None:
+    for name, content in loaded.files.items():
+        if name == CELL and not simulated:
+            content = content.replace(b"simulated: true", b"simulated: false")
+        folder.write(name, content)

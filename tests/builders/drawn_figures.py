@@ -1,0 +1,124 @@
+"""Every figure of the workbench: of results that commands wrote, and of what is computed."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+from bokeh.models import ColumnDataSource
+from bokeh.models.ui import UIElement
+
+from acquisition.motion.samples import MotionSamples
+from config.load import load_cell, load_robot
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
+from identification.payload.body import PARAMETERS, PayloadBody
+from identification.payload.estimate import PayloadEstimate
+from identification.payload.known import Known
+from rid_daq.figures.bode_figure import bode_figure
+from rid_daq.figures.fit_figure import fit_figure
+from rid_daq.figures.friction_figure import friction_figure
+from rid_daq.figures.history_figure import PastValue, history_figure
+from rid_daq.figures.motion_figure import motion_figure
+from rid_daq.figures.parameters_figure import parameters_figure
+from rid_daq.figures.path_figure import path_figure
+from rid_daq.figures.payload_figure import payload_figure
+from rid_daq.figures.residual_spectrum import residual_spectrum
+from rid_daq.figures.warm_up_figure import warm_up_figure
+from rid_daq.report.result import Result
+from tests.builders.invented import whole_result
+
+WRITTEN = Path(__file__).parents[1] / "rid_daq" / "report" / "results"
+JOINTS = ("axis1", "axis2", "axis3")
+
+
+def written(kind: str) -> Result:
+    """Return a result as a command of version 0.1 wrote it on a bundled cell."""
+    return Result.model_validate_json((WRITTEN / f"{kind}.json").read_bytes())
+
+
+def invented() -> Result:
+    """Return a result with long curves."""
+    return Result.model_validate_json(json.dumps(whole_result()))
+
+
+def six_axes() -> MotionSamples:
+    """Return a planned excitation of the bundled six-axis arm."""
+    cell = load_cell("kr15")
+    options = TwoHarmonicOptions(
+        4.8, highest_harmonic=4, limit_fraction=0.35, tries=1, seed=3, periods=4
+    )
+    cycle_s = cell.config.cycle_time_s
+    return design_two_harmonic(cell.robot, options, cycle_s).plan(cell.robot, cycle_s)
+
+
+def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
+    """Return a payload of 5 kg, its centre of gravity 20, -10 and 80 mm from the flange.
+
+    Parameters
+    ----------
+    held : str
+        A parameter that was known.
+    unseen : str
+        One that the motion does not show.
+    """
+    body = PayloadBody(5.0, np.array([0.02, -0.01, 0.08]), np.diag([0.04, 0.05, 0.02]))
+    names: list[str] = list(PARAMETERS)
+    hidden = np.eye(10)[:, [names.index(unseen)]] if unseen else np.zeros((10, 0))
+    root = np.diag([0.01, *(2e-3,) * 3, *(1e-3,) * 6])
+    root[1, 3] = 1.5e-3
+    return PayloadEstimate(
+        robot=load_robot("ur10e"),
+        procedure="together",
+        values=body.parameters,
+        covariance=root @ root.T,
+        covariance_noise=0.25 * root @ root.T,
+        gain_slopes=np.zeros((10, 6)),
+        unseen=hidden,
+        condition_number=12.0,
+        known=(Known(held, 5.0, 0.0),) if held else (),
+        residual_nm=np.full(6, 0.5),
+        payload_nm=np.full(6, 10.0),
+        equations=4000,
+    )
+
+
+def all_figures() -> dict[str, UIElement]:
+    """Return every figure by its name."""
+    long, demo, cell = invented(), written("demo"), load_cell("kr15")
+    curves, tracking, friction = long.curves, long.tracking, written("friction").friction
+    loops = written("velocity_loops").velocity_loops
+    assert curves is not None
+    assert curves.torque is not None
+    assert curves.spectrum is not None
+    assert tracking is not None
+    assert friction is not None
+    assert loops is not None
+    assert demo.estimate is not None
+    samples = six_axes()
+    torque = 20.0 * samples.whole(1).acceleration
+    power = np.array([8.0, 20.0, 4.0]) * (0.7 + 0.3 * np.exp(-np.arange(12.0)[:, np.newaxis] / 4))
+    begun = datetime(2026, 1, 5, tzinfo=UTC)
+    past = [
+        PastValue(f"RUN{i}", "weekly", begun + timedelta(days=7 * i), 20.0 + 0.1 * i, 0.5)
+        for i in range(8)
+    ]
+    return {
+        "motion": motion_figure(samples, cell.robot, cell.config.workspace, torque, 12.34),
+        "fit": fit_figure(curves.torque),
+        "spectrum": residual_spectrum(curves.spectrum, ("N m",) * 3),
+        "parameters": parameters_figure(demo.estimate),
+        "bode": bode_figure(loops.axes[0]),
+        "path": path_figure(tracking.motions[0], tracking.joints),
+        "friction": friction_figure(friction),
+        "warm-up": warm_up_figure(JOINTS, power, 1.0),
+        "history": history_figure("Coulomb friction of axis2", "N m", past),
+        "payload": payload_figure(payload()),
+    }
+
+
+def tables(figure: UIElement) -> dict[str, ColumnDataSource]:
+    """Return the data of a figure by their names."""
+    found = [each for each in figure.references() if isinstance(each, ColumnDataSource)]
+    return {str(each.name): each for each in found if each.name}

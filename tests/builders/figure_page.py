@@ -1,0 +1,99 @@
+"""A page that shows figures, served as the workbench serves them: own scripts, a strict policy."""
+
+from __future__ import annotations
+
+import contextlib
+import html
+import json
+import threading
+from collections.abc import Iterator, Mapping
+from functools import partial
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from urllib.parse import parse_qs, urlsplit
+
+from bokeh.models.ui import UIElement
+
+from rid_daq.figures.embedding import as_csv, as_item, bokeh_script, figure_script
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:;"
+    " connect-src 'self'"
+)
+STYLE = """
+:root { color-scheme: light dark; }
+body { font-family: system-ui, sans-serif; margin: 8px; background: #fff; color: #1b2530; }
+@media (prefers-color-scheme: dark) { body { background: #141b22; color: #e9eef3; } }
+h2 { font-size: 16px; }
+"""
+MODULE = """
+import { showFigure } from "/figure.js";
+for (const place of document.querySelectorAll("[data-figure]"))
+  showFigure(place, `/figures/${place.dataset.figure}`);
+"""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    def __init__(self, figures: Mapping[str, UIElement], *rest: object) -> None:
+        self.figures = figures
+        super().__init__(*rest)  # type: ignore[arg-type]
+
+    def do_GET(self) -> None:
+        asked = urlsplit(self.path)
+        query = parse_qs(asked.query)
+        name = asked.path.removeprefix("/figures/")
+        if asked.path == "/":
+            self._answer("text/html", _page(self.figures).encode())
+        elif asked.path == "/bokeh.min.js":
+            self._answer("text/javascript", bokeh_script().read_bytes())
+        elif asked.path == "/figure.js":
+            self._answer("text/javascript", figure_script().read_bytes())
+        elif asked.path == "/page.js":
+            self._answer("text/javascript", MODULE.encode())
+        elif asked.path == "/page.css":
+            self._answer("text/css", STYLE.encode())
+        elif name not in self.figures:
+            body = json.dumps({"detail": f"no figure {name!r}"}).encode()
+            self._answer("application/json", body, 404)
+        elif query.get("as") == ["csv"]:
+            self._answer("text/csv", as_csv(self.figures[name]).encode())
+        else:
+            item = as_item(self.figures[name], dark=query.get("dark") == ["true"])
+            self._answer("application/json", json.dumps(item, allow_nan=False).encode())
+
+    def _answer(self, kind: str, body: bytes, status: int = 200) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", f"{kind}; charset=utf-8")
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Content-Security-Policy", POLICY)
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Stay silent."""
+
+
+def _page(figures: Mapping[str, UIElement]) -> str:
+    places = "".join(
+        f'<h2>{html.escape(name)}</h2><div data-figure="{html.escape(name)}"></div>'
+        for name in figures
+    )
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Figures</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<link rel="icon" href="data:,"><link rel="stylesheet" href="/page.css">'
+        '<script src="/bokeh.min.js"></script><script type="module" src="/page.js"></script>'
+        f"</head><body>{places}</body></html>"
+    )
+
+
+@contextlib.contextmanager
+def served_figures(figures: Mapping[str, UIElement]) -> Iterator[str]:
+    """Serve a page of figures; yield its address."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(_Handler, figures)) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}/"
+        finally:
+            server.shutdown()
+            thread.join()

@@ -1,0 +1,321 @@
+"""Figures show what results hold: numbers, names, units; as JSON without NaN, as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import pytest
+from bokeh.models import Axis, ColumnDataSource, HoverTool, Plot, Range1d, Toolbar
+from bokeh.models.annotations import Title
+from bokeh.models.ui import UIElement
+
+from config.errors import ConfigError
+from config.load import load_cell
+from rid_daq.figures.bode_figure import bode_figure
+from rid_daq.figures.embedding import as_csv, as_item, bokeh_script, figure_script
+from rid_daq.figures.fit_figure import fit_figure
+from rid_daq.figures.history_figure import PastValue
+from rid_daq.figures.motion_figure import motion_figure
+from rid_daq.figures.palette import INK, darkened
+from rid_daq.figures.panel import panel, words
+from rid_daq.figures.parameters_figure import parameters_figure
+from rid_daq.figures.path_figure import path_figure
+from rid_daq.figures.payload_figure import CentreOfGravity, payload_figure
+from rid_daq.figures.residual_spectrum import residual_spectrum
+from rid_daq.figures.warm_up_figure import warm_up_figure
+from tests.builders.drawn_figures import (
+    JOINTS,
+    all_figures,
+    invented,
+    payload,
+    six_axes,
+    tables,
+    written,
+)
+
+
+@pytest.fixture(scope="module")
+def figures() -> dict[str, UIElement]:
+    return all_figures()
+
+
+NAMES = (
+    *("motion", "fit", "spectrum", "parameters", "bode"),
+    *("path", "friction", "warm-up", "history", "payload"),
+)
+
+
+def column(table: ColumnDataSource, name: str) -> Any:
+    return np.asarray(table.data[name])
+
+
+def test_there_is_a_figure_of_every_kind(figures: dict[str, UIElement]) -> None:
+    assert tuple(figures) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("dark", [False, True])
+def test_its_item_is_json_without_nan(figures: dict[str, UIElement], name: str, dark: bool) -> None:
+    text = json.dumps(as_item(figures[name], dark), allow_nan=False)
+    light = INK in text
+    assert light is not dark
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_panel_zooms_hovers_and_says_its_units(
+    figures: dict[str, UIElement], name: str
+) -> None:
+    panels = [each for each in figures[name].references() if isinstance(each, Plot)]
+    assert panels
+    for plot in panels:
+        kinds = {type(tool).__name__ for tool in plot.tools}
+        assert {"BoxZoomTool", "WheelZoomTool", "PanTool", "ResetTool"} <= kinds
+        assert plot.sizing_mode == "stretch_width"
+    assert any(isinstance(each, HoverTool) for each in figures[name].references())
+    labels = [
+        each.axis_label
+        for plot in panels
+        for each in (*plot.below, *plot.left)
+        if isinstance(each, Axis) and each.visible and each.axis_label
+    ]
+    without = {"period"}
+    assert labels
+    assert all("[" in str(label) for label in labels if label not in without), labels
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_figure_holds_code(figures: dict[str, UIElement], name: str) -> None:
+    assert not [each for each in figures[name].references() if "CustomJS" in type(each).__name__]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_its_table_has_a_name_over_every_column(figures: dict[str, UIElement], name: str) -> None:
+    head, *rows = csv.reader(io.StringIO(as_csv(figures[name])))
+    assert len(head) == len(set(head)) > 1
+    assert rows
+    assert {len(row) for row in rows} == {len(head)}
+    drawn = tables(figures[name]).values()
+    assert len(rows) == max(
+        len(column(table, str(key))) for table in drawn for key in list(table.data)
+    )
+    assert not {"nan", "inf"} & {cell for row in rows for cell in row}
+
+
+def test_a_table_tells_seven_digits_and_leaves_gaps_empty() -> None:
+    from rid_daq.figures.panel import layout, source
+
+    plot = panel("two", "time [s]", "torque [N m]")
+    rows = source("two", {"time [s]": [0.0, 0.1], "torque [N m]": [1.2345678, np.nan]})
+    plot.line("time [s]", "torque [N m]", source=rows)
+    plot.add_tools(HoverTool())
+    assert as_csv(layout("two", [plot], [plot])) == "time [s],torque [N m]\n0,1.234568\n0.1,\n"
+
+
+def test_fit_and_residual_are_the_result_s() -> None:
+    curves = invented().curves
+    assert curves is not None
+    assert curves.torque is not None
+    drawn = tables(fit_figure(curves.torque))
+    for axis in curves.torque.axes:
+        table, counted = drawn[axis.joint], np.array(axis.counted, dtype=bool)
+        measured = column(table, f"{axis.joint} measured [{axis.unit}]")
+        predicted = column(table, f"{axis.joint} predicted [{axis.unit}]")
+        left = column(table, f"{axis.joint} residual [{axis.unit}]")
+        np.testing.assert_allclose(measured, axis.measured, rtol=1e-6)
+        np.testing.assert_allclose(predicted[counted], np.array(axis.predicted)[counted], rtol=1e-6)
+        assert np.isnan(predicted[~counted]).all()
+        np.testing.assert_allclose(
+            left[counted], (np.array(axis.measured) - axis.predicted)[counted], rtol=1e-5, atol=1e-4
+        )
+        assert counted.any()
+        assert not counted.all()
+
+
+def test_all_joints_are_zoomed_together_in_time() -> None:
+    curves = invented().curves
+    assert curves is not None
+    assert curves.torque is not None
+    panels = [each for each in fit_figure(curves.torque).references() if isinstance(each, Plot)]
+    assert len(panels) == 2 * len(curves.torque.axes)
+    assert len({each.x_range.id for each in panels}) == 1
+
+
+def test_spectrum_is_the_result_s() -> None:
+    curves = written("identification").curves
+    assert curves is not None
+    assert curves.spectrum is not None
+    spectrum = curves.spectrum
+    drawn = tables(residual_spectrum(spectrum, ("N m",) * len(spectrum.axes)))
+    for axis in spectrum.axes:
+        found = column(drawn[axis.joint], f"{axis.joint} residual [N m]")
+        np.testing.assert_allclose(found, axis.residual_nm, rtol=1e-6)
+
+
+def test_parameters_stand_with_their_intervals_and_units() -> None:
+    section = written("demo").estimate
+    assert section is not None
+    drawn = tables(parameters_figure(section))
+    assert {f"parameters in {each.unit}" for each in section.parameters} == set(drawn)
+    for number, each in enumerate(section.parameters, start=1):
+        table = drawn[f"parameters in {each.unit}"]
+        row = list(table.data["parameter"]).index(f"{number} {each.name}")
+        low = column(table, f"estimate - 2σ [{each.unit}]")[row]
+        high = column(table, f"estimate + 2σ [{each.unit}]")[row]
+        assert 0.5 * (low + high) == pytest.approx(each.value, rel=1e-4, abs=1e-6)
+        assert high - low == pytest.approx(4.0 * each.std, rel=1e-3)
+        true = column(table, f"true value [{each.unit}]")[row]
+        assert true == pytest.approx(each.truth, rel=1e-6)
+
+
+def test_bode_shows_the_margins_of_the_result() -> None:
+    loops = written("velocity_loops").velocity_loops
+    assert loops is not None
+    axis = loops.axes[0]
+    figure = bode_figure(axis)
+    texts = [
+        text
+        for each in figure.references()
+        if isinstance(each, ColumnDataSource)
+        for text in (each.data.get("text") or ())
+    ]
+    margins = axis.cascade.position.margins
+    assert f"{margins.phase_deg:.0f}°" in texts
+    assert f"{margins.gain_db:.1f} dB" in texts
+    drawn = tables(figure)["measured controller"]
+    gain = column(drawn, f"gain [dB over 1 {axis.unit}]")
+    np.testing.assert_allclose(10.0 ** (gain / 20.0), axis.response.magnitude, rtol=1e-5)
+
+
+def test_path_deviations_are_the_result_s_in_millimetres() -> None:
+    tracking = invented().tracking
+    assert tracking is not None
+    motion = tracking.motions[0]
+    drawn = tables(path_figure(motion, tracking.joints))
+    assert set(drawn) == {"before", "after"}
+    found = column(drawn["after"], "x deviation [mm]")
+    np.testing.assert_allclose(found, 1e3 * np.array(motion.drawn.after.deviation_m[0]), rtol=1e-5)
+
+
+def test_a_path_without_a_run_before_is_drawn_alone() -> None:
+    tracking = invented().tracking
+    assert tracking is not None
+    motion = tracking.motions[0]
+    alone = motion.model_copy(update={"drawn": motion.drawn.model_copy(update={"before": None})})
+    assert set(tables(path_figure(alone, tracking.joints))) == {"after"}
+
+
+def test_motion_is_told_in_units_and_in_percent_of_its_limits() -> None:
+    samples, cell = six_axes(), load_cell("kr15")
+    one, robot = samples.whole(1), cell.robot
+    drawn = tables(motion_figure(samples, robot, cell.config.workspace))["motion"]
+    limit = robot.joints[1].limits
+    speed = column(drawn, "axis2 speed [rad/s]")
+    share = column(drawn, "axis2 speed [% of limit]")
+    np.testing.assert_allclose(share, 100.0 * speed / limit.velocity, rtol=1e-5)
+    assert np.abs(speed).max() == pytest.approx(np.abs(one.velocity[:, 1]).max(), rel=1e-2)
+    place = column(drawn, "axis2 position [% of range]")
+    middle = 0.5 * (limit.position_min + limit.position_max)
+    half = 0.5 * (limit.position_max - limit.position_min)
+    found = column(drawn, "axis2 position [rad]")
+    np.testing.assert_allclose(found, middle + half * place / 100.0, atol=1e-5)
+    assert not [name for name in drawn.data if "torque" in name]
+
+
+def test_warm_up_shows_the_change_that_the_session_waits_for() -> None:
+    power = np.array([[10.0, 4.0, 1.0], [9.0, 4.0, 1.0], [8.0, 4.0, 1.0], [7.0, 4.0, 1.0]])
+    drawn = tables(warm_up_figure(JOINTS, power, 1.0))["warm-up"]
+    change = column(drawn, "axis1 change of a period [%]")
+    assert np.isnan(change[:3]).all()
+    assert change[3] == pytest.approx(-100.0 / 8.5)
+    np.testing.assert_allclose(column(drawn, "axis1 friction [W]"), power[:, 0])
+    assert column(drawn, "axis2 change of a period [%]")[3] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_warm_up_can_be_drawn_before_its_first_period() -> None:
+    drawn = tables(warm_up_figure(JOINTS, np.zeros((0, 3)), 1.0))["warm-up"]
+    assert len(column(drawn, "period")) == 0
+
+
+def test_warm_up_s_change_has_a_range_before_there_is_a_change() -> None:
+    drawn = warm_up_figure(JOINTS, np.ones((1, 3)), 1.0)
+    ranges = [(m.start, m.end) for m in drawn.references() if isinstance(m, Range1d)]
+    assert (-2.0, 2.0) in ranges
+
+
+def test_payload_s_centre_lies_where_the_estimate_says() -> None:
+    estimate = payload()
+    drawn = tables(payload_figure(estimate))["centre of gravity"]
+    for k, axis in enumerate("xyz"):
+        assert column(drawn, f"{axis} of the centre [mm]")[0] == pytest.approx(
+            1e3 * estimate.reported[1 + k], rel=1e-5
+        )
+        assert column(drawn, f"{axis} 2σ [mm]")[0] == pytest.approx(
+            2e3 * estimate.sigma[1 + k], rel=1e-5
+        )
+
+
+def test_ellipse_of_the_centre_is_the_covariance_of_the_estimate() -> None:
+    estimate = payload()
+    drawn = CentreOfGravity.of(estimate)
+    np.testing.assert_allclose(
+        np.sqrt(np.diagonal(drawn.covariance_mm2)), drawn.sigma_mm, rtol=1e-9
+    )
+    assert abs(drawn.covariance_mm2[0, 2]) > 0.1 * drawn.covariance_mm2[0, 0]
+
+
+def test_even_density_s_ellipsoid_has_the_payload_s_inertia() -> None:
+    drawn = CentreOfGravity.of(payload())
+    assert drawn.spread_mm2 is not None
+    second = 1e-6 * drawn.spread_mm2 * (5.0 / 5.0)  # its mass over five
+    np.testing.assert_allclose(
+        np.trace(second) * np.eye(3) - second, np.diag([0.04, 0.05, 0.02]), atol=1e-9
+    )
+
+
+def test_a_centre_that_was_held_has_no_width() -> None:
+    drawn = CentreOfGravity.of(payload(held="cx"))
+    assert drawn.sigma_mm[0] == 0.0
+    assert not drawn.covariance_mm2[0].any()
+
+
+def test_what_a_motion_does_not_show_is_said() -> None:
+    estimate = payload(unseen="sz")
+    figure = payload_figure(estimate)
+    titles = [str(each.text) for each in figure.references() if isinstance(each, Title)]
+    assert sum("z not shown" in title for title in titles) == 2
+    assert "" in next(csv.reader(io.StringIO(as_csv(figure).split("\n", 1)[1])))
+
+
+def test_a_past_value_knows_its_time_zone() -> None:
+    with pytest.raises(ConfigError, match="time zone"):
+        PastValue("R", "x", datetime(2026, 1, 1), 1.0)
+    with pytest.raises(ConfigError, match="finite"):
+        PastValue("R", "x", datetime(2026, 1, 1, tzinfo=UTC), float("nan"))
+
+
+def test_texts_are_no_formulas_and_show_what_is_invisible() -> None:
+    assert words("$$x$$") == "$ $x$ $"
+    assert "\u202e" not in words("a\u202eb")
+
+
+def test_dark_colours_replace_light_ones_and_nothing_else() -> None:
+    assert darkened({"a": [INK, "other", 3]}) == {"a": ["#e9eef3", "other", 3]}
+
+
+def test_scripts_are_files_of_this_computer() -> None:
+    assert bokeh_script().stat().st_size > 1_000_000
+    assert "export function showFigure" in figure_script().read_text(encoding="utf-8")
+
+
+def test_a_figure_has_one_toolbar_for_all_its_panels(figures: dict[str, UIElement]) -> None:
+    shown = [
+        each
+        for each in figures["fit"].references()
+        if isinstance(each, Toolbar) and each.logo is None
+    ]
+    assert len(shown) == 1

@@ -1,0 +1,145 @@
+"""Figures in a real browser under the strict policy: no error, no wider than the page."""
+
+from __future__ import annotations
+
+import shutil
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
+
+from rid_daq.figures.embedding import as_csv
+from tests.builders.drawn_figures import all_figures
+from tests.builders.figure_page import served_figures
+
+CHROMIUM = shutil.which("chromium")
+FLAGS = (
+    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+)
+PATIENCE_MS = 120_000
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs chromium"),
+]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        yield started
+        started.close()
+
+
+@pytest.fixture(scope="module")
+def figures() -> dict[str, object]:
+    return dict(all_figures())
+
+
+@pytest.fixture(scope="module")
+def address(figures) -> Iterator[str]:
+    with served_figures(figures) as served:
+        yield served
+
+
+def opened(browser: Browser, address: str, width: int, scheme: str, errors: list[str]) -> Page:
+    page = browser.new_page(
+        viewport={"width": width, "height": 900},
+        color_scheme="dark" if scheme == "dark" else "light",
+        has_touch=width < 500,
+    )
+
+    def heard(said: ConsoleMessage) -> None:
+        if said.type != "info":
+            errors.append(said.text)
+
+    page.on("console", heard)
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(address)
+    return page
+
+
+def wait_until_shown(page: Page) -> None:
+    for place in page.locator("[data-figure]").all():
+        name = place.get_attribute("data-figure")
+        page.wait_for_selector(
+            f'[data-figure="{name}"]:is([data-figure-state=shown],[data-figure-state=failed])',
+            timeout=PATIENCE_MS,
+        )
+
+
+@pytest.mark.parametrize("width", [360, 390, 1280])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_all_figures_are_shown_without_an_error(
+    browser: Browser, address: str, figures, width: int, scheme: str
+) -> None:
+    errors: list[str] = []
+    page = opened(browser, address, width, scheme, errors)
+    wait_until_shown(page)
+    states = [
+        each.get_attribute("data-figure-state") for each in page.locator("[data-figure]").all()
+    ]
+    assert states == ["shown"] * len(figures)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.evaluate(
+        "document.querySelectorAll('[data-figure] > div:last-child > *').length"
+    ) == len(figures)
+    assert errors == []
+    page.close()
+
+
+def test_a_figure_is_saved_as_svg_and_as_csv(browser: Browser, figures) -> None:
+    errors: list[str] = []
+    with served_figures({"payload": figures["payload"]}) as address:
+        page = opened(browser, address, 1280, "light", errors)
+        wait_until_shown(page)
+        with page.expect_download() as saved:
+            page.get_by_role("button", name="SVG").click()
+        assert saved.value.suggested_filename == "payload.svg"
+        drawing = ElementTree.parse(saved.value.path()).getroot()
+        texts = "".join(drawing.itertext())
+        assert drawing.tag.endswith("svg")
+        assert "x of the flange [mm]" in texts
+        with page.expect_download() as table:
+            page.get_by_role("link", name="CSV").click()
+        assert table.value.path().read_text(encoding="utf-8") == as_csv(figures["payload"])
+        page.close()
+    assert errors == []
+
+
+def test_a_figure_turns_dark_with_the_page(browser: Browser, figures) -> None:
+    errors: list[str] = []
+    with served_figures({"payload": figures["payload"]}) as address:
+        page = opened(browser, address, 1280, "light", errors)
+        wait_until_shown(page)
+        with page.expect_response(lambda answer: "dark=true" in answer.url):
+            page.emulate_media(color_scheme="dark")
+        wait_until_shown(page)
+        assert page.locator("[data-figure] > div:last-child > *").count() == 1
+        page.close()
+    assert errors == []
+
+
+def test_what_went_wrong_is_said_in_words(browser: Browser, figures) -> None:
+    shown = dict(figures)
+    with served_figures({"payload": shown["payload"], "friction": shown["friction"]}) as address:
+        page = browser.new_page(viewport={"width": 390, "height": 900})
+        page.route("**/figures/payload*", lambda route: route.abort())
+        page.route(
+            "**/figures/friction*",
+            lambda route: route.fulfill(
+                status=404, content_type="application/json", body='{"detail": "no such run"}'
+            ),
+        )
+        page.goto(address)
+        wait_until_shown(page)
+        said = page.get_by_role("status").all_inner_texts()
+        assert said == [
+            "The figure cannot be shown: the server does not answer. Check that it runs, then"
+            " reload the page.",
+            "The figure cannot be shown: no such run",
+        ]
+        page.close()

@@ -1,0 +1,91 @@
+"""What each viewer of a feed gets, at its own pace."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rid_daq.live.feed import MOST_EVENTS, Feed
+
+
+async def take(view: AsyncIterator[bytes], count: int) -> list[bytes]:
+    return [await anext(view) for _ in range(count)]
+
+
+def test_a_slow_viewer_misses_pictures_and_no_event() -> None:
+    async def main() -> None:
+        feed = Feed()
+        feed.show(b"before")
+        fast, slow = feed.view(), feed.view()
+        assert await take(fast, 1) == await take(slow, 1) == [b"before"]
+        for number in range(100):
+            feed.show(b"picture %d" % number)
+            if number % 10 == 0:
+                feed.tell(b"event %d" % number)
+                assert await take(fast, 2) == [b"event %d" % number, b"picture %d" % number]
+            else:
+                assert await take(fast, 1) == [b"picture %d" % number]
+        feed.end()
+        assert [each async for each in fast] == []
+        events = [b"event %d" % number for number in range(0, 100, 10)]
+        assert [each async for each in slow] == [*events, b"picture 99"]
+        assert feed.viewers == 0
+
+    asyncio.run(main())
+
+
+def test_a_viewer_who_would_miss_an_event_is_ended_and_the_others_go_on() -> None:
+    async def main() -> None:
+        feed = Feed()
+        hanging, going = feed.view(), feed.view()
+        feed.show(b"now")
+        assert await take(hanging, 1) == await take(going, 1) == [b"now"]
+        for number in range(MOST_EVENTS + 1):
+            feed.tell(b"%d" % number)
+            assert await take(going, 1) == [b"%d" % number]
+        assert [each async for each in hanging] == []
+        assert feed.viewers == 1
+        feed.end()
+        assert [each async for each in going] == []
+
+    asyncio.run(main())
+
+
+def test_who_comes_after_the_end_sees_the_last_picture_and_the_end() -> None:
+    async def main() -> None:
+        feed = Feed()
+        feed.show(b"last")
+        feed.end()
+        assert [each async for each in feed.view()] == [b"last"]
+
+    asyncio.run(main())
+
+
+@settings(deadline=None)
+@given(st.lists(st.sampled_from(["show", "tell", "take"]), max_size=60))
+def test_events_come_once_in_order_and_pictures_only_forward(steps: list[str]) -> None:
+    async def main() -> None:
+        feed = Feed()
+        feed.show(b"p 0")
+        view = feed.view()
+        seen, told, ready = await take(view, 1), 0, 0
+        for number, step in enumerate(steps, 1):
+            if step == "show":
+                feed.show(b"p %d" % number)
+            elif step == "tell":
+                feed.tell(b"e %d" % told)
+                told += 1
+            elif any(each != "take" for each in steps[ready : number - 1]):
+                seen += await take(view, 1)
+                ready = number
+        feed.end()
+        seen += [each async for each in view]
+        events = [int(each[2:]) for each in seen if each.startswith(b"e")]
+        pictures = [int(each[2:]) for each in seen if each.startswith(b"p")]
+        assert events == list(range(told))
+        assert pictures == sorted(set(pictures))
+
+    asyncio.run(main())

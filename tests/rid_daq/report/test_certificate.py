@@ -1,0 +1,284 @@
+"""The certificate of a payload: what stands in the PDF, and what is not certified."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+import re
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+from pypdf import PdfReader
+
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import MANIFEST, RunStatus
+from config.errors import ConfigError, DataQualityError, RecordingError
+from identification.payload.body import REPORTED
+from rid_daq.app import run
+from rid_daq.recording.certificate_job import (
+    CERTIFICATE,
+    PayloadCertificateRequest,
+    certificate_of,
+    write_certificate,
+)
+from rid_daq.report.certificate.pdf import certificate_pdf
+from rid_daq.terminal.exit_codes import ExitCode
+from tests.builders.certified import (
+    Session,
+    certified_session,
+    note_payload,
+    with_unseen_inertia,
+    without_checks,
+)
+
+NAME = "Jörg Łukasz Ωmega Дарья 山田"
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Session:
+    return certified_session(tmp_path / "runs")
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    return certified_session(tmp_path_factory.mktemp("kept") / "runs")
+
+
+@pytest.fixture(scope="module")
+def pages(kept: Session) -> list[str]:
+    return pages_of(certificate_pdf(certificate_of(kept.folder, NAME)))
+
+
+def pages_of(data: bytes) -> list[str]:
+    return [page.extract_text() for page in PdfReader(io.BytesIO(data)).pages]
+
+
+def words_of(pages: list[str]) -> str:
+    return " ".join(" ".join(pages).replace("\N{MINUS SIGN}", "-").split())
+
+
+def row_of(text: str, quantity: str) -> tuple[float, float]:
+    """Return value and interval of the first row that is called so."""
+    found = re.search(rf"{quantity} (-?[\d.]+) ([\d.]+) (?:kg|mm)", text)
+    assert found is not None, quantity
+    return float(found[1]), float(found[2])
+
+
+def test_the_numbers_are_those_of_the_payload_file(kept: Session, pages: list[str]) -> None:
+    document = json.loads(kept.folder.read("payload.json"))
+    text = words_of(pages)
+    names = ["mass m", *(f"centre of gravity {name}" for name in REPORTED[1:4])]
+    names += [f"inertia {name}" for name in REPORTED[4:]]
+    for name, quantity in zip(names, document["about_centre_of_gravity"], strict=True):
+        factor = 1e3 if quantity["unit"] == "m" else 1.0
+        value, interval = row_of(text, name)
+        two_sigma = 2.0 * factor * quantity["sigma"]
+        assert interval == pytest.approx(two_sigma, rel=0.05)
+        assert value == pytest.approx(factor * quantity["value"], abs=0.05 * two_sigma)
+
+
+def test_load_data_are_those_of_the_exported_body(kept: Session, pages: list[str]) -> None:
+    text = words_of(pages).partition("Load data for a controller")[2]
+    body = kept.payload.estimate.body
+    assert f"mass m {body.mass_kg:.6g} kg" in text
+    for name, value in zip(REPORTED[1:4], body.centre_m, strict=True):
+        assert f"centre of gravity {name} {1e3 * value:.6g} mm" in text
+    for name, value in zip(REPORTED[4:], body.reported[4:], strict=True):
+        assert f"inertia {name} {value:.6g} kg m²" in text
+    for moment in body.principal[0]:
+        assert re.search(rf"principal moment about \([^)]+\) {moment:.6g} kg m²", text)
+    assert "Frame: the flange, which is the tool frame of the robot file" in text
+
+
+def test_it_says_who_when_where_by_what_and_with_which_files(
+    kept: Session, pages: list[str]
+) -> None:
+    text = words_of(pages)
+    manifest = kept.folder.manifest()
+    assert manifest.finished_utc is not None
+    for stamp in (manifest.created_utc, manifest.finished_utc):
+        assert f"{stamp[:19].replace('T', ' ')} UTC" in text
+    assert "PASSED" in text
+    assert "interval of the mass (2σ)" in text
+    assert f"gripper 4 ({kept.folder.run_id})" in text
+    assert "By Jörg Łukasz Ωmega Дарья [U+5C71][U+7530]" in text
+    assert "by its Unicode number" in text
+    assert "Signature: Jörg" in text
+    assert "robot kr15 not recorded" in text
+    assert "(node 5) 7005" in text
+    assert "(node 6) not recorded" in text
+    for step, run_id in kept.state.done.items():
+        used = "yes" if run_id in kept.payload.estimate.run_ids else "no"
+        assert f"{step} {run_id} {used}" in text
+        entry = RunFolder.open(kept.folder.path.parent / run_id).manifest().files["recording.mcap"]
+        assert f"{run_id} recording.mcap {entry.sha256}" in text
+    assert f"payload.json {manifest.files['payload.json'].sha256}" in text
+    assert "Recorded with rid-daq 0.1.0" in text
+
+
+def test_every_page_of_a_simulated_cell_says_so_and_has_its_number(pages: list[str]) -> None:
+    assert len(pages) > 1
+    for number, page in enumerate(pages, start=1):
+        assert "SIMULATED" in page
+        assert f"page {number} of {len(pages)}" in page
+
+
+def test_a_real_cell_is_not_called_simulated(tmp_path: Path) -> None:
+    real = certified_session(tmp_path / "runs", simulated=False)
+    text = words_of(pages_of(certificate_pdf(certificate_of(real.folder, None))))
+    assert "simulated" not in text.lower()
+    assert "By not recorded" in text
+
+
+def test_the_same_session_gives_the_same_bytes(session: Session) -> None:
+    request = PayloadCertificateRequest(session.folder.run_id, session.folder.path.parent, by=NAME)
+    _, file = write_certificate(request)
+    first = file.read_bytes()
+    write_certificate(request)
+    assert file.read_bytes() == first
+    metadata = PdfReader(file).metadata
+    ended = session.folder.manifest().finished_utc
+    assert metadata is not None
+    assert ended is not None
+    assert metadata.creation_date == datetime.fromisoformat(ended).replace(microsecond=0)
+    assert metadata.modification_date is None
+    # What is there is of the run now, and no stray.
+    assert file == session.folder.file(CERTIFICATE)
+    assert CERTIFICATE in session.folder.manifest().files
+    assert session.folder.strays() == ()
+
+
+def test_a_failed_verdict_is_certified_as_failed_and_gives_no_load_data(tmp_path: Path) -> None:
+    failed = certified_session(tmp_path / "runs", mass_percent=1e-6)
+    text = words_of(pages_of(certificate_pdf(certificate_of(failed.folder, None))))
+    assert "FAILED Limits not kept: interval of the mass (2σ)." in text
+    assert "PASSED" not in text
+    assert "None: the verdict is not passed." in text
+    assert "principal moment" not in text
+
+
+def test_what_is_not_seen_has_no_number(session: Session) -> None:
+    note_payload(session.folder, with_unseen_inertia(session.payload))
+    text = words_of(pages_of(certificate_pdf(certificate_of(session.folder, None))))
+    assert "inertia Izz not seen –" in text
+    assert "FAILED" in text
+
+
+def test_overlong_texts_stay_on_the_page(tmp_path: Path) -> None:
+    label, by = "ж" * 64, "W" * 200
+    long = certified_session(tmp_path / "runs", label)
+    data = certificate_pdf(certificate_of(long.folder, by))
+    joined = "".join("".join(pages_of(data)).split())
+    assert label in joined
+    assert joined.count(by) == 2
+    for page in PdfReader(io.BytesIO(data)).pages:
+        width = float(page.mediabox.width)
+        across: list[float] = []
+        page.extract_text(visitor_text=lambda text, cm, tm, font, size: across.append(tm[4]))  # noqa: B023
+        assert max(across) < width - 40.0
+
+
+@pytest.mark.parametrize("by", ["", "  ", "x" * 201])
+def test_a_name_is_one_to_two_hundred_characters(by: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--by: give a name"):
+        PayloadCertificateRequest("latest", tmp_path, by=by)
+
+
+def test_a_run_of_payload_identify_is_certified(session: Session) -> None:
+    loaded = RunFolder.open(session.folder.path.parent / session.state.done["loaded 1"])
+    note_payload(loaded, session.payload)
+    certificate = certificate_of(loaded, None)
+    text = words_of(pages_of(certificate_pdf(certificate)))
+    assert not certificate.is_session
+    assert [each.run_id for each in certificate.runs] == list(session.payload.estimate.run_ids)
+    assert f"gripper 4 3 ({loaded.run_id})" in text
+
+
+def test_a_session_that_is_not_finished_is_refused(
+    session: Session, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = session.folder.path / MANIFEST
+    manifest = session.folder.manifest()
+    files = {name: entry for name, entry in manifest.files.items() if name != "payload.json"}
+    unfinished = manifest.model_copy(update={"status": RunStatus.UNFINISHED, "files": files})
+    path.write_text(unfinished.model_dump_json(), encoding="utf-8")
+    assert run(["payload", "certificate", str(session.folder.path)]) == ExitCode.DATA_QUALITY
+    said = " ".join(capsys.readouterr().err.split())
+    assert "is not finished (done: warm-up, unloaded, loaded 1) and has no verdict" in said
+    assert f"rid-daq payload kr15 --resume {session.folder.run_id}" in said
+    assert not (session.folder.path / CERTIFICATE).exists()
+
+
+def test_a_session_without_a_verdict_is_refused(session: Session) -> None:
+    note_payload(session.folder, without_checks(session.payload))
+    with pytest.raises(DataQualityError, match="has no verdict"):
+        certificate_of(session.folder, None)
+
+
+def test_a_session_that_lacks_a_step_since_is_refused(session: Session) -> None:
+    del session.state.done["loaded 1"]
+    session.state.write()
+    with pytest.raises(DataQualityError, match="finish the session"):
+        certificate_of(session.folder, None)
+
+
+def test_a_run_without_a_payload_is_refused(session: Session) -> None:
+    other = RunFolder.open(session.folder.path.parent / session.state.done["unloaded"])
+    with pytest.raises(DataQualityError, match="nothing to certify"):
+        certificate_of(other, None)
+
+
+def test_a_run_that_was_never_finished_is_refused(session: Session) -> None:
+    other = RunFolder.open(session.folder.path.parent / session.state.done["loaded 1"])
+    begun = other.manifest().model_copy(update={"status": RunStatus.UNFINISHED})
+    (other.path / MANIFEST).write_text(begun.model_dump_json(), encoding="utf-8")
+    with pytest.raises(DataQualityError, match="was never finished"):
+        certificate_of(session.folder, None)
+
+
+def test_a_payload_that_is_not_that_of_the_result_is_refused(session: Session) -> None:
+    result = json.loads(session.folder.read("result.json"))
+    result["payload"]["parameters"][0]["value"] *= 1.01
+    session.folder.write("result.json", json.dumps(result).encode())
+    with pytest.raises(DataQualityError, match="not of the same payload"):
+        certificate_of(session.folder, None)
+
+
+@pytest.mark.parametrize("name", ["recording.mcap", "robot.yaml", "drive_writes.jsonl"])
+def test_a_changed_file_is_refused(session: Session, name: str) -> None:
+    other = RunFolder.open(session.folder.path.parent / session.state.done["loaded 1"])
+    with other.file(name).open("ab") as file:
+        file.write(b"\n")
+    with pytest.raises(RecordingError, match="SHA-256 differs"):
+        certificate_of(session.folder, None)
+
+
+def test_a_file_that_is_there_is_replaced_only_when_told(
+    session: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine.pdf"
+    words = ["payload", "certificate", str(session.folder.path), "-o", str(out), "--json"]
+    assert run(words) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["file"] == str(out)
+    assert document["simulated"] is True
+    assert document["verdict"]["passed"] is True
+    assert run(words) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert run([*words, "--overwrite"]) == 0
+    assert len(pages_of(out.read_bytes())) > 1
+
+
+def test_the_widest_run_id_stays_on_its_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    widest, drawn = int("11100" * 16, 2), itertools.count()  # W, where letters have their widths
+    monkeypatch.setattr("acquisition.runs.run_id.secrets.randbits", lambda _: widest ^ next(drawn))
+    made = certified_session(tmp_path / "runs")
+    text = words_of(pages_of(certificate_pdf(certificate_of(made.folder, NAME))))
+    for step, run_id in made.state.done.items():
+        assert run_id.count("W") > 10
+        assert f"{step} {run_id} " in text
+        assert f"{run_id} recording.mcap" in text

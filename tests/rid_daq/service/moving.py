@@ -1,0 +1,64 @@
+"""What tests of a served cell have in common: the cell is taken, a motion is begun."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+
+from acquisition.motion.samples import Phase
+from acquisition.task.control_block import ControlBlock
+from config.errors import ConfigError, LockedError, ServiceError
+from rid_daq.service.client import ServiceClient
+from rid_daq.service.records import CellState, Job
+from tests.rid_daq.service.conftest import ServedProcess
+
+CHECK = {"seconds": 0.2}
+
+
+def until(condition: Callable[[], bool], patience_s: float = 60.0) -> None:
+    """Wait for a condition that must come true."""
+    end_s = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < end_s, "it did not come true"
+        time.sleep(0.02)
+
+
+def begin_motion(served: ServedProcess, lease: str, pace: float = 1.0, **wanted: object) -> Job:
+    """Begin a recording, and return once the robot moves."""
+    with served.client as client:
+        request = {"motion": "motion.yaml", "simulation": {"pace": pace}}
+        body = {"kind": "record", "request": request, **wanted}
+        job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", body, lease))
+        pid = client.job(job.id).pid
+        assert pid is not None
+        until(lambda: is_in_motion(pid))
+        return job
+
+
+def is_in_motion(pid: int) -> bool:
+    """Return whether a worker's robot is in the main part of its motion."""
+    control = ControlBlock.of_process(pid)
+    return control is not None and control.progress.phase is Phase.MAIN
+
+
+def events(client: ServiceClient, job: Job) -> list[dict[str, object]]:
+    found: list[dict[str, object]] = client.ask("GET", f"/jobs/{job.id}/events")
+    return found
+
+
+@contextlib.contextmanager
+def taken(served: ServedProcess, motion: str) -> Iterator[str]:
+    """Take the cell, ready to move; yield the lease's key."""
+    (served.folder / "motion.yaml").write_text(motion, encoding="utf-8")
+    with served.client as client:
+        key = str(client.ask("POST", "/cells/ir361/lease", {"seconds": 600.0})["key"])
+        if client.cell("ir361").state is not CellState.READY:
+            client.run("ir361", "check", CHECK, lease=key).require_done()
+    try:
+        yield key
+    finally:
+        with contextlib.suppress(ConfigError, LockedError, ServiceError), served.client as client:
+            client.stop("ir361")
+            until(lambda: client.cell("ir361").job is None)
+            client.ask("DELETE", "/cells/ir361/lease", None, key)

@@ -1,0 +1,257 @@
+"""The API's rules, asked as a client asks: who may, when, what a refusal says."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import httpx
+import pytest
+
+from rid_daq.service.api.app import make_api
+from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.records import Preflight, Role
+from rid_daq.service.service import CellService
+
+
+class Api:
+    """A client of a service in this process.
+
+    Parameters
+    ----------
+    service : CellService
+        The service.
+    """
+
+    def __init__(self, service: CellService) -> None:
+        self.service = service
+        self.door = Doorkeeper(service.tokens, 0, secure=False)
+        self.app = make_api(service, self.door)
+        self.secrets = {
+            role: service.tokens.add(role.value, role, person=role is not Role.VIEWER)[1]
+            for role in Role
+        }
+
+    def ask(
+        self,
+        role: Role | None,
+        method: str,
+        path: str,
+        body: object = None,
+        lease: str = "",
+    ) -> httpx.Response:
+        headers = {"x-rid-daq-lease": lease} if lease else {}
+        if role is not None:
+            headers["authorization"] = f"Bearer {self.secrets[role]}"
+
+        async def asked() -> httpx.Response:
+            transport = httpx.ASGITransport(self.app, client=("192.0.2.7", 4711))
+            async with httpx.AsyncClient(transport=transport, base_url="http://cell") as client:
+                return await client.request(method, path, json=body, headers=headers)
+
+        return asyncio.run(asked())
+
+    def lease(self, role: Role = Role.OPERATOR, **more: Any) -> str:
+        answer = self.ask(role, "POST", "/api/v1/cells/ir361/lease", {"seconds": 60.0, **more})
+        assert answer.status_code == 201, answer.text
+        return str(answer.json()["key"])
+
+    def make_ready(self) -> None:
+        cell = self.service.cell("ir361")
+        self.service.readiness.note_check(cell, {"passed": True, "problem": None, "lines": []})
+
+
+@pytest.fixture
+def api(service: CellService) -> Api:
+    return Api(service)
+
+
+RECORD = {"kind": "record", "request": {"motion": "motion.yaml"}}
+CHECK = {"kind": "check"}
+
+READ = [
+    "/api/v1/cells",
+    "/api/v1/cells/ir361",
+    "/api/v1/cells/ir361/preflight",
+    "/api/v1/cells/ir361/lease",
+    "/api/v1/jobs",
+    "/api/v1/runs",
+    "/api/v1/files",
+    "/api/v1/requests",
+    "/api/v1/whoami",
+    "/metrics",
+]
+
+
+@pytest.mark.parametrize("path", READ)
+def test_reading_is_free_for_those_who_are_known(api: Api, path: str) -> None:
+    assert api.ask(None, "GET", path).status_code == 401
+    assert api.ask(Role.VIEWER, "GET", path).status_code == 200
+
+
+def test_health_needs_no_token(api: Api) -> None:
+    assert api.ask(None, "GET", "/api/v1/health").json()["status"] == "ok"
+
+
+@pytest.mark.parametrize("path", ["/api/v1/tokens", "/api/v1/pairing", "/api/v1/audit"])
+def test_who_may_come_in_is_the_administrators(api: Api, path: str) -> None:
+    assert api.ask(Role.OPERATOR, "GET", path).status_code == 403
+    assert api.ask(Role.ADMINISTRATOR, "GET", path).status_code == 200
+
+
+def test_a_viewer_takes_no_cell_and_begins_nothing(api: Api) -> None:
+    assert api.ask(Role.VIEWER, "POST", "/api/v1/cells/ir361/lease", {}).status_code == 403
+    answer = api.ask(Role.VIEWER, "POST", "/api/v1/cells/ir361/jobs", RECORD)
+    assert answer.status_code == 403
+    assert answer.json()["message"] == "viewer is viewer: this needs operator"
+
+
+def test_a_simulated_cell_says_so(api: Api) -> None:
+    told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
+    assert told["simulated"] is True
+    assert told["pace"] == 20.0
+    assert told["state"] == "closed"
+    assert told["not_ready_because"] == "it was not checked yet: check it."
+
+
+def test_a_job_on_the_cell_needs_its_lease(api: Api) -> None:
+    answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", CHECK)
+    assert answer.status_code == 409
+    assert "take it first" in answer.json()["message"]
+    api.lease()
+    answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", CHECK, lease="guessed")
+    assert answer.status_code == 409
+
+
+def test_two_cannot_have_one_cell(api: Api) -> None:
+    api.lease(Role.OPERATOR, note="payload day")
+    wanted = {"seconds": 60.0}
+    answer = api.ask(Role.ADMINISTRATOR, "POST", "/api/v1/cells/ir361/lease", wanted)
+    assert answer.status_code == 409
+    assert "operator has it (payload day" in answer.json()["message"]
+    assert api.lease(Role.ADMINISTRATOR, confirmed="ir361")
+
+
+def test_a_motion_needs_a_cell_that_is_ready(api: Api) -> None:
+    key = api.lease()
+    answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", RECORD, lease=key)
+    assert answer.status_code == 409
+    assert "is not ready: it was not checked yet" in answer.json()["message"]
+
+
+def test_a_fault_must_be_reset_by_a_person(api: Api) -> None:
+    api.make_ready()
+    cell = api.service.cell("ir361")
+    stop = {"code": "FOLLOWING_ERROR", "text": "axis2 follows by 0.1 rad, 0.05 rad is allowed."}
+    api.service.readiness.note_end(cell, {"stop": stop})
+    told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
+    assert told["state"] == "fault"
+    assert "axis2 follows by 0.1 rad" in told["not_ready_because"]
+    api.service.readiness.note_reset(cell)
+    assert api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()["state"] == "ready"
+
+
+@pytest.mark.parametrize("code", ["STOP_BUTTON", "STOP_COMMAND", "INTERRUPTED", "CLIENT_LOST"])
+def test_a_stop_that_a_person_asked_for_is_no_fault(api: Api, code: str) -> None:
+    api.make_ready()
+    cell = api.service.cell("ir361")
+    api.service.readiness.note_end(cell, {"stop": {"code": code, "text": "stopped"}})
+    assert api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()["state"] == "ready"
+
+
+def test_a_red_preflight_is_not_ready(api: Api) -> None:
+    cell = api.service.cell("ir361")
+    document = {"passed": False, "problem": None, "lines": [{"what": "heartbeat"}]}
+    api.service.readiness.note_check(cell, document)
+    told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
+    assert told["state"] == "closed"
+    assert "red" in told["not_ready_because"]
+    lines = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361/preflight").json()
+    assert Preflight.model_validate(lines).lines == ({"what": "heartbeat"},)
+
+
+def test_a_stop_needs_no_lease_and_no_role(api: Api) -> None:
+    answer = api.ask(Role.VIEWER, "POST", "/api/v1/cells/ir361/stop")
+    assert answer.status_code == 202
+    assert answer.json() == {
+        "told": False,
+        "sentence": "Nothing moves here by this service.",
+    }
+
+
+def test_a_stop_from_another_computer_needs_a_token(api: Api) -> None:
+    assert api.ask(None, "POST", "/api/v1/cells/ir361/stop").status_code == 401
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [
+        ("/api/v1/cells/kr15", 404),
+        ("/api/v1/jobs/none", 404),
+        ("/api/v1/runs/none", 404),
+        ("/api/v1/runs/..", 404),
+        ("/api/v1/files/none.yaml", 404),
+        ("/api/v1/files/..%2F..%2Fetc%2Fpasswd", 422),
+        ("/api/v1/files/.rid-daq-service/service.db", 422),
+        ("/api/v1/files/.rid-daq-service/jobs/x.json", 422),
+    ],
+)
+def test_what_is_not_there_is_said(api: Api, path: str, status: int) -> None:
+    answer = api.ask(Role.OPERATOR, "GET", path)
+    assert answer.status_code == status, answer.text
+
+
+def test_a_request_with_a_mistake_is_refused_before_it_is_journalled(api: Api) -> None:
+    api.make_ready()
+    key = api.lease()
+    for request, said in [
+        ({"motion": "../../motion.yaml"}, "not inside the service's folder"),
+        ({"motion": "m.yaml", "sped": 2}, "'sped' was unexpected"),
+        ({}, "'motion' is a required property"),
+    ]:
+        wanted = {"kind": "record", "request": request}
+        answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", wanted, lease=key)
+        assert answer.status_code == 422
+        assert said in answer.json()["message"]
+    assert api.service.jobs.newest() == []
+
+
+def test_a_file_is_put_once_and_read_back(api: Api) -> None:
+    put = api.ask(Role.OPERATOR, "PUT", "/api/v1/files/motions/a.json", {"kind": "none"})
+    assert put.status_code == 201
+    assert api.ask(Role.VIEWER, "GET", "/api/v1/files/motions/a.json").json() == {"kind": "none"}
+    again = api.ask(Role.OPERATOR, "PUT", "/api/v1/files/motions/a.json", {})
+    assert again.status_code == 422
+    assert "is there already" in again.json()["message"]
+    assert api.ask(Role.VIEWER, "PUT", "/api/v1/files/b.json", {}).status_code == 403
+
+
+@pytest.mark.parametrize("path", ["a.py", "runs/x.yaml", ".hidden.json", "..%2Fa.json"])
+def test_only_motions_and_models_are_put(api: Api, path: str) -> None:
+    assert api.ask(Role.OPERATOR, "PUT", f"/api/v1/files/{path}", {}).status_code == 422
+
+
+def test_devices_that_another_program_serves_keep_their_own_time(
+    service: CellService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = service.cell("ir361")
+    assert cell.pace_here() == 20.0
+    monkeypatch.setattr("rid_daq.service.served_cell.is_served", lambda _cell: True)
+    assert cell.pace_here() is None
+
+
+def test_what_people_do_is_kept(api: Api) -> None:
+    api.lease(note="payload day")
+    made = {"name": "CI", "role": "operator"}
+    api.ask(Role.ADMINISTRATOR, "POST", "/api/v1/tokens", made)
+    told = api.ask(Role.ADMINISTRATOR, "GET", "/api/v1/audit").json()
+    assert [(each["who"], each["what"], each["details"]) for each in told] == [
+        ("administrator", "made a token", "CI, operator"),
+        ("operator", "took the cell", "payload day"),
+    ]
+
+
+def test_metrics_have_the_names_that_monitoring_expects(api: Api) -> None:
+    text = api.ask(Role.VIEWER, "GET", "/metrics").text
+    assert 'rid_daq_cell_state{cell="ir361",state="closed"} 1.0' in text
+    assert "rid_daq_start_time_seconds" in text

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from config.errors import ConfigError, LockedError
+from rid_daq.service.leases import Leases
+from rid_daq.service.records import Identity, Role
+from rid_daq.service.refusals import NotAllowedError
+from rid_daq.service.store.database import open_database
+from rid_daq.service.store.leases import LeaseStore
+
+ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
+BEN = Identity(name="Ben", role=Role.OPERATOR, person=True, token="b")
+CI = Identity(name="CI", role=Role.OPERATOR, person=False, token="c")
+
+
+class Clock:
+    now_s = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def leases(tmp_path: Path, clock: Clock) -> Leases:
+    return Leases(LeaseStore(open_database(tmp_path / "service.db")), clock)
+
+
+def test_a_cell_has_one_owner_until_the_lease_runs_out(leases: Leases, clock: Clock) -> None:
+    leases.take("ir361", ANNA, "payload day", 10.0)
+    with pytest.raises(LockedError, match=r"Anna has it \(payload day; 10 s left"):
+        leases.take("ir361", BEN, "", 10.0)
+    clock.now_s += 10.0
+    assert leases.of("ir361") is None
+    assert leases.take("ir361", BEN, "", 10.0).owner == "Ben"
+
+
+def test_a_heartbeat_lets_it_hold_on(leases: Leases, clock: Clock) -> None:
+    lease = leases.take("ir361", ANNA, "", 10.0)
+    for _ in range(5):
+        clock.now_s += 8.0
+        leases.renew("ir361", lease.key, 10.0)
+    held = leases.of("ir361")
+    assert held is not None
+    assert held.owner == "Anna"
+
+
+def test_a_lease_that_has_run_out_is_not_renewed(leases: Leases, clock: Clock) -> None:
+    lease = leases.take("ir361", ANNA, "", 10.0)
+    clock.now_s += 10.1
+    with pytest.raises(LockedError, match="take it first"):
+        leases.renew("ir361", lease.key, 10.0)
+
+
+def test_only_its_key_gives_it_back(leases: Leases) -> None:
+    lease = leases.take("ir361", ANNA, "", 10.0)
+    with pytest.raises(LockedError, match="this lease is not theirs"):
+        leases.give_back("ir361", "another")
+    leases.give_back("ir361", lease.key)
+    assert leases.of("ir361") is None
+
+
+def test_a_person_takes_over_by_the_cells_name(leases: Leases) -> None:
+    before = leases.take("ir361", ANNA, "", 10.0)
+    assert leases.renew("ir361", before.key, 10.0).id == before.id
+    with pytest.raises(ConfigError, match="'ir36' is not the cell's name"):
+        leases.take("ir361", BEN, "", 10.0, confirmed="ir36")
+    assert leases.take("ir361", BEN, "", 10.0, confirmed="ir361").id != before.id
+    with pytest.raises(LockedError, match="Ben has it"):
+        leases.require("ir361", before.key)
+
+
+def test_a_program_takes_nothing_over(leases: Leases) -> None:
+    leases.take("ir361", ANNA, "", 10.0)
+    with pytest.raises(NotAllowedError, match="only a person"):
+        leases.take("ir361", CI, "", 10.0, confirmed="ir361")
+
+
+@pytest.mark.parametrize("seconds", [0.0, 1.9, 3601.0, float("nan")])
+def test_a_lease_is_neither_a_moment_nor_a_day(leases: Leases, seconds: float) -> None:
+    with pytest.raises(ConfigError, match="give 2 to 3600"):
+        leases.take("ir361", ANNA, "", seconds)
+
+
+def test_a_lease_is_there_after_a_restart(tmp_path: Path) -> None:
+    clock = Clock()
+    first = open_database(tmp_path / "service.db")
+    lease = Leases(LeaseStore(first), clock).take("ir361", ANNA, "", 60.0)
+    first.close()
+    again = Leases(LeaseStore(open_database(tmp_path / "service.db")), clock)
+    assert again.require("ir361", lease.key).owner == "Anna"

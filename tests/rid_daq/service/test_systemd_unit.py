@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from config.errors import ConfigError
+from rid_daq.app import run
+from rid_daq.service.systemd_unit import SystemdUnit
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.delenv("INVOCATION_ID", raising=False)
+    return tmp_path / "config" / "systemd" / "user"
+
+
+def unit(folder: Path, cell: str = "ir361") -> SystemdUnit:
+    return SystemdUnit.of([cell], folder, [cell, "--folder", str(folder)])
+
+
+def test_the_command_writes_a_unit_that_serves_the_same(
+    tmp_path: Path, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "cell four"
+    folder.mkdir()
+    assert run(["serve", "ir361", "--folder", str(folder), "--pace", "5", "--install"]) == 0
+    said = capsys.readouterr().out
+    assert "systemctl --user daemon-reload" in said
+    text = (home / "rid-daq.service").read_text()
+    lines = dict(line.split("=", 1) for line in text.splitlines() if "=" in line)
+    words = shlex.split(lines["ExecStart"])
+    assert words[1:4] == ["-m", "rid_daq", "serve"]
+    assert words[4:] == [
+        *("ir361", "--folder", str(folder), "--listen", "127.0.0.1:8642", "--pace", "5"),
+    ]
+    assert lines["KillMode"] == "mixed", "workers end by the service's word"
+
+
+def test_a_unit_of_somebody_else_is_left_alone(tmp_path: Path, home: Path) -> None:
+    home.mkdir(parents=True)
+    (home / "rid-daq.service").write_text("[Service]\nExecStart=/bin/true\n")
+    with pytest.raises(ConfigError, match="was not written by rid-daq"):
+        unit(tmp_path).install()
+
+
+def test_an_older_unit_is_kept_current_where_systemd_started_it(
+    tmp_path: Path, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unit(tmp_path, "kr15").install()
+    newer = unit(tmp_path)
+    assert not newer.keep_current(), "a person in a terminal starts something else"
+    monkeypatch.setenv("INVOCATION_ID", "1")
+    assert newer.keep_current()
+    assert (home / "rid-daq.service").read_text() == newer.text
+    assert not newer.keep_current()
+
+
+def test_percent_signs_are_no_specifiers(tmp_path: Path) -> None:
+    folder = tmp_path / "100%"
+    folder.mkdir()
+    assert "100%%" in unit(folder).text

@@ -1,0 +1,127 @@
+"""The workbench in a real browser, on a served simulated cell; one of each for a test worker."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, Playwright, expect, sync_playwright
+
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from tests.rid_daq.service.conftest import ServedProcess, motion, serve
+
+__all__ = ["motion"]
+
+PATIENCE_MS = 60_000
+QUIET = (
+    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+)
+
+
+@pytest.fixture(scope="session")
+def served_pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedProcess]:
+    """A service of the bundled simulated cell, as a process."""
+    running = serve(tmp_path_factory.mktemp("pages"))
+    yield running
+    running.end()
+
+
+@pytest.fixture(scope="session")
+def playwright() -> Iterator[Playwright]:
+    with sync_playwright() as driver:
+        yield driver
+
+
+@pytest.fixture(scope="session")
+def browser(playwright: Playwright) -> Iterator[Browser]:
+    """Debian's chromium; without one these tests are skipped, in CI they fail."""
+    chromium = shutil.which("chromium")
+    if chromium is None and not os.environ.get("CI"):
+        pytest.skip("this test needs chromium; on Debian: apt install chromium")
+    assert chromium is not None, "this test needs chromium; on Debian: apt install chromium"
+    expect.set_options(timeout=PATIENCE_MS)
+    running = playwright.chromium.launch(executable_path=chromium, args=list(QUIET))
+    yield running
+    running.close()
+
+
+OpenPage = Callable[..., Page]
+
+
+@pytest.fixture
+def problems() -> list[str]:
+    """What browsers' consoles complain of; a test that expects complaints clears it."""
+    return []
+
+
+@pytest.fixture
+def open_page(
+    browser: Browser, served_pages: ServedProcess, problems: list[str]
+) -> Iterator[OpenPage]:
+    """Open a page in a new browser profile, let in by the terminal's link unless told otherwise."""
+    contexts = []
+
+    def opened(*, known: bool = True, dark: bool = False, width: int = 1280) -> Page:
+        context = browser.new_context(
+            viewport={"width": width, "height": 900}, color_scheme="dark" if dark else "light"
+        )
+        context.set_default_timeout(PATIENCE_MS)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on(
+            "console",
+            lambda said: problems.append(said.text) if said.type in ("error", "warning") else None,
+        )
+        page.goto(served_pages.url if known else served_pages.url.split("?")[0])
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert problems == []
+
+
+@pytest.fixture(scope="session")
+def screenshots() -> Path:
+    """Where pictures are kept for people: RID_DAQ_SCREENSHOTS, or build/screenshots."""
+    root = Path(__file__).parents[3]
+    folder = Path(os.environ.get("RID_DAQ_SCREENSHOTS") or root / "build" / "screenshots")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def take_cell(page: Page, note: str = "a test") -> None:
+    """Take the cell by the page's button."""
+    page.locator("#lease-take").click()
+    page.locator("#note").fill(note)
+    page.keyboard.press("Enter")
+    expect(page.locator("#lease-back")).to_be_visible()
+
+
+def give_back(page: Page) -> None:
+    page.locator("#lease-back").click()
+    expect(page.locator("#lease-take")).to_be_visible()
+
+
+def checked(page: Page) -> None:
+    """Have the cell checked by the page's button."""
+    page.locator("#check").click()
+    expect(page.locator("#job .verdict.end")).to_have_text("Check: done")
+    expect(page.locator("#state")).to_have_text("ready")
+
+
+def estimated(root: Path, label: str, value: float, robot: str = "ir361") -> str:
+    """Write a run that tells of one estimate, and return its id."""
+    folder = RunFolder.create(root, label)
+    folder.finish(RunStatus.COMPLETE, {"robot": robot})
+    parameter = {"name": "fc1", "words": "Coulomb friction of axis1", "unit": "N m"}
+    section = {"parameters": [{**parameter, "value": value, "std": 0.1}]}
+    folder.file("result.json").write_text(json.dumps({"estimate": section}))
+    return folder.run_id

@@ -1,0 +1,119 @@
+"""Every page: without complaints of the browser or of axe, in light and dark, at three widths."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page, expect
+
+from rid_daq.workbench.menu import MENU
+from tests.rid_daq.service.conftest import ServedProcess
+from tests.rid_daq.workbench.conftest import OpenPage, checked, estimated, give_back, take_cell
+
+pytestmark = pytest.mark.slow
+
+WIDTHS = (390, 820, 1280)
+LARGE_ENOUGH_PX = 48
+TARGETS = "button, .button, select, nav a, summary"
+SMALL_TARGETS = f"""(least) => [...document.querySelectorAll({TARGETS!r})]
+  .filter((each) => each.offsetParent !== null && each.getBoundingClientRect().height < least - 0.5)
+  .map((each) => each.textContent.trim())"""
+CUT_OFF = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
+
+
+def require_axe(page: Page) -> None:
+    found = Axe().run(page)
+    assert found.violations_count == 0, found.generate_report()
+
+
+@pytest.fixture(scope="module")
+def a_run(served_pages: ServedProcess) -> str:
+    """A run of the served cell, so that its pages have something to show."""
+    client = served_pages.client
+    with client, client.lease("ir361") as cell:
+        cell.run("check").require_done()
+        done = cell.run(
+            "axes", {"unattended": True, "joints": ["axis1"]}, cleared=True
+        ).require_done()
+    assert done.job.run is not None
+    for label, value in (("spring", 3.0), ("autumn", 4.0)):
+        estimated(served_pages.folder / "runs", label, value)
+    return done.job.run
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_every_page_can_be_read_and_pressed(
+    open_page: OpenPage, served_pages: ServedProcess, a_run: str, screenshots: Path, dark: bool
+) -> None:
+    page = open_page(dark=dark)
+    base = served_pages.url.split("/?")[0] + "/cells/ir361"
+    paths = [entry.path for entry in MENU] + ["/runs/history", f"/runs/{a_run}"]
+    wrong = []
+    for path in paths:
+        page.goto(base + path)
+        expect(page.locator("#lease-take")).to_be_visible()
+        page.wait_for_load_state("networkidle")
+        if path == "/runs/history":
+            expect(page.locator('#figure[data-figure-state="shown"]')).to_be_visible()
+        expect(page.get_by_text("…", exact=True)).to_have_count(0)  # nothing is still to come
+        name = (path.strip("/") or "cell").replace(a_run, "one").replace("/", "-")
+        found = Axe().run(page)
+        if found.violations_count:
+            wrong.append(f"{name}: {found.generate_report()}")
+        for width in WIDTHS:
+            page.set_viewport_size({"width": width, "height": 900})
+            if page.evaluate(CUT_OFF):
+                wrong.append(f"{name}: wider than {width} px")
+            small = page.evaluate(SMALL_TARGETS, LARGE_ENOUGH_PX)
+            if small:
+                wrong.append(f"{name}: too small for gloves at {width} px: {small}")
+            colours = "dark" if dark else "light"
+            page.screenshot(path=screenshots / f"{name}-{width}-{colours}.png", full_page=True)
+    assert wrong == []
+
+
+def test_dialogs_and_jobs_can_be_read_too(open_page: OpenPage, screenshots: Path) -> None:
+    page = open_page(width=820)
+    take_cell(page)
+    checked(page)
+    page.screenshot(path=screenshots / "checked-820-light.png", full_page=True)
+    require_axe(page)
+    page.locator("#jog").click()
+    expect(page.get_by_role("dialog")).to_be_visible()
+    page.screenshot(path=screenshots / "clear-820-light.png")
+    require_axe(page)
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    expect(page.locator("#jog")).to_be_focused()
+    give_back(page)
+
+
+def test_the_pairing_page_can_be_read(open_page: OpenPage, screenshots: Path) -> None:
+    page = open_page(known=False, width=390)
+    expect(page.locator("#words")).to_contain_text("Waiting")
+    require_axe(page)
+    page.screenshot(path=screenshots / "pair-390-light.png")
+
+
+def test_runs_are_looked_for(open_page: OpenPage, served_pages: ServedProcess, a_run: str) -> None:
+    page = open_page()
+    page.get_by_role("link", name="Runs", exact=True).click()
+    row = page.locator("#runs tr", has_text="complete")
+    expect(row).not_to_have_count(0)
+    page.locator("#search").fill("nothing is called so")
+    expect(page.locator("#runs")).to_have_text("No run is like this.")
+    page.locator("#search").fill(a_run)
+    expect(page.locator("#runs tbody tr")).to_have_count(1)
+    page.locator("#runs tbody a").first.click()
+    expect(page.get_by_role("link", name="recording.mcap")).to_be_visible()
+
+
+def test_a_page_that_is_not_there_says_so(
+    open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
+) -> None:
+    page = open_page()
+    page.goto(served_pages.url.split("/?")[0] + "/cells/nowhere")
+    expect(page.locator("main")).to_contain_text("no cell 'nowhere' here; there are ir361")
+    problems.clear()  # the browser's own word on a 404

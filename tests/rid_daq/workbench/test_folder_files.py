@@ -1,0 +1,32 @@
+"""What the pages offer to choose from: files by what they are, not by what they are called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.service import CellService
+from rid_daq.workbench.folder_files import folder_files
+
+MOTION = "# An excitation.\nkind: fourier\nrobot: ir361\n"
+MODEL = '{\n "kind": "rid-daq estimate",\n "format": 2\n}'
+LOOPS = '{"schema": "rid-daq velocity loops 1"}'
+
+
+def test_files_are_offered_by_what_they_are(tmp_path: Path) -> None:
+    service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
+    run = service.runs / "01A"
+    run.mkdir(parents=True)
+    (tmp_path / "a.yaml").write_text(MOTION)
+    (tmp_path / "other.yaml").write_text(MOTION.replace("ir361", "kr15"))
+    (tmp_path / "cell.yaml").write_text("name: x\nkind_of: fourier\n")
+    (tmp_path / ".hidden.yaml").write_text(MOTION)
+    (run / "motion.yaml").write_text(MOTION)  # of a run: what it was recorded with
+    (run / "model.json").write_text(MODEL)
+    (run / "loops.json").write_text(LOOPS)
+    (run / "result.json").write_text(MODEL)
+    found = folder_files(service, "ir361")
+    assert [(each.path, each.kind) for each in found.motions] == [("a.yaml", "fourier")]
+    assert [each.path for each in found.models] == ["runs/01A/model.json"]
+    assert [each.path for each in found.loops] == ["runs/01A/loops.json"]
+    assert found.feedforwards == ()

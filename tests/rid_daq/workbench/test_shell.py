@@ -1,0 +1,236 @@
+"""The shell of the pages, by clicks: lease, STOP, pairing, strangers, a service that is gone."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import re
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from acquisition.runs.folder import RunFolder
+from tests.rid_daq.service.conftest import ServedProcess
+from tests.rid_daq.workbench.conftest import OpenPage, checked, give_back, take_cell
+
+pytestmark = pytest.mark.slow
+
+CELL = "ir361"
+RECORD = """async () => {
+  const { beginJob } = await import("/static/service.js");
+  const request = { motion: "motion.yaml", simulation: { pace: 1 } };
+  return await beginJob("record", request, { cleared: true });
+}"""
+"""A motion of many seconds, by the page's own module and lease."""
+
+
+def test_a_newcomer_takes_the_cell_and_checks_it(open_page: OpenPage) -> None:
+    page = open_page()
+    expect(page).to_have_url(re.compile(f"/cells/{CELL}$"))
+    expect(page).to_have_title(re.compile("simulated"))
+    expect(page.locator(".simulated")).to_contain_text("SIMULATED")
+    expect(page.locator("#stop")).to_contain_text("software, not an emergency stop")
+    expect(page.locator("#check")).to_be_disabled()
+    expect(page.locator("[data-why]")).to_have_text("Take the cell first.")
+    take_cell(page)
+    checked(page)
+    expect(page.locator("#now")).to_contain_text("Ready to move. Checked")
+    expect(page.locator("#preflight-words")).to_contain_text("Green")
+    expect(page.locator("#preflight details")).not_to_have_count(0)
+    give_back(page)
+    expect(page.locator("#lease-words")).to_have_text("Nobody has this cell.")
+
+
+def test_stop_ends_a_motion_also_while_a_dialog_is_open(
+    open_page: OpenPage, served_pages: ServedProcess, motion: str
+) -> None:
+    page = open_page()
+    (served_pages.folder / "motion.yaml").write_text(motion)
+    take_cell(page)
+    checked(page)
+    job = page.evaluate(RECORD)
+    expect(page.locator("#state")).to_have_text("moving")
+    page.evaluate(
+        'import("/static/dialog.js").then(({ confirmClear }) => void confirmClear("Another"))'
+    )
+    expect(page.get_by_role("dialog")).to_be_visible()
+    expect(page.locator("#job .count")).to_contain_text("measuring")
+    page.locator("#stop").click()  # nothing covers it, nor is it inert
+    expect(page.locator("#stop-words")).to_have_text(re.compile("Stop asked for"))
+    expect(page.locator("#job .verdict.end")).to_contain_text("Record: stopped")
+    page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
+    with served_pages.client as client:
+        over = client.follow(client.job(job["id"]))
+    assert over.document is not None
+    assert over.document["stop"]["code"] == "STOP_BUTTON"
+    assert over.job.run is not None
+    run = served_pages.folder / "runs" / over.job.run
+    assert RunFolder(run, over.job.run).manifest().status == "stopped"
+    assert "Stopped by the page's stop button" in (run / "result.json").read_text()
+    give_back(page)
+
+
+def test_a_button_moves_a_joint_while_it_is_held(open_page: OpenPage) -> None:
+    page = open_page()
+    take_cell(page)
+    checked(page)
+    page.locator("#jog").click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear").click()
+    expect(page.locator(".said")).to_contain_text("Ready: hold the key")
+    forth = page.get_by_role("button", name="hold to move forth")
+    position = page.locator('[data-joint="axis1"] [data-show="position"]')
+    expect(position).to_contain_text("°")
+    at_rest = degrees(position.inner_text())
+    forth.hover()
+    page.mouse.down()
+    page.wait_for_timeout(200)
+    while degrees(position.inner_text()) < at_rest + 1.0:
+        page.wait_for_timeout(50)
+    page.mouse.up()
+    speed = page.locator('[data-joint="axis1"] [data-show="velocity"]')
+    expect(speed).to_have_text(re.compile(r"^-?0\.0"))
+    page.get_by_role("button", name="axis2").click()
+    expect(page.locator(".said")).to_contain_text("Chosen: axis2.")
+    expect(page.get_by_role("button", name="Finish")).to_be_visible()
+    page.keyboard.press("Escape")
+    page.keyboard.press("Escape")
+    expect(page.locator("#stop-words")).to_have_text(re.compile("Stop asked for"))
+    expect(page.locator("#job .verdict.end")).to_contain_text("Jog: stopped")
+    give_back(page)
+
+
+def degrees(text: str) -> float:
+    return float(text.split()[0])
+
+
+def test_a_second_browser_is_paired_and_takes_the_cell_over(
+    open_page: OpenPage, problems: list[str]
+) -> None:
+    first, second = open_page(), open_page(known=False)
+    code = second.locator("#code")
+    expect(code).to_have_text(re.compile(r"\d{3} \d{3}"))
+    first.get_by_role("link", name="Settings").click()
+    first.locator("#pairing-name").fill("the tablet")
+    first.locator("#pairing-code").fill(code.inner_text())
+    first.get_by_role("button", name="Let it in").click()
+    expect(first.locator("#pairing-words")).to_have_text("the tablet is let in as operator.")
+    expect(second).to_have_url(re.compile(f"/cells/{CELL}$"))
+
+    take_cell(first, "calibration")
+    expect(second.locator("#lease-words")).to_contain_text("has this cell (calibration).")
+    expect(second.locator("#lease-take")).to_be_hidden()
+    expect(second.locator("#check")).to_be_disabled()
+    second.locator("#lease-over").click()
+    second.locator("#name").fill("ir36")
+    second.get_by_role("dialog").get_by_role("button", name="Take over").click()
+    expect(second.get_by_role("dialog").get_by_role("alert")).to_have_text("Type ir361.")
+    second.locator("#name").fill(CELL)
+    second.keyboard.press("Enter")
+    expect(second.locator("#lease-back")).to_be_visible()
+    expect(first.locator("#lease-words")).to_contain_text("You do not have this cell any more.")
+    expect(first.locator("#lease-words")).to_contain_text("the tablet has this cell")
+    assert all("409 (Conflict)" in problem for problem in problems)  # the first one's renewal
+    problems.clear()
+    give_back(second)
+    expect(first.locator("#lease-take")).to_be_visible()
+
+
+def test_a_service_that_does_not_answer_is_told_in_large_words(
+    open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
+) -> None:
+    page = open_page()
+    expect(page.locator("#lease-take")).to_be_visible()
+    served_pages.process.send_signal(signal.SIGSTOP)
+    try:
+        page.locator("#stop").click()
+        words = "The service does not answer: use the emergency stop."
+        expect(page.locator("#stop-words")).to_have_text(words)
+        expect(page.locator("#reach")).to_be_visible()
+    finally:
+        served_pages.process.send_signal(signal.SIGCONT)
+    expect(page.locator("#reach")).to_be_hidden()
+    problems.clear()
+
+
+STRANGER = """<!doctype html><title>stranger</title><body><script>
+const there = "SERVICE";
+const image = new Image();
+const came = (what) => (error) => [what, "refused"];
+const tries = [
+  fetch(there + "/api/v1/cells").then((a) => a.text()).then((t) => ["read", t], came("read")),
+  fetch(there + "/api/v1/cells", { credentials: "include" }).then((a) => a.text())
+    .then((t) => ["with cookie", t], came("with cookie")),
+  fetch(there + "/api/v1/cells/ir361/stop",
+    { method: "POST", mode: "no-cors", credentials: "include" })
+    .then((a) => ["blind stop", a.type], came("blind stop")),
+  fetch(there + "/api/v1/cells/ir361/lease", { method: "POST", credentials: "include", body: "{}",
+    headers: { "content-type": "application/json", "x-rid-daq": "stop" } })
+    .then((a) => a.text()).then((t) => ["lease", t], came("lease")),
+  new Promise((done) => {
+    const socket = new WebSocket(there.replace("http", "ws") + "/api/v1/ws");
+    socket.onmessage = (m) => done(["socket", m.data]);
+    socket.onclose = () => done(["socket", "refused"]);
+  }),
+  new Promise((done) => {
+    image.onload = () => done(["image", "shown"]);
+    image.onerror = () => done(["image", "refused"]);
+    image.src = there + "/static/icon.svg";
+  }),
+];
+Promise.all(tries).then((all) => { document.title = "tried"; window.all = all; });
+</script>
+<iframe name="hole"></iframe>
+<form target="hole" method="post" enctype="text/plain"><input name="a" value="b"></form>
+"""
+
+
+@pytest.fixture
+def stranger(served_pages: ServedProcess, tmp_path: Path) -> Iterator[str]:
+    """The address of a stranger's page on this computer."""
+    service = served_pages.url.split("/?")[0]
+    (tmp_path / "index.html").write_text(STRANGER.replace("SERVICE", service))
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, format: str, *args: object) -> None:
+            del format, args
+
+    handler = functools.partial(Quiet, directory=str(tmp_path))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        serving = threading.Thread(target=server.serve_forever)
+        serving.start()
+        yield f"http://127.0.0.1:{server.server_port}/index.html"
+        server.shutdown()
+        serving.join()
+
+
+def test_a_strangers_page_in_the_same_browser_gets_nothing(
+    open_page: OpenPage, served_pages: ServedProcess, stranger: str, problems: list[str]
+) -> None:
+    page = open_page()
+    expect(page.locator("#lease-take")).to_be_visible()
+    before = audit(served_pages)
+    other: Page = page.context.new_page()
+    other.goto(stranger)
+    expect(other).to_have_title("tried")
+    found = dict(other.evaluate("window.all"))
+    assert found.pop("blind stop") in ("opaque", "refused")  # sent blindly, and refused there
+    assert found == dict.fromkeys(("read", "with cookie", "lease", "socket", "image"), "refused")
+    service = served_pages.url.split("/?")[0]
+    with other.expect_response(re.compile("/stop$")) as answered:
+        other.evaluate(
+            "(to) => { const f = document.forms[0]; f.action = to; f.submit(); }",
+            f"{service}/api/v1/cells/{CELL}/stop",
+        )
+    assert answered.value.status in (403, 415)
+    assert audit(served_pages) == before
+    expect(page.locator("#lease-words")).to_have_text("Nobody has this cell.")
+    problems.clear()
+
+
+def audit(served_pages: ServedProcess) -> object:
+    with served_pages.client as client:
+        return client.ask("GET", "/audit")

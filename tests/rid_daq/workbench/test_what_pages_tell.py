@@ -1,0 +1,60 @@
+"""What pages tell of files and of the past, without a browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from config.load import load_cell
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.workbench.cell_sources import sources_of
+from rid_daq.workbench.robot_history import HistoryEntry, QuantityHistory, history_of
+from tests.rid_daq.workbench.conftest import estimated
+
+
+@pytest.fixture
+def cell_file(tmp_path: Path) -> Path:
+    for name, content in load_cell("ir361").files.items():
+        (tmp_path / name).write_bytes(content)
+    return tmp_path / "cell.yaml"
+
+
+def test_an_error_is_shown_in_the_line_where_it_stands(cell_file: Path) -> None:
+    cell = ServedCell(str(cell_file), 1.0)
+    assert [each.wrong_line for each in sources_of(cell)] == [None] * 4
+    text = cell_file.read_text()
+    line = next(i for i, each in enumerate(text.splitlines(), 1) if "cycle_time_ms" in each)
+    cell_file.write_text(text.replace("cycle_time_ms: 8", "cycle_time_ms: -8"))
+    sources = {each.name: each for each in sources_of(cell)}
+    assert sources["cell.yaml"].wrong_line == line
+    assert sources["cell.yaml"].lines[line - 1] == "cycle_time_ms: -8"
+    assert sources["robot.yaml"].wrong_line is None
+
+
+def test_the_history_of_a_robot_holds_its_own_runs_alone(tmp_path: Path) -> None:
+    first = estimated(tmp_path, "first", 3.0)
+    estimated(tmp_path, "another robot", 9.0, robot="kr15")
+    torn = estimated(tmp_path, "torn", 3.0)
+    (tmp_path / torn / "result.json").write_text("{")
+    last = estimated(tmp_path, "last", 4.0)
+    (history,) = history_of(tmp_path, "ir361")
+    assert (history.title, history.unit) == ("Coulomb friction of axis1", "N m")
+    assert [each.run_id for each in history.entries] == [first, last]
+    assert history.sentence == (
+        "+1 N m from the first run to the newest: 7.1 standard deviations, more than noise"
+        " explains."
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ([(3.0, 0.1)], "One run only"),
+        ([(3.0, 0.1), (3.1, 0.1)], "0.7 standard deviations, noise explains it"),
+        ([(3.0, 0.0), (3.1, 0.0)], "their uncertainty is not known"),
+    ],
+)
+def test_a_drift_is_judged_by_its_uncertainty(values, words) -> None:
+    entries = [HistoryEntry("run", "", "", value, std) for value, std in values]
+    assert words in QuantityHistory("mass", "kg", entries).sentence

@@ -1,0 +1,189 @@
+"""What a job says becomes events, and shown again they are what the command would have said."""
+
+from __future__ import annotations
+
+import io
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from acquisition.hold_to_run.dead_man import DEAD_MAN_S
+from config.errors import ConfigError, PreflightError
+from rid_daq.service.remote_jobs import _Shown
+from rid_daq.service.running_job import EventTail
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.job_events import Asked, Documented, Progressed
+from rid_daq.worker.job_console import EventFile, JobConsole
+from rid_daq.worker.orders import Orders
+
+
+class Clock:
+    now_s = 50.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def orders(clock: Clock) -> Orders:
+    return Orders(io.StringIO(), clock)
+
+
+@pytest.fixture
+def events(tmp_path: Path) -> Path:
+    return tmp_path / "events.jsonl"
+
+
+@pytest.fixture
+def console(events: Path, orders: Orders) -> Iterator[JobConsole]:
+    with EventFile(events) as file:
+        yield JobConsole(events=file, orders=orders)
+
+
+def speak(console: Console) -> None:
+    console.say("Cell ir361: 3 drives.\x1b[31m")
+    console.table(("drive", "is"), [("axis1", "ok"), ("axis2", "RED")], red=[False, True])
+    console.document({"passed": False, "sigma": 0.25})
+    console.verdict(False, "Not ready: no motion.")
+    console.next_step("check", "ir361")
+
+
+def test_events_shown_again_are_what_the_command_says(
+    console: JobConsole, events: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    speak(Console())
+    here = capsys.readouterr().out
+    speak(console)
+    assert capsys.readouterr().out == ""
+    shown = _Shown(Console())
+    for event in EventTail(events).new():
+        shown(None, event)
+    assert capsys.readouterr().out == here
+
+
+def test_programs_get_the_document_of_the_command(
+    console: JobConsole, events: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    speak(console)
+    shown = _Shown(Console(as_json=True))
+    for event in EventTail(events).new():
+        shown(None, event)
+    assert capsys.readouterr().out == '{\n  "passed": false,\n  "sigma": 0.25\n}\n'
+
+
+def test_a_line_that_was_torn_by_a_kill_is_left_out(console: JobConsole, events: Path) -> None:
+    console.document({"a": 1})
+    tail = EventTail(events)
+    with events.open("ab") as file:
+        file.write(b'{"kind": "said", "at_s": 1.0, "te')
+    assert [type(each) for each in tail.new()] == [Documented]
+    with events.open("ab") as file:
+        file.write(b"\n")
+    assert list(tail.new()) == []
+
+
+def test_progress_is_told_now_and_then_and_at_its_end(console: JobConsole, events: Path) -> None:
+    with console.progress("recording", 100.0, "periods") as progress:
+        for done in range(101):
+            progress.update(float(done), "measuring")
+    told = [each for each in EventTail(events).new() if isinstance(each, Progressed)]
+    assert [told[0].done, told[-1].done] == [0.0, 100.0]
+    assert len(told) < 50
+
+
+def answers(orders: Orders, events: Path, *texts: str) -> None:
+    """Answer the next questions, as a service would, in a thread of their own."""
+
+    def work() -> None:
+        tail, left = EventTail(events), list(texts)
+        while left:
+            for event in tail.new():
+                if isinstance(event, Asked):
+                    orders.take({"answer": event.question, "text": left.pop(0)})
+            time.sleep(0.002)
+
+    threading.Thread(target=work, daemon=True).start()
+
+
+def test_a_question_is_asked_until_its_answer_is_understood(
+    console: JobConsole, orders: Orders, events: Path
+) -> None:
+    def number(text: str) -> int:
+        if not text.isdigit():
+            raise ConfigError("give a number")
+        return int(text)
+
+    answers(orders, events, "two", "2")
+    assert console.ask("How many?", number) == 2
+    asked = [each.text for each in EventTail(events).new() if isinstance(each, Asked)]
+    assert asked == ["How many?", "give a number. How many?"]
+
+
+def test_a_question_brings_the_answers_that_a_page_shows_as_buttons(
+    console: JobConsole, orders: Orders, events: Path
+) -> None:
+    answers(orders, events, "-")
+    assert console.ask("Which way?", str, [("As was said", "+"), ("The other way", "-")]) == "-"
+    (asked,) = [each for each in EventTail(events).new() if isinstance(each, Asked)]
+    assert [(each.label, each.text) for each in asked.choices] == [
+        ("As was said", "+"),
+        ("The other way", "-"),
+    ]
+
+
+@pytest.mark.parametrize(("text", "meant"), [("yes", True), ("no", False), ("", False)])
+def test_yes_is_yes_and_nothing_else_is(
+    console: JobConsole, orders: Orders, events: Path, text: str, meant: bool
+) -> None:
+    answers(orders, events, text)
+    assert console.confirm("Attached?") is meant
+
+
+def test_where_the_service_is_gone_nobody_answers_and_the_job_is_told_to_end(
+    events: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed: list[Any] = []
+    monkeypatch.setattr("os.kill", lambda *told: killed.append(told))
+    orders = Orders(io.StringIO(""))
+    with EventFile(events) as file:
+        console = JobConsole(events=file, orders=orders)
+        orders.start()
+        with pytest.raises(PreflightError, match="nobody answered: nothing more is moved"):
+            console.confirm("Attached?")
+    assert len(killed) == 1
+
+
+def test_a_held_key_holds_for_the_dead_mans_time_and_no_longer(
+    orders: Orders, clock: Clock, console: JobConsole
+) -> None:
+    taps: list[str] = []
+    with console.keys(taps.append) as keys:
+        orders.take({"tapped": "2"})
+        orders.take({"held": "+"})
+        held = keys.look()
+        assert held is not None
+        assert (held.key, held.until_s) == ("+", clock.now_s + DEAD_MAN_S)
+        clock.now_s += DEAD_MAN_S
+        assert keys.look() is None
+        orders.take({"held": "+"})
+        orders.take({"held": ""})
+        assert keys.look() is None, "let go"
+    orders.take({"tapped": "3"})
+    assert taps == ["2"]
+
+
+def test_no_key_is_held_by_a_command_far_away() -> None:
+    shown = _Shown(Console())
+    event = Asked(at_s=0.0, question=1, form="hold", text="")
+    with pytest.raises(ConfigError, match="a key must be held"):
+        shown(SimpleNamespace(id="1"), event)
