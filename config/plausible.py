@@ -42,6 +42,8 @@ _OTHER_UNITS: Final[dict[str, dict[str, float]]] = {
     "Hz": {"kHz": 1e3, "mHz": 1e-3},
     "1/s": {"1/ms": 1e3, "1/min": 1.0 / 60.0},
     "%": {"parts of 1": 100.0},
+    "rev": {"degrees": 1.0 / 360.0, "rad": 0.5 / math.pi},
+    "mm": {"m": 1e3, "µm": 1e-3},
     "pC/N": {"nC/N": 1e3},
     _GYRATION: {
         "with a mass in g": 1e3**0.5,
@@ -90,10 +92,10 @@ class Plausible:
         shown = f"a length of {size:.6g}" if isinstance(value, Sequence) else f"{value:.6g}"
         expected = f"expected is {self.low:g} to {self.high:g}"
         words = f"{shown} {self.unit} is implausible, {expected} {self.unit}".rstrip()
-        return words.replace("  ", " ") + self._likely(size)
+        return words.replace("  ", " ") + self.likely_unit(size)
 
-    def _likely(self, size: float) -> str:
-        """Say in which other unit the size would be plausible; empty where in none is."""
+    def likely_unit(self, size: float) -> str:
+        """Say in which other unit a size would be plausible; empty where in none it is."""
         for right in self.unit.split(" or "):
             for unit, factor in _OTHER_UNITS.get(right, {}).items():
                 if self.holds(size * factor):
@@ -110,7 +112,7 @@ class Derived(ConfigModel):
 
     @abstractmethod
     def derived(self) -> dict[str, tuple[float, Plausible]]:
-        """Return the sizes with their ranges, by name."""
+        """Return the sizes with their ranges, by name; a dot leads into what it is made of."""
 
 
 def radius_of_gyration(
@@ -134,6 +136,11 @@ class PhysicalFile(ConfigModel):
 
     implausible_on_purpose: tuple[str, ...] = ()
 
+    @property
+    def read_later(self) -> frozenset[str]:
+        """The keys whose values stand in another file that has not been read yet."""
+        return frozenset()
+
 
 Path = tuple[str | int, ...]
 
@@ -152,6 +159,8 @@ def implausible(file: object) -> Iterator[tuple[Path, str]]:
     refusals = {name: found.refusal(value) for name, (_, value, found) in values.items()}
     for number, name in enumerate(file.implausible_on_purpose):
         where = (ON_PURPOSE, number)
+        if name in file.read_later:
+            continue
         if name not in values:
             close = difflib.get_close_matches(name, values, n=1)
             yield (
@@ -177,7 +186,8 @@ def _ranges(value: object, path: Path, prismatic: bool) -> Iterator[tuple[Path, 
     prismatic = prismatic or getattr(value, "type", None) == "prismatic"
     if isinstance(value, Derived):
         for name, (size, found) in value.derived().items():
-            yield (*path, name), size, found
+            parts = (int(part) if part.isdigit() else part for part in name.split("."))
+            yield (*path, *parts), size, found
     for name, field in type(value).model_fields.items():
         inner = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
         yield from _within(getattr(value, name), inner, (*path, field.alias or name), prismatic)

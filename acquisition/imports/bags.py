@@ -1,18 +1,19 @@
 """`bag_as_table`: the JointState messages of a ROS bag or MCAP file as a CSV file with its own map.
 
-What is kept of a bag is what was read of it: one topic, every number to its last digit.
+What is kept of a bag is what was read of it: one topic, every number to its last digit, in its own
+units and signs; the map of the table says what they mean.
 """
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from acquisition.imports.import_map import ImportJoint, ImportMap, TimeColumn
+from acquisition.imports.import_map import ImportJoint, ImportMap, JointReading, TimeColumn
 from config.arrays import FloatArray
 from config.errors import ConfigError, DataQualityError, RidDaqError, system_errors
 
@@ -100,9 +101,10 @@ def bag_as_table(
     times = np.frombuffer(stamps if moving else received, dtype=np.int64)
     _write(table, (times - times[0]) * 1e-9, values[:, there].reshape(len(times), -1))
     efforts, is_torque = 1 + (1 + int(there[1])) * n, states.effort == "torque"
+    said = {joint.joint: joint for joint in states.joints}
     joints = tuple(
         ImportJoint(
-            joint=name,
+            **said.get(name, JointReading(joint=name)).model_dump(),
             position=1 + i,
             velocity=1 + n + i if there[1] else None,
             torque=efforts + i if is_torque else None,
@@ -110,12 +112,25 @@ def bag_as_table(
         )
         for i, name in enumerate(joint_names)
     )
+    places = {
+        f"joint_states.joints.{number}.": f"joints.{joint_names.index(joint.joint)}."
+        for number, joint in enumerate(states.joints)
+    }
     return ImportMap(
         **{key: getattr(import_map, key) for key in _KEPT},
+        implausible_on_purpose=tuple(
+            _moved(name, places) for name in import_map.implausible_on_purpose
+        ),
         columns=1 + int(there.sum()) * n,
         time=TimeColumn(column=0),
         joints=joints,
     )
+
+
+def _moved(key: str, places: Mapping[str, str]) -> str:
+    """Return a key under the place that its joint has in the table's map."""
+    old = next((old for old in places if key.startswith(old)), "")
+    return places.get(old, "") + key.removeprefix(old)
 
 
 def _messages(path: Path, topic: str | None) -> Iterator[tuple[int, Any]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from typing import Annotated, Literal
 
@@ -12,6 +12,7 @@ from config.errors import ConfigError
 from config.formats.yaml_tree import parse_yaml
 from config.load import read_named, validate
 from config.model import ConfigModel
+from config.plausible import Derived, PhysicalFile, Plausible
 from config.robot.robot import Positive, RobotDescription
 
 Column = Annotated[int, Field(ge=0, lt=10_000)]
@@ -19,6 +20,9 @@ Columns = Annotated[int, Field(ge=2, le=10_000)]
 
 PositionUnit = Literal["rad", "deg", "rev", "m", "mm"]
 VelocityUnit = Literal["rad/s", "deg/s", "rpm", "m/s", "mm/s"]
+
+_LARGEST_OFFSET = {"rad": 15.0, "deg": 900.0, "rev": 2.5, "m": 50.0, "mm": 5e4}
+_LARGEST_GEAR = 5e3
 
 
 class TimeColumn(ConfigModel):
@@ -39,17 +43,58 @@ class FurtherFile(ConfigModel):
     time: TimeColumn | None = None
 
 
+class JointReading(ConfigModel):
+    """How one joint's numbers are read, whatever they stand in.
+
+    Where they are its motor's, `gear_ratio` (motor turns per joint turn, negative where the motor
+    turns against the joint) brings them to the link side. A current times
+    `torque_constant_nm_per_a` is its torque; without that, times the link-side constant that the
+    robot file states. With `gear_ratio` the map's torque constant is the motor's too.
+    `zero_offset` is what the position says where the robot file's joint is at 0, in the position's
+    own unit. `position_sign` and `torque_sign` are -1 where they count the other way than the robot
+    file's joint; the first is the velocity's too.
+    """
+
+    joint: str
+    torque_constant_nm_per_a: Annotated[Positive, Plausible(1e-3, 5e3, "N m/A")] | None = None
+    gear_ratio: Annotated[float, Plausible(0.05, 1e5, "")] | None = None
+    zero_offset: float = 0.0
+    position_sign: Literal[1, -1] = 1
+    torque_sign: Literal[1, -1] = 1
+
+    @model_validator(mode="after")
+    def _turning(self) -> JointReading:
+        if self.gear_ratio == 0.0:
+            raise ValueError("gear_ratio must not be 0")
+        return self
+
+
 class JointStates(ConfigModel):
     """The messages of a ROS 2 bag or MCAP file: `sensor_msgs/msg/JointState`.
 
     `effort` says what its efforts are: torques, or currents of the motors. `topic` is needed where
     several have such messages, `names` (base to flange) where the messages do not name the joints
-    as the robot file does.
+    as the robot file does. `joints` names those of the robot file's that are read otherwise than
+    they stand there: a sign, a zero position, a gear, a torque constant.
     """
 
     effort: Literal["torque", "current"]
     topic: str | None = None
     names: tuple[str, ...] = ()
+    joints: tuple[JointReading, ...] = ()
+
+    @model_validator(mode="after")
+    def _once(self) -> JointStates:
+        names = [joint.joint for joint in self.joints]
+        if len(set(names)) != len(names):
+            raise ValueError("two joints have the same name")
+        constants = [j.joint for j in self.joints if j.torque_constant_nm_per_a is not None]
+        if constants and self.effort == "torque":
+            raise ValueError(
+                f"torque_constant_nm_per_a of {', '.join(constants)} belongs to currents: say"
+                " effort: current, or leave it out"
+            )
+        return self
 
 
 class ImportUnits(ConfigModel):
@@ -62,33 +107,20 @@ class ImportUnits(ConfigModel):
     temperature: Literal["C", "K"] = "C"
 
 
-class ImportJoint(ConfigModel):
+class ImportJoint(JointReading):
     """One joint's columns, counted from 0.
 
-    Torque comes from a `torque` column, or from a `current` column times
-    `torque_constant_nm_per_a`; without that, times the link-side constant that the robot file
-    states. Where a joint's columns are its motor's, `gear_ratio` (motor turns per joint turn,
-    negative where the motor turns against the joint) brings them to the link side; the map's torque
-    constant is then the motor's too. `zero_offset` is what the position column reads where the
-    robot file's joint is at 0, in the column's own unit. `position_sign` and `torque_sign` are -1
-    where a column counts the other way than the robot file's joint; the first is the velocity's
-    too. `velocity` is optional: it is not used in
-    place of the position's derivative, but compared with it, so that a wrong column, unit or clock
-    is found. `temperature` is the drive's, for friction that depends on it: every joint has it, or
-    none.
+    Torque comes from a `torque` column, or from a `current` column. `velocity` is optional: it is
+    not used in place of the position's derivative, but compared with it, so that a wrong column,
+    unit or clock is found. `temperature` is the drive's, for friction that depends on it: every
+    joint has it, or none.
     """
 
-    joint: str
     position: Column
     velocity: Column | None = None
     current: Column | None = None
     torque: Column | None = None
     temperature: Column | None = None
-    torque_constant_nm_per_a: Positive | None = None
-    gear_ratio: float | None = None
-    zero_offset: float = 0.0
-    position_sign: Literal[1, -1] = 1
-    torque_sign: Literal[1, -1] = 1
 
     @model_validator(mode="after")
     def _one_torque(self) -> ImportJoint:
@@ -96,21 +128,19 @@ class ImportJoint(ConfigModel):
             raise ValueError("give either a torque column or a current column, not both or none")
         if self.current is None and self.torque_constant_nm_per_a is not None:
             raise ValueError("torque_constant_nm_per_a belongs to a current column: give both")
-        if self.gear_ratio == 0.0:
-            raise ValueError("gear_ratio must not be 0")
         return self
 
 
-class Plausible(ConfigModel):
+class DamageLimits(ConfigModel):
     """Beyond these a row is taken for damaged; link side, SI, any joint.
 
     Two neighbouring rows further apart than `speed` allows are a jump, and damage too, unless a
     long stretch of rows goes on from there.
     """
 
-    position: Positive = 100.0
-    speed: Positive = 20.0
-    torque: Positive = 1e5
+    position: Annotated[Positive, Plausible(0.05, 150.0, "rad or m")] = 100.0
+    speed: Annotated[Positive, Plausible(1e-2, 60.0, "rad/s or m/s")] = 20.0
+    torque: Annotated[Positive, Plausible(0.1, 5e5, "N m or N")] = 1e5
 
 
 class RowRange(ConfigModel):
@@ -126,7 +156,7 @@ class RowRange(ConfigModel):
         return self
 
 
-class ImportMap(ConfigModel):
+class ImportMap(PhysicalFile, Derived):
     """How one kind of recording is laid out: CSV files by `columns`, bags by `joint_states`.
 
     `columns` is the number of columns of a sound row; a row with another number is damaged. Time is
@@ -151,16 +181,16 @@ class ImportMap(ConfigModel):
     decimal: Literal[".", ","] = "."
     header_rows: Annotated[int, Field(ge=0, le=1000)] = 0
     time: TimeColumn | None = None
-    rate_hz: Positive | None = None
+    rate_hz: Annotated[Positive, Plausible(1.0, 1e5, "Hz")] | None = None
     further_files: tuple[FurtherFile, ...] = Field(default=(), max_length=3)
     joint_states: JointStates | None = None
     units: ImportUnits = ImportUnits()
     side: Literal["link", "motor"] = "link"
     joints: tuple[ImportJoint, ...] = ()
-    plausible: Plausible = Plausible()
+    plausible: DamageLimits = DamageLimits()
     left_out_limit: Annotated[float, Field(ge=0.0, le=0.5)] = 0.02
     rows: RowRange = RowRange()
-    period_s: Positive | None = None
+    period_s: Annotated[Positive, Plausible(0.05, 3600.0, "s")] | None = None
 
     @model_validator(mode="after")
     def _one_layout(self) -> ImportMap:
@@ -208,6 +238,20 @@ class ImportMap(ConfigModel):
                 " joint one, or none"
             )
         return self
+
+    def derived(self) -> dict[str, tuple[float, Plausible]]:
+        """Return the zero offsets, which are in the unit and at the side of the positions."""
+        states = self.joint_states
+        prefix = "joints" if states is None else "joint_states.joints"
+        joints: Sequence[JointReading] = self.joints if states is None else states.joints
+        unit, motor = self.units.position, _LARGEST_GEAR if self.side == "motor" else 1.0
+        return {
+            f"{prefix}.{number}.zero_offset": (
+                abs(joint.zero_offset),
+                Plausible(0.0, _LARGEST_OFFSET[unit] * abs(joint.gear_ratio or motor), unit),
+            )
+            for number, joint in enumerate(joints)
+        }
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -271,6 +315,13 @@ def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
                 f"{tree.where(('joint_states', 'names'))}: {len(states.names)} names, robot"
                 f" {robot.name} has {len(named)} joints: name one a joint, base to flange"
             )
+        for number, joint in enumerate(states.joints):
+            if joint.joint not in named:
+                where = tree.where(("joint_states", "joints", number, "joint"))
+                raise ConfigError(
+                    f"{where}: robot {robot.name} has no joint {joint.joint!r}; it has"
+                    f" {', '.join(named)}"
+                )
     if named != robot.joint_names:
         raise ConfigError(
             f"{tree.where(('joints',))}: joints are {', '.join(named)}, robot"

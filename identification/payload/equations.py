@@ -184,6 +184,9 @@ class PayloadEquations:
     explained_nm : ndarray, shape (n,)
         RMS of each joint's torque that was explained before these equations were made [N m or N]:
         by `apart` by two robots, by `difference` by the run without payload; else zero.
+    carried : tuple of ndarray, n of shape (any, 10), or none
+        R of the payload's columns in each joint's torque over the loaded runs, sums of squares made
+        mean squares [N m or N]; none where `joints` has them.
     """
 
     procedure: Procedure
@@ -196,6 +199,7 @@ class PayloadEquations:
     known: FloatArray
     runs: tuple[int, ...]
     explained_nm: FloatArray
+    carried: tuple[FloatArray, ...] = ()
 
     def __post_init__(self) -> None:
         p, n = len(self.names), len(self.joint_names)
@@ -207,6 +211,13 @@ class PayloadEquations:
             raise EstimationError(f"each cluster needs {p + n} columns")
         if self.known.shape[1] != p + 1:
             raise EstimationError(f"prior knowledge needs {p + 1} columns")
+
+    @property
+    def payload_columns(self) -> tuple[FloatArray, ...]:
+        """R of the payload's columns in each joint's torque, sums of squares made mean squares."""
+        ten, loaded = PARAMETERS_PER_LINK, np.sqrt(np.maximum(self.divisors[1], 1.0))
+        own = (factor[:, :ten] / s for factor, s in zip(self.joints, loaded, strict=True))
+        return self.carried or tuple(own)
 
     @cached_property
     def whole(self) -> FloatArray:

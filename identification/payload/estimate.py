@@ -256,7 +256,6 @@ def of_solution(
     run_ids: tuple[str, ...],
 ) -> PayloadEstimate:
     """Return a solution as an estimate; arguments as in `estimate_payload`."""
-    ten = PARAMETERS_PER_LINK
     clustered = _at_least(solution.covariance_jackknife, solution.covariance_noise)
     slopes = solution.gain_slopes
     if equations.procedure == "apart":  # which joint measured what is forgotten there
@@ -271,13 +270,14 @@ def of_solution(
             [
                 np.sum(factor[:, -1] ** 2),
                 np.sum((factor[:, -1] - factor[:, :-1] @ solution.unknowns) ** 2),
-                np.sum((factor[:, :ten] @ solution.values) ** 2),
             ]
             for factor in equations.joints
         ]
     ).T
-    every, loaded = np.maximum(equations.divisors, 1.0)
-    torque, residual, caused = np.sqrt(power / (every, every, loaded))
+    torque, residual = np.sqrt(power / np.maximum(equations.divisors[0], 1.0))
+    caused = [
+        float(np.linalg.norm(columns @ solution.values)) for columns in equations.payload_columns
+    ]
     torque = np.hypot(torque, equations.explained_nm)
     return PayloadEstimate(
         robot=robot,
@@ -293,7 +293,7 @@ def of_solution(
         torque_constant_sigma=torque_constant_sigma,
         torque_nm=torque,
         residual_nm=residual,
-        payload_nm=caused,
+        payload_nm=np.array(caused),
         equations=sum(equations.rows),
         cell_name=cell_name,
         run_ids=run_ids,

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from config.arrays import FloatArray
 from config.errors import EstimationError
+from config.plausible import Plausible
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.payload.body import REPORTED, PayloadBody, reported, reported_slopes
+
+MASS: Final = Plausible(1e-3, 2.5e3, "kg")
+CENTRE: Final = Plausible(0.0, 5.0, "m")
+INERTIA: Final = Plausible(0.0, 5e3, "kg m²")
+LARGEST_SHARE: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -41,11 +48,26 @@ class Known:
             )
         if self.name == "m" and self.value <= 0.0:
             raise EstimationError("a known mass must be positive")
+        self._refuse_other_units()
+
+    def _refuse_other_units(self) -> None:
+        """Refuse sizes that no payload has, or of which its own uncertainty leaves nothing."""
+        found = {"m": MASS, "c": CENTRE}.get(self.name[0], INERTIA)
+        refusal = found.refusal(self.value)
+        if refusal is None and self.name == "m":
+            found = Plausible(0.0, LARGEST_SHARE * self.value, found.unit)
+        refusal = refusal or _told("its standard deviation", found.refusal(self.sigma))
+        if refusal is not None:
+            raise EstimationError(f"{self.name}: {refusal}")
 
     @property
     def held(self) -> bool:
         """Whether the estimate has exactly this value."""
         return self.sigma == 0.0
+
+
+def _told(what: str, refusal: str | None) -> str | None:
+    return None if refusal is None else f"{what}: {refusal}"
 
 
 def require_once(known: Sequence[Known]) -> None:

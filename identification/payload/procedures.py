@@ -192,8 +192,17 @@ def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> 
             )
         return runs.part(chosen).estimate(described, options, [False] * len(chosen))
 
-    alone = how.robot or identified(False)
-    return equations_of_two_robots(identified(True), alone, runs.torque_nm)
+    alone, with_payload = how.robot or identified(False), identified(True)
+    equations = equations_of_two_robots(with_payload, alone, runs.torque_nm)
+    return replace(equations, carried=_carried(runs, with_payload))
+
+
+def _carried(runs: MeasuredRuns, robot: Estimate) -> tuple[FloatArray, ...]:
+    """Return the payload's columns in the torques of the loaded runs, joint by joint."""
+    part = runs.part([i for i, carried in enumerate(runs.loaded) if carried])
+    model = PayloadModel.of(robot.robot, robot.options)
+    standard = np.zeros(len(model.model.parameter_names)) if robot.model.nonlinear_names else None
+    return part.equations(model, "together", standard=standard).payload_columns
 
 
 def equations_of_two_robots(

@@ -21,6 +21,7 @@ from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.plausible_option import BAND, STANDSTILL, plausible
 
 
 class Estimator(StrEnum):
@@ -74,11 +75,20 @@ def identify(
     load_mass_kg: Annotated[
         float | None,
         typer.Option(
-            "--load-mass", min=0.001, help="Weighed mass of that payload [kg]: tells drive gains."
+            "--load-mass",
+            min=0.001,
+            callback=plausible(1e-3, 2.5e3, "kg"),
+            help="Weighed mass of that payload [kg]: tells drive gains.",
         ),
     ] = None,
     load_mass_sigma_kg: Annotated[
-        float, typer.Option("--load-mass-sigma", min=1e-6, help="The scales' error (1 σ) [kg].")
+        float,
+        typer.Option(
+            "--load-mass-sigma",
+            min=1e-6,
+            callback=plausible(1e-6, 20.0, "kg"),
+            help="The scales' error (1 σ) [kg].",
+        ),
     ] = 0.01,
     cross_check: Annotated[
         bool,
@@ -91,10 +101,16 @@ def identify(
         ),
     ] = True,
     band_hz: Annotated[
-        float, typer.Option("--band", min=0.01, help="Highest frequency used [Hz].")
+        float, typer.Option("--band", min=0.01, callback=BAND, help="Highest frequency used [Hz].")
     ] = BAND_HZ,
     standstill_rad_s: Annotated[
-        float, typer.Option("--standstill", min=0.0, help="Lowest speed used for friction [rad/s].")
+        float,
+        typer.Option(
+            "--standstill",
+            min=0.0,
+            callback=STANDSTILL,
+            help="Lowest speed used for friction [rad/s].",
+        ),
     ] = STANDSTILL_RAD_S,
     rotors: Annotated[bool, typer.Option(help="Rotors with their coupling.")] = True,
     friction: Annotated[bool, typer.Option(help="Friction as the robot file names it.")] = True,

@@ -23,6 +23,7 @@ from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.plausible_option import BAND, MILLIMETRES, SHARE, STANDSTILL, plausible
 
 
 class How(StrEnum):
@@ -73,26 +74,39 @@ def identify(
             "--torque-constant-sigma",
             min=0.0,
             max=50.0,
+            callback=plausible(0.05, 50.0, "%"),
             metavar="PERCENT",
             help="What is not known of each torque constant (1 σ): widens the intervals. 1 % if"
             " not given; `apart` counts them as right.",
         ),
     ] = None,
     mass_limit_percent: Annotated[
-        float, typer.Option("--mass-limit", min=0.0, help="2σ of the mass at most [%].")
+        float,
+        typer.Option("--mass-limit", min=0.0, callback=SHARE, help="2σ of the mass at most [%]."),
     ] = PayloadLimits.mass_percent,
     centre_limit_mm: Annotated[
-        float, typer.Option("--centre-limit", min=0.0, help="2σ of the centre at most [mm].")
+        float,
+        typer.Option(
+            "--centre-limit", min=0.0, callback=MILLIMETRES, help="2σ of the centre at most [mm]."
+        ),
     ] = PayloadLimits.centre_mm,
     inertia_limit_percent: Annotated[
         float,
         typer.Option(
-            "--inertia-limit", min=0.0, help="2σ of inertia at most, of that about the flange [%]."
+            "--inertia-limit",
+            min=0.0,
+            callback=SHARE,
+            help="2σ of inertia at most, of that about the flange [%].",
         ),
     ] = PayloadLimits.inertia_percent,
     residual_limit_percent: Annotated[
         float,
-        typer.Option("--residual-limit", min=0.0, help="Residual of an axis' torque at most [%]."),
+        typer.Option(
+            "--residual-limit",
+            min=0.0,
+            callback=SHARE,
+            help="Residual of an axis' torque at most [%].",
+        ),
     ] = PayloadLimits.residual_percent,
     output: Annotated[
         Path | None,
@@ -101,10 +115,16 @@ def identify(
         ),
     ] = None,
     band_hz: Annotated[
-        float, typer.Option("--band", min=0.01, help="Highest frequency used [Hz].")
+        float, typer.Option("--band", min=0.01, callback=BAND, help="Highest frequency used [Hz].")
     ] = BAND_HZ,
     standstill_rad_s: Annotated[
-        float, typer.Option("--standstill", min=0.0, help="Lowest speed used for friction [rad/s].")
+        float,
+        typer.Option(
+            "--standstill",
+            min=0.0,
+            callback=STANDSTILL,
+            help="Lowest speed used for friction [rad/s].",
+        ),
     ] = STANDSTILL_RAD_S,
     rotors: Annotated[bool, typer.Option(help="Rotors with their coupling.")] = True,
     friction_terms: Annotated[

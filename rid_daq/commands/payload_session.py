@@ -22,6 +22,7 @@ from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.plausible_option import MILLIMETRES, SHARE, plausible
 
 
 def session(
@@ -46,31 +47,57 @@ def session(
     ] = None,
     until_mass_kg: Annotated[
         float | None,
-        typer.Option("--until-mass", min=1e-4, help="End the loaded run at this 2σ of the mass."),
+        typer.Option(
+            "--until-mass",
+            min=1e-4,
+            callback=plausible(1e-4, 20.0, "kg"),
+            help="End the loaded run at this 2σ of the mass.",
+        ),
     ] = None,
     rehearsal_percent: Annotated[
         float,
-        typer.Option("--rehearsal", min=0.0, max=100.0, help="Its speed [%]; 0 skips it."),
+        typer.Option(
+            "--rehearsal",
+            min=0.0,
+            max=100.0,
+            callback=plausible(1.0, 100.0, "%"),
+            help="Its speed [%]; 0 skips it.",
+        ),
     ] = 25.0,
     warm_up_percent: Annotated[
         float,
-        typer.Option("--warm-up", min=0.0, help="Warm at this change a period [%]; 0 skips it."),
+        typer.Option(
+            "--warm-up",
+            min=0.0,
+            callback=plausible(0.02, 500.0, "%"),
+            help="Warm at this change a period [%]; 0 skips it.",
+        ),
     ] = 1.0,
     warm_up_periods: Annotated[
         int, typer.Option("--warm-up-periods", min=3, help="Periods of the warm-up at most.")
     ] = 30,
     mass_limit_percent: Annotated[
-        float, typer.Option("--mass-limit", min=0.0, help="2σ of the mass at most [%].")
+        float,
+        typer.Option("--mass-limit", min=0.0, callback=SHARE, help="2σ of the mass at most [%]."),
     ] = PayloadLimits.mass_percent,
     centre_limit_mm: Annotated[
-        float, typer.Option("--centre-limit", min=0.0, help="2σ of the centre at most [mm].")
+        float,
+        typer.Option(
+            "--centre-limit", min=0.0, callback=MILLIMETRES, help="2σ of the centre at most [mm]."
+        ),
     ] = PayloadLimits.centre_mm,
     inertia_limit_percent: Annotated[
-        float, typer.Option("--inertia-limit", min=0.0, help="2σ of inertia at most [%].")
+        float,
+        typer.Option("--inertia-limit", min=0.0, callback=SHARE, help="2σ of inertia at most [%]."),
     ] = PayloadLimits.inertia_percent,
     residual_limit_percent: Annotated[
         float,
-        typer.Option("--residual-limit", min=0.0, help="Residual of an axis' torque at most [%]."),
+        typer.Option(
+            "--residual-limit",
+            min=0.0,
+            callback=SHARE,
+            help="Residual of an axis' torque at most [%].",
+        ),
     ] = PayloadLimits.residual_percent,
     label: Annotated[str, typer.Option(help="What to call the session and its runs.")] = "payload",
     resume: Annotated[

@@ -23,6 +23,7 @@ from rid_daq.report.formats import number
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.plausible_option import SHARE, plausible
 
 PAYLOAD = "medium"
 
@@ -65,10 +66,18 @@ def sensitivity(
         ),
     ] = None,
     share_percent: Annotated[
-        float, typer.Option("--share", min=0.001, max=90.0, help="How wrong beliefs are [%].")
+        float,
+        typer.Option(
+            "--share", min=0.001, max=90.0, callback=SHARE, help="How wrong beliefs are [%]."
+        ),
     ] = 10.0,
     bias_nm: Annotated[
-        float, typer.Option("--bias", help="Torque bias of axis 3 in the table [N m].")
+        float,
+        typer.Option(
+            "--bias",
+            callback=plausible(1e-2, 1e4, "N m"),
+            help="Torque bias of axis 3 in the table [N m].",
+        ),
     ] = -12.0,
     draws: Annotated[
         int,
@@ -76,13 +85,24 @@ def sensitivity(
     ] = 0,
     doubt_torque_percent: Annotated[
         float,
-        typer.Option("--doubt-torque-constants", min=0.0, help="Each torque constant's 1 σ [%]."),
+        typer.Option(
+            "--doubt-torque-constants",
+            min=0.0,
+            callback=SHARE,
+            help="Each torque constant's 1 σ [%].",
+        ),
     ] = 0.0,
     doubt_links_percent: Annotated[
-        float, typer.Option("--doubt-links", min=0.0, help="Each link parameter's 1 σ [%].")
+        float,
+        typer.Option(
+            "--doubt-links", min=0.0, callback=SHARE, help="Each link parameter's 1 σ [%]."
+        ),
     ] = 0.0,
     doubt_rotors_percent: Annotated[
-        float, typer.Option("--doubt-rotors", min=0.0, help="Each rotor inertia's 1 σ [%].")
+        float,
+        typer.Option(
+            "--doubt-rotors", min=0.0, callback=SHARE, help="Each rotor inertia's 1 σ [%]."
+        ),
     ] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
     scheduler: Annotated[

@@ -16,6 +16,7 @@ from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
+from rid_daq.terminal.plausible_option import BAND, STANDSTILL, plausible
 
 
 def validate(
@@ -37,10 +38,16 @@ def validate(
         ),
     ] = None,
     band_hz: Annotated[
-        float, typer.Option("--band", min=0.01, help="Signals are compared up to here [Hz].")
+        float,
+        typer.Option(
+            "--band", min=0.01, callback=BAND, help="Signals are compared up to here [Hz]."
+        ),
     ] = BAND_HZ,
     standstill_rad_s: Annotated[
-        float, typer.Option("--standstill", min=0.0, help="Lowest speed that counts [rad/s].")
+        float,
+        typer.Option(
+            "--standstill", min=0.0, callback=STANDSTILL, help="Lowest speed that counts [rad/s]."
+        ),
     ] = STANDSTILL_RAD_S,
     base: Annotated[
         bool,
@@ -48,7 +55,12 @@ def validate(
     ] = False,
     mass_kg: Annotated[
         float | None,
-        typer.Option("--mass", min=0.0, help="Mass of all that the base carries [kg]."),
+        typer.Option(
+            "--mass",
+            min=0.0,
+            callback=plausible(0.1, 1e5, "kg"),
+            help="Mass of all that the base carries [kg].",
+        ),
     ] = None,
     cell: Annotated[
         str | None,

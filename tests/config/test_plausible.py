@@ -14,6 +14,7 @@ import pytest
 from annotated_types import Le, Lt
 from pydantic import BaseModel
 
+from acquisition.imports.import_map import ImportMap, load_import_map
 from acquisition.motion.motion_file import MotionFile, load_motion
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
@@ -29,13 +30,15 @@ def bundled(kind: str, name: str = "ir361") -> str:
 
 
 def loaded(folder: Path, kind: str, text: str) -> None:
-    """Load a file of a kind: a robot, cell, plant or motion."""
+    """Load a file of a kind: a robot, cell, plant, motion or import map."""
     path = folder / f"{kind}.yaml"
     path.write_text(text)
     if kind == "robot":
         load_robot(str(path))
     elif kind == "motion":
         load_motion(path)
+    elif kind == "map":
+        load_import_map(str(path))
     elif kind == "cell":
         load_cell(str(path))
     else:
@@ -58,6 +61,33 @@ start_m: [0.8, 0.0, 1.0]
 near: [0.0, 0.0, 0.0]
 speed_m_s: 0.1
 segments: [{kind: line, to_m: [0.9, 0.0, 1.0]}]
+"""
+
+MAP = """
+name: arm
+robot: ir361
+columns: 7
+rate_hz: 500.0
+joints:
+  - {joint: axis1, position: 1, current: 4, torque_constant_nm_per_a: 95.0, zero_offset: 1.5}
+  - {joint: axis2, position: 2, torque: 5}
+  - {joint: axis3, position: 3, torque: 6, gear_ratio: 101.0}
+plausible: {position: 7.0, speed: 4.0, torque: 800.0}
+period_s: 10.0
+"""
+
+BAG = """
+name: bag
+robot: ir361
+joint_states: {effort: torque, joints: [{joint: axis2, zero_offset: 0.5, gear_ratio: 2.0}]}
+"""
+
+TABLE = """
+kind: joint_table
+robot: ir361
+joints: [axis1, axis2, axis3]
+time_s: [0.0, 1.0]
+position: [[0.0, 0.0, 0.0], [0.5, 0.2, 0.1]]
 """
 
 MISTAKES = [
@@ -85,6 +115,18 @@ MISTAKES = [
     ),
     ("motion", "speed_m_s: 0.1", "speed_m_s: 100.0", "100 mm/s would be 0.1 m/s"),
     ("motion", "near: [0.0", "near: [90.0", "90 degrees would be 1.571 rad"),
+    ("map", "rate_hz: 500.0", "rate_hz: 0.5", "0.5 kHz would be 500 Hz"),
+    ("map", "period_s: 10.0", "period_s: 10000.0", "10000 ms would be 10 s"),
+    ("map", "per_a: 95.0", "per_a: 95000.0", "expected is 0.001 to 5000 N m/A"),
+    ("map", "offset: 1.5", "offset: 90.0", "90 degrees would be 1.571 rad"),
+    ("map", "gear_ratio: 101.0", "gear_ratio: 0.0099", "its inverse would be 101"),
+    ("map", "position: 7.0", "position: 400.0", "400 degrees would be 6.981 rad"),
+    ("map", "speed: 4.0", "speed: 230.0", "230 degrees/s would be 4.014 rad/s"),
+    ("map", "torque: 800.0", "torque: 800000.0", "800000 N mm would be 800 N m"),
+    ("bag", "offset: 0.5", "offset: 45.0", "45 degrees would be 0.7854 rad"),
+    ("bag", "gear_ratio: 2.0", "gear_ratio: 0.02", "its inverse would be 50"),
+    ("table", "0.5, 0.2, 0.1", "90.0, 0.2, 0.1", "90 degrees would be 1.571 rad"),
+    ("table", "[0.0, 1.0]", "[0.0, 20000.0]", "20000 ms would be 20 s"),
     ("motion", "[0.9, 0.0, 1.0]", "[900.0, 0.0, 1000.0]", "mm would be 1.345 m"),
 ]
 
@@ -93,7 +135,9 @@ MISTAKES = [
 def test_a_value_in_another_unit_is_refused_with_that_unit(
     kind: str, right: str, wrong: str, words: str, tmp_path: Path
 ) -> None:
-    text = MOTION if kind == "motion" else bundled(f"{kind}s")
+    written = {"motion": MOTION, "map": MAP, "bag": BAG, "table": TABLE}
+    text = written.get(kind) or bundled(f"{kind}s")
+    kind = {"bag": "map", "table": "motion"}.get(kind, kind)
     assert right in text
     loaded(tmp_path, kind, text)
     message = refusal(tmp_path, kind, text.replace(right, wrong, 1))
@@ -138,6 +182,26 @@ def test_all_of_a_file_s_problems_are_told_at_once(tmp_path: Path) -> None:
 def test_a_value_that_is_meant_is_named_in_its_file(tmp_path: Path) -> None:
     text = bundled("robots").replace("torque: 600.0", "torque: 600000.0")
     loaded(tmp_path, "robot", f"{text}\nimplausible_on_purpose: [joints.1.limits.torque]\n")
+
+
+def test_a_map_s_own_unit_is_the_unit_of_its_zero(tmp_path: Path) -> None:
+    in_degrees = MAP.replace("columns: 7", "columns: 7\nunits: {position: deg}")
+    loaded(tmp_path, "map", in_degrees.replace("offset: 1.5", "offset: 90.0"))
+    message = refusal(tmp_path, "map", in_degrees.replace("offset: 1.5", "offset: 9000.0"))
+    assert "joints.0.zero_offset: 9000 deg is implausible, expected is 0 to 900 deg" in message
+    motor = MAP.replace("columns: 7", "columns: 7\nside: motor")
+    loaded(tmp_path, "map", motor.replace("offset: 1.5", "offset: 90.0"))
+    meant = "implausible_on_purpose: [joints.0.zero_offset]\n"
+    loaded(tmp_path, "map", MAP.replace("offset: 1.5", "offset: 90.0") + meant)
+
+
+def test_a_table_s_file_is_held_to_the_same_ranges(tmp_path: Path) -> None:
+    (tmp_path / "path.csv").write_text("time_s,axis1,axis2,axis3\n0,0,0,0\n1,90,0,0\n")
+    text = "kind: joint_table\nrobot: ir361\nfile: path.csv\n"
+    message = refusal(tmp_path, "motion", text)
+    assert "path.csv: position: 90 rad or m is implausible" in message
+    assert "90 degrees would be 1.571 rad" in message
+    loaded(tmp_path, "motion", f"{text}implausible_on_purpose: [position]\n")
 
 
 @pytest.mark.parametrize(
@@ -203,7 +267,8 @@ WITHOUT_RANGE = {
     *("zero_jump_pc", "drift_pc_s", "clock_offset_s"),
     *("load_friction", "tachometer_ripple", "friction_drift_per_s", "rise_k_per_w"),
     *("loss_at_rated_w", "friction_per_k", "torque_constant_per_k"),
-    *("time_s", "position"),  # of a table: the robot's limits judge its rows
+    *("time_s", "position"),  # of a table: `derived` says their ranges
+    "zero_offset",  # of a map, in the unit of its positions: `derived` says its range
 }
 """Numbers without a unit, directions and matrices; and what a simulation invents."""
 
@@ -229,7 +294,7 @@ def pieces(annotation: Any) -> Iterator[Any]:
 
 def test_every_physical_key_of_every_file_has_a_range() -> None:
     seen: set[type[BaseModel]] = set()
-    files = (CellConfig, RobotDescription, PlantConfig, MotionFile)
+    files = (CellConfig, RobotDescription, PlantConfig, MotionFile, ImportMap)
     lacking = {
         name
         for file in files
@@ -249,3 +314,37 @@ def test_a_command_refuses_limits_in_degrees(
     said = " ".join(capsys.readouterr().err.split())
     assert "155 rad is implausible, expected is 0 to 15 rad" in said
     assert "155 degrees would be 2.705 rad" in said
+
+
+OPTIONS = [
+    ("identify a --loaded a --load-mass 2805", "2805 g would be 2.805 kg"),
+    ("identify a --band 0.05", "0.05 kHz would be 50 Hz"),
+    ("identify a --standstill 5", "5 degrees/s would be 0.08727 rad/s"),
+    ("validate m.json a --mass 0.05", "expected is 0.1 to 100000 kg"),
+    ("payload identify --loaded a --mass-limit 0.05", "0.05 parts of 1 would be 5 %"),
+    ("payload identify --loaded a --centre-limit 0.01", "0.01 m would be 10 mm"),
+    (
+        "payload identify --loaded a --torque-constant-sigma 0.01",
+        "0.01 parts of 1 would be 1 %",
+    ),
+    ("payload identify --loaded a --known m=2805", "2805 g would be 2.805 kg"),
+    ("payload identify --loaded a --known m=2.805+-5", "5 g would be 0.005 kg"),
+    ("payload identify --loaded a --known cz=60", "60 mm would be 0.06 m"),
+    ("payload identify --loaded a --known Ixx=9000", "9000 kg cm² would be 0.9 kg m²"),
+    ("payload kr15 --until-mass 50", "50 g would be 0.05 kg"),
+    ("payload kr15 --rehearsal 0.25", "0.25 parts of 1 would be 25 %"),
+    ("payload kr15 --known m=9579", "9579 g would be 9.579 kg"),
+    ("sensitivity kr15 --share 0.05", "0.05 parts of 1 would be 5 %"),
+    ("sensitivity kr15 --bias 12000", "12000 N mm would be 12 N m"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), OPTIONS)
+def test_a_command_s_number_in_another_unit_is_refused_by_its_option(
+    words: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(words.split()) == 2
+    error = " ".join(capsys.readouterr().err.split())
+    assert "is implausible" in error
+    assert said in error
+    assert re.search(r"rid-daq: --[a-z-]+", error)

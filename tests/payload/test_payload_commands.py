@@ -151,16 +151,24 @@ def test_a_weighed_mass_is_held(workshop: Path, capsys: pytest.CaptureFixture[st
     assert mass["std"] <= 0.002
 
 
-def test_a_mass_in_grams_is_held_and_fails_the_verdict(
+def test_a_mass_in_grams_is_refused_before_anything_is_read(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--known", "m=2805")
+    assert run(words) == 2
+    assert "--known m=2805: m: 2805 kg is implausible" in capsys.readouterr().err
+
+
+def test_a_mass_of_another_payload_is_held_and_fails_the_verdict(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--json")
-    words += ["-o", str(workshop / "grams.json"), "--known", "m=2805"]
+    words += ["-o", str(workshop / "other.json"), "--known", "m=280.5"]
     capsys.readouterr()
     assert run(words) == 1
     document = json.loads(capsys.readouterr().out)
-    assert document["payload"]["parameters"][0]["value"] == 2805.0
-    assert "m = 2805 kg as known" in document["verdict"]["headline"]
+    assert document["payload"]["parameters"][0]["value"] == 280.5
+    assert "m = 280.5 kg as known" in document["verdict"]["headline"]
     assert "grams given as kilograms" in " ".join(document["payload"]["findings"])
 
 

@@ -12,21 +12,24 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 from scipy.interpolate import make_interp_spline
 
-from acquisition.motion.kinds.motion import Motion, refuse_longer
+from acquisition.motion.kinds.motion import LONGEST_MOTION_S, Motion, refuse_longer
 from acquisition.motion.samples import JointTrajectory, MotionSamples, with_rests
 from config.arrays import FloatArray
 from config.errors import ConfigError, LimitError
 from config.formats.bounded_file import read_file
 from config.load import to_yaml
+from config.plausible import Derived, Plausible, implausible, key_name
 from config.robot.robot import RobotDescription
 
 AT_REST: Final = 0.02
 FEWEST_ROWS: Final = 6
 TIME: Final = "time_s"
 MOST_BYTES: Final = 200_000_000
+POSITIONS: Final = Plausible(0.0, 50.0, "rad or m")
+TIMES: Final = Plausible(0.01, LONGEST_MOTION_S, "s")
 
 
-class JointTableMotion(Motion):
+class JointTableMotion(Motion, Derived):
     """Joint positions over time, from a CSV `file` beside the motion file, or written in it.
 
     The file has a column `time_s` and one a joint, by its name [rad or m]; a smooth curve (of class
@@ -55,6 +58,17 @@ class JointTableMotion(Motion):
                     f"row {number} of position has {len(row)} values for {len(self.joints)} joints"
                 )
         return self
+
+    def derived(self) -> dict[str, tuple[float, Plausible]]:
+        """Return the largest position of the table, and how long it lasts, once it is read."""
+        furthest = max((abs(value) for row in self.position for value in row), default=0.0)
+        lasts_s = max(self.time_s) - min(self.time_s) if self.time_s else 0.0
+        return {"position": (furthest, POSITIONS), "time_s": (lasts_s, TIMES)}
+
+    @property
+    def read_later(self) -> frozenset[str]:
+        """The keys whose values stand in the CSV file."""
+        return frozenset({"position", "time_s"}) if self.file is not None else frozenset()
 
     def describe(self) -> str:
         """Return in a sentence what the motion file asks for."""
@@ -86,11 +100,15 @@ class JointTableMotion(Motion):
         path = folder / Path(self.file).expanduser()
         joints, time_s, position = _read_table(path)
         try:
-            return JointTableMotion.taken(
+            whole = JointTableMotion.taken(
                 self, file=None, joints=joints, time_s=time_s, position=position
             )
         except ValidationError as error:
             raise ConfigError(f"{path}: {error.errors()[0]['msg']}") from None
+        found = [f"{path}: {key_name(key)}: {words}" for key, words in implausible(whole)]
+        if found:
+            raise ConfigError("\n".join(found))
+        return whole
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         refuse_longer(max(self.time_s) - min(self.time_s), "the times of its table")
@@ -126,9 +144,11 @@ def _refuse_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescripti
         off = (position[:, j] < low) | (position[:, j] > high)
         if off.any():
             row = int(np.argmax(off))
+            at, unit = float(position[row, j]), "rad" if joint.type == "revolute" else "m"
+            likely = Plausible(0.0, max(abs(low), abs(high)), unit).likely_unit(abs(at))
             raise LimitError(
-                f"row {row + 1} of the table has joint {joint.name!r} at {position[row, j]:.4g},"
-                f" outside its limits {low:g} to {high:g}"
+                f"row {row + 1} of the table has joint {joint.name!r} at {at:.4g} {unit},"
+                f" outside its limits {low:g} to {high:g} {unit}{likely}"
             )
         for row, speed in (
             (1, abs(position[1, j] - position[0, j]) / steps[0]),

@@ -86,6 +86,29 @@ def test_joints_come_in_the_robots_order_whatever_the_messages(tmp_path: Path) -
     np.testing.assert_array_equal(read[:, 1:3], POSITION[:, ::-1])
 
 
+def test_a_joint_is_read_with_its_own_sign_zero_gear_and_constant(tmp_path: Path) -> None:
+    """As a CSV file's: position = sign (said - zero) / gear, torque = sign said constant gear."""
+    elbow = {"joint": "elbow", "position_sign": -1, "torque_sign": -1, "zero_offset": 0.25}
+    elbow |= {"gear_ratio": 2.0, "torque_constant_nm_per_a": 3.0}
+    shoulder = {"joint": "shoulder", "torque_constant_nm_per_a": 1.0}
+    table = tmp_path / "table.csv"
+    states = bag_map(effort="current", joints=[elbow, shoulder])
+    import_map = bag_as_table(write_bag(tmp_path / "bag"), states, NAMES, table)
+    recording, report = import_csv(table, import_map)
+    np.testing.assert_array_equal(recording.position[:, 0], POSITION[:, 0])
+    np.testing.assert_allclose(recording.position[:, 1], -(POSITION[:, 1] - 0.25) / 2.0)
+    np.testing.assert_allclose(recording.torque_nm, EFFORT * [1.0, -6.0])
+    assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
+
+
+def test_what_is_implausible_on_purpose_stays_so_in_the_table_s_map(tmp_path: Path) -> None:
+    joints = [{"joint": "elbow", "zero_offset": 40.0}]
+    meant = ("plausible.speed", "joint_states.joints.0.zero_offset")
+    states = bag_map(joints=joints).model_copy(update={"implausible_on_purpose": meant})
+    import_map = bag_as_table(write_bag(tmp_path / "bag"), states, NAMES, tmp_path / "table.csv")
+    assert import_map.implausible_on_purpose == ("plausible.speed", "joints.1.zero_offset")
+
+
 def test_without_stamps_time_is_when_it_was_recorded(tmp_path: Path) -> None:
     table = tmp_path / "table.csv"
     bag_as_table(write_bag(tmp_path / "bag", stamped=False), bag_map(), NAMES, table)

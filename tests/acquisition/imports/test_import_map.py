@@ -47,6 +47,19 @@ def test_a_minimal_map_is_enough() -> None:
         ({"joints": []}, "columns and joints of a CSV file, or joint_states"),
         ({"further_files": [{"columns": 2, "time": {"column": 2}}]}, "time of file 2 is column 2"),
         ({"joint_states": {"effort": "torque"}}, "joint_states has no columns, joints, time"),
+        (
+            {"joint_states": {"effort": "torque", "joints": [{"joint": "a"}, {"joint": "a"}]}},
+            "two joints have the same name",
+        ),
+        (
+            {
+                "joint_states": {
+                    "effort": "torque",
+                    "joints": [{"joint": "a", "torque_constant_nm_per_a": 2.0}],
+                }
+            },
+            "torque_constant_nm_per_a of a belongs to currents",
+        ),
         ({"units": {"position": "grad"}}, "'rad', 'deg', 'rev', 'm' or 'mm'"),
     ],
 )
@@ -91,4 +104,12 @@ def test_an_import_map_finds_its_robot_beside_itself_and_their_joints_must_match
     assert import_map.joint_names == robot.joint_names
     path.write_text(path.read_text().replace("axis3", "axis4"))
     with pytest.raises(ConfigError, match=r"map\.yaml:5:1: joints are .*axis4"):
+        load_import_map(str(path))
+
+
+def test_a_bag_s_joint_that_the_robot_lacks_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "map.yaml"
+    text = "name: m\nrobot: ir361\njoint_states:\n  effort: torque\n  joints:\n"
+    path.write_text(f"{text}    - {{joint: elbow, position_sign: -1}}\n")
+    with pytest.raises(ConfigError, match=r"map\.yaml:6:\d+: robot ir361 has no joint 'elbow'"):
         load_import_map(str(path))

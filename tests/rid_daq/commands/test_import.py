@@ -82,7 +82,7 @@ def test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause(
     bring: Callable[..., SimpleNamespace], mistake: str, change: Change, said: str, tmp_path: Path
 ) -> None:
     plausible = {"position": 10.0, "speed": 500.0, "torque": 200.0}
-    imported = bring(change, plausible=plausible)
+    imported = bring(change, plausible=plausible, implausible_on_purpose=["plausible.speed"])
     assert imported.code == 6
     assert re.search(said, imported.said, re.DOTALL)
     assert not (tmp_path / "runs").exists()  # nothing that could be used by mistake
